@@ -329,27 +329,27 @@ def test_a_plane_is_one_layer_and_two_planes_are_two(cards):
     layers leave the edges' texels alone.
     """
     one = choose_layers(cards(WALL), PANEL, 25.0, SMALL, settings=FAST)
-    assert (one.chosen["layers"], one.chosen["filter"], one.chosen["slot"]) == (1, "nearest", [64, 48])
+    assert (one.cheapest["layers"], one.cheapest["filter"], one.cheapest["slot"]) == (1, "nearest", [64, 48])
     # Two slots of 3072 texels, in block RAMs of 2048 bytes, and their palettes; three curves of four.
-    assert (one.chosen["block_rams"], one.chosen["load_bytes"]) == (2 * (2 + 1) + 12, 3072 + 1024)
-    assert one.tried == [one.chosen]
+    assert (one.cheapest["block_rams"], one.cheapest["load_bytes"]) == (2 * (2 + 1) + 12, 3072 + 1024)
+    assert one.candidates == [one.cheapest]
     two = choose_layers(cards(FRONT, WALL), PANEL, 40.0, SMALL, settings=FAST)
-    assert two.chosen["layers"] == 2
-    assert two.chosen["worst_db"] >= 40.0
+    assert two.cheapest["layers"] == 2
+    assert two.cheapest["worst_db"] >= 40.0
     # All that are cheaper were tried, and none is good enough.
-    costs = [(row["block_rams"], row["load_bytes"], row["multipliers"]) for row in two.tried]
+    costs = [(row["block_rams"], row["load_bytes"], row["multipliers"]) for row in two.candidates]
     assert costs == sorted(costs)
-    assert all(row["worst_db"] < 40.0 for row in two.tried[:-1])
-    assert two.tried[-1] == two.chosen
+    assert all(row["worst_db"] < 40.0 for row in two.candidates[:-1])
+    assert two.candidates[-1] == two.cheapest
 
 
 def test_what_no_layers_reach_has_its_reason(cards):
     scene, fine = cards(FRONT, WALL), dataclasses.replace(FAST, samples=16)
     beyond = choose_layers(scene, PANEL, 90.0, SMALL[:1], settings=fine)
-    assert beyond.chosen is None
+    assert beyond.cheapest is None
     assert beyond.limit == "render"
     # There are two depths, so that three and more layers are not drawn.
-    assert sorted({(row["layers"], row["filter"]) for row in beyond.tried}) == [
+    assert sorted({(row["layers"], row["filter"]) for row in beyond.candidates}) == [
         (1, "bilinear"), (1, "nearest"), (2, "bilinear"), (2, "nearest"),
     ]  # fmt: skip
     assert beyond.best["layers"] == 2
@@ -359,7 +359,7 @@ def test_what_no_layers_reach_has_its_reason(cards):
     for most in ((20, 200), (200, 34)):
         few = choose_layers(scene, PANEL, tolerance, SMALL[:1], *most, fine)
         assert few.limit == "hardware"
-        assert {row["layers"] for row in few.tried} == {1}
+        assert {row["layers"] for row in few.candidates} == {1}
 
 
 def test_decibels_that_miss_a_tolerance_show_less_than_it():

@@ -5,7 +5,6 @@ import math
 
 import numpy as np
 import pytest
-from lippmann.errors import InputError
 from lippmann.layers.scene_cutting import depth_of, disparity, partition, slabs_of
 from scene_cases import generator, on_screen
 
@@ -68,8 +67,3 @@ def test_detail_decides_where_layers_go():
     assert [round(s.depth_mm, 6) for s in slabs[1:]] == [-60.0, -120.0]
     slabs = slabs_of(z, np.repeat([1.0, 1.0, 0.0, 0.0], 100), 3, 600.0, 90.0)
     assert [round(s.depth_mm, 6) for s in slabs[:2]] == [20.0, 0.0]
-
-
-def test_nothing_seen_is_an_error():
-    with pytest.raises(InputError, match="no eye sees any of the scene's surfaces; place it with --fit"):
-        slabs_of(np.zeros(0), np.zeros(0), 4, 600.0, 90.0)

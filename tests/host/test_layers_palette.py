@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from lippmann.layers.stack import Picture, nearest, quantise
+from lippmann.layers.stack import nearest, quantise, rgba_of
 from PIL import Image
 from scene_cases import generator
 
@@ -64,5 +64,5 @@ def test_an_opaque_texel_takes_an_opaque_colour_though_another_is_nearer():
 
 
 def test_a_picture_s_bytes_are_square_roots_of_its_light():
-    picture = Picture(np.array([[[1.0, 0.25, 0.0]], [[0.5, 0.5, 0.5]]]), np.array([[1.0], [0.0]]))
-    assert picture.rgba.tolist() == [[[255, 128, 0, 255]], [[0, 0, 0, 0]]]
+    rgba = rgba_of(np.array([[[1.0, 0.25, 0.0]], [[0.49, 0.0, 0.0]]]), np.array([[1.0], [0.0]]))
+    assert rgba.tolist() == [[[255, 128, 0, 255]], [[178, 0, 0, 0]]]

@@ -1,27 +1,24 @@
-"""Renders what a camera or sensor captures of a scene through imaging lens and array, and rotates elemental images.
+"""Renders what a camera or sensor captures of a scene through imaging lens and microlens array.
 
-**The depth at which a captured point appears on the display**, to first order, with distances along the axis (mm):
+**The depth at which the display shows a captured point**, to first order, with distances along the axis (mm):
 
-1. The imaging lens: 1/s' = 1/f - 1/s, and heights times m = -s'/s (Hecht, Optics, section 5.2).
-2. The point's image is at z = a - s' before the array, a being the array's distance from the lens; z < 0 when the
-   array intercepts the light before it converges.
-3. Each lenslet images the pinhole of a camera, L from the array, to v before the array: 1/v = 1/f' - 1/L. The pixel at
-   u from the lenslet's centre c shows the ray with slope c/L - u/v through c + u. A pickup at D behind the array shows
-   the ray with slope -u/D through c.
-4. The display emits the pixel with slope -u/g through c, g being its aperture distance; with +u/g when elemental images
-   are rotated.
+1. The imaging lens: 1/s' = 1/f - 1/s, heights times m = -s'/s (Hecht, Optics, section 5.2).
+2. The point's image is at z = a - s' before the array, which is a from the lens; z < 0 when the array intercepts the
+   light before it converges.
+3. Each lenslet images the camera's pinhole, L from the array, to v before the array: 1/v = 1/f' - 1/L. The pixel at u
+   from the lenslet's centre c shows the ray with slope c/L - u/v through c + u. On a pickup at D behind the array it
+   shows the ray with slope -u/D through c.
+4. The display emits the pixel with slope -u/g through c, or +u/g when rotated. g is its aperture distance.
 
-The rays of all lenslets then meet at z' = (g/v) (z - v) L / (L + z), x' = x L / (L + z) for a camera, and at
-z' = (g/D) z, x' = x for a pickup; rotation inverts the sign of z'. v is negative for concave lenslets.
+The rays of all lenslets meet at z' = (g/v) (z - v) L / (L + z), x' = x L / (L + z) for a camera, and at z' = (g/D) z,
+x' = x for a pickup. Rotation inverts the sign of z'. v is negative for concave lenslets.
 
-On a display whose elemental images converge on an eye at E, u is 1 + g/E times as large, and all rays of a lenslet lean
-towards the eye, by c/E: 1/z'' = (1 + g/E)/z' + 1/E. The pixels of a pickup lie where the display's do, and rays arrive
-there that lean so too: as captured, z'' = z'; rotated they lean the other way, and 1/z'' = 1/z' + 2/E.
+If the elemental images converge on an eye at E, u is 1 + g/E times as large, and a lenslet's rays lean towards the eye
+by c/E: 1/z'' = (1 + g/E)/z' + 1/E. The rays to a pickup lean in the same way: as captured, z'' = z'. Rotated they lean
+the other way: 1/z'' = 1/z' + 2/E.
 
-**Rays** are traced against the light: camera or sensor, array, imaging lens, object. From the camera to the lens they
-are in one frame: x is right and y up as the camera sees them, z runs from the camera to the lens. This frame is
-left-handed; lenslets and lenses are symmetric, so their formulas hold in it. The display's own `leave_panel` traces the
-array, with the camera or sensor in place of the panel.
+**Rays** are traced against the light. Before the lens x is right and y up as the camera sees them, and z runs to the
+lens. The formulas hold in this left-handed frame, because lenslets and lenses are symmetric.
 """
 
 from __future__ import annotations
@@ -54,10 +51,7 @@ from lippmann.scenes.scene import Scene
 
 
 def check_placement(scene: Scene, setup: Setup) -> None:
-    """Raise InputError for a scene, loaded with the set-up's placement, that cannot be captured.
-
-    It extends into the lens, or its image to the camera, or the array is outside the image space.
-    """
+    """Refuse a scene that reaches the lens, an image that reaches the camera, and an array outside the image space."""
     far, near = scene.depth_range_mm
     lens, subject = setup.lens, setup.subject
     front = subject.distance_mm - (0.0 if lens is None else lens.extent_mm[1] - lens.hiatus_mm)
@@ -69,56 +63,49 @@ def check_placement(scene: Scene, setup: Setup) -> None:
     image = setup.image_distance([far, near])
     to_camera = setup.camera_distance_mm
     if lens is not None and to_camera is not None:
-        # The image distance grows monotonically with the scene's nearness, to infinity at the focal length.
+        # The image distance grows with the scene's nearness, to infinity at the focal length.
         at_infinity = far < subject.distance_mm - lens.focal_length_mm <= near
-        if at_infinity or setup.array_distance_mm + to_camera <= image.max():
+        camera_mm = setup.array_distance_mm + to_camera
+        if at_infinity or camera_mm <= image.max():
             reaches = "infinity" if at_infinity else f"{image.max():.4g} mm"
             raise InputError(
-                f"set-up '{setup.name}': camera.distance_mm: the scene's image reaches the camera, "
-                f"{setup.array_distance_mm + to_camera:.4g} mm behind the lens: it extends from {image[0]:.4g} mm to "
-                f"{reaches}; move the camera or the object away"
+                f"set-up '{setup.name}': camera.distance_mm: the scene's image reaches the camera, {camera_mm:.4g} mm "
+                f"behind the lens: it extends from {image[0]:.4g} mm to {reaches}; move the camera or the object away"
             )
-    # Beyond this depth the light of a single point comes from the whole display: an object is not recognisable.
-    panel, array = setup.display.panel, setup.display.array
-    reach = setup.display.aperture_distance_mm * max(panel.width_mm, panel.height_mm) / array.finest_mm
+    # Beyond this depth the light of a point comes from the whole display: an object is not recognisable.
+    panel, side = setup.display.panel, setup.display.array.finest_mm
+    width_mm = max(panel.width_mm, panel.height_mm)
+    reach = setup.display.aperture_distance_mm * width_mm / side
     depth = shown_depth(setup, [far, near], rotated=True)
     if depth[0] * depth[1] > 0.0 and np.abs(depth).min() > reach:
         raise InputError(
             f"set-up '{setup.name}': array.position_mm: {setup.position_mm:g} mm is outside the image space: the "
             f"scene's image is {image[0]:.4g} to {image[1]:.4g} mm behind the lens, the array "
-            f"{setup.array_distance_mm:.4g} mm, and {max(panel.width_mm, panel.height_mm) / array.finest_mm:.3g} "
-            "lenslets across the display are too few for such a depth; give a position nearer to it, or a wider panel"
+            f"{setup.array_distance_mm:.4g} mm, and {width_mm / side:.3g} lenslets across the display are too few for "
+            "such a depth; give a position nearer to it, or a wider panel"
         )
 
 
 def placement_before(setup: Setup, path: Path, setup_path: str | Path | None = None) -> Placement:
     """Return the placement of a scene file before a set-up: the file's own, then the set-up's.
 
-    If the file beside the scene that has its name is the set-up's own (`setup_path`), it is not the scene's placement.
+    A set-up file `setup_path` beside the scene, with its name, does not place it.
     """
     placement_file = path.with_suffix(".toml")
     is_setup = setup_path is not None and placement_file.exists() and placement_file.samefile(setup_path)
     return (Placement() if is_setup else placement_beside(path)).then(setup.subject.placement)
 
 
-def capture(
-    scene: Scene,
-    setup: Setup,
-    settings: Settings,
-    rotate: bool,
-    progress: Progress | None = None,
-) -> Rendered:
-    """Render the image that a set-up captures of a scene; its `lost_percent` are those of the lens and of the array.
+def capture(scene: Scene, setup: Setup, settings: Settings, rotate: bool, progress: Progress | None = None) -> Rendered:
+    """Render the image that a set-up captures of a scene, placed by `placement_before`.
 
-    The scene is placed in the object's frame (`placement_before`). `settings.aperture` is for a pickup. `rotate` is
-    whether elemental images are rotated by 180 degrees.
-
-    Raises InputError when the scene cannot be captured (`check_placement`), or no light passes the array or the lens.
+    `settings.aperture` is for a pickup. `rotate` is whether elemental images are rotated. `lost_percent` are those of
+    the lens and of the array. Raises InputError as `check_placement`, and when no light passes the array or the lens.
     """
     check_placement(scene, setup)
-    with ThreadPoolExecutor(1) as other:
+    with ThreadPoolExecutor(1) as thread:
         # Takes one core, while compilation takes another.
-        partner = other.submit(rotation_map, setup.display) if rotate else None
+        partner = thread.submit(rotation_map, setup.display) if rotate else None
         rendered = render_rays(scene, capture_source(setup, settings.aperture), settings, progress)
         lens_percent, array_percent = rendered.lost_percent
         if array_percent >= 100.0:
@@ -137,9 +124,9 @@ def capture(
 
 
 def shown_depth(setup: Setup, z_mm: npt.ArrayLike, rotated: bool) -> Floats:
-    """Return the depths, mm, positive in front of the display, that show depths z (mm, object's frame).
+    """Return the depths at which the display shows depths z (mm, object's frame), mm, positive in front of it.
 
-    Their images must all be before the camera (L + z > 0), which `check_placement` guarantees.
+    All images must be before the camera, L + z > 0.
     """
     z = setup.array_distance_mm - setup.image_distance(z_mm)
     g = setup.display.aperture_distance_mm
@@ -161,7 +148,7 @@ def shown_depth(setup: Setup, z_mm: npt.ArrayLike, rotated: bool) -> Floats:
 
 
 class CapturedRays(NamedTuple):
-    """Rays in the object's frame towards the scene, and which passed the array and the lens."""
+    """Rays to the scene in the object's frame, and which passed the array and the lens."""
 
     ray: Ray
     through_array: Arr
@@ -169,7 +156,7 @@ class CapturedRays(NamedTuple):
 
 
 def system_of(setup: Setup) -> System:
-    """Return the array's optics during the capture; the pixels are the display's, and so are their lenslets."""
+    """Return the captured array's optics; pixels belong to the same lenslets as on the display."""
     convergence = System.of(setup.display).convergence
     return replace(System.of(setup.captured), concave=setup.concave, convergence=convergence)
 
@@ -179,16 +166,15 @@ def rays_from_picture(
 ) -> CapturedRays:
     """Trace rays from the image's pixel coordinates u, v (double) to the object space.
 
-    `aperture` is for a pickup: the points of the lenslets' apertures that rays pass, from the lenslet's centre, mm,
-    array's axes; None for the centres. A camera's pinhole determines them.
+    `aperture` is for a pickup: where rays pass the aperture, mm from its centre, array's axes; None: the centre.
     """
     system = system_of(setup)
     frame = system.frame
     if isinstance(setup.pickup, Pickup):
         i, j, x, y = system.locate(b, u, v)
     else:
-        # The camera sees this point of the array's first principal plane, where the aperture points lie; the pinhole
-        # is on the axis, at the distance L. Its picture is as large as the display's elemental images ask for.
+        # The camera, on the axis at the distance L, sees this point of the aperture plane, the array's first principal
+        # plane. Its picture is as large as the display's elemental images ask for.
         point = system.convergence.towards_eye(*frame.array_from_panel(*frame.panel_from_pixel(u, v)))
         i, j, x, y = system.lattice.locate(b, *point)
         px, py = frame.panel_from_array(*point)
@@ -205,7 +191,7 @@ def rays_from_picture(
     cx, cy = system.lattice.centre(i, j)
     px, py = frame.panel_from_array(cx + b.double(out.ray.x), cy + b.double(out.ray.y))
     dx, dy = frame.turn(out.ray.dx, out.ray.dy)
-    # From the plane of the array's vertices through the imaging lens to the object's frame, in the engine's own format.
+    # From the plane of the array's vertices through the lens to the object's frame, in the engine's own format.
     ray = Ray(b.real(px), b.real(py), out.ray.z, dx, dy, out.ray.dz)
     lens = setup.lens
     object_z = setup.subject.distance_mm
@@ -220,10 +206,7 @@ def rays_from_picture(
 
 
 def capture_source(setup: Setup, aperture: Aperture = "chief") -> RaySource:
-    """Return the rays of a captured image, in the object's frame; `aperture` is for a pickup.
-
-    The reasons for a loss are the lens, and the array.
-    """
+    """Return the rays of a captured image, object's frame; the lens or the array may lose them."""
     panel, array = setup.display.panel, setup.array
 
     def lines(b: DrJitBackend, u: Arr, v: Arr, square: tuple[Arr, Arr]) -> Lines:
@@ -235,9 +218,8 @@ def capture_source(setup: Setup, aperture: Aperture = "chief") -> RaySource:
         ray, through_array, through_lens = rays_from_picture(b, setup, u, v, aims)
         point = (mi.Float(ray.x), mi.Float(ray.y), mi.Float(ray.z))
         direction = (mi.Float(-ray.dx), mi.Float(-ray.dy), mi.Float(-ray.dz))
-        return Lines(
-            point, direction, through_array & through_lens, (through_array & ~through_lens, mi.Bool(~through_array))
-        )
+        lost = through_array & ~through_lens, mi.Bool(~through_array)
+        return Lines(point, direction, through_array & through_lens, lost)
 
     def owner(b: DrJitBackend, u: Arr, v: Arr) -> Arr:
         return owner_number(*system_of(setup).locate(b, u, v)[:2])

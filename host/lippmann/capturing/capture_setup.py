@@ -1,7 +1,6 @@
-"""The set-up file: where object, imaging lens, microlens array and camera stand, in TOML.
+"""The set-up file (docs/reference/setup-file.md): object, imaging lens, microlens array and camera on one axis.
 
-The keys are documented in docs/reference/setup-file.md. All stand on one axis. Image distances are counted from the
-lens's image-side principal plane, object distances from its object-side one: for an ideal lens, from its centre.
+Image distances are counted from the lens's image-side principal plane, object distances from its object-side one.
 """
 
 from __future__ import annotations
@@ -43,7 +42,7 @@ MIN_ELEMENTAL_PX = 2.0
 @documented
 @dataclass(frozen=True)
 class Subject:
-    """Where the scene stands. The origin of the object's frame is its centre: x right, y up, +z towards the lens."""
+    """Where the scene stands. The object's frame has its origin in the centre: x right, y up, +z towards the lens."""
 
     distance_mm: Annotated[Length, key("object's centre from the lens, or from the array without a lens")]
     scale: Annotated[Scale, key("factor of the size, about the object's centre")] = 1.0
@@ -52,14 +51,14 @@ class Subject:
 
     @property
     def placement(self) -> Placement:
-        """From the scene as it stands before a display (its own placement file) to the object's frame."""
+        """From the scene as placed for a display to the object's frame."""
         return Placement(self.scale, self.rotation_deg, self.offset_mm)
 
 
 @documented
 @dataclass(frozen=True)
 class Camera:
-    """A pinhole on the axis that sees the array's first principal plane; the display's panel there is its picture."""
+    """A pinhole on the axis. Its picture is the display's panel in the array's first principal plane."""
 
     distance_mm: Annotated[Length, key("pinhole from the lens, or from the array's vertices without a lens")]
 
@@ -75,26 +74,20 @@ class Pickup:
 @documented
 @dataclass(frozen=True)
 class Setup:
-    """A capture. The lenslets that are captured through may be other ones than the display's: see `array`."""
+    """A capture, through the lenslets of `array`, which may differ from the display's."""
 
     name: Annotated[str, key("name in reports")]
     subject: Annotated[Subject, key("where the scene stands")]
-    lens: Annotated[ImagingLens | None, key("imaging lens; None for an array that looks at the scene itself")]
-    display: Annotated[
-        Display, key("shows the picture: its panel gives the pixels, its lattice is the captured array's")
-    ]
+    lens: Annotated[ImagingLens | None, key("imaging lens; None: the array looks at the scene itself")]
+    display: Annotated[Display, key("shows the picture; it has the pixels, and the captured array's lattice")]
     array: Annotated[Array, key("captured lenslets; concave: `thickness_mm` is that of their middle")]
-    concave: Annotated[bool, key("the captured lenslets are plano-concave: their sphere's centre on the lens's side")]
-    position_mm: Annotated[
-        float, key("vertices, from the object's image; positive towards the camera; 0 without a lens")
-    ]
-    pickup: Annotated[Camera | Pickup, key("takes the picture: a pinhole camera, or a sensor behind the array")]
+    concave: Annotated[bool, key("plano-concave lenslets, their hollow side to the lens")]
+    position_mm: Annotated[float, key("vertices from the object's image, towards the camera; 0 without a lens")]
+    pickup: Annotated[Camera | Pickup, key("pinhole camera, or sensor behind the array")]
 
     def image_distance(self, z_mm: npt.ArrayLike) -> Floats:
-        """Return the distance from the lens to the images of depths z (mm, object's frame): s' = f s / (s - f), mm.
-
-        Without a lens an object is its own image. It is then in front of the array, and the distance is negative: -s.
-        """
+        """Return the distance from the lens to the images of depths z (mm, object's frame): s' = f s / (s - f), mm."""
+        # Without a lens an object is its own image, in front of the array.
         s = self.subject.distance_mm - np.asarray(z_mm, np.float64)
         if self.lens is None:
             return -s
@@ -103,32 +96,29 @@ class Setup:
 
     @property
     def image_distance_mm(self) -> float:
-        """From the lens to the image of the object's centre, mm."""
+        """Distance from the lens to the image of the object's centre, mm."""
         return float(self.image_distance(0.0))
 
     @property
     def magnification(self) -> float:
-        """Of the object's centre: m = -s' / s."""
+        """Magnification at the object's centre: m = -s' / s."""
         return -self.image_distance_mm / self.subject.distance_mm
 
     @property
     def array_distance_mm(self) -> float:
-        """From the lens to the array's vertices, mm; 0 without a lens."""
+        """Distance from the lens to the array's vertices, mm; 0 without a lens."""
         return 0.0 if self.lens is None else self.image_distance_mm + self.position_mm
 
     @property
     def captured(self) -> Display:
-        """Panel and array as they stand while the picture is taken.
-
-        A camera's panel stands anywhere behind the domes: its rays are known by the points that they aim at.
-        """
+        """Panel and captured array. A camera's panel stands anywhere behind the domes."""
         behind = self.array.focal_length_mm + self.array.sag_mm
         gap = self.pickup.gap_mm if isinstance(self.pickup, Pickup) else behind
         return replace(self.display, array=self.array, gap_mm=gap)
 
     @property
     def camera_distance_mm(self) -> float | None:
-        """From the array's first principal plane to the camera's pinhole, mm; None for a pickup."""
+        """Distance from the array's first principal plane to the camera's pinhole, mm; None for a pickup."""
         if isinstance(self.pickup, Pickup):
             return None
         # The vertices' plane, seen through the substrate where the flat face looks at the camera.
@@ -141,10 +131,7 @@ class Setup:
         return self.array.plano_side == "panel"
 
     def resized(self, width_px: int) -> Setup:
-        """Return the set-up whose picture has another number of pixels across the same window.
-
-        Raises InputError when that leaves the camera too few pixels for each lenslet.
-        """
+        """Return the set-up with another number of pixels across the same window; refuse too few."""
         panel = self.display.panel
         if not 1 <= width_px <= MAX_SIDE_PX:
             raise InputError(f"size {width_px} is out of range; give 1 to {MAX_SIDE_PX} pixels")
@@ -154,7 +141,7 @@ class Setup:
 
 
 def check_elemental_images(setup: Setup, where: str, remedy: str) -> None:
-    """Refuse a picture that has too few pixels for each lenslet."""
+    """Refuse a picture of fewer pixels for each lenslet than `MIN_ELEMENTAL_PX`."""
     pixels = setup.array.finest_mm / setup.display.panel.coarsest_mm
     if pixels < MIN_ELEMENTAL_PX:
         what = f"the picture has {pixels:.2f} pixels for a lenslet, fewer than {MIN_ELEMENTAL_PX:g}"
@@ -177,10 +164,7 @@ class LensKeys:
     convex: Annotated[Convex | None, key("`pair`: side of the domes; in: facing each other", default='`"in"`')] = None
 
 
-#: Keys that a thin lens does not have.
 PAIR_ONLY = ("radius_mm", "index", "glass", "thickness_mm", "separation_mm", "convex")
-
-
 Position = Annotated[float | None, key("", default="required with a lens")]
 Focal = Annotated[float | None, key("", default="the display's")]
 Thickness = Annotated[float, key("", above=0.0, default="the display's, or the sag")] | None
@@ -209,10 +193,7 @@ class SetupFile:
 
 
 def load_setup(path: str | Path) -> Setup:
-    """Read a set-up file.
-
-    Raises InputError, with file, key and remedy, for whatever is missing, unknown, or cannot be built.
-    """
+    """Read a set-up file; InputError, with file, key and remedy, for missing, unknown and impossible keys."""
     path = path_of(path, "a set-up file")
     keys = toml.read(SetupFile, toml.load(path, "set-up"), str(path))
     where, subject = f"{path}: ", keys.object
@@ -235,7 +216,7 @@ def load_setup(path: str | Path) -> Setup:
 
 
 def _lens(keys: LensKeys, object_mm: float, where: str) -> ImagingLens:
-    """Return the lens of `[lens]`; `image_distance_mm` asks for the one that images the object's centre there."""
+    """Return the lens of `[lens]`; it images the object's centre at `image_distance_mm`."""
     image_mm, focal = keys.image_distance_mm, keys.focal_length_mm
     if image_mm is not None:
         focal = object_mm * image_mm / (object_mm + image_mm)
@@ -255,11 +236,9 @@ def _lens(keys: LensKeys, object_mm: float, where: str) -> ImagingLens:
         try:
             pair = pair.with_focal_length(focal)
         except ValueError:
-            raise input_error(
-                f"{where}{'focal_length_mm' if image_mm is None else 'image_distance_mm'}",
-                f"no pair of such thick lenses, so far apart, has a focal length of {focal:g} mm",
-                "give a smaller thickness_mm or separation_mm",
-            ) from None
+            name = "focal_length_mm" if image_mm is None else "image_distance_mm"
+            what = f"no pair of such thick lenses, so far apart, has a focal length of {focal:g} mm"
+            raise input_error(f"{where}{name}", what, "give a smaller thickness_mm or separation_mm") from None
     if not 0.5 * pair.aperture_mm < pair.radius_mm:
         what = f"{pair.aperture_mm:g} mm is wider than domes of radius {pair.radius_mm:.5g} mm are"
         raise input_error(f"{where}aperture_mm", what, "give a smaller aperture, or a higher index")
@@ -270,30 +249,27 @@ def _lens(keys: LensKeys, object_mm: float, where: str) -> ImagingLens:
 
 
 def _captured_array(keys: ArrayKeys, display_array: Array, where: str) -> tuple[Array, bool]:
-    """Return the lenslets of `[array]` over the display's, and whether they are concave."""
-    array, focal = display_array, keys.focal_length_mm
+    """Return the display's lenslets as `[array]` changes them, and whether they are concave."""
+    array, focal, concave = display_array, keys.focal_length_mm, False
     if focal is not None:
         if focal == 0.0:
             raise input_error(f"{where}focal_length_mm", "0 is no focal length", "give mm, negative for concave")
+        concave = focal < 0.0
         array = replace(display_array, radius_mm=abs(focal) * (display_array.index - 1.0))
         check_radius(array, f"{where}focal_length_mm")
         array = replace(array, thickness_mm=array.sag_mm)
     if keys.thickness_mm is not None:
         array = replace(array, thickness_mm=keys.thickness_mm)
-    concave = focal is not None and focal < 0.0
     if not concave:
         check_array(array, where)
     elif array.plano_side != "panel":
-        raise input_error(
-            f"{where}focal_length_mm",
-            "concave lenslets are traced with their plano side to the camera only",
-            'give a display whose plano_side is "panel"',
-        )
+        what = "concave lenslets are traced with their plano side to the camera only"
+        raise input_error(f"{where}focal_length_mm", what, 'give a display whose plano_side is "panel"')
     return array, concave
 
 
 def _check(setup: Setup, source: str) -> None:
-    """Refuse what stands in the wrong order on the axis; single tables were checked when they were read."""
+    """Refuse too few pixels, sub-pixels, and parts in the wrong order on the axis."""
     check_elemental_images(setup, source, "give a display of finer pixels or larger lenslets")
     if setup.display.panel.subpixels != "none":
         what = f"display '{setup.display.name}' has colour sub-pixels, a camera none"
@@ -304,14 +280,13 @@ def _check(setup: Setup, source: str) -> None:
         if not distance > lens.focal_length_mm:
             what = f"{distance:g} mm is within the focal length {lens.focal_length_mm:g} mm: no real image"
             raise input_error(f"{source}: object.distance_mm", what, "move the object away")
-        # The array, its substrate too, must stand behind the lens's last face, towards the camera.
+        # The array with its substrate must stand behind the lens's last face.
         behind_mm = setup.array_distance_mm + lens.extent_mm[0]
         if not behind_mm > (0.0 if setup.plano_to_camera else setup.array.thickness_mm):
-            what = (
-                f"{setup.position_mm:g} mm puts the array {stand}'s principal plane, not behind its last face: outside "
-                "the image space"
+            what = f"{setup.position_mm:g} mm puts the array {stand}'s principal plane, not behind its last face"
+            raise input_error(
+                f"{source}: array.position_mm", f"{what}: outside the image space", "give a larger position_mm"
             )
-            raise input_error(f"{source}: array.position_mm", what, "give a larger position_mm")
     to_camera = setup.camera_distance_mm
     depth = setup.array.thickness_mm if setup.plano_to_camera else setup.array.sag_mm
     if to_camera is not None and not to_camera > depth:

@@ -1,18 +1,15 @@
-"""Rotates elemental images by 180 degrees in whole pixels, so that a captured scene is shown at its right depth.
+"""Rotates elemental images by 180 degrees in whole pixels, which corrects the depth of a captured scene.
 
-**The rule.** The pixels of a cell are those whose centres the lattice assigns to one lenslet. A rotation about a point
-of the half-pixel lattice takes pixel (c, r) to pixel (m - c, n - r), with integers m and n: nothing is resampled. A
-lenslet centred at pixel coordinates (u, v) asks for m = 2u - 1 and n = 2v - 1, which are rarely integers. Of the
-integer pairs within 1 of them, each cell takes the pair that brings most of its pixels onto its own pixels; of equally
-good pairs, the nearest. Pixels at the rim that would leave the cell stay where they are.
+**The rule.** The pixels of a cell are those whose centres the lattice assigns to one lenslet. The rotation takes pixel
+(c, r) to pixel (m - c, n - r), with integers m and n. For a centre at pixel coordinates (u, v) they should be 2u - 1
+and 2v - 1, which are rarely integers. Of the integer pairs within 1 of these, each cell takes the pair that brings most
+of its pixels onto its own pixels; of equally good pairs, the nearest. Pixels at the rim that would leave the cell stay.
 
-So the map is an involution and a permutation of each cell's pixels, on every lattice, also a rotated or shifted one.
-The centre of rotation is at most half a pixel off the lenslet's centre in x and in y. On a square lattice that is not
-rotated, every cell inside the image is a rectangle of pixels, and all of it is rotated.
+So the centre of rotation is at most half a pixel off the lenslet's in x and in y. On a square lattice that is not
+rotated, all of a cell inside the image is rotated.
 
-**Speed.** Only pixels nearer to their cell's boundary than a pixel's diagonal can leave the cell, so only these are
-tried with every pair. On upright square cells m depends on the column only and n on the row only, so both are found
-from one row and one column of pixels.
+**Speed.** Only pixels nearer to their cell's boundary than a pixel's diagonal can leave the cell and are tried with
+every pair. On upright square cells m and n are found from one row and one column of pixels.
 """
 
 from __future__ import annotations
@@ -25,7 +22,8 @@ import numpy.typing as npt
 
 from lippmann.display.description import Display
 from lippmann.optics.backend import NumpyBackend
-from lippmann.optics.rays import Indices
+from lippmann.optics.lattice import number_lenslets
+from lippmann.optics.rays import Floats, Indices
 from lippmann.optics.system import System
 
 #: Rounding of pixel coordinates, pixels.
@@ -33,47 +31,41 @@ ROUNDING = 1e-9
 
 
 class Cells(NamedTuple):
-    """The lenslets' cells on a panel; pixels are numbered row by row."""
+    """The lenslets' cells on a panel."""
 
     #: (height * width,) cell of each pixel, counted from 0.
     cell: Indices
-    #: (cells, 2) pixel coordinates of the elemental images' centres: the lenslets', if no eye is near.
-    centre: npt.NDArray[np.float64]
-    #: (height * width,) whether a step of one pixel in x and one in y may leave the cell.
+    #: (cells, 2) pixel coordinates of the elemental images' centres.
+    centre: Floats
+    #: (height * width,) whether a step of one pixel in x and in y may leave the cell.
     rim: npt.NDArray[np.bool_]
 
 
 def cells_of(display: Display, rows: slice = slice(None), columns: slice = slice(None)) -> Cells:
-    """Return the elemental images of a display, or of some rows and columns: the panel's cells, one of each lenslet."""
+    """Return the cells of a display, or of some of its rows and columns."""
     panel, system = display.panel, System.of(display)
     frame, lattice, convergence = system.frame, system.lattice, system.convergence
     row, column = np.arange(panel.height_px)[rows, np.newaxis], np.arange(panel.width_px)[np.newaxis, columns]
     point = frame.array_from_panel(*frame.panel_from_pixel(column + 0.5, row + 0.5))
-    i, j, x, y = lattice.locate(NumpyBackend(), *convergence.towards_eye(*point))
-    # Numbers the cells that occur, in the order of (i, j).
-    first_i, first_j = int(i.min()), int(j.min())
-    span = int(np.ptp(j)) + 1
-    key = (i.astype(np.int64) - first_i) * span + (j.astype(np.int64) - first_j)
-    occurs = np.zeros(int(key.max()) + 1, bool)
-    occurs[key] = True
-    i, j = np.divmod(np.flatnonzero(occurs), span)
-    cx, cy = lattice.centre(i + float(first_i), j + float(first_j))
+    i, j, x, y = np.broadcast_arrays(*lattice.locate(NumpyBackend(), *convergence.towards_eye(*point)))
+    lenslets, cell = number_lenslets(np.stack([i.ravel(), j.ravel()], axis=1).astype(np.int64))
+    cx, cy = lattice.centre(*lenslets.T.astype(float))
     x0, y0 = convergence.on_panel(0.0, 0.0, cx, cy)
     centre = frame.panel_from_array(cx + x0, cy + y0)
-    rim = np.zeros(key.shape, bool)
+    rim = np.zeros(x.shape, bool)
     for axis, across in zip(lattice.axes, lattice.across(x, y), strict=True):
         step = float(np.abs(frame.turn(*axis)) @ panel.pitches_mm) * (1.0 + ROUNDING)
         rim |= np.abs(across) > lattice.half_mm - step
-    return Cells((np.cumsum(occurs) - 1)[key].ravel(), np.stack(frame.pixel_from_panel(*centre), axis=1), rim.ravel())
+    return Cells(cell, np.stack(frame.pixel_from_panel(*centre), axis=1), rim.ravel())
 
 
 def rotation_map(display: Display) -> Indices:
-    """Return the pixel that each pixel changes places with: (height * width,) pixel numbers, row by row."""
+    """Return the number of the pixel that each pixel changes places with, (height * width,)."""
     width, height = display.panel.width_px, display.panel.height_px
     system = System.of(display)
     if system.lattice.grid == "square" and not system.lattice.shear and not system.frame.sin:
         across, up = cells_of(display, rows=slice(1)), cells_of(display, columns=slice(1))
-        across.centre[:, 1] = up.centre[:, 0] = 0.5  # the middle of a picture that is one pixel high, or wide
+        across.centre[:, 1] = up.centre[:, 0] = 0.5  # the middle of one row, and of one column
         of_columns, fixed_columns = _pairs(display, across, width, 1)
         of_rows, fixed_rows = _pairs(display, up, 1, height)
         column, row = np.arange(width), np.arange(height)[:, np.newaxis]
@@ -87,20 +79,18 @@ def rotation_map(display: Display) -> Indices:
     pairs, fixed = _pairs(display, cells, width, height)
     # Pixel (c, r) is number r width + c, so its partner is number n width + m minus its own.
     partner: Indices = (pairs[:, 0] + pairs[:, 1] * width)[cells.cell]
-    by_row = partner.reshape(height, width)  # in place, because new memory costs more than the subtraction
-    by_row -= np.arange(width)
-    by_row -= np.arange(height)[:, np.newaxis] * width
+    partner -= np.arange(width * height)
     partner[fixed] = fixed
     return partner
 
 
 def _pairs(display: Display, cells: Cells, width: int, height: int) -> tuple[Indices, Indices]:
-    """Return (m, n) of each cell in a picture of this size, (cells, 2), and the numbers of the pixels that stay."""
+    """Return (m, n) of each cell in a picture of this size, (cells, 2), and the fixed pixels."""
     cell, centre, rim = cells
     size = np.array([width, height])
     exact = 2.0 * centre - 1.0
     nearest = np.rint(exact)
-    # These may leave their cell: pixels at its rim, and all pixels of cells that the image's edge may cut.
+    # Pixels at a cell's rim may leave it, and all pixels of cells that the image's edge may cut.
     reach = display.array.half_diagonal_mm * (1.0 + display.convergence) / min(display.panel.pitches_mm) + 2.0
     cut = (np.abs(centre - size / 2.0) - size / 2.0).max(axis=1) > -reach
     pixel = np.flatnonzero(rim | cut[cell])
@@ -112,11 +102,10 @@ def _pairs(display: Display, cells: Cells, width: int, height: int) -> tuple[Ind
     stays = np.zeros(len(pixel), bool)
     for step in itertools.product((0, -1, 1), repeat=2):
         far = np.abs(nearest + step - exact)
-        # The first pair is the nearest: where it brings all pixels onto the cell's own, no other is better.
+        # The first pair is the nearest: if it brings all pixels onto their cell, no other is better.
         candidates = (far.max(axis=1) <= 1.0 + ROUNDING) & (count < cell_size)
         if not candidates.any():
             continue
-        # Rim pixels of the cells for which this pair is within 1 of the exact pair.
         rim_pixels = np.flatnonzero(candidates[of_rim])
         its_cell = of_rim[rim_pixels]
         m, n = (nearest + step).astype(np.int64)[its_cell].T
@@ -134,5 +123,5 @@ def _pairs(display: Display, cells: Cells, width: int, height: int) -> tuple[Ind
 
 
 def rotated(picture: npt.NDArray[Any], partner: Indices) -> npt.NDArray[Any]:
-    """Return a picture (height, width, channels) with its pixels exchanged as `rotation_map` says."""
+    """Return a picture (height, width, channels) with its pixels exchanged by a `rotation_map`."""
     return np.take(picture.reshape(-1, picture.shape[-1]), partner, axis=0).reshape(picture.shape)

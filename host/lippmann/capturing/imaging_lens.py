@@ -1,10 +1,7 @@
 """The imaging lens: two thick plano-convex lenses whose four faces are traced, or an ideal thin lens.
 
-**Frame.** Rays go from the array to the scene: z runs along the axis towards the object, with 0 in the image-side
-principal plane H'. Image distances are counted from H', object distances from the object-side principal plane H; in a
-thin lens both planes are its centre.
-
-The curvature c of a face has the usual sign: its centre of curvature is at z + 1/c.
+**Frame.** Rays go from the array to the scene: z runs along the axis towards the object, from 0 in the image-side
+principal plane H'. The object-side one is H. A face of curvature c has its centre of curvature at z + 1/c.
 """
 
 from __future__ import annotations
@@ -12,22 +9,21 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Annotated, ClassVar, Literal, NamedTuple
+from typing import ClassVar, Literal, NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 
-from lippmann.base.toml import documented, key
 from lippmann.optics.backend import Arr, Backend
 from lippmann.optics.faces import Dome, Ray, cap, refract_dome, refract_flat, transported, unit
 from lippmann.optics.lattice import Lattice
+from lippmann.optics.rays import Floats
 
 #: Where the domes of a pair face: each other, away from each other, both the image, or both the object.
 Convex = Literal["in", "out", "image", "object"]
 
 
 class Face(NamedTuple):
-    """One face: vertex z (mm), curvature (1/mm, 0 when flat), and the indices before and behind it."""
+    """Vertex z (mm) and curvature (1/mm, 0: flat) of a face, and the indices before and behind it."""
 
     z_mm: float
     curvature: float
@@ -47,11 +43,10 @@ class ThinLens:
     extent_mm: ClassVar[tuple[float, float]] = (0.0, 0.0)
 
     def trace(self, b: Backend, ray: Ray) -> tuple[Ray, Arr]:
-        """Trace rays from the image side to the object side.
+        """Trace rays in the lens's frame, towards the object (dz > 0).
 
-        `ray` is in the lens's frame, towards the object (dz > 0). Returns the refracted rays, their points on the last
-        face, and which passed: inside the aperture at every face, without total internal reflection. The others are
-        finite.
+        Returns the rays from the last face, and which passed: inside the aperture at every face, without total internal
+        reflection. The others are finite.
         """
         x, y = ray.x - ray.z * (ray.dx / ray.dz), ray.y - ray.z * (ray.dy / ray.dz)
         power = 1.0 / self.focal_length_mm
@@ -59,24 +54,22 @@ class ThinLens:
         return Ray(x, y, 0.0 * x, dx, dy, dz), _inside(x, y, self.aperture_mm)
 
 
-@documented
 @dataclass(frozen=True)
 class LensPair:
-    """Two equal plano-convex lenses on one axis."""
+    """Two equal plano-convex lenses on one axis, as `LensKeys` describes them."""
 
-    radius_mm: Annotated[float, key("radius of both domes")]
-    index: Annotated[float, key("refractive index at the design wavelength")]
-    thickness_mm: Annotated[float, key("centre thickness of each lens")]
-    separation_mm: Annotated[float, key("air between the inner vertices")]
-    aperture_mm: Annotated[float, key("diameter that light passes through")]
-    convex: Annotated[Convex, key("where the domes face")] = "in"
+    radius_mm: float
+    index: float
+    thickness_mm: float
+    separation_mm: float
+    aperture_mm: float
+    convex: Convex = "in"
 
     def with_focal_length(self, focal_length_mm: float) -> LensPair:
-        """Return the pair with the domes that give it a focal length f.
+        """Return the pair with a focal length f, by its radius; ValueError if there is none (d > f).
 
-        1/f = 2/F - d/F^2 for lenses of focal length F = R / (n - 1) whose inner principal planes are d apart
-        (Hecht, Optics, section 6.1). A dome's principal plane is at its vertex, a flat face's T/n inside: d does not
-        depend on R. ValueError if no such pair exists (d > f).
+        1/f = 2/F - d/F^2 for lenses of focal length F = R / (n - 1) whose inner principal planes are d apart (Hecht,
+        Optics, section 6.1). A dome's principal plane is at its vertex, a flat face's T/n inside.
         """
         flats_inside = {"in": 0, "out": 2, "image": 1, "object": 1}[self.convex]
         d = self.separation_mm + flats_inside * self.thickness_mm / self.index
@@ -91,7 +84,7 @@ class LensPair:
 
     @property
     def _first_vertex(self) -> tuple[Face, ...]:
-        """The faces in the order of the rays, z counted from the first vertex."""
+        """The faces, z counted from the first vertex."""
         c, n = 1.0 / self.radius_mm, self.index
         first = (0.0, -c) if self.convex in ("in", "object") else (c, 0.0)
         second = (c, 0.0) if self.convex in ("in", "image") else (0.0, -c)
@@ -104,7 +97,7 @@ class LensPair:
         )
 
     @cached_property
-    def _matrix(self) -> npt.NDArray[np.float64]:
+    def _matrix(self) -> Floats:
         """ABCD matrix from first to last vertex for (height mm, index times slope)."""
         matrix = np.eye(2)
         z = 0.0
@@ -117,28 +110,28 @@ class LensPair:
 
     @property
     def focal_length_mm(self) -> float:
-        """Focal length -1/C by the ABCD matrix, mm."""
+        """Focal length -1/C, mm."""
         return float(-1.0 / self._matrix[1, 0])
 
     @cached_property
     def _image_principal(self) -> float:
-        """H' on the image side, from the first vertex: (D - 1)/C, rays going from the image to the object."""
+        """Position of H' from the first vertex: (D - 1)/C."""
         return float((self._matrix[1, 1] - 1.0) / self._matrix[1, 0])
 
     @property
     def hiatus_mm(self) -> float:
-        """From H' to H, mm; H lies (1 - A)/C behind the last vertex."""
+        """Distance from H' to H, mm; H lies (1 - A)/C behind the last vertex."""
         last = self._first_vertex[-1].z_mm
         return float(last + (1.0 - self._matrix[0, 0]) / self._matrix[1, 0] - self._image_principal)
 
     @property
     def faces(self) -> tuple[Face, ...]:
-        """The faces in the order of the rays, from the image to the object, in the lens's frame."""
+        """The faces in the lens's frame."""
         return tuple(face._replace(z_mm=face.z_mm - self._image_principal) for face in self._first_vertex)
 
     @property
     def extent_mm(self) -> tuple[float, float]:
-        """Positions z of the outermost vertices, towards the image and towards the object, mm."""
+        """Positions z of the first and last vertex, mm."""
         return self.faces[0].z_mm, self.faces[-1].z_mm
 
     def trace(self, b: Backend, ray: Ray) -> tuple[Ray, Arr]:
@@ -154,10 +147,7 @@ ImagingLens = ThinLens | LensPair
 
 
 def refract_face(b: Backend, face: Face, ray: Ray, aperture_mm: float) -> tuple[Ray, Arr]:
-    """Refract rays, with dz > 0, at the vertex side of a face, a dome of the opposite curvature.
-
-    Returns the rays and which passed.
-    """
+    """Refract rays, with dz > 0, at the vertex side of a face; return the rays and which passed."""
     ratio = face.index_before / face.index_behind
     if face.curvature == 0.0:
         new, behind = refract_flat(b, transported(ray, face.z_mm), ratio)
@@ -173,5 +163,5 @@ def refract_face(b: Backend, face: Face, ray: Ray, aperture_mm: float) -> tuple[
 
 
 def _inside(x: Arr, y: Arr, aperture_mm: float) -> Arr:
-    """Tell which points are within the aperture."""
+    """Tell which points are inside the aperture."""
     return x * x + y * y <= 0.25 * aperture_mm * aperture_mm

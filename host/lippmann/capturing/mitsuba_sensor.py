@@ -1,47 +1,38 @@
 """Mitsuba's sensor plugin `integral`: plain Mitsuba, and its XML files, render a display's integral image.
 
-Import this module after `mitsuba.set_variant`; it registers the plugin for the current variant, which must be a
-vectorised RGB variant (`llvm_ad_rgb`, `cuda_ad_rgb`). Call `register` again after a change of variant.
-Parameters: docs/reference/mitsuba-sensor.md.
+Import this module after `mitsuba.set_variant`: it registers the plugin for the current variant, `llvm_ad_rgb` or
+`cuda_ad_rgb`. Call `register` after a change of variant. Parameters: docs/reference/mitsuba-sensor.md.
 """
 
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, Any, cast
+from typing import Any, cast
 
 import numpy as np
-import numpy.typing as npt
 
 from lippmann.base.variant import VARIANTS, current_device, drjit, mitsuba
 from lippmann.display.description import Display, load_display
 from lippmann.display.subpixels import layout_of
-from lippmann.errors import InputError
+from lippmann.errors import input_error
 from lippmann.optics.backend import Arr, DrJitBackend
 from lippmann.optics.lattice import Lattice
-from lippmann.optics.rays import MODELS, Model
+from lippmann.optics.rays import MODELS, Floats, Model
 from lippmann.optics.sample_points import square_to_cell
 from lippmann.rendering.sampling import APERTURES, lines_from_pixels
 
-if TYPE_CHECKING:
-    from mitsuba import Properties
-
-#: Relative difference of singular values of `to_world` that counts as none: chains of float32 transforms.
+WHERE = "sensor 'integral'"
+#: Relative difference of singular values of `to_world` by float32 rounding.
 SAME_SCALE = 1e-4
 
 
 def register() -> None:
-    """Register the sensor `integral` for Mitsuba's current variant.
-
-    Raises InputError when the variant is not a vectorised RGB variant, or none is set.
-    """
+    """Register the sensor for Mitsuba's current variant; InputError if that is no vectorised RGB variant."""
     import mitsuba as mi
 
     if mi.variant() not in VARIANTS.values():
-        raise InputError(
-            f"sensor 'integral': variant {mi.variant()} is not a vectorised RGB variant; "
-            "call mitsuba.set_variant('llvm_ad_rgb') or 'cuda_ad_rgb' first"
-        )
+        what = f"variant {mi.variant()} is not a vectorised RGB variant"
+        raise input_error(WHERE, what, "call mitsuba.set_variant('llvm_ad_rgb') or 'cuda_ad_rgb' first")
     mi.register_sensor("integral", _sensor_class())
 
 
@@ -56,14 +47,17 @@ def _sensor_class() -> type:
             super().__init__(props)
             path = props.get("display", "")
             if not path:
-                raise InputError("sensor 'integral': no display; give the path of a display file (.toml)")
+                raise input_error(WHERE, "no display", "give the path of a display file (.toml)")
             self.display = load_display(str(mi.file_resolver().resolve(path)))
-            _check_subpixels(self.display)
-            self.model = cast(Model, _choice(props, "model", "exact", MODELS))
-            self.full = _choice(props, "aperture", "chief", APERTURES) == "full"
+            layout = layout_of(self.display.panel.subpixels)
+            if layout is not None and layout.borrows:
+                what = "pixels of this panel lack a colour, and a film's pixel has its own rays only"
+                raise input_error(WHERE, what, "take lippmann render, or a display with other subpixels")
+            self.model = cast(Model, _choice("model", props.get("model", "exact"), MODELS))
+            self.full = _choice("aperture", props.get("aperture", "chief"), APERTURES) == "full"
             self.near_mm = float(props.get("near_mm", 0.0))
             if not math.isfinite(self.near_mm):
-                raise InputError(f"sensor 'integral': near_mm {self.near_mm} is not a depth; give mm")
+                raise input_error(WHERE, f"near_mm {self.near_mm} is not a depth", "give mm")
             _check_pose(np.array(props.get("to_world", mi.ScalarTransform4f()).matrix, np.float64))
             self.m_needs_sample_2 = True
             self.m_needs_sample_3 = self.full
@@ -88,23 +82,21 @@ def _sensor_class() -> type:
         def sample_ray_differential(
             self, time: Arr, sample1: Arr, sample2: Arr, sample3: Arr, active: Arr = True
         ) -> tuple[Arr, Arr]:
-            """Return the rays of `sample_ray`, without differentials: neighbours may leave through other lenslets."""
+            """Return `sample_ray`'s rays without differentials: neighbours may leave through other lenslets."""
             ray, weight = self.sample_ray(time, sample1, sample2, sample3, active)
             return mi.RayDifferential3f(ray), weight
 
         def bbox(self) -> Arr:
-            """Return an empty box."""
             return mi.ScalarBoundingBox3f()
 
         def to_string(self) -> str:
-            """Name the display."""
             return f"IntegralSensor[display={self.display.name}, model={self.model}]"
 
     return IntegralSensor
 
 
 def _subpixel_weight(b: DrJitBackend, display: Display, u: Arr, v: Arr) -> Arr:
-    """Return the weight of each colour at points of pixels: a sub-pixel has its one colour, so much brighter."""
+    """Return the weight of each colour at points of pixels: the sub-pixel's gain for its colour, else 0."""
     mi, dr = mitsuba(), drjit()
     layout = layout_of(display.panel.subpixels)
     if layout is None:
@@ -116,39 +108,24 @@ def _subpixel_weight(b: DrJitBackend, display: Display, u: Arr, v: Arr) -> Arr:
     return mi.Color3f(weights)
 
 
-def _check_subpixels(display: Display) -> None:
-    """Refuse a panel whose pixels lack a colour, which they take from their neighbours' rays."""
-    layout = layout_of(display.panel.subpixels)
-    if layout is not None and layout.borrows:
-        raise InputError(
-            "sensor 'integral': pixels of this panel lack a colour, and a film's pixel has its own rays only; "
-            "take lippmann render, or a display with other subpixels"
-        )
-
-
-def _check_pose(to_world: npt.NDArray[np.float64]) -> None:
+def _check_pose(to_world: Floats) -> None:
     """Refuse a pose that distorts or mirrors the display."""
-    turn = to_world[:3, :3]
     if not np.isfinite(to_world).all():
-        raise InputError(
-            "sensor 'integral': to_world contains numbers that are not finite; give a rotation, translation and scale"
-        )
-    size = np.linalg.svd(turn, compute_uv=False)
+        what = "to_world contains numbers that are not finite"
+        raise input_error(WHERE, what, "give a rotation, translation and scale")
+    size = np.linalg.svd(to_world[:3, :3], compute_uv=False)
     if not size[0] - size[2] <= SAME_SCALE * size[0] or not size[2] > 0.0:
-        raise InputError(
-            "sensor 'integral': to_world does not scale equally in all directions, or scales by 0; give one scale"
-        )
-    if np.linalg.det(turn) < 0.0:
-        raise InputError("sensor 'integral': to_world mirrors the display; rotate it instead")
+        what = "to_world does not scale equally in all directions, or scales by 0"
+        raise input_error(WHERE, what, "give one scale")
+    if np.linalg.det(to_world[:3, :3]) < 0.0:
+        raise input_error(WHERE, "to_world mirrors the display", "rotate it instead")
 
 
-def _choice(props: Properties, name: str, default: str, options: tuple[str, ...]) -> str:
-    value = str(props.get(name, default))
+def _choice(name: str, value: object, options: tuple[str, ...]) -> str:
+    value = str(value)
     if value not in options:
-        raise InputError(f"sensor 'integral': {name} '{value}' is not known; choose from {', '.join(options)}")
+        raise input_error(WHERE, f"{name} '{value}' is not known", f"choose from {', '.join(options)}")
     return value
 
-
-__all__ = ["register"]
 
 register()

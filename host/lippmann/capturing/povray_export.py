@@ -1,7 +1,4 @@
-"""Writes a folder that POV-Ray 3.7 renders: the scene, the optics, the camera, and an .ini file that names them.
-
-The images are linear (`assumed_gamma 1.0`, OpenEXR), as Lippmann's.
-"""
+"""Writes a folder that POV-Ray 3.7 renders to a linear OpenEXR image."""
 
 from __future__ import annotations
 
@@ -22,9 +19,9 @@ from lippmann.scenes.scene import Scene
 from lippmann.simulation.toolchain import Tool
 
 POVRAY = Tool("povray", "renders what `export povray` writes", "run sudo apt-get install -y povray, or see povray.org")
-#: Most pixels that a camera of single rays may have: each is a triangle in a text file.
+#: Most pixels of a camera of single rays: each is a triangle in a text file.
 MAX_RAYS = 1 << 20
-#: Surfaces that a ray may meet in the scene, as `lippmann render` counts them by default.
+#: Surfaces that a ray may meet in the scene, as in `lippmann render`.
 MAX_DEPTH = 4
 
 HEADER = """#version 3.7;
@@ -35,34 +32,30 @@ global_settings {{ assumed_gamma 1.0 max_trace_level {levels} adc_bailout 0 }}
 
 @dataclass(frozen=True)
 class Exported:
-    """An exported folder: the .ini file that POV-Ray renders, in that folder, and the names of all files.
-
-    `spare_rows` is the number of surplus rows at the top of POV-Ray's image.
-    """
+    """An exported folder: the .ini file that POV-Ray renders, and the names of all files."""
 
     ini: Path
     files: tuple[str, ...]
+    #: Surplus rows at the top of POV-Ray's image.
     spare_rows: int = 0
 
 
 @dataclass(frozen=True)
 class View:
-    """Camera and optics that POV-Ray renders a scene through, as text, and the size of the image.
-
-    `faces` is the number of the optics' refracting faces that a ray may meet. `rays` are the origins (mm) and unit
-    directions of a camera of single rays, (N, 3) each.
-    """
+    """Camera and optics for POV-Ray, as text, and the size of the image."""
 
     camera: str
     width_px: int
     height_px: int
     optics: str = ""
+    #: Refracting faces of the optics that a ray may meet.
     faces: int = 0
+    #: Origins (mm) and unit directions of a camera of single rays, (N, 3) each.
     rays: tuple[Floats, Floats] | None = None
 
 
 def write_folder(scene: Scene, view: View, folder: Path) -> Exported:
-    """Write all files; they appear in `folder`, which is made when missing, all at once.
+    """Write all files at once to `folder`, which is made when missing.
 
     Raises InputError when POV-Ray cannot express a part of the scene, or the folder cannot be written.
     """
@@ -99,24 +92,17 @@ def write_folder(scene: Scene, view: View, folder: Path) -> Exported:
 
 
 def export_display(scene: Scene, display: Display, model: Model, folder: Path) -> Exported:
-    """Write the scene with a display's lines of sight, as `lippmann render` traces them with one sample.
+    """Write the scene with a display's lines of sight, one for each pixel, from the golden engine.
 
-    The lenslets are not in POV-Ray's scene: each pixel's line of sight is traced from in front of the scene towards the
-    display, which no camera behind lenslets can do. The golden engine computes the rays, one for each pixel.
-
-    Raises InputError when the panel has sub-pixels or too many pixels, or POV-Ray cannot express a part of the
-    scene.
+    POV-Ray traces them from in front of the scene towards the display. Raises InputError for sub-pixels, too many
+    pixels, and parts of the scene that POV-Ray cannot express.
     """
-    panel = display.panel
+    panel, name = display.panel, f"display '{display.name}'"
     if panel.subpixels != "none":
-        raise InputError(
-            f"display '{display.name}' has colour sub-pixels, POV-Ray one ray a pixel; take subpixels none"
-        )
+        raise InputError(f"{name} has colour sub-pixels, POV-Ray one ray a pixel; take subpixels none")
     if panel.width_px * panel.height_px > MAX_RAYS:
-        raise InputError(
-            f"display '{display.name}' has {panel.width_px} x {panel.height_px} pixels, each a triangle in POV-Ray's "
-            f"file; take a panel of at most {MAX_RAYS} pixels"
-        )
+        size = f"{panel.width_px} x {panel.height_px} pixels, each a triangle in POV-Ray's file"
+        raise InputError(f"{name} has {size}; take a panel of at most {MAX_RAYS} pixels")
     row, column = np.mgrid[0 : panel.height_px, 0 : panel.width_px]
     rays = trace(display, np.stack([column.ravel() + 0.5, row.ravel() + 0.5], axis=1), None, model)
     _, near = scene.depth_range_mm

@@ -1,8 +1,4 @@
-"""The capture's optics as POV-Ray's constructive solid geometry, as in the founding paper.
-
-A lenslet is a sphere intersected with a square or hexagonal prism; its flat face is at least so deep that the dome
-spans its cell's corners (paper, equations 2 to 4: `Array.flat_distance_mm`). Each half of the imaging lens is a
-cylinder with black walls intersected with a sphere, and has a stop around it. The optics cast no shadows.
+"""The capture's optics as POV-Ray's solids (docs/reference/povray.md), as in the founding paper.
 
 All z are in the object's frame: +z is towards the lens, the array and the camera.
 """
@@ -18,17 +14,16 @@ from lippmann.capturing.imaging_lens import Face, LensPair, ThinLens
 from lippmann.capturing.povray_export import View
 from lippmann.capturing.povray_text import block, matrix, number, pinhole, vector
 from lippmann.display.description import Array, Display
-from lippmann.errors import InputError
+from lippmann.errors import input_error
 from lippmann.optics.lattice import Lattice
 from lippmann.optics.system import PanelFrame
 
 #: Lenslets beyond the panel on each side, which oblique rays may reach.
 SPARE_LENSLETS = 2
-#: Faces that a ray may meet in the array: its own lenslet's, and the walls to a neighbour.
+#: Faces that a ray may meet in the array, the walls to a neighbour included.
 ARRAY_FACES = 6
-#: Share of a lenslet's width by which neighbours overlap. Solids that only touch are separate glasses to POV-Ray, which
-#: reflects a ray across the substrate at the wall between them. At 2e-5 its single precision loses some of the overlap;
-#: much more makes steps between the domes.
+#: Share of a lenslet's width by which neighbours overlap. POV-Ray reflects rays at walls between solids that only
+#: touch. At 2e-5 its single precision loses some of the overlap; much more makes steps between the domes.
 OVERLAP = 3e-5
 #: Radius of the stops' discs, mm.
 STOP_MM = 1e5
@@ -38,24 +33,20 @@ BLACK = "texture { pigment { rgb 0 } finish { ambient 0 diffuse 0 } }"
 
 
 def setup_view(setup: Setup) -> View:
-    """Return a set-up's camera, array and imaging lens for POV-Ray; raise InputError for what has no counterpart."""
+    """Return a set-up's camera, array and imaging lens; refuse what POV-Ray cannot express."""
+    where, panel, to_plane = f"set-up '{setup.name}'", setup.display.panel, setup.camera_distance_mm
     if isinstance(setup.pickup, Pickup):
-        raise InputError(f"set-up '{setup.name}': POV-Ray has no sensor behind an array; give a [camera]")
+        raise input_error(where, "POV-Ray has no sensor behind an array", "give a [camera]")
     if isinstance(setup.lens, ThinLens):
-        raise InputError(f"set-up '{setup.name}': POV-Ray has no ideal thin lens; give one of kind \"pair\"")
+        raise input_error(where, "POV-Ray has no ideal thin lens", 'give one of kind "pair"')
     if setup.display.viewing_distance_mm is not None:
-        raise InputError(
-            f"set-up '{setup.name}': its display has a viewing_distance_mm, and POV-Ray's camera takes pictures right "
-            "behind the lenslets only; give a display without one"
-        )
-    panel = setup.display.panel
-    to_plane = setup.camera_distance_mm
+        what = "its display has a viewing_distance_mm, and POV-Ray takes pictures right behind the lenslets only"
+        raise input_error(where, what, "give a display without one")
     assert to_plane is not None
     # The lens's origin in the object's frame, or the array's vertices without a lens.
     origin = setup.subject.distance_mm + (0.0 if setup.lens is None else setup.lens.hiatus_mm)
     position = (0.0, 0.0, origin + setup.pickup.distance_mm)
     camera = pinhole(position, (0.0, 0.0, -to_plane), panel.width_mm, panel.height_mm)
-    # +1 where the glass lies beyond the vertices' plane, seen from the object.
     side = 1.0 if setup.plano_to_camera else -1.0
     parts = [array_solids(setup.captured, origin + setup.array_distance_mm, side, setup.concave)]
     faces = ARRAY_FACES
@@ -66,10 +57,10 @@ def setup_view(setup: Setup) -> View:
 
 
 def _plano_convex(pair: LensPair, faces: tuple[Face, ...], origin_mm: float) -> str:
-    """Return one of two lenses; `origin_mm` is z of the pair's origin in the object's frame."""
+    """Return one of two lenses; `origin_mm` is z of the pair's origin."""
     radius = 0.5 * pair.aperture_mm
     curved, flat = sorted(faces, key=lambda face: face.curvature == 0.0)
-    # The sphere's centre is 1 / c behind its vertex along the lens's z, which is opposite to the object's.
+    # The lens's z is opposite to the object's.
     centre = origin_mm - (curved.z_mm + 1.0 / curved.curvature)
     ends = [origin_mm - face.z_mm for face in (curved, flat)]
     outward = math.copysign(1.0, ends[1] - ends[0])
@@ -81,21 +72,19 @@ def _plano_convex(pair: LensPair, faces: tuple[Face, ...], origin_mm: float) -> 
         f"interior {{ ior {number(pair.index)} }} no_shadow",
     )
     hole = f"{vector((0, 0, ends[1]))}, z, {number(STOP_MM)}, {number(radius)}"
-    # Reflections in the scene must not show the stop, which covers half of all directions.
+    # The scene must not reflect the stop, which covers half of all directions.
     stop = f"disc {{ {hole} {BLACK} no_shadow no_reflection }}"
     return f"{solid}\n{stop}"
 
 
 def array_solids(display: Display, vertex_mm: float, side: float, concave: bool = False) -> str:
-    """Return the lenslets before a display's panel: one lenslet, and a loop that repeats it.
+    """Return one lenslet of a display, and a loop that repeats it.
 
-    Their vertices are in the plane z = `vertex_mm`, the glass towards +z for `side` +1, towards -z for -1.
+    The vertices are in the plane z = `vertex_mm`, the glass towards +z for `side` +1, towards -z for -1.
     """
-    array = display.array
-    depth = array.thickness_mm
-    centre = -array.radius_mm if concave else array.radius_mm
+    array, depth = display.array, display.array.thickness_mm
     # The rims of a concave lenslet protrude beyond its centre.
-    front = -array.sag_mm if concave else 0.0
+    centre, front = (-array.radius_mm, -array.sag_mm) if concave else (array.radius_mm, 0.0)
     cell = _prism(array, side * front, side * depth)
     sphere = f"sphere {{ {vector((0, 0, side * centre))}, {number(array.radius_mm)} }}"
     if depth > array.radius_mm and not concave:
@@ -134,24 +123,18 @@ def _prism(array: Array, near: float, far: float) -> str:
     half = 0.5 * array.pitches_mm[0] * (1.0 + OVERLAP)
     if array.grid == "square" and array.regular:
         return f"box {{ {vector((-half, -half, low))}, {vector((half, half, high))} }}"
-    turns = np.pi / 6.0 + np.pi / 3.0 * np.arange(7)
-    radius = 2.0 * half / math.sqrt(3.0)
-    corners = [(radius * math.cos(turn), radius * math.sin(turn)) for turn in turns]
-    if not array.regular:
-        own = [(x * (1.0 + OVERLAP), y * (1.0 + OVERLAP)) for x, y in Lattice.of(array).corners]
-        corners = [*own, own[0]]
-    # POV-Ray's prisms are along y; the matrix rotates it to z.
-    points = ", ".join(f"<{number(x)}, {number(y)}>" for x, y in corners)
-    sweep = f"linear_sweep linear_spline {number(low)}, {number(high)}, {len(corners)}, {points}"
+    corners = Lattice.of(array).corners
+    # POV-Ray's prisms are closed and along y; the matrix rotates it to z.
+    points = [f"<{number(x * (1.0 + OVERLAP))}, {number(y * (1.0 + OVERLAP))}>" for x, y in (*corners, corners[0])]
+    sweep = f"linear_sweep linear_spline {number(low)}, {number(high)}, {len(points)}, {', '.join(points)}"
     return f"prism {{ {sweep} matrix <1, 0, 0, 0, 0, 1, 0, 1, 0, 0, 0, 0> }}"
 
 
 def lattice_rows(display: Display) -> list[tuple[int, int, int]]:
     """Return (row j, first i, last i) of the lenslets that cover the panel and `SPARE_LENSLETS` more on each side."""
     panel, array = display.panel, display.array
-    frame = PanelFrame.of(display)
+    frame, lattice = PanelFrame.of(display), Lattice.of(array)
     spare = (SPARE_LENSLETS + 0.5) * array.coarsest_mm
-    lattice = Lattice.of(array)
     # The panel's diagonal bounds it for every rotation.
     reach = math.hypot(panel.width_mm, panel.height_mm) + math.hypot(*array.offset_mm) + spare
     count = math.ceil(reach / min(array.row_pitch_mm, array.finest_mm))

@@ -1,20 +1,16 @@
-"""Converts a Mitsuba scene for POV-Ray: spheres, meshes and rectangles, their materials, point lights.
+"""Converts a Mitsuba scene for POV-Ray (docs/reference/povray.md), in the display's frame, mm.
 
-The result is in the display's frame, in mm: points and matrices include the placement.
-
-**Factors of materials.** A diffuse surface in Mitsuba has the radiance a / pi times the irradiance E = I cos / d^2 of a
-point light of intensity I. In POV-Ray, `diffuse 1` has the radiance a c cos for a light of colour c, times
-2 / (1 + (d / f)^2) with `fade_power 2` and `fade_distance f`, which is 2 f^2 / d^2 for small f. Both agree when
-c = I / (2 pi f^2), as `_light` writes it, to a relative f^2 / d^2: a millionth at 1 mm.
+**Factors of materials.** Under a point light of intensity I, a diffuse surface has the radiance a I cos / (pi d^2) in
+Mitsuba. In POV-Ray it is 2 a c cos / (1 + (d / f)^2), for a light of colour c with `fade_power 2` and
+`fade_distance f`. With c = I / (2 pi f^2) both agree to a relative f^2 / d^2: a millionth at 1 mm.
 
 The diffuse part of a smooth plastic is a (1 - F(i)) (1 - F(o)) / (eta^2 (1 - Fdr)) in Mitsuba, with the Fresnel
-reflectances F of both directions. POV-Ray has no such factors; those of normal incidence are used, which are accurate
-to 2 % up to 50 degrees and too bright beyond. The specular reflection follows Fresnel exactly.
+reflectances F of both directions. Here F is that of normal incidence: accurate to 2 % up to 50 degrees, too bright
+beyond.
 """
 
 from __future__ import annotations
 
-import contextlib
 import math
 from dataclasses import dataclass
 from pathlib import Path
@@ -32,19 +28,21 @@ SUBSET = "use diffuse, plastic, conductor (a mirror) or dielectric, two-sided or
 
 
 class Side(NamedTuple):
-    """Appearance of one side of a surface: its finish, and its pigments for a mesh and for a sphere.
-
-    The pigments differ for an image texture only.
-    """
+    """Appearance of one side of a surface: its pigments for meshes and for spheres, and its finish."""
 
     pigment: str
     sphere: str
     finish: str
 
+    def texture(self, spherical: bool) -> str:
+        """Return the texture for a sphere, or for a mesh with uv."""
+        pigment = self.sphere if spherical else self.pigment
+        return block("texture", pigment, block("finish", "ambient 0 " + self.finish))
+
 
 @dataclass(frozen=True)
 class Material:
-    """A material: both sides, and the enclosed refractive index (None: opaque, without Fresnel reflection)."""
+    """A material: both sides, and the enclosed refractive index (None: no Fresnel reflection)."""
 
     name: str
     front: Side
@@ -61,17 +59,6 @@ class Material:
         """Whether it has an image texture."""
         return any(side.pigment != side.sphere for side in (self.front, self.back))
 
-    def declarations(self, spherical: bool) -> dict[str, str]:
-        """Return the textures of front and back by name, for a sphere, or for a mesh with uv."""
-        stem = f"{self.name}_sphere" if spherical and self.pictures else self.name
-        sides = {stem: self.front} if self.back == self.front else {stem: self.front, f"{stem}_back": self.back}
-        return {
-            name: block(
-                "texture", side.sphere if spherical else side.pigment, block("finish", "ambient 0 " + side.finish)
-            )
-            for name, side in sides.items()
-        }
-
 
 def _plain(colour: Triple, finish: str) -> Side:
     pigment = block("pigment", f"rgb {vector(colour)}")
@@ -84,16 +71,18 @@ CLEAR = block("pigment", "rgbt <1, 1, 1, 1>")
 
 
 class Materials:
-    """Reads each material once, and copies its image textures into the exported folder."""
+    """Reads each material once, and copies its image textures to the exported folder."""
 
     def __init__(self, folder: Path) -> None:
         self._mi = mitsuba()
-        self._folder = folder
+        self.folder = folder
+        #: The textures to declare, by name.
+        self.textures: dict[str, str] = {}
         self._known: dict[int, Material] = {}
         self._pictures: dict[tuple[Path, bool], str] = {}
 
     def read(self, item: Item) -> Material:
-        """Return the material of a BSDF; InputError names the part that POV-Ray cannot express."""
+        """Return the material of a BSDF."""
         if item.index not in self._known:
             name = identifier("material", len(self._known), item.id)
             if item.plugin == "twosided":
@@ -107,13 +96,13 @@ class Materials:
         return self._known[item.index]
 
     def _one(self, item: Item) -> tuple[Side, float | None]:
-        """Return the look of a material's front, and the index of what it encloses."""
+        """Return a material's front, and the index of what it encloses."""
         index = None
         match item.plugin:
             case "diffuse":
                 side = self._coloured(item, "reflectance", "diffuse 1")
             case "conductor":
-                if item.value("material", "Cu") != "none" or item.has("eta") or item.has("k"):
+                if item.value("material", "Cu") != "none" or item.values("eta", "k"):
                     raise item.refusal("has a complex index", "give material none and a specular_reflectance")
                 tint = item.triple("specular_reflectance", WHITE)
                 side = _plain((0.0, 0.0, 0.0), f"diffuse 0 reflection {{ rgb {vector(tint)} }}")
@@ -122,12 +111,12 @@ class Materials:
                     if item.triple(name, WHITE) != WHITE:
                         raise item.refusal(f"has a {name} other than 1", "leave it out: clear glass")
                 side = Side(CLEAR, CLEAR, "diffuse 0 reflection { 0, 1 fresnel on } conserve_energy")
-                index = self._index(item, "bk7")
+                index = self._index(item)
             case "plastic":
                 if item.value("nonlinear", False):
                     raise item.refusal("is nonlinear", "leave nonlinear out")
                 tint = item.triple("specular_reflectance", WHITE)
-                index = self._index(item, "1.49")
+                index = self._index(item)
                 normal = ((index - 1.0) / (index + 1.0)) ** 2
                 inner = float(self._mi.fresnel_diffuse_reflectance(1.0 / index)[0])
                 diffuse = (1.0 - normal) ** 2 / (index**2 * (1.0 - inner))
@@ -138,21 +127,16 @@ class Materials:
         item.refuse_leftovers()
         return side, index
 
-    def _index(self, item: Item, default: str) -> float:
-        """Return the relative index, by default Mitsuba's; it looks up names in its own table of materials."""
-        given: dict[str, float | str] = {"int_ior": item.value("int_ior", default)}
-        given["ext_ior"] = item.value("ext_ior", "air")
-        for name, value in given.items():
-            with contextlib.suppress(ValueError):  # the name of a material
-                given[name] = float(value)
+    def _index(self, item: Item) -> float:
+        """Return the relative index."""
         try:
-            glass = self._mi.load_dict({"type": "dielectric", **given})
+            glass = self._mi.load_dict({"type": item.plugin, **item.values("int_ior", "ext_ior")})
         except Exception as error:  # Mitsuba's errors have no common base
             raise item.refusal(f"has an unknown index ({' '.join(str(error).split())[:100]})", "give it") from None
         return float(self._mi.traverse(glass)["eta"])
 
     def _coloured(self, item: Item, name: str, finish: str) -> Side:
-        """Return a side with the colour or the picture that a property gives."""
+        """Return a side with the colour or the image texture that a property gives."""
         texture = item.child(name)
         if texture is None:
             return _plain(item.triple(name, (0.5, 0.5, 0.5)), finish)
@@ -177,13 +161,13 @@ class Materials:
         if key not in self._pictures:
             try:
                 bitmap = self._mi.Bitmap(str(path))
-            except Exception as error:  # as above
+            except Exception as error:
                 raise texture.refusal(f"cannot be read ({' '.join(str(error).split())[:200]})", "mend it") from None
             if bitmap.component_format() != self._mi.Struct.Type.UInt8:
                 raise texture.refusal("has more than 8 bits a colour", "save it as an 8-bit PNG")
             name = f"{plain(path.stem)}-{len(self._pictures)}.png"
             bitmap = bitmap.convert(self._mi.Bitmap.PixelFormat.RGB, self._mi.Struct.Type.UInt8, bitmap.srgb_gamma())
-            bitmap.write(str(self._folder / name))
+            bitmap.write(str(self.folder / name))
             self._pictures[key] = name
         return self._pictures[key]
 
@@ -200,23 +184,17 @@ GRAIN = 1e-6
 
 
 def write_scene(path: Path, placement: Placement, folder: Path) -> None:
-    """Write `scene.inc`, a file for each mesh, and the image textures of a scene file to an existing folder.
-
-    InputError names the first part of the scene that POV-Ray cannot express.
-    """
-    materials = Materials(folder)
-    textures: dict[str, str] = {}
-    objects: list[str] = []
-    lights: list[str] = []
+    """Write `scene.inc`, meshes and image textures to a folder; refuse what POV-Ray cannot express."""
+    materials, objects, lights = Materials(folder), list[str](), list[str]()
     for item in Item(Tree(path), 0).children():
         if item.kind == "Shape":
-            objects += _shape(item, materials, textures, placement, folder, len(objects))
+            objects += _shape(item, materials, placement, len(objects))
         elif item.kind == "Emitter":
             lights.append(_light(item, placement))
         elif item.kind not in (*ELSEWHERE, "BSDF", "Texture"):
             raise item.refusal("has no counterpart in POV-Ray", "leave it out")
     title = f"// {plain(path.stem)} in the display's frame, mm: x right, y up, +z to the viewer; radiance is linear."
-    declared = [f"#declare {name} = {text}" for name, text in textures.items()]
+    declared = [f"#declare {name} = {text}" for name, text in materials.textures.items()]
     (folder / "scene.inc").write_text("\n".join([title, *declared, *lights, *objects]) + "\n")
 
 
@@ -232,10 +210,8 @@ def _light(item: Item, placement: Placement) -> str:
     return block("light_source", f"{vector(position)} rgb {vector(colour)}", fade)
 
 
-def _shape(
-    item: Item, materials: Materials, textures: dict[str, str], placement: Placement, folder: Path, place: int
-) -> list[str]:
-    """Return the objects of a shape, and add its textures to those declared; `place` makes its names unique."""
+def _shape(item: Item, materials: Materials, placement: Placement, place: int) -> list[str]:
+    """Return the objects of a shape, and add its textures to `materials`; `place` makes names unique."""
     if item.plugin not in SHAPES:
         raise item.refusal("has no counterpart in POV-Ray", f"use {', '.join(SHAPES)}")
     material = None
@@ -249,23 +225,23 @@ def _shape(
         raise item.refusal("encloses no glass", "use closed shapes for dielectrics")
     spherical = item.plugin == "sphere"
     # `@` stands for texture and interior.
-    geometry = _sphere(item, placement) if spherical else _mesh(item, material, placement, folder, place)
+    geometry = _sphere(item, placement) if spherical else _mesh(item, material, placement, materials.folder, place)
     item.refuse_leftovers()
-    declared = material.declarations(spherical)
-    textures.update(declared)
-    front, back = next(iter(declared)), list(declared)[-1]
+    front = f"{material.name}_sphere" if spherical and material.pictures else material.name
+    back = front if material.back == material.front else f"{front}_back"
+    materials.textures |= {front: material.front.texture(spherical), back: material.back.texture(spherical)}
     look = f"texture {{ {front} }} interior_texture {{ {back} }}"
     if material.index is not None:
         look += f" interior {{ ior {material.index:.9g} }}"
     if not material.clear:
         return [geometry.replace("@", look)]
-    # Glass blocks Mitsuba's point lights but not POV-Ray's, so a separate object casts its shadow.
+    # Glass blocks Mitsuba's point lights, but not POV-Ray's: a separate object casts its shadow.
     shadow = geometry.replace("@", block("pigment", "rgb 0") + " no_image no_reflection").split("\n")[-1]
     return [geometry.replace("@", f"{look} no_shadow"), shadow]
 
 
 def _sphere(item: Item, placement: Placement) -> str:
-    """Return the unit sphere with its transform, which applies to its image texture too."""
+    """Return the unit sphere with its transform."""
     to_world = item.matrix()
     to_world[:3, 3] += to_world[:3, :3] @ np.array(item.triple("center", ORIGIN))
     to_world[:3, :3] *= item.value("radius", 1.0)
@@ -284,8 +260,7 @@ def _mesh(item: Item, material: Material, placement: Placement, folder: Path, pl
     points = _column(mesh.vertex_positions_buffer(), 3)
     faces = np.array(mesh.faces_buffer()).reshape(-1, 3).astype(np.int64)
     # In POV-Ray's left-handed frame, a face's vertices are clockwise seen from outside.
-    outside = _outside(mesh, points, faces)
-    faces = np.where(outside[:, None], faces[:, ::-1], faces)
+    faces = np.where(_outside(mesh, points, faces)[:, None], faces[:, ::-1], faces)
     if material.clear:
         _check_closed(item, points, faces)
     points = points @ placement.display_from_scene[:3, :3].T
@@ -310,12 +285,9 @@ def _mesh(item: Item, material: Material, placement: Placement, folder: Path, pl
 
 
 def _outside(mesh: Any, points: Array, faces: Array) -> npt.NDArray[np.bool_]:
-    """Tell which faces' vertices are counter-clockwise seen from the front, where Mitsuba's normal points.
-
-    The normal is Mitsuba's own at each face's centre: it depends on winding, vertex normals, flip_normals and whether
-    the transform mirrors.
-    """
+    """Tell which faces' vertices are counter-clockwise seen from the front."""
     mi, dr = mitsuba(), drjit()
+    # Mitsuba's normal points to the front. It depends on winding, vertex normals, flip_normals and mirroring.
     centre = dr.zeros(mi.PreliminaryIntersection3f, len(faces))
     centre.t = 1.0
     centre.prim_index = dr.arange(mi.UInt32, len(faces))
@@ -327,16 +299,14 @@ def _outside(mesh: Any, points: Array, faces: Array) -> npt.NDArray[np.bool_]:
 
 
 def _area(points: Array, faces: Array) -> Array:
-    """Return the faces' normals by the order of their vertices; their lengths are twice the areas."""
+    """Return the normals by the order of the vertices, as long as twice the faces' areas."""
     first, second, third = (points[faces[:, k]] for k in range(3))
     return np.cross(second - first, third - first)
 
 
 def _check_closed(item: Item, points: Array, faces: Array) -> None:
-    """Refuse a mesh that is not closed (an edge has one face) or that is inside out.
-
-    Vertices at one place count as one: normals and uv split them.
-    """
+    """Refuse a mesh that is not closed (an edge has one face) or that is inside out."""
+    # Vertices in one place are one corner: normals and uv split them.
     grain = GRAIN * np.ptp(points, axis=0).max()
     _, corner = np.unique(np.round(points / grain), axis=0, return_inverse=True)
     edges = np.sort(corner.reshape(-1)[faces[:, [[0, 1], [1, 2], [2, 0]]]].reshape(-1, 2), axis=1)
@@ -351,22 +321,16 @@ def _check_closed(item: Item, points: Array, faces: Array) -> None:
 def _load(item: Item) -> tuple[Any, str]:
     """Return Mitsuba's mesh, in scene units, and a name for it."""
     mi = mitsuba()
-    given: dict[str, Any] = {"type": item.plugin, "to_world": mi.ScalarTransform4f(item.matrix())}
+    properties = {"type": item.plugin, "to_world": mi.ScalarTransform4f(item.matrix()), **item.values("flip_normals")}
     stem = item.plugin
     if item.plugin != "rectangle":
         path = item.path("filename")
-        given["filename"] = str(path)
+        properties |= {"filename": str(path), **item.values("face_normals", "flip_tex_coords")}
         stem = plain(path.stem)
-        for name in ("face_normals", "flip_tex_coords"):
-            if item.has(name):
-                given[name] = item.value(name, False)
-    if item.value("flip_normals", False):
-        given["flip_normals"] = True
     try:
-        shape = mi.load_dict(given)
+        return mi.load_dict(properties), stem
     except Exception as error:  # Mitsuba's errors have no common base
         raise item.refusal(f"cannot be read ({' '.join(str(error).split())[:200]})", "mend it") from None
-    return shape, stem
 
 
 def _column(buffer: Any, width: int) -> Array:

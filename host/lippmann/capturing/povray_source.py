@@ -1,7 +1,6 @@
-"""A parsed Mitsuba scene file: its objects with their properties, references resolved.
+"""A scene file as Mitsuba parses it: its objects with their properties, references resolved.
 
-Mitsuba's own parser reads it, including defaults, includes and nested files. The caller reads the properties that it
-supports; the remaining ones are errors that name property, file and line.
+The caller reads the properties that it supports; the remaining ones are errors that name property, file and line.
 """
 
 from __future__ import annotations
@@ -20,28 +19,27 @@ Value = TypeVar("Value", float, str, bool)
 
 
 class Item:
-    """One object of a scene file, such as a shape; each reading method marks its property as read."""
+    """One object of a scene file, such as a shape; each method marks the property that it reads."""
 
     def __init__(self, tree: Tree, index: int) -> None:
-        node = tree.state.nodes[index]
         self.index = index
         self.tree = tree
-        self.plugin: str = node.props.plugin_name()
-        self.kind: str = node.type.name
-        self.id: str = node.props.id()
-        self._properties: dict[str, Any] = dict(node.props.items())
+        self._node = tree.state.nodes[index]
+        self.plugin: str = self._node.props.plugin_name()
+        self.kind: str = self._node.type.name
+        self.id: str = self._node.props.id()
+        self._properties: dict[str, Any] = dict(self._node.props.items())
         self._read: set[str] = set()
-        self._node = node
 
     def path(self, name: str) -> Path:
-        """Return the path that a property names, relative to the scene or to the included file that names it."""
+        """Return the path in a property, relative to the scene or to the included file with the property."""
         text = self.value(name, "")
         including_file = Path(str(self.tree.state.files[self._node.file_index]))
         beside_scene = self.tree.path.parent / text
         return beside_scene if beside_scene.exists() else including_file.parent / text
 
     def refusal(self, what: str, remedy: str) -> InputError:
-        """Return an error that names this object, its place in the file, and the part that POV-Ray cannot express."""
+        """Return an error that names this object and its place in the file."""
         name = f"{self.kind.lower()} '{self.plugin}'" + (f" ({self.id})" if self.id else "")
         where = str(self.tree.mi.parser.file_location(self.tree.state, self._node))
         return input_error(where, f"{name} {what}", remedy)
@@ -50,12 +48,12 @@ class Item:
         self._read.add(name)
         return self._properties.get(name)
 
-    def has(self, name: str) -> bool:
-        """Tell whether a property is given."""
-        return name in self._properties
+    def values(self, *names: str) -> dict[str, Any]:
+        """Return those of the properties that are given, as Mitsuba takes them."""
+        return {name: self._take(name) for name in names if name in self._properties}
 
     def value(self, name: str, default: Value) -> Value:
-        """Return a number, a text or a Boolean: the type is the default's, which Mitsuba has checked."""
+        """Return a number, a text or a Boolean, of the default's type."""
         value = self._take(name)
         return default if value is None else type(default)(value)
 
@@ -75,13 +73,13 @@ class Item:
             raise self.refusal(f"has a {name} that is not an RGB colour", f"give {name} as rgb") from None
         return x, y, z
 
-    def matrix(self, name: str = "to_world") -> Matrix:
-        """Return a transform, (4, 4)."""
-        value = self._take(name)
+    def matrix(self) -> Matrix:
+        """Return the transform `to_world`, (4, 4)."""
+        value = self._take("to_world")
         return np.eye(4) if value is None else np.array(value.matrix, np.float64).reshape(4, 4)
 
     def child(self, name: str) -> Item | None:
-        """Return the object that a property refers to, such as a texture; None for a value."""
+        """Return the object that a property refers to; None for a value."""
         value = self._properties.get(name)
         if not isinstance(value, self.tree.reference):
             return None
@@ -90,13 +88,8 @@ class Item:
 
     def children(self) -> list[Item]:
         """Return the nested and referenced objects that are not yet read, in order."""
-        objects = {
-            name: Item(self.tree, value.index())
-            for name, value in self._properties.items()
-            if isinstance(value, self.tree.reference) and name not in self._read
-        }
-        self._read.update(objects)
-        return list(objects.values())
+        objects = [self.child(name) for name in self._properties if name not in self._read]
+        return [one for one in objects if one is not None]
 
     def refuse_leftovers(self) -> None:
         """Raise for the first property that has not been read."""
@@ -109,8 +102,7 @@ class Tree:
     """A parsed scene file; its object 0 is the scene."""
 
     def __init__(self, path: Path) -> None:
-        mi = mitsuba()
-        self.mi = mi
+        self.mi = mi = mitsuba()
         self.path = path
         self.reference = mi.Properties.ResolvedReference
         with parsed(path) as (configuration, self.state):

@@ -1,9 +1,7 @@
 """Numbers, vectors, blocks and cameras as POV-Ray's scene language writes them.
 
-POV-Ray's frame is left-handed only by convention: points and matrices are written unchanged, and the camera defines its
-own right, so that images are not mirrored.
-
-The cameras' rays go through the pixels' centres, as Lippmann's do with one sample.
+POV-Ray's frame is left-handed by convention only: the camera defines its own right, so that points are written
+unchanged and images are not mirrored. Its rays go through the pixels' centres.
 """
 
 from __future__ import annotations
@@ -20,8 +18,13 @@ import numpy.typing as npt
 from lippmann.optics.rays import Floats
 from lippmann.scenes.placement import Triple
 
-#: Longest part of a name that is kept, characters: file systems allow 255 bytes.
+#: Longest part of a name, characters: file systems allow 255 bytes.
 MAX_NAME = 100
+#: Size of the triangles that define rays, mm: float32 corners, as POV-Ray's, 100 mm from the origin rotate the normal
+#: of a triangle of 10 mm by a microradian.
+FACE_MM = 10.0
+#: POV-Ray 3.7 renders each row of a camera of single rays one row too low, and the first row twice.
+SPARE_ROWS = 1
 
 
 def number(value: float) -> str:
@@ -36,44 +39,36 @@ def vector(values: Iterable[Any]) -> str:
 
 def block(name: str, *parts: str) -> str:
     """Return `name { parts }`, a line each, indented."""
-    body = "\n".join(part for part in parts if part)
+    body = "\n".join(parts)
     if "\n" not in body and len(body) < 90:
         return f"{name} {{ {body} }}"
     return f"{name} {{\n{textwrap.indent(body, '  ')}\n}}"
 
 
 def matrix(values: npt.NDArray[Any]) -> str:
-    """Return a transform from a (4, 4) matrix for column vectors, transposed for POV-Ray's row vectors."""
-    return "matrix " + vector(np.asarray(values)[:3, :4].T.ravel())
+    """Return the transform of a (4, 4) matrix for column vectors; POV-Ray's vectors are rows."""
+    return "matrix " + vector(values[:3, :4].T.ravel())
 
 
 def rows(values: npt.NDArray[Any]) -> str:
-    """Return the number of rows of an (N, k) array, then the rows as vectors, as meshes need them."""
-    is_integer = np.issubdtype(values.dtype, np.integer)
-    form = "%d" if is_integer else "%.9g"
+    """Return N, then the rows as vectors, of an (N, k) array."""
+    form = "%d" if np.issubdtype(values.dtype, np.integer) else "%.9g"
     line = "<" + ",".join([form] * values.shape[1]) + ">"
     return f"{len(values)},\n" + ",\n".join([line] * len(values)) % tuple(values.ravel().tolist())
 
 
 def plain(name: str) -> str:
-    """Return a name of ASCII letters, digits and _ only, for files and parts of identifiers."""
+    """Return a name of ASCII letters, digits and _ only."""
     return re.sub(r"\W", "_", name[:MAX_NAME], flags=re.ASCII)
 
 
 def identifier(kind: str, number: int, name: str) -> str:
-    """Return a valid identifier that is not a keyword; kind and number make it unique."""
+    """Return an identifier; kind and number make it unique."""
     return f"L_{kind}{number}_{plain(name)}"
 
 
-#: Size of the triangles that define rays, mm: POV-Ray stores their corners in float32, which 100 mm from the origin
-#: rotates the normal of a triangle of 10 mm by a microradian.
-FACE_MM = 10.0
-#: POV-Ray 3.7 renders each row of such a camera one row too low, and the first row twice.
-SPARE_ROWS = 1
-
-
 def pinhole(position_mm: Triple, to_window: Triple, width_mm: float, height_mm: float) -> str:
-    """Return a pinhole camera that looks through an upright window; `to_window` leads to the window's centre, mm."""
+    """Return a pinhole camera for an upright window; `to_window` leads to the window's centre, mm."""
     return block(
         "camera",
         f"perspective location {vector(position_mm)}",
@@ -82,20 +77,13 @@ def pinhole(position_mm: Triple, to_window: Triple, width_mm: float, height_mm: 
 
 
 def write_rays(path: Path, origin_mm: Floats, direction: Floats) -> None:
-    """Write a camera with one ray for each pixel: the ray of pixel k starts at the centre of face k, along its normal.
-
-    The origins and the unit directions are (N, 3), row by row from the image's top left.
-    """
-    # Two unit vectors perpendicular to each ray; the first from the axis that is most perpendicular to it.
-    helper = np.eye(3)[np.abs(direction).argmin(axis=1)]
-    across = np.cross(direction, helper)
+    """Write a camera of rays, row by row from the top left: origins and unit directions (N, 3), a triangle for each."""
+    # Two unit vectors perpendicular to each ray, the first also to the axis that is most perpendicular to it.
+    across = np.cross(direction, np.eye(3)[np.abs(direction).argmin(axis=1)])
     across /= np.linalg.norm(across, axis=1, keepdims=True)
     other = np.cross(direction, across)
-    # An equilateral triangle about the origin.
-    corners = [
-        origin_mm + FACE_MM * (np.cos(turn) * across + np.sin(turn) * other)
-        for turn in 2.0 * np.pi / 3.0 * np.arange(3)
-    ]
+    turns = 2.0 * np.pi / 3.0 * np.arange(3)
+    corners = [origin_mm + FACE_MM * (np.cos(turn) * across + np.sin(turn) * other) for turn in turns]
     points = np.stack(corners, axis=1).reshape(-1, 3)
     faces = np.arange(len(points)).reshape(-1, 3)[:, ::-1]
     mesh = f"#declare L_rays = mesh2 {{\nvertex_vectors {{ {rows(points)} }}\nface_indices {{ {rows(faces)} }}\n}}"

@@ -75,8 +75,8 @@ def command(
             placed = moved.load(path, display)
             choice = choose_layers(placed, display, tolerance_db, slot, block_rams, multipliers, settings, progress)
         result |= {
-            "tolerance_db": tolerance_db, "layers": choice.chosen, "best": choice.best, "limit": choice.limit,
-            "render_db": choice.render_db, "tried": choice.tried,
+            "tolerance_db": tolerance_db, "layers": choice.cheapest, "best": choice.best, "limit": choice.limit,
+            "render_db": choice.render_db, "tried": choice.candidates,
         }  # fmt: skip
         lines += _layers(choice, tolerance_db)
     head = f"{display.name}, z = {far:.4g} to {near:.4g} mm; errors in pixels of the reconstructed view"
@@ -104,7 +104,7 @@ def _build(best: Fit, tolerance: float) -> str:
 
 
 def _layers(choice: LayerChoice, tolerance_db: float) -> Iterator[str]:
-    cheapest = choice.chosen
+    cheapest = choice.cheapest
     if cheapest is not None:
         yield f"layers {cheapest['layers']}: the cheapest within {tolerance_db:g} dB, of those tried:"
     else:
@@ -115,7 +115,7 @@ def _layers(choice: LayerChoice, tolerance_db: float) -> Iterator[str]:
             "sizes": "no board has more layers, and no larger --slot was tried",
         }[choice.limit or "sizes"]
         yield f"layers: none of those tried is within {tolerance_db:g} dB; limit: {limit}"
-    for row in choice.tried:
+    for row in choice.candidates:
         mark = "chosen" if row is cheapest else "best" if cheapest is None and row is choice.best else ""
         spent = f"{row['block_rams']:>3} block RAMs, {row['load_bytes']:>7} bytes, {row['multipliers']:>3} multipliers"
         size, quality = "{}x{}".format(*row["slot"]), f"{_cut(row['worst_db'])} dB (mean {_cut(row['view_db'])})"

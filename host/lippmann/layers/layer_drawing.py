@@ -2,8 +2,6 @@
 
 A pixel's exit ray meets the plane of each layer; the texels there are composited from front to back in linear light,
 the pixel's samples are averaged, and the panel's curve is applied once. A ray without an exit is black.
-
-A `LayerPlan` has these, or the integers of the RTL, draw the bands of a picture in any process.
 """
 
 from __future__ import annotations
@@ -41,9 +39,8 @@ from lippmann.scenes.placement import Placement
 
 Filter = Literal["nearest", "bilinear"]
 FILTERS: tuple[Filter, ...] = get_args(Filter)
-#: What draws layers.
 LAYER_ENGINES = ("golden", "twin", "rtl")
-#: Where in a pixel its samples are, from the pixel's centre, pixels: by their number.
+#: Places of a pixel's samples, pixels from its centre, by their number.
 SAMPLES = {
     1: ((0.0, 0.0),),
     2: ((-0.25, -0.25), (0.25, 0.25)),
@@ -53,19 +50,16 @@ SAMPLES = {
 MAX_SLOPE = 4.0
 #: Least texels of a row of a board's slots.
 MIN_ROW = 32
-#: Bits of a panel's value that a board sends at most.
+#: Most bits of a panel's value that a board sends.
 BOARD_BITS = 8
-#: Rays drawn at once.
 CHUNK_RAYS = 1 << 18
 
 
 class ExitLines(NamedTuple):
-    """Exit rays as lines, N of them: where they meet the plane z = 0, mm, their slopes, and which of them draw."""
+    """Exit rays: where they meet the plane z = 0, mm (N, 2), their slopes (N, 2), and which of them draw (N,)."""
 
-    x: Floats
-    y: Floats
-    slope_x: Floats
-    slope_y: Floats
+    places_mm: Floats
+    slopes: Floats
     draws: npt.NDArray[np.bool_]
 
 
@@ -77,12 +71,10 @@ def draw_golden(
     model: Model = "exact",
     lines: Iterable[ExitLines] | None = None,
 ) -> Floats:
-    """Return the linear light (height, width, 3) of layers for a display; of the rows of `lines` alone if given.
+    """Return the linear light (height, width, 3) of layers for a display, whatever its sub-pixels.
 
-    Pixels are drawn at their centres, whatever their sub-pixels; of several samples, two are on a pixel's diagonal, and
-    four in its quarters. `lines` are the exit rays (`exit_lines`), which are traced when they are not known.
-
-    Raises InputError for an unknown filter, or a number of samples that a board does not have.
+    `lines` are its exit rays (`exit_lines`) or those of some rows, which alone are drawn then. Raises InputError for an
+    unknown filter, or a number of samples that a board does not have.
     """
     check_options(filter, samples)
     lines = exit_lines(display, samples, model) if lines is None else lines
@@ -91,7 +83,7 @@ def draw_golden(
 
 
 def scene_build_of(stack: LayerStack, filter: Filter, samples: int) -> SceneBuild:
-    """Return the least build of the drawing that holds a stack; InputError, with the largest layer, without one."""
+    """Return the smallest build that draws a stack; InputError, with the largest layer, without one."""
     widest = max(MIN_ROW, *(layer.width for layer in stack.layers))
     width = 1 << (widest - 1).bit_length()
     step = max(2, BLOCK_BYTES // width)
@@ -110,42 +102,37 @@ def check_options(filter: str, samples: object) -> None:
     if filter not in FILTERS:
         raise InputError(f"unknown filter '{filter}'; choose from {', '.join(FILTERS)}")
     if isinstance(samples, bool) or not isinstance(samples, Integral) or samples not in SAMPLES:
-        numbers = ", ".join(map(str, SAMPLES))
-        raise InputError(
-            f"layers are drawn with {numbers} samples a pixel, not {samples!r}; give one of these integers"
-        )
+        numbers = f"{', '.join(map(str, SAMPLES))} samples a pixel"
+        raise InputError(f"layers are drawn with {numbers}, not {samples!r}; give one of these integers")
 
 
 def panel_bytes(display: Display, light: npt.NDArray[np.floating]) -> Bytes:
-    """Return the bytes of linear light (..., 3) by a panel's curve; a panel of fewer bits has them spread to 8."""
-    values = encoded_values(light, display.panel.transfer, min(display.panel.bits, BOARD_BITS))
-    return values.astype(np.uint8)
+    """Return a panel's values of linear light (..., 3), spread to 8 bits."""
+    panel = display.panel
+    return encoded_values(light, panel.transfer, min(panel.bits, BOARD_BITS)).astype(np.uint8)
 
 
 def exit_lines(
     display: Display, samples: int = 1, model: Model = "exact", drawn_rows: range | None = None
 ) -> Iterator[ExitLines]:
-    """Yield the exit rays of a display's pixels, or of some rows, in each pixel its samples, some rows at a time."""
-    width, height = display.panel.width_px, display.panel.height_px
-    places = np.array(SAMPLES[samples])
+    """Yield the exit rays of a display, or of some of its rows, by pixel and sample."""
+    width = display.panel.width_px
     rows = max(1, CHUNK_RAYS // (width * samples))
-    drawn_rows = range(height) if drawn_rows is None else drawn_rows
+    drawn_rows = range(display.panel.height_px) if drawn_rows is None else drawn_rows
     for first in range(drawn_rows.start, drawn_rows.stop, rows):
         v, u = np.mgrid[first : min(first + rows, drawn_rows.stop), :width] + 0.5
-        pixels = (np.stack([u, v], axis=-1)[:, :, None] + places).reshape(-1, 2)
+        pixels = (np.stack([u, v], axis=-1)[:, :, None] + np.array(SAMPLES[samples])).reshape(-1, 2)
         rays = trace(display, pixels, model=model)
         draws = np.asarray(gets_through(rays.status))
-        origin, direction = rays.origin_mm, rays.direction
-        dz = np.where(draws, direction[:, 2], 1.0)
-        slope_x, slope_y = (np.where(draws, direction[:, k] / dz, 0.0) for k in range(2))
-        x, y = (np.where(draws, origin[:, k] - origin[:, 2] * s, 0.0) for k, s in enumerate((slope_x, slope_y)))
-        draws &= (abs(slope_x) <= MAX_SLOPE) & (abs(slope_y) <= MAX_SLOPE)
-        yield ExitLines(x, y, slope_x, slope_y, draws)
+        origin, direction, exits = rays.origin_mm, rays.direction, draws[:, None]
+        slopes = np.where(exits, direction[:, :2] / np.where(exits, direction[:, 2:], 1.0), 0.0)
+        places_mm = np.where(exits, origin[:, :2] - origin[:, 2:] * slopes, 0.0)
+        yield ExitLines(places_mm, slopes, draws & (abs(slopes) <= MAX_SLOPE).all(axis=1))
 
 
 def composite(stack: LayerStack, lines: ExitLines, filter: Filter) -> Floats:
     """Return the linear light (N, 3) of rays."""
-    light, through = np.zeros((len(lines.x), 3)), np.ones(len(lines.x))
+    light, through = np.zeros((len(lines.draws), 3)), np.ones(len(lines.draws))
     for layer in stack.layers:
         if layer.visible:
             s, t = texel_coordinates(layer, lines)
@@ -158,22 +145,19 @@ def composite(stack: LayerStack, lines: ExitLines, filter: Filter) -> Floats:
 
 def texel_coordinates(layer: Layer, lines: ExitLines) -> tuple[Floats, Floats]:
     """Return where rays meet a layer, in its texels."""
-    if layer.sky:
-        x, y = lines.slope_x, lines.slope_y
-    else:
-        x, y = lines.x + layer.depth_mm * lines.slope_x, lines.y + layer.depth_mm * lines.slope_y
+    x, y = (lines.slopes if layer.sky else lines.places_mm + layer.depth_mm * lines.slopes).T
     (a, b, s0), (c, d, t0) = layer.matrix
     return a * x + b * y + s0, c * x + d * y + t0
 
 
 def _bilinear(layer: Layer, s: Floats, t: Floats) -> tuple[Floats, Floats]:
-    """Return the mean of the four texels around, their premultiplied light and their opacity."""
-    left, top = np.floor(s - 0.5), np.floor(t - 0.5)
-    right, down = s - 0.5 - left, t - 0.5 - top
+    """Return the mean of the four texels around places, as `_texels`."""
+    column, row = np.floor(s - 0.5), np.floor(t - 0.5)
+    across, down = s - 0.5 - column, t - 0.5 - row
     light, opacity = np.zeros((len(s), 3)), np.zeros(len(s))
-    for row, height in ((top, 1.0 - down), (top + 1, down)):
-        for column, width in ((left, 1.0 - right), (left + 1, right)):
-            one_light, one_opacity = _texels(layer, column, row)
+    for j, height in ((row, 1.0 - down), (row + 1, down)):
+        for i, width in ((column, 1.0 - across), (column + 1, across)):
+            one_light, one_opacity = _texels(layer, i, j)
             light += (width * height)[:, None] * one_light
             opacity += width * height * one_opacity
     return light, opacity
@@ -181,26 +165,25 @@ def _bilinear(layer: Layer, s: Floats, t: Floats) -> tuple[Floats, Floats]:
 
 def _texels(layer: Layer, s: Floats, t: Floats) -> tuple[Floats, Floats]:
     """Return the premultiplied light (N, 3) and the opacity (N,) of the texels at places; both are 0 outside."""
-    column, row = np.floor(s), np.floor(t)
-    inside = (column >= 0.0) & (column < layer.width) & (row >= 0.0) & (row < layer.height)
-    index = layer.texels[np.where(inside, row, 0.0).astype(np.int64), np.where(inside, column, 0.0).astype(np.int64)]
+    inside = (s >= 0.0) & (s < layer.width) & (t >= 0.0) & (t < layer.height)
+    column, row = (np.where(inside, place, 0.0).astype(np.int64) for place in (s, t))
+    index = layer.texels[row, column]
     opacity = np.where(inside, opacity_of(layer.palette[:, 3])[index], 0.0)
     return opacity[:, None] * light_of(layer.palette[:, :3])[index], opacity
 
 
 @dataclass(frozen=True, eq=False)
 class LayerPlan(Plan):
-    """The picture of layers for a display, as an engine draws it; its own `BandRenderer`."""
+    """The picture of layers for a display; its own `BandRenderer`."""
 
     stack: LayerStack
     filter: Filter
     name: str = "the layers"
-    #: Nothing was open.
     choices: dict[str, str] = field(default_factory=dict)
 
     @functools.cached_property
     def identity(self) -> str:
-        """Hash of all that the pixels depend on, 16 hexadecimal digits."""
+        """Hash of all that the pixels depend on."""
         digest = hashlib.sha256(repr(self.stack.background).encode())
         for layer in self.stack.layers:
             shape = layer.texels.shape, layer.depth_mm, layer.brightness, layer.visible
@@ -211,15 +194,9 @@ class LayerPlan(Plan):
     @property
     def metadata(self) -> dict[str, str]:
         """What the picture's file carries."""
-        return {
-            "model": self.options.model,
-            "engine": self.options.engine,
-            "samples": str(self.rays),
-            "filter": self.filter,
-            "layers": str(len(self.stack.layers)),
-            "version": __version__,
-            **metadata_of(self.display),
-        }
+        options, count = self.options, str(len(self.stack.layers))
+        choices = {"model": options.model, "engine": options.engine, "samples": str(self.rays), "filter": self.filter}
+        return {**choices, "layers": count, "version": __version__, **metadata_of(self.display)}
 
     def start(self, worker: str | None = None) -> LayerPlan:
         """Return the plan, which draws its bands itself."""
@@ -232,7 +209,7 @@ class LayerPlan(Plan):
     def render(self, number: int, report_rows: Callable[[int], None] | None = None) -> tuple[Radiance, list[int]]:
         """Return the radiance (rows, width, 3) of a band; no sample is lost.
 
-        That of "twin", the RTL's integers, and of "rtl", the RTL simulated, is of the panel's bytes. Raises InputError
+        For "twin", the RTL's integers, and "rtl", the RTL simulated, it is that of the panel's bytes. Raises InputError
         for what their registers cannot hold.
         """
         display, options, rows, model = self.display, self.options, self.bands[number], self.options.model
@@ -245,7 +222,7 @@ class LayerPlan(Plan):
         if options.engine == "twin":
             panel = draw(*arguments, rows=rows)
         else:
-            from lippmann.simulation import harness  # not at the top: golden starts sooner without
+            from lippmann.simulation import harness  # at its first use: golden starts sooner
 
             # The simulators run outside of Python's lock.
             panel = draw(*arguments, harness.rtl_pipeline, harness.rtl_scene, processor_count(), rows)
@@ -264,8 +241,8 @@ def plan_layers(
 ) -> LayerPlan:
     """Return the plan of a picture of layers for a display; `where` names the layers in messages.
 
-    `fraction_bits` is the optics' word length, the widest when left out. Raises InputError for an engine, filter, model
-    or number of samples that does not draw layers, and for layers at or behind the display's eyes.
+    `fraction_bits` is the optics' word length, by default the widest. Raises InputError for an engine, filter, model or
+    number of samples that does not draw layers, and for layers at or behind the display's eyes.
     """
     check_for_display(stack, display, where)
     check_options(filter, samples)

@@ -1,9 +1,7 @@
-"""A folder of layers: `layers.toml`, and beside it a PNG with a palette for each layer.
+"""Folders of layers, and of pictures that become layers (docs/reference/layers-file.md).
 
-The PNG holds the bytes that a board stores, so that what is saved and loaded again is the same to the bit. Its gamma
-chunk says that light is the square of a palette's colour: any viewer shows the right colours.
-
-Layers are made from a folder of pictures with opacity, too: `pictures.toml` tells depth, place and width of each.
+The PNG of a layer holds the bytes that a board stores. Its gamma chunk says that light is the square of a palette's
+colour, so that any viewer shows the right colours.
 """
 
 from __future__ import annotations
@@ -29,7 +27,7 @@ from lippmann.base.tones import decode
 from lippmann.display.description import Display, Pair
 from lippmann.errors import InputError, LippmannWarning, input_error, likely_file, not_there, path_of, reason
 from lippmann.layers.scene_cutting import SLOT, Area, Cut, Reach, Slab, check_slot, layer_of, reach_of, texels_for
-from lippmann.layers.stack import COLOURS, MAX_DEPTH_MM, MAX_LAYERS, MAX_SIDE, Bytes, Floats, Layer, LayerStack, Picture
+from lippmann.layers.stack import COLOURS, MAX_DEPTH_MM, MAX_LAYERS, MAX_SIDE, Bytes, Floats, Layer, LayerStack, Size
 from lippmann.optics.display_properties import depth_reach_mm
 from lippmann.optics.zones import viewing_distance
 from lippmann.scenes.mitsuba_xml import unique
@@ -37,12 +35,18 @@ from lippmann.scenes.mitsuba_xml import unique
 if TYPE_CHECKING:
     import PIL.Image
 
-#: The file that makes a folder one of layers.
-FILE = "layers.toml"
+#: The file that makes a folder one of layers, or of pictures.
+FILE, PICTURES_FILE = "layers.toml", "pictures.toml"
 #: Names of layers that are files' names on every system.
 NAME = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_-]{0,63}")
-#: Exponent between a palette's colour and light, as PNG's gamma chunk has it: 1/2 in steps of 10^-5.
+#: Exponent between a palette's colour and light in PNG's gamma chunk: 1/2 in steps of 10^-5.
 GAMMA = 50_000
+#: Side of a layer, texels, below which its size and place are in doubt.
+FEW_TEXELS = 4
+#: Most pixels of a picture, and rows that are decoded at once.
+MAX_PIXELS, ROWS = 1 << 25, 256
+#: Red, green, blue and opacity of a picture's pixels, (height, width, 4).
+Rgba = npt.NDArray[np.float32]
 
 Row = Annotated[tuple[float, float, float], key("", shape="[a, b, c], finite numbers")]
 Sky = Literal["sky"]
@@ -72,51 +76,49 @@ class LayersFile:
     layer: Annotated[tuple[LayerKeys, ...], key("", lengths=(1, MAX_LAYERS))]
 
 
-def is_layers(path: str | Path) -> bool:
-    """Tell whether a path is a folder of layers, or its `layers.toml`."""
-    return _is_of(Path(path), FILE)
+def is_layers(path: str | Path, file: str = FILE) -> bool:
+    """Tell whether a path is `layers.toml` (or another `file`), or a folder with it."""
+    return Path(path).name == file or (Path(path) / file).is_file()
 
 
 def load_named_layers(path: str | Path) -> tuple[LayerStack, tuple[str, ...]]:
     """Read a folder of layers, or its `layers.toml`; return the stack, and the names of its layers.
 
-    Raises InputError, with file, key and remedy, for bad keys and for pictures that are not 8-bit PNGs with a palette.
+    Raises InputError, with file, key and remedy, for bad keys, and pictures that are not 8-bit PNGs with a palette.
     """
     folder = path_of(path, "a folder of layers")
     file = folder / FILE if folder.is_dir() else folder
     if not file.exists():
         raise input_error(path, "is no folder of layers", f"give a folder with {FILE}; lippmann layers makes one")
     keys = toml.read(LayersFile, toml.load(file, "layers"), str(file))
-    layers, names = [], []
+    layers = dict[str, Layer]()
     for place, one in enumerate(keys.layer):
-        where = f"{file}: layer[{place}]"
-        name = one.picture.stem
-        if one.picture.suffix != ".png" or not NAME.fullmatch(name) or one.picture.name != str(one.picture):
+        where, name, picture = f"{file}: layer[{place}]", one.picture.stem, one.picture
+        if picture.suffix != ".png" or not NAME.fullmatch(name) or picture.name != str(picture):
             remedy = "give the name of a .png in the same folder: letters, digits, _ and - only"
-            raise input_error(f"{where}.picture", f"'{one.picture}' is not a layer's picture", remedy)
-        if name in names:
-            raise input_error(f"{where}.picture", f"{one.picture} is a layer already", "copy it under another name")
-        texels, palette = _read_png(file.parent / one.picture)
+            raise input_error(f"{where}.picture", f"'{picture}' is not a layer's picture", remedy)
+        if name in layers:
+            raise input_error(f"{where}.picture", f"{picture} is a layer already", "copy it under another name")
+        texels, palette = _read_png(file.parent / picture)
         depth = math.inf if one.depth_mm == "sky" else float(one.depth_mm)
         try:
-            layers.append(Layer(texels, palette, depth, np.array([one.s, one.t]), one.brightness, one.visible))
+            layers[name] = Layer(texels, palette, depth, np.array([one.s, one.t]), one.brightness, one.visible)
         except InputError as error:
             raise InputError(f"{where}: {error}") from None
-        names.append(name)
-    return LayerStack(tuple(layers), np.array(keys.background)), tuple(names)
+    return LayerStack(tuple(layers.values()), np.array(keys.background)), tuple(layers)
 
 
 def save_layers(path: str | Path, stack: LayerStack, names: Sequence[str] = ()) -> Path:
-    """Write a stack as a folder, which is made when it is not there; return the path of its `layers.toml`.
+    """Write a stack as a folder, which is made when missing; return the path of its `layers.toml`.
 
-    `names` are those of the layers; without them they are called layer_0, layer_1, ... from front to back. Pictures of
-    the folder's former layers are removed, when this function had written them; no other file is replaced.
+    `names` are those of the layers, by default layer_0, layer_1, ... from front to back. Pictures that this function
+    wrote for the folder's former layers are removed; no other file is replaced.
 
-    Raises InputError for names that are not files' names, before anything is written for a picture of that name that
-    this function has not written, and when a file cannot be written.
+    Raises InputError for names that are not files' names or are those of other pictures, and when writing fails.
     """
     names = tuple(names) or tuple(f"layer_{place}" for place in range(len(stack.layers)))
-    if len(names) != len(stack.layers) or len({name.casefold() for name in names}) != len(names):
+    used_names = {name.casefold() for name in names}
+    if len(names) != len(stack.layers) or len(used_names) != len(names):
         what = f"{len(stack.layers)} layers are called {', '.join(names)}"
         raise input_error(path, what, "give each a name of its own")
     for name in names:
@@ -129,35 +131,36 @@ def save_layers(path: str | Path, stack: LayerStack, names: Sequence[str] = ()) 
     for picture in pictures:
         if picture.exists() and not _is_written(picture):
             raise input_error(picture, "is there, and is no layer of an earlier run", "choose another folder")
-    former = _written_pictures(file)
+    former_pictures = _written_pictures(file)
     for picture, layer in zip(pictures, stack.layers, strict=True):
         _write_png(picture, layer)
-    with replacing(file) as partial:  # last: it names pictures that are whole
-        partial.write_text(layers_text(stack, names), encoding="utf-8")
-    for picture in former:
-        if picture.stem.casefold() not in {name.casefold() for name in names}:
+    with replacing(file) as partial:  # last: its pictures are complete
+        partial.write_text(_layers_text(stack, names), encoding="utf-8")
+    for picture in former_pictures:
+        if picture.stem.casefold() not in used_names:
             picture.unlink(missing_ok=True)
     return file
 
 
 def _written_pictures(file: Path) -> list[Path]:
-    """Return the pictures that a `layers.toml` names and `save_layers` has written."""
-    named: Sequence[LayerKeys] = ()
-    with contextlib.suppress(InputError):  # no folder of layers: nothing in it is ours
-        named = toml.read(LayersFile, toml.load(file, "layers"), str(file)).layer
-    pictures = [file.parent / one.picture for one in named if one.picture.name == str(one.picture)]
+    """Return the pictures of a `layers.toml` that `save_layers` wrote."""
+    try:
+        layers = toml.read(LayersFile, toml.load(file, "layers"), str(file)).layer
+    except InputError:  # not a folder of layers
+        return []
+    pictures = [file.parent / one.picture for one in layers if one.picture.name == str(one.picture)]
     return [picture for picture in pictures if _is_written(picture)]
 
 
 def _is_written(path: Path) -> bool:
-    """Tell whether `save_layers` has written a picture: its gamma chunk tells."""
+    """Tell by its gamma chunk whether `save_layers` wrote a picture."""
     with contextlib.suppress(InputError), opened_png(path, "", "") as picture:
         return bool(picture.info.get("gamma") == GAMMA / 1e5)
     return False
 
 
-def layers_text(stack: LayerStack, names: Sequence[str]) -> str:
-    """Return the text of `layers.toml`; numbers are written so that they are read back exactly."""
+def _layers_text(stack: LayerStack, names: Sequence[str]) -> str:
+    """Return the text of `layers.toml`, from which all numbers are read back exactly."""
     tables = []
     for name, layer in zip(names, stack.layers, strict=True):
         depth = "sky" if layer.sky else layer.depth_mm
@@ -169,13 +172,13 @@ def layers_text(stack: LayerStack, names: Sequence[str]) -> str:
 
 
 def check_for_display(stack: LayerStack, display: Display, where: str = "layers") -> None:
-    """Refuse layers at or behind the eyes of a display; `where` goes before the layer in errors."""
+    """Refuse layers at or behind a display's eyes; `where` names the stack in errors."""
     for place, layer in enumerate(stack.layers):
         check_depth(layer.depth_mm, display, f"{where}: layer[{place}].depth_mm")
 
 
 def check_depth(depth_mm: float, display: Display, where: str) -> None:
-    """Refuse a depth at or behind the eyes of a display; infinity is a sky's."""
+    """Refuse a depth, except a sky's, at or behind a display's eyes."""
     eye = viewing_distance(display)
     if eye <= depth_mm < math.inf:
         what = f"{depth_mm:g} mm is not in front of the eyes of '{display.name}', at {eye:g} mm"
@@ -184,7 +187,7 @@ def check_depth(depth_mm: float, display: Display, where: str) -> None:
 
 @contextlib.contextmanager
 def opened_png(path: Path, if_missing: str, if_broken: str) -> Iterator[PIL.Image.Image]:
-    """Open a PNG for a block; InputError, with these remedies, when it is missing or cannot be read."""
+    """Open a PNG; InputError, with these remedies, when it is missing or broken."""
     from PIL import Image, UnidentifiedImageError
 
     if not path.is_file():
@@ -199,15 +202,15 @@ def opened_png(path: Path, if_missing: str, if_broken: str) -> Iterator[PIL.Imag
 
 
 def _read_png(path: Path) -> tuple[Bytes, Bytes]:
-    """Return the indices (height, width) and the palette (256, 4) of a PNG with a palette."""
+    """Return the indices (height, width) and the palette (256, 4) of a PNG."""
     with opened_png(path, "mend its name in layers.toml", "write it again") as picture:
         if max(picture.size) > MAX_SIDE:
             what = f"has {picture.width} x {picture.height} texels, more across or down than a board's slot can have"
             raise input_error(path, what, f"make each side at most {MAX_SIDE}")
         if picture.mode != "P" or picture.palette is None:
             kind = {"L": "grey", "1": "black and white"}.get(picture.mode, picture.mode)
-            what = f"is a {kind} picture without a palette"
-            raise input_error(path, what, "cut it into a layer with lippmann layers, which gives it one")
+            remedy = "cut it into a layer with lippmann layers, which gives it one"
+            raise input_error(path, f"is a {kind} picture without a palette", remedy)
         clear = picture.info.get("transparency", b"")
         texels = np.asarray(picture, np.uint8)
         colours = np.array(picture.getpalette("RGB"), np.uint8).reshape(-1, 3)
@@ -217,9 +220,9 @@ def _read_png(path: Path) -> tuple[Bytes, Bytes]:
         palette[clear, 3] = 0
     else:
         palette[: len(clear), 3] = np.frombuffer(clear, np.uint8)[:COLOURS]
-    if len(texels) and int(texels.max()) >= len(colours):
-        what = f"uses colour {int(texels.max())} of a palette of {len(colours)}"
-        raise input_error(path, what, "write it again")
+    highest = int(texels.max(initial=0))
+    if texels.size and highest >= len(colours):
+        raise input_error(path, f"uses colour {highest} of a palette of {len(colours)}", "write it again")
     return texels, palette
 
 
@@ -234,12 +237,8 @@ def _write_png(path: Path, layer: Layer) -> None:
         picture.save(partial, "PNG", transparency=layer.palette[:, 3].tobytes(), pnginfo=about, optimize=False)
 
 
-#: Texels across or down below which a layer is remarked upon.
-FEW_TEXELS = 4
-
-
 def warn_of_textures(stack: LayerStack, names: Sequence[str]) -> None:
-    """Warn of layers of so few texels that their place is in doubt, and of those without a picture."""
+    """Warn of layers of very few texels, and of transparent ones."""
     for name, layer in zip(names, stack.layers, strict=True):
         if min(layer.width, layer.height) < FEW_TEXELS:
             size = f"{layer.width} x {layer.height} texels"
@@ -250,10 +249,7 @@ def warn_of_textures(stack: LayerStack, names: Sequence[str]) -> None:
 
 
 def warn_of_depths(depths_mm: Iterable[tuple[str, float]], display: Display) -> None:
-    """Warn of the layers that leave the display's depth range, and say how far each one goes.
-
-    `depths_mm` are (name, z), mm; of a layer that moves one for each place. A sky, at infinity, is meant to be far.
-    """
+    """Warn of layers, except skies, outside the depth range, by the farthest of their depths (name, z), mm."""
     far, near = depth_reach_mm(display)
     worst: dict[str, float] = {}
     for name, depth in depths_mm:
@@ -265,14 +261,6 @@ def warn_of_depths(depths_mm: Iterable[tuple[str, float]], display: Display) -> 
         warnings.warn(f"fine detail is lost in {places}: {depth_range}", LippmannWarning, stacklevel=2)
 
 
-#: The file that makes a folder one of pictures.
-PICTURES_FILE = "pictures.toml"
-#: Most pixels of a picture.
-MAX_PIXELS = 1 << 25
-#: Rows that are decoded at once.
-ROWS = 256
-#: Red, green, blue and opacity of a picture's pixels, (height, width, 4).
-Rgba = npt.NDArray[np.float32]
 Width = Annotated[float, key("", above=0.0, high=1e6)]
 
 
@@ -297,15 +285,11 @@ class PicturesFile:
 
 def is_pictures(path: str | Path) -> bool:
     """Tell whether a path is a folder of pictures, or its `pictures.toml`."""
-    return _is_of(Path(path), PICTURES_FILE)
+    return is_layers(path, PICTURES_FILE)
 
 
-def _is_of(path: Path, file: str) -> bool:
-    return path.name == file or (path / file).is_file()
-
-
-def cut_pictures(path: str | Path, display: Display, slot: tuple[int, int] = SLOT) -> tuple[Cut, tuple[str, ...]]:
-    """Return the layers, from front to back, of a folder of pictures for a display, and their names.
+def cut_pictures(path: str | Path, display: Display, slot: Size = SLOT) -> tuple[Cut, tuple[str, ...]]:
+    """Return the layers of a folder of pictures for a display, from front to back, and their names.
 
     Raises InputError, with file, key and remedy, for bad keys and pictures, and for depths at or behind the eyes.
     """
@@ -322,62 +306,63 @@ def cut_pictures(path: str | Path, display: Display, slot: tuple[int, int] = SLO
         depth = math.inf if one.depth_mm == "sky" else float(one.depth_mm)
         check_depth(depth, display, f"{where}.depth_mm")
         area, reached = _placed(_read(file.parent / one.file), reach, depth, one.centre_mm, one.width_mm)
-        if reached is None:
+        if not reached.size:
             raise input_error(f"{where}.centre_mm", "no ray of the display reaches the picture", "move it inwards")
         light = _resized(reached, texels_for(area, display, slot))
         opacity = np.clip(light[..., 3], 0.0, 1.0)
         colour = np.clip(light[..., :3] / np.maximum(opacity, 1e-9)[..., None], 0.0, 1.0)
-        layer, error_db = layer_of(area, Picture(colour, opacity))
+        layer, error_db = layer_of(area, colour, opacity)
         z = -math.inf if layer.sky else depth
         name = re.sub(r"[^\w-]", "_", one.file.stem, flags=re.ASCII)[:48]
-        entries.append((-z, place, layer, Slab(z, z, z), error_db, name))
-    _, _, layers, slabs, errors, names = zip(*sorted(entries, key=lambda entry: entry[:2]), strict=True)
+        entries.append((layer, Slab(z, z, z), error_db, name))
+    entries.sort(key=lambda entry: -entry[1].depth_mm)
+    layers, slabs, errors, names = zip(*entries, strict=True)
     return Cut(LayerStack(layers, np.array(keys.background)), slabs, errors), tuple(unique(names))
 
 
 def _read(path: Path) -> Rgba:
     """Return a picture's linear light, multiplied by its opacity, and the opacity: (height, width, 4)."""
     with opened_png(path, "mend its name in the file", "give a PNG") as picture:
-        if picture.width * picture.height > MAX_PIXELS:
-            what = f"has {picture.width} x {picture.height} pixels"
-            raise input_error(path, what, f"make it smaller, at most {MAX_PIXELS} pixels")
+        width, height = picture.size
+        if width * height > MAX_PIXELS:
+            remedy = f"make it smaller, at most {MAX_PIXELS} pixels"
+            raise input_error(path, f"has {width} x {height} pixels", remedy)
         if picture.mode.startswith("I"):  # grey of 16 bits, which Pillow's conversion would clip
             numbers, white = np.asarray(picture)[..., None], 65535.0
         else:
             numbers, white = np.asarray(picture.convert("RGBA")), 255.0
-    light = np.ones((*numbers.shape[:2], 4), np.float32)
-    for first in range(0, len(light), ROWS):  # in parts: many times the memory of the file's numbers is taken
+    light = np.ones((height, width, 4), np.float32)
+    for first in range(0, height, ROWS):  # in parts, to limit the memory
         rows, part = numbers[first : first + ROWS] / white, light[first : first + ROWS]
         part[..., 3:] = rows[..., 3:] if rows.shape[2] == 4 else 1.0
         part[..., :3] = decode(rows[..., :3], "srgb") * part[..., 3:]
     return light
 
 
-def _placed(light: Rgba, reach: Reach, depth_mm: float, centre: Pair, width: float | None) -> tuple[Area, Rgba | None]:
-    """Return where the part of a picture lies that rays reach, and that part; None where they reach none of it."""
+def _placed(light: Rgba, reach: Reach, depth_mm: float, centre: Pair, width: float | None) -> tuple[Area, Rgba]:
+    """Return the area of the part of a picture that rays reach, and that part."""
     reached = reach.area(depth_mm)
     rows, columns = light.shape[:2]
     if width is None:  # as large as needed to cover all, about its centre
-        across, up = (
-            2.0 * max(abs(low - c), abs(high - c))
-            for low, high, c in ((reached.left, reached.right, centre[0]), (reached.bottom, reached.top, centre[1]))
-        )
+        across = 2.0 * max(abs(side - centre[0]) for side in (reached.x0, reached.x1))
+        up = 2.0 * max(abs(side - centre[1]) for side in (reached.y0, reached.y1))
         width = max(across, up * columns / rows)
     pixel = width / columns
-    left, top = centre[0] - 0.5 * width, centre[1] + 0.5 * rows * pixel
-    first, last = (np.clip((x - left) / pixel, 0, columns) for x in (reached.left, reached.right))
-    upper, lower = (np.clip((top - y) / pixel, 0, rows) for y in (reached.top, reached.bottom))
+    x0, y0 = centre[0] - 0.5 * width, centre[1] + 0.5 * rows * pixel
+    first, last = (np.clip((x - x0) / pixel, 0, columns) for x in (reached.x0, reached.x1))
+    upper, lower = (np.clip((y0 - y) / pixel, 0, rows) for y in (reached.y1, reached.y0))
     c0, c1, r0, r1 = math.floor(first), math.ceil(last), math.floor(upper), math.ceil(lower)
-    area = Area(depth_mm, left + c0 * pixel, top - r1 * pixel, left + c1 * pixel, top - r0 * pixel)
-    return area, light[r0:r1, c0:c1] if c1 > c0 and r1 > r0 else None
+    area = Area(depth_mm, x0 + c0 * pixel, y0 - r1 * pixel, x0 + c1 * pixel, y0 - r0 * pixel)
+    return area, light[r0:r1, c0:c1]
 
 
-def _resized(light: Rgba, max_size: tuple[int, int]) -> Floats:
-    """Return a picture of at most so many texels across and down, each the mean of its pixels."""
+def _resized(light: Rgba, max_size: Size) -> Floats:
+    """Return a picture of at most `max_size` texels, each the mean of its pixels."""
     from PIL import Image
 
-    size = min(max_size[0], light.shape[1]), min(max_size[1], light.shape[0])
-    if size == (light.shape[1], light.shape[0]):
+    height, width = light.shape[:2]
+    size = min(max_size[0], width), min(max_size[1], height)
+    if size == (width, height):
         return light.astype(np.float64)
     planes = (Image.fromarray(np.ascontiguousarray(light[..., k]), "F") for k in range(4))
     return np.stack([np.asarray(plane.resize(size, Image.Resampling.BOX), np.float64) for plane in planes], axis=-1)

@@ -2,14 +2,12 @@
 
 Depths come from what eyes see (`slabs_of`). Each slab is rendered by itself from the middle eye (`peel`): rays start
 at the slab's front, so that a layer holds what nearer layers hide. Where a surface crosses from one slab to the next,
-the farther layer goes on with it underneath the nearer one, as far as a moving eye can look behind that layer's edge:
-no hole opens.
+the farther layer continues it underneath the nearer one, as far as a moving eye looks behind that layer's edge.
 
-A layer shows all of its slab at one depth. For an eye that moves, a point then is off by the difference of two
-disparities, u = z / (E - z) at the distance E of the eyes: so many mm does a point at depth z move across the display,
-against the eye, for each mm of the eye. To first order the error of the view is this shift times the picture's
-gradient. The slabs are those with the least mean square of it over all points that are seen; they are found exactly, by
-dynamic programming over a histogram.
+A layer shows all of its slab at one depth. A point at depth z has the disparity u = z / (E - z) for eyes at the
+distance E: it moves u mm across the display for each mm of the eye. To first order the error of a view is the
+difference of two disparities times the picture's gradient. The slabs have the least mean square of it over all points
+that are seen (`partition`).
 """
 
 from __future__ import annotations
@@ -25,9 +23,9 @@ from lippmann.base import interrupts
 from lippmann.base.variant import current_device, dr, mi
 from lippmann.display.description import Display
 from lippmann.engines import trace
-from lippmann.errors import InputError, whole_number
+from lippmann.errors import InputError, input_error, whole_number
 from lippmann.fixed.scene_build import SceneBuild
-from lippmann.layers.stack import MAX_LAYERS, Floats, Layer, LayerStack, Picture, quantise
+from lippmann.layers.stack import MAX_LAYERS, Floats, Layer, LayerStack, Size, quantise, rgba_of
 from lippmann.optics.backend import Arr
 from lippmann.optics.rays import Status
 from lippmann.optics.sample_points import points_in_pixel
@@ -38,13 +36,13 @@ from lippmann.rendering.renderer import make_integrator
 from lippmann.rendering.sampling import Lines, Seeds, first_hit, sampler_of
 from lippmann.scenes.scene import Scene
 
-#: Texels of a slot across and down, unless others are given.
+#: Default slot.
 SLOT = (256, 192)
-#: How far a display's rays reach is measured in so many lenslets at each edge of the panel, at so many places along it.
+#: Lenslets at each edge of the panel, and places along it, whose rays `reach_of` traces.
 EDGE_LENSLETS, REACH_RAYS = 2.0, 101
-#: Rays across and down that look for a scene's depths, and for the part of an area that a slab covers.
+#: Rays across and down for a scene's depths, and for the part of an area that a slab covers.
 DEPTH_RAYS, TRIAL_RAYS, TRIAL_SAMPLES = (256, 192), (128, 96), 4
-#: Texels that a layer continues underneath a nearer one at least.
+#: Least texels that a layer continues underneath a nearer one.
 EDGE_TEXELS = 2.0
 #: Coverage above which a texel belongs to a surface.
 COVERED = 0.5
@@ -53,35 +51,32 @@ COVERED = 0.5
 class Reach(NamedTuple):
     """How far a display's rays and its eyes reach."""
 
-    #: Rays, N of them: where they meet the plane z = 0, mm (N, 2), and their slopes (N, 2).
+    #: Where rays meet the plane z = 0, mm (N, 2), and their slopes (N, 2).
     places_mm: Floats
     slopes: Floats
-    #: The middle eye, and how far other eyes are from it at most, mm.
+    #: The middle eye, and the largest distance of other eyes from it, mm.
     eye_mm: Point
     aside_mm: float
 
     def area(self, depth_mm: float) -> Area:
         """Return the area that rays meet at a depth; at infinity, of their slopes."""
         points = self.slopes if math.isinf(depth_mm) else self.places_mm + depth_mm * self.slopes
-        (left, bottom), (right, top) = points.min(axis=0), points.max(axis=0)
-        return Area(depth_mm, float(left), float(bottom), float(right), float(top))
+        return Area(depth_mm, *points.min(axis=0).tolist(), *points.max(axis=0).tolist())
 
 
 @dataclass(frozen=True)
 class Cut:
-    """A cut scene: the layers, the slabs that they show, and the errors of their palettes, dB.
-
-    `apart` is the number of the layer of what moves by itself; None without.
-    """
+    """A cut scene: the layers, the slabs that they show, and the errors of their palettes, dB."""
 
     stack: LayerStack
     slabs: tuple[Slab, ...]
     palette_db: tuple[float, ...]
+    #: Number of the layer that moves by itself.
     apart: int | None = None
 
 
-def check_slot(slot: tuple[int, int]) -> None:
-    """Refuse slots, texels across and down, that no board has (`SceneBuild`)."""
+def check_slot(slot: Size) -> None:
+    """Refuse slots that no board has."""
     try:
         SceneBuild(1, None, *slot)
     except InputError as error:
@@ -89,7 +84,7 @@ def check_slot(slot: tuple[int, int]) -> None:
 
 
 def reach_of(display: Display) -> Reach:
-    """Return how far a display's chief rays reach, and its eyes: to the sides from where the whole panel is seen."""
+    """Return how far a display's chief rays and its eyes reach."""
     panel = display.panel
     # The farthest rays leave the lenslets at the panel's edges.
     band = math.ceil(EDGE_LENSLETS * display.array.coarsest_mm / min(panel.pitches_mm))
@@ -112,122 +107,109 @@ def cut_scene(
     scene: Scene,
     display: Display,
     count: int,
-    slot: tuple[int, int] = SLOT,
+    slot: Size = SLOT,
     settings: Settings | None = None,
     apart: Scene | None = None,
 ) -> Cut:
     """Cut a placed scene into at most `count` layers for a display; a scene of fewer depths gives fewer.
 
-    `slot` is the most texels of a layer, across and down. `apart` is what moves by itself, as a scene without the rest:
-    it becomes one layer more, at its own depth.
+    `slot` is the most texels of a layer, across and down. `apart` is a scene of what moves by itself: it becomes one of
+    the layers, at its own depth.
 
     Raises InputError for counts and sizes out of range, and a scene of which no eye sees anything.
     """
     count = whole_number("count", count, 1 if apart is None else 2, MAX_LAYERS)
     check_slot(slot)
-    cutter = _Cutter(display, reach_of(display), slot, Settings(samples=16) if settings is None else settings)
-    parts = [] if apart is None else [(cutter.slabs(apart, 1)[0], apart)]
-    parts += [(slab, scene) for slab in cutter.slabs(scene, count - len(parts))]
+    reach, settings = reach_of(display), Settings(samples=16) if settings is None else settings
+    parts = [] if apart is None else [(_find_slabs(apart, 1, reach, settings)[0], apart)]
+    parts += [(slab, scene) for slab in _find_slabs(scene, count - len(parts), reach, settings)]
     parts.sort(key=lambda part: -part[0].depth_mm)
-    layers, slabs, errors = list[Layer](), list[Slab](), list[float]()
-    background, before, apart_number = np.zeros(3), None, None
+    entries, background, before = [], np.zeros(3), None
     for slab, part in parts:
-        view = cutter.picture(part, slab, before if part is scene else None)
+        view = _picture(part, slab, before if part is scene else None, display, reach, slot, settings)
         before = slab if part is scene else before
         if view is None:
             continue
-        apart_number = apart_number if part is scene else len(layers)
-        layer, error_db = layer_of(*view)
-        layers.append(layer)
-        slabs.append(slab)
-        errors.append(error_db)
+        area, colour, opacity = view
+        entries.append((*layer_of(area, colour, opacity), slab, part is apart))
         # What shows beside the last layer's texture.
-        opacity, light = view[1].opacity, view[1].light
-        background = (opacity[..., None] * light).sum(axis=(0, 1)) / max(opacity.sum(), 1e-9)
-    if not layers:
+        background = (opacity[..., None] * colour).sum(axis=(0, 1)) / max(opacity.sum(), 1e-9)
+    if not entries:
         raise InputError(f"{scene.path}: no layer has any texel; place the scene with --fit")
-    stack = LayerStack(tuple(layers), np.clip(background, 0.0, 1.0))
-    return Cut(stack, tuple(slabs), tuple(errors), apart_number)
+    layers, errors, slabs, moves = zip(*entries, strict=True)
+    stack = LayerStack(layers, np.clip(background, 0.0, 1.0))
+    return Cut(stack, slabs, errors, moves.index(True) if True in moves else None)
 
 
-def layer_of(area: Area, picture: Picture) -> tuple[Layer, float]:
+def layer_of(area: Area, light: Floats, opacity: Floats) -> tuple[Layer, float]:
     """Return the layer that shows a picture in an area, and the error of its palette, dB."""
-    texels, palette, error_db = quantise(picture.rgba)
+    texels, palette, error_db = quantise(rgba_of(light, opacity))
     return Layer(texels, palette, area.depth_mm, area.matrix(texels.shape[1], texels.shape[0])), error_db
 
 
-@dataclass(frozen=True)
-class _Cutter:
-    """What all slabs of a cut have in common."""
+def _find_slabs(scene: Scene, count: int, reach: Reach, settings: Settings) -> list[Slab]:
+    """Return the slabs of a scene that eyes in the middle and to all sides see."""
+    (x, y, z), aside, window = reach.eye_mm, reach.aside_mm, reach.area(0.0)
+    eyes = [(x + a * aside, y + b * aside, z) for a, b in ((0, 0), (-1, 0), (1, 0), (0, -1), (0, 1))]
+    trial = replace(settings, samples=TRIAL_SAMPLES)
+    views = [seen_depths(scene, window, eye, DEPTH_RAYS, trial) for eye in eyes]
+    depths, detail = (np.concatenate(values) for values in zip(*views, strict=True))
+    if not depths.size:
+        raise input_error(scene.path, "no eye sees any of the scene's surfaces", "place it with --fit")
+    return slabs_of(depths, detail, count, z, min(scene.depth_range_mm[1], z))
 
-    display: Display
-    reach: Reach
-    slot: tuple[int, int]
-    settings: Settings
 
-    def slabs(self, scene: Scene, count: int) -> list[Slab]:
-        """Return the slabs of a scene that eyes in the middle and to all sides see."""
-        x, y, z = self.reach.eye_mm
-        front, aside, window = min(scene.depth_range_mm[1], z), self.reach.aside_mm, self.reach.area(0.0)
-        eyes = [(x + a * aside, y + b * aside, z) for a, b in ((0, 0), (-1, 0), (1, 0), (0, -1), (0, 1))]
-        trial = replace(self.settings, samples=TRIAL_SAMPLES)
-        depths, detail = zip(*(seen_depths(scene, window, eye, DEPTH_RAYS, trial) for eye in eyes), strict=True)
-        try:
-            return slabs_of(np.concatenate(depths), np.concatenate(detail), count, z, front)
-        except InputError as error:
-            raise InputError(f"{scene.path}: {error}") from None
-
-    def picture(self, scene: Scene, slab: Slab, before: Slab | None) -> tuple[Area, Picture] | None:
-        """Return a slab's picture and the area that it covers; None when no ray meets anything of it."""
-        display, reach, slot, settings = self.display, self.reach, self.slot, self.settings
-        depth = math.inf if math.isinf(slab.depth_mm) else slab.depth_mm
-        # A texel more on each side, so that no ray meets the half texel where a bilinear texture fades out.
-        reached = reach.area(depth)
-        texel = max(finest_texel(depth, display), *np.divide(reached.size, slot).tolist())
-        reached = reached.grown(texel)
-        between = slab.front_mm, slab.back_mm
-        trial = peel(scene, reached, reach.eye_mm, between, TRIAL_RAYS, replace(settings, samples=TRIAL_SAMPLES))
-        mask = trial.coverage > 0.0
-        if not mask.any():
-            return None
-        hidden = 0.0
-        if before is not None and not math.isinf(depth):
-            # So far behind the nearer layer's edge an eye can look, which is at most so far aside; and the texels at
-            # the edges of both layers, which are covered in part.
-            hidden = reach.aside_mm * (before.depth_mm - depth) / (reach.eye_mm[2] - before.depth_mm)
-            hidden += EDGE_TEXELS * texel
-        area = reached.cells(mask, hidden)
-        size = texels_for(area, display, slot)
-        view = peel(scene, area, reach.eye_mm, between, size, settings)
-        if hidden > 0.0 and before is not None:
-            under = peel(scene, area, reach.eye_mm, (before.front_mm, slab.front_mm), size, settings)
-            view = _continued(view, under, (area.size[1] / size[1], area.size[0] / size[0]), hidden)
-        colour = view.light / np.maximum(view.coverage, 1e-9)[..., None]
-        return area, Picture(np.clip(colour, 0.0, 1.0), np.clip(view.coverage, 0.0, 1.0))
+def _picture(
+    scene: Scene, slab: Slab, before: Slab | None, display: Display, reach: Reach, slot: Size, settings: Settings
+) -> tuple[Area, Floats, Floats] | None:
+    """Return the area that a slab covers, its light and its opacity; None when rays meet nothing."""
+    depth = math.inf if math.isinf(slab.depth_mm) else slab.depth_mm
+    # A texel more on each side: no ray meets the half texel where a bilinear texture fades out.
+    reached = reach.area(depth)
+    texel = max(finest_texel(depth, display), *np.divide(reached.size, slot).tolist())
+    reached = Area(depth, reached.x0 - texel, reached.y0 - texel, reached.x1 + texel, reached.y1 + texel)
+    between = slab.front_mm, slab.back_mm
+    trial = peel(scene, reached, reach.eye_mm, between, TRIAL_RAYS, replace(settings, samples=TRIAL_SAMPLES))
+    mask = trial.coverage > 0.0
+    if not mask.any():
+        return None
+    hidden = 0.0
+    if before is not None and not math.isinf(depth):
+        # How far the outermost eye looks behind the nearer layer's edge, and the texels covered in part.
+        hidden = reach.aside_mm * (before.depth_mm - depth) / (reach.eye_mm[2] - before.depth_mm)
+        hidden += EDGE_TEXELS * texel
+    area = reached.cells(mask, hidden)
+    size = texels_for(area, display, slot)
+    view = peel(scene, area, reach.eye_mm, between, size, settings)
+    if hidden > 0.0 and before is not None:
+        under = peel(scene, area, reach.eye_mm, (before.front_mm, slab.front_mm), size, settings)
+        view = _continued(view, under, (area.size[1] / size[1], area.size[0] / size[0]), hidden)
+    colour = view.light / np.maximum(view.coverage, 1e-9)[..., None]
+    return area, np.clip(colour, 0.0, 1.0), np.clip(view.coverage, 0.0, 1.0)
 
 
 def _continued(view: Slice, under: Slice, texel_mm: tuple[float, float], hidden_mm: float) -> Slice:
-    """Return a slab's picture that goes on with the nearer slab's surfaces, `hidden_mm` beyond its own ones."""
-    from scipy.ndimage import distance_transform_edt  # at its first use: it takes as long to load as all of render
+    """Return a slab's picture, continued with the nearer slab's (`under`) for `hidden_mm`."""
+    from scipy.ndimage import distance_transform_edt  # at its first use: slow to load
 
     own = view.coverage > COVERED
     if not own.any():
         return view
     near = distance_transform_edt(~own, sampling=texel_mm) <= hidden_mm
-    # Parts of a texel that one surface covers in both slabs lie side by side: they add up.
+    # The parts of a texel that a surface covers in both slabs add up.
     added = np.where(near, np.minimum(1.0 - view.coverage, under.coverage), 0.0)
     share = added / np.maximum(under.coverage, 1e-9)
     return Slice(view.light + share[..., None] * under.light, view.coverage + added)
 
 
-def texels_for(area: Area, display: Display, slot: tuple[int, int]) -> tuple[int, int]:
-    """Return the texels across and down: a slot's, or fewer where they would be finer than what a pixel sees."""
+def texels_for(area: Area, display: Display, slot: Size) -> Size:
+    """Return the texels of an area: a slot's, or fewer, none finer than what a pixel sees."""
     width, height = (max(2, math.ceil(side / finest_texel(area.depth_mm, display))) for side in area.size)
     return min(slot[0], width), min(slot[1], height)
 
 
 def finest_texel(depth_mm: float, display: Display) -> float:
-    """Return how far apart rays of neighbouring pixels are at a depth, at least a pixel, mm; of a sky, their slopes."""
+    """Return the distance of neighbouring rays at a depth, at least a pixel, mm; of a sky, in slopes."""
     pixel = display.panel.coarsest_mm
     slope = pixel / display.aperture_distance_mm
     return slope if math.isinf(depth_mm) else max(pixel, abs(depth_mm) * slope)
@@ -238,67 +220,55 @@ Point = tuple[float, float, float]
 
 @dataclass(frozen=True)
 class Area:
-    """A rectangle, mm, in the plane z = `depth_mm`; at a depth of infinity, of slopes dx/dz and dy/dz."""
+    """A rectangle, mm, in the plane z = `depth_mm`, or of slopes at infinity; (x1, y1) is top right."""
 
     depth_mm: float
-    left: float
-    bottom: float
-    right: float
-    top: float
+    x0: float
+    y0: float
+    x1: float
+    y1: float
 
     @property
     def size(self) -> tuple[float, float]:
         """Width and height."""
-        return self.right - self.left, self.top - self.bottom
-
-    def grown(self, margin: float) -> Area:
-        """Return the area with a margin on each side."""
-        low, high = (self.left - margin, self.bottom - margin), (self.right + margin, self.top + margin)
-        return Area(self.depth_mm, *low, *high)
+        return self.x1 - self.x0, self.y1 - self.y0
 
     def matrix(self, width: int, height: int) -> Floats:
         """Return the matrix (2, 3) from (x, y, 1) to the texels of a texture that covers the area."""
         a, d = width / self.size[0], -height / self.size[1]
-        return np.array([[a, 0.0, -a * self.left], [0.0, d, -d * self.top]])
+        return np.array([[a, 0.0, -a * self.x0], [0.0, d, -d * self.y1]])
 
     def cells(self, mask: npt.NDArray[np.bool_], margin: float) -> Area:
-        """Return the part that a mask's true cells cover, with a margin and a cell on each side, within this area."""
+        """Return the part that a mask's cells cover, with a margin and a cell on each side."""
         rows, columns = np.flatnonzero(mask.any(axis=1)), np.flatnonzero(mask.any(axis=0))
         across, down = self.size[0] / mask.shape[1], self.size[1] / mask.shape[0]
         return Area(
             self.depth_mm,
-            max(self.left, self.left + columns[0] * across - (margin + across)),
-            max(self.bottom, self.top - (rows[-1] + 1) * down - (margin + down)),
-            min(self.right, self.left + (columns[-1] + 1) * across + (margin + across)),
-            min(self.top, self.top - rows[0] * down + (margin + down)),
+            max(self.x0, self.x0 + columns[0] * across - (margin + across)),
+            max(self.y0, self.y1 - (rows[-1] + 1) * down - (margin + down)),
+            min(self.x1, self.x0 + (columns[-1] + 1) * across + (margin + across)),
+            min(self.y1, self.y1 - rows[0] * down + (margin + down)),
         )
 
 
-@dataclass(frozen=True)
-class Slice:
-    """What an eye sees of a slab: light (height, width, 3) times coverage, and coverage (height, width); float64."""
+class Slice(NamedTuple):
+    """What an eye sees of a slab: coverage (height, width), and light (height, width, 3) times coverage."""
 
     light: Floats
     coverage: Floats
 
 
 def peel(
-    scene: Scene,
-    area: Area,
-    eye_mm: Point,
-    between_mm: tuple[float, float],
-    size: tuple[int, int],
-    settings: Settings,
+    scene: Scene, area: Area, eye_mm: Point, between_mm: tuple[float, float], size: Size, settings: Settings
 ) -> Slice:
-    """Return what an eye sees in an area, of the surfaces between two depths (front, back); others are transparent.
+    """Return what an eye sees in an area of the surfaces between two depths (front, back).
 
-    `size` is (width, height). With a back of -infinity the scene's surroundings are seen, too.
+    `size` is (width, height). A back of -infinity includes the scene's surroundings.
     """
-    width, height = size
-    (front, back), samples = between_mm, settings.samples
+    (width, height), (front, back), samples = size, between_mm, settings.samples
     integrator = make_integrator(scene, settings)
     surroundings = math.isinf(back) and scene.mitsuba.environment() is not None
-    light, coverage = np.empty((width * height, 3)), np.empty(width * height)
+    means = np.empty((height * width, 4))
     seeds = Seeds(dr.opaque(mi.UInt32, settings.seed), dr.opaque(mi.UInt32, 0))
     step = max(1, CHUNK_SAMPLES[current_device()] // samples)
     for first in range(0, width * height, step):
@@ -317,28 +287,26 @@ def peel(
         share = dr.select(visible, mi.Float(1.0), 0.0)
         dr.eval(colour, share)
         for k, values in enumerate((*colour, share)):
-            mean = np.asarray(dr.block_reduce(dr.ReduceOp.Add, values, samples), np.float64) / samples
-            (coverage if k == 3 else light[:, k])[first : first + count] = mean
-    return Slice(light.reshape(height, width, 3), coverage.reshape(height, width))
+            sums = np.asarray(dr.block_reduce(dr.ReduceOp.Add, values, samples), np.float64)
+            means[first : first + count, k] = sums / samples
+    light, coverage = np.split(means.reshape(height, width, 4), [3], axis=2)
+    return Slice(light, coverage[..., 0])
 
 
-def seen_depths(
-    scene: Scene, area: Area, eye_mm: Point, size: tuple[int, int], settings: Settings
-) -> tuple[Floats, Floats]:
-    """Return the depths (N,) of the surfaces that an eye sees in an area, and how much detail each of them shows (N,).
+def seen_depths(scene: Scene, area: Area, eye_mm: Point, size: Size, settings: Settings) -> tuple[Floats, Floats]:
+    """Return the depths (N,) of what an eye sees in an area, -infinity for surroundings, and its detail (N,).
 
-    Detail is the squared difference of neighbouring texels, which is the nearer one's: a surface hides with its edge
-    what is behind it. The surroundings are at -infinity.
+    Detail is the squared difference of neighbouring texels. It counts for the nearer one, whose surface hides what is
+    behind its edge.
     """
-    front = min(scene.depth_range_mm[1], eye_mm[2])
-    index = dr.arange(mi.UInt32, size[0] * size[1])
+    front, (width, height) = min(scene.depth_range_mm[1], eye_mm[2]), size
+    index = dr.arange(mi.UInt32, width * height)
     # A single sample is at the texel's centre.
-    lines = _lines(area, eye_mm, size, index, dr.zeros(mi.UInt32, size[0] * size[1]), replace(settings, samples=1))
+    lines = _lines(area, eye_mm, size, index, dr.zeros(mi.UInt32, width * height), replace(settings, samples=1))
     _, valid, z = first_hit(scene, lines, front)
-    shape = size[1], size[0]
-    depths = np.where(np.asarray(valid), np.asarray(z, np.float64), -np.inf).reshape(shape)
+    depths = np.where(np.asarray(valid), np.asarray(z, np.float64), -np.inf).reshape(height, width)
     colour = np.sqrt(np.clip(peel(scene, area, eye_mm, (front, -math.inf), size, settings).light, 0.0, 1.0))
-    detail = np.zeros(shape)
+    detail = np.zeros_like(depths)
     for one, other in ((np.s_[:-1], np.s_[1:]), (np.s_[:, :-1], np.s_[:, 1:])):
         square = ((colour[other] - colour[one]) ** 2).sum(axis=-1)
         nearer = depths[one] > depths[other]
@@ -348,17 +316,16 @@ def seen_depths(
     return depths[there], detail[there]
 
 
-def _lines(area: Area, eye_mm: Point, size: tuple[int, int], texel: Arr, sample: Arr, settings: Settings) -> Lines:
-    """Return the lines from samples of an area's texels to an eye; of an area of slopes, through the origin."""
+def _lines(area: Area, eye_mm: Point, size: Size, texel: Arr, sample: Arr, settings: Settings) -> Lines:
+    """Return the lines from samples of texels to an eye; of an area of slopes, through the origin."""
     # Opaque, so that another area or eye needs no compilation.
     columns = dr.opaque(mi.UInt32, size[0])
-    left, top, across, down = (
-        dr.opaque(mi.Float, value) for value in (area.left, area.top, area.size[0] / size[0], area.size[1] / size[1])
-    )
+    places = area.x0, area.y1, area.size[0] / size[0], area.size[1] / size[1]
+    x0, y1, across, down = (dr.opaque(mi.Float, value) for value in places)
     row = texel // columns
     s, t = points_in_pixel(texel, sample, settings.samples, settings.seed)
-    x = left + (mi.Float(texel - row * columns) + s) * across
-    y = top - (mi.Float(row) + t) * down
+    x = x0 + (mi.Float(texel - row * columns) + s) * across
+    y = y1 - (mi.Float(row) + t) * down
     if math.isinf(area.depth_mm):
         ray = dr.normalize(mi.Vector3f(x, y, 1.0))
         return Lines((mi.Float(0.0), mi.Float(0.0), mi.Float(0.0)), (ray.x, ray.y, ray.z), mi.Bool(True))
@@ -369,7 +336,7 @@ def _lines(area: Area, eye_mm: Point, size: tuple[int, int], texel: Arr, sample:
 
 #: Bins of the histogram of disparities.
 BINS = 512
-#: What a point without any detail counts, in mean details.
+#: Weight of a point without any detail, in mean details.
 PLAIN = 0.05
 #: Least width of a bin: 0.001 mm for an eye that moves 100 mm. Rounding does not make two depths of one.
 FINEST = 1e-5
@@ -377,9 +344,8 @@ FINEST = 1e-5
 SKY = -1.0
 
 
-@dataclass(frozen=True)
-class Slab:
-    """The part of a scene that a layer shows: z from `front_mm` back to `back_mm`, at the depth `depth_mm`."""
+class Slab(NamedTuple):
+    """The part of a scene that a layer shows: z from `front_mm` back to `back_mm`, shown at `depth_mm`."""
 
     front_mm: float
     back_mm: float
@@ -387,10 +353,11 @@ class Slab:
 
 
 def disparity(z_mm: npt.ArrayLike, eye_mm: float) -> Floats:
-    """Return the disparity of depths before an eye at a distance; -1 at z = -infinity."""
+    """Return the disparity of depths for an eye at a distance; -1 at z = -infinity."""
     z = np.asarray(z_mm, np.float64)
     far = np.isneginf(z)
-    return np.where(far, SKY, np.where(far, 0.0, z) / (eye_mm - np.where(far, 0.0, z)))
+    near = np.where(far, 0.0, z)
+    return np.where(far, SKY, near / (eye_mm - near))
 
 
 def depth_of(u: float, eye_mm: float) -> float:
@@ -401,16 +368,9 @@ def depth_of(u: float, eye_mm: float) -> float:
 def slabs_of(z_mm: Floats, detail: Floats, count: int, eye_mm: float, front_mm: float) -> list[Slab]:
     """Return at most `count` slabs, from front to back, for the depths (N,) that eyes at a distance see.
 
-    `detail` (N,) is the squared gradient of the picture there. Points without any count a little, too.
-
-    Depths of -infinity, of a scene's surroundings, get a slab of their own or share the last one. `front_mm` is the
-    front of the first slab; the last one has no back. There are fewer slabs than asked for where the depths have fewer
-    values.
-
-    Raises InputError when no eye sees anything.
+    `detail` (N,) is the squared gradient of the picture there. Depths of -infinity, of a scene's surroundings, have a
+    slab of their own or share the last one. The first slab starts at `front_mm`; the last one has no back.
     """
-    if not z_mm.size:
-        raise InputError("no eye sees any of the scene's surfaces; place it with --fit")
     u = disparity(z_mm, eye_mm)
     near = u[u > SKY]
     low, high = (float(near.min()), float(near.max())) if near.size else (0.0, 0.0)
@@ -436,21 +396,19 @@ def partition(values: Floats, weights: Floats, count: int) -> list[int]:
     """Return the ends of `count` runs of ordered values with the least sum of weighted squares about their means."""
     n = len(values)
     sums = [np.concatenate([[0.0], np.cumsum(weights * values**power)]) for power in range(3)]
-
-    def spread(end: int) -> Floats:
-        """Return the sum of squares of the runs from each start before an end."""
+    # The sums of squares of the runs from each start before each end.
+    runs = []
+    for end in range(1, n + 1):
         w, m, q = (one[end] - one[:end] for one in sums)
-        return np.asarray(np.maximum(q - m * m / w, 0.0))
-
-    runs = [spread(end) for end in range(1, n + 1)]
+        runs.append(np.maximum(q - m * m / w, 0.0))
     best = np.array([run[0] for run in runs])
     starts = []
     for _ in range(count - 1):
         start, cost = np.zeros(n, np.int64), np.full(n, np.inf)
-        for end in range(2, n + 1):
-            through = best[: end - 1] + runs[end - 1][1:]
-            start[end - 1] = 1 + int(np.argmin(through))
-            cost[end - 1] = through[start[end - 1] - 1]
+        for last in range(1, n):
+            through = best[:last] + runs[last][1:]
+            start[last] = 1 + int(np.argmin(through))
+            cost[last] = through.min()
         starts.append(start)
         best = cost
     ends = [n]

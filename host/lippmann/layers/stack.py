@@ -1,11 +1,8 @@
 """A scene as a stack of layers: textures of palette colours, each in a plane at a depth, with one background behind.
 
-A palette's red, green and blue are square roots of linear light, its fourth byte is the opacity (`light_of`,
-`opacity_of`). These bytes are what a board stores, so that golden, twin and RTL draw the same colours.
-
-A picture with opacity becomes texels and a palette of 256 colours, with the least mean square error. Pillow chooses the
-first palette; Lloyd's steps then move each colour to the mean of its texels. Distances are those of what is seen: of
-the square roots of light times the opacity, and of the opacity.
+Golden, twin and RTL draw from the bytes that a board stores. Pillow chooses the first palette of a picture; Lloyd's
+steps then move each colour to the mean of its texels. Distances are those of what is seen: of the square roots of
+light times the opacity, and of the opacity.
 """
 
 from __future__ import annotations
@@ -22,14 +19,11 @@ from lippmann.errors import InputError
 
 Bytes = npt.NDArray[np.uint8]
 Floats = npt.NDArray[np.float64]
+#: Texels across and down.
+Size = tuple[int, int]
 Number = TypeVar("Number", bound=np.generic)
 
-#: Most layers of a stack.
-MAX_LAYERS = 8
-#: Largest side of a texture, texels.
-MAX_SIDE = 1024
-#: Colours of a palette.
-COLOURS = 256
+MAX_LAYERS, MAX_SIDE, COLOURS = 8, 1024, 256
 #: Farthest depth of a layer, mm; what lies beyond is a sky.
 MAX_DEPTH_MM = 1e6
 
@@ -58,7 +52,7 @@ def alpha_of(opacity: npt.ArrayLike) -> Bytes:
 
 @dataclass(frozen=True, eq=False)
 class Layer:
-    """A texture in a plane z = `depth_mm` of the display's frame, or at infinity: a sky.
+    """A texture in a plane of the display's frame, or at infinity: a sky.
 
     Attributes
     ----------
@@ -69,9 +63,9 @@ class Layer:
     depth_mm
         z of the plane, mm; more than 0 is in front of the array. `math.inf`: a sky.
     matrix
-        (2, 3) float64: texel coordinates (s, t) = matrix @ (x, y, 1) of the point (x, y), mm, where a ray meets the
-        plane; of a sky matrix @ (dx/dz, dy/dz, 1) of the ray's direction. s runs to the right and t downwards; texel
-        (0, 0) covers 0 to 1 of both. Outside of its texture a layer is transparent.
+        (2, 3) float64: a ray that meets the plane at (x, y), mm, sees texel (s, t) = matrix @ (x, y, 1); of a sky
+        matrix @ (dx/dz, dy/dz, 1). s runs to the right and t downwards; texel (0, 0) covers 0 to 1 of both.
+        A layer is transparent outside of its texture.
     brightness
         Factor on the light, 0 to 1; the opacity stays.
     visible
@@ -86,7 +80,7 @@ class Layer:
     visible: bool = True
 
     def __post_init__(self) -> None:
-        """Keep arrays of their types that nobody changes; refuse wrong shapes and values."""
+        """Copy the arrays, read-only; refuse wrong types, shapes and values."""
         texels = _array("layer: texels", self.texels, np.uint8, (None, None), "(height, width), each at least 1")
         if max(texels.shape) > MAX_SIDE:
             size = f"{texels.shape[1]} x {texels.shape[0]}"
@@ -123,7 +117,7 @@ class Layer:
         return math.isinf(self.depth_mm)
 
     def moved(self, scale: float, offset_mm: tuple[float, float, float]) -> Layer:
-        """Return the layer scaled about the display's middle, then moved. A sky stays: it has no size and no place."""
+        """Return the layer scaled about the display's middle, then moved; a sky has neither size nor place."""
         if self.sky:
             return self
         x, y, z = offset_mm
@@ -132,20 +126,21 @@ class Layer:
         return replace(self, depth_mm=scale * self.depth_mm + z, matrix=matrix)
 
     def padded(self, width: int, height: int) -> Bytes:
-        """Return the texels (height, width) of a slot: the texture at its top left, the rest transparent.
+        """Return the texels (height, width) of a slot: the texture at its top left, transparent beside it.
 
-        Raises InputError when the texture is larger, or smaller and without a transparent colour in its palette.
+        Raises InputError for a larger texture, and for a smaller one without a transparent colour in its palette.
         """
+        size = f"layer: the texture of {self.width} x {self.height} texels"
         if self.width > width or self.height > height:
-            what = f"layer: the texture of {self.width} x {self.height} texels is larger than a slot"
-            raise InputError(f"{what} of {width} x {height}; cut the scene again with --slot {width}x{height}")
+            remedy = f"cut the scene again with --slot {width}x{height}"
+            raise InputError(f"{size} is larger than a slot of {width} x {height}; {remedy}")
         if (self.width, self.height) == (width, height):
             return self.texels
         clear = np.flatnonzero(self.palette[:, 3] == 0)
         if not len(clear):
-            what = f"layer: the texture of {self.width} x {self.height} texels leaves a part of a slot empty"
+            what = "leaves a part of a slot empty, and its palette has no transparent colour for it"
             remedy = f"give {width} x {height} texels, or a palette with a transparent colour"
-            raise InputError(f"{what}, and its palette has no transparent colour for it; {remedy}")
+            raise InputError(f"{size} {what}; {remedy}")
         slot = np.full((height, width), clear[0], np.uint8)
         slot[: self.height, : self.width] = self.texels
         return slot
@@ -153,12 +148,12 @@ class Layer:
 
 @dataclass(frozen=True, eq=False)
 class LayerStack:
-    """Layers from front to back, 1 to 8, and the background that shows where they leave light through.
+    """Layers from front to back, and the background behind them.
 
     Attributes
     ----------
     layers
-        The layers; the first one is in front of all others, whatever their depths.
+        1 to 8 layers; the first one is in front of all others, whatever their depths.
     background
         (3,) float64, linear red, green and blue, 0 to 1.
     """
@@ -167,7 +162,7 @@ class LayerStack:
     background: Floats = field(default_factory=lambda: np.zeros(3))
 
     def __post_init__(self) -> None:
-        """Refuse wrong numbers of layers and backgrounds out of range."""
+        """Refuse wrong layers, wrong numbers of them, and backgrounds out of range."""
         layers = tuple(self.layers)
         for k, layer in enumerate(layers):
             if not isinstance(layer, Layer):
@@ -190,19 +185,16 @@ class LayerStack:
 def _array(
     name: str, values: npt.ArrayLike, kind: type[Number], shape: tuple[int | None, ...], form: str
 ) -> npt.NDArray[Number]:
-    """Return values as a read-only array of a type and a shape, whose sides of None have any length above 0.
-
-    Raises InputError for other ones. Bytes are not converted, which would lose fractions or high bits.
-    """
+    """Return a read-only copy of values of a type and a shape, in which None is any length above 0."""
     try:
+        # Bytes are not converted, which would lose fractions or high bits.
         array = np.asarray(values, None if kind is np.uint8 else kind)
     except (TypeError, ValueError):
         raise InputError(f"{name} contains something that is not a number; give numbers") from None
     if array.dtype != kind:
         raise InputError(f"{name} has type {array.dtype}; give uint8")
-    if array.ndim != len(shape) or not all(
-        one and side in (None, one) for side, one in zip(shape, array.shape, strict=True)
-    ):
+    sides = zip(shape, array.shape, strict=False)
+    if array.ndim != len(shape) or not array.size or any(side not in (None, count) for side, count in sides):
         raise InputError(f"{name} has shape {array.shape}; give {form}")
     if not np.isfinite(array).all():
         raise InputError(f"{name} contains a value that is not finite; give finite numbers")
@@ -222,31 +214,19 @@ def _number(name: str, value: object) -> float:
 STEPS = 12
 
 
-@dataclass(frozen=True)
-class Picture:
-    """Linear light (height, width, 3) float64, not multiplied by the opacity (height, width) float64; both 0 to 1."""
-
-    light: Floats
-    opacity: Floats
-
-    @property
-    def rgba(self) -> Bytes:
-        """(height, width, 4) uint8, as a palette's colours; where nothing is opaque, 0."""
-        alpha = alpha_of(self.opacity)
-        colours = np.where(alpha[..., None] > 0, bytes_of(self.light), 0)
-        return np.concatenate([colours, alpha[..., None]], axis=-1).astype(np.uint8)
+def rgba_of(light: Floats, opacity: Floats) -> Bytes:
+    """Return the palette bytes (height, width, 4) of a picture's linear light and opacity."""
+    return np.concatenate([bytes_of(light), alpha_of(opacity)[..., None]], axis=-1)
 
 
 def quantise(rgba: Bytes) -> tuple[Bytes, Bytes, float]:
     """Quantise a picture (height, width, 4), bytes as in a palette, to 256 colours.
 
-    Returns texels, palette, and the error that they add, dB: the peak signal over the noise.
-
-    Colour 0 is transparent, so that a smaller texture can fill a slot. A picture of at most 255 other colours keeps
-    them all. Opaque texels stay opaque.
+    Returns texels, palette, and the PSNR, dB. Colour 0 is transparent, so that a smaller texture can fill a slot. A
+    picture of at most 255 other colours keeps them all. Opaque texels stay opaque.
     """
     height, width = rgba.shape[:2]
-    flat = np.where(rgba[..., 3:] > 0, rgba, 0).reshape(-1, 4).astype(np.uint8)
+    flat = np.where(rgba[..., 3:] > 0, rgba, 0).reshape(-1, 4)
     every, index, counts = np.unique(flat, axis=0, return_inverse=True, return_counts=True)
     visible = every[:, 3] > 0
     colours = every[visible] if visible.sum() < COLOURS else _palette(every[visible], counts[visible])
@@ -261,14 +241,14 @@ def quantise(rgba: Bytes) -> tuple[Bytes, Bytes, float]:
 
 
 def _perceived(rgba: Bytes) -> Floats:
-    """Return colours (N, 4) as points whose distances are the errors that an eye sees: premultiplied, and opacity."""
+    """Return colours (N, 4) as points whose distances are the errors that an eye sees."""
     share = rgba / 255.0
     return np.concatenate([share[:, :3] * share[:, 3:], share[:, 3:]], axis=1)
 
 
 def nearest(rgba: Bytes, palette: Bytes) -> np.ndarray:
-    """Return the palette's colour nearest to each colour; opaque ones take opaque ones only."""
-    from scipy.spatial import KDTree  # at its first use: it takes as long to load as all of render
+    """Return the index of the palette's nearest colour; of opaque colours, the nearest opaque one."""
+    from scipy.spatial import KDTree  # at its first use: slow to load
 
     place = KDTree(_perceived(palette)).query(_perceived(rgba))[1]
     opaque, solid = rgba[:, 3] == 255, np.flatnonzero(palette[:, 3] == 255)
@@ -278,25 +258,22 @@ def nearest(rgba: Bytes, palette: Bytes) -> np.ndarray:
 
 
 def _palette(colours: Bytes, counts: np.ndarray) -> Bytes:
-    """Return 255 colours for many (N, 4), none transparent; `counts` tells how many texels have each."""
+    """Return 255 colours for many (N, 4), none transparent, with `counts` texels each."""
     from PIL import Image
 
-    # The first palette: Pillow's octree knows opacity. A row of one picture, each colour once.
+    # Pillow's octree knows opacity. A picture of one row, each colour once.
     start = Image.fromarray(colours[None], "RGBA").quantize(COLOURS - 1, Image.Quantize.FASTOCTREE)
-    palette = np.array(start.getpalette("RGBA"), np.uint8).reshape(-1, 4)
-    palette = palette[np.unique(np.asarray(start))]
+    palette: Bytes = np.array(start.getpalette("RGBA"), np.uint8).reshape(-1, 4)[np.unique(np.asarray(start))]
     points, opaque = _perceived(colours), colours[:, 3] == 255
     for _ in range(STEPS):
         place = nearest(colours, palette)
         weight = np.bincount(place, counts, len(palette))
-        # Colours without texels move to those that are worst.
+        # Colours without texels move to the worst ones.
         error = ((points - _perceived(palette)[place]) ** 2).sum(axis=1) * counts
-        worst = np.argsort(-error)[: COLOURS - 1 - int((weight > 0).sum())]
+        worst = np.argsort(-error)[: COLOURS - 1 - np.count_nonzero(weight)]
         sums = np.stack([np.bincount(place, counts * points[:, k], len(palette)) for k in range(4)], axis=1)
-        solid = np.bincount(place, opaque, len(palette)) > 0
-        palette = np.concatenate(
-            [_colours_at(sums[weight > 0] / weight[weight > 0, None], solid[weight > 0]), colours[worst]]
-        )
+        solid, used = np.bincount(place, opaque, len(palette)) > 0, weight > 0
+        palette = np.concatenate([_colours_at(sums[used] / weight[used, None], solid[used]), colours[worst]])
     return palette
 
 

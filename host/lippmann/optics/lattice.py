@@ -178,6 +178,6 @@ def number_lenslets(index: Indices) -> tuple[Indices, Indices]:
     """Return the distinct lenslets of pixels' lenslets (N, 2), ascending (M, 2), and the index of each (N,)."""
     low = index.min(axis=0)
     span = int(np.ptp(index[:, 1])) + 1
-    flat = (index - low) @ [span, 1]
+    flat = (index[:, 0] - low[0]) * span + (index[:, 1] - low[1])
     occurs = np.bincount(flat) > 0
     return np.stack(np.divmod(np.flatnonzero(occurs), span), axis=1) + low, (np.cumsum(occurs) - 1)[flat]
