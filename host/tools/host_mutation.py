@@ -173,14 +173,19 @@ def _test_of(context: str) -> str:
     return context.rpartition("|")[0]
 
 
+def _last(file: str) -> list[str]:
+    """Return the tests of a file that simulate the RTL."""
+    area, stem = Path(file).relative_to(PACKAGE).parts[0], Path(file).stem
+    own = [f"tests/rtl/{stem}"] if area == "fixed" and (repository() / f"tests/rtl/{stem}").is_dir() else []
+    return [*own, *LAST.get(area, ())]
+
+
 def fate(fault: Fault, scratch: Scratch) -> str:
     """Return a fault's fate: 'caught', with the test that failed, 'survived', or 'refused' when it changes nothing."""
     if not differs(fault, (scratch.folder / fault.file).read_text()):
         return "refused"
     near = _reach(scratch).tests(fault)
-    area, stem = Path(fault.file).relative_to(PACKAGE).parts[0], Path(fault.file).stem
-    own = [f"tests/rtl/{stem}"] if area == "fixed" and (repository() / f"tests/rtl/{stem}").is_dir() else []
-    return scratch.fate(fault, [near[:FEW], near[FEW:]], [[*own, *LAST.get(area, ())]])
+    return scratch.fate(fault, [near[:FEW], near[FEW:]], [_last(fault.file)])
 
 
 def groups(top: Path) -> dict[str, list[Fault]]:
