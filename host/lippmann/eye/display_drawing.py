@@ -1,4 +1,4 @@
-"""Drawings of a display, SVG or PNG: its panel with some lenslets, and the zones of eyes, seen from above."""
+"""Drawings of a display, SVG or PNG: its panel and lenslets, and its viewing zones from above."""
 
 from __future__ import annotations
 
@@ -23,22 +23,22 @@ from lippmann.optics.zones import middle_eye, status_share, status_shares, viewi
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-#: Colours of Okabe and Ito, which all kinds of colour vision tell apart.
+#: Colours of Okabe and Ito, distinct for all kinds of colour vision.
 GLASS, LENSLET, IMAGE, RAY = "#56b4e9", "#0072b2", "#d55e00", "#e69f00"
-#: Lenslets across a close-up, marks of lenslets across the panel, and pixels that a close-up still tells apart.
-CLOSE, MARKS, TOLD_APART = 4.0, 30.0, 150
-#: Heights of the zones' picture, in viewing distances; places across; rays of each eye.
+#: Lenslets across a close-up, marks of lenslets across the panel, and maximum of pixels drawn across a close-up.
+CLOSE, MARKS, MAX_PIXELS = 4.0, 30.0, 150
+#: Heights in the zones' picture, viewing distances; places across; rays of each eye.
 HEIGHTS = np.linspace(0.2, 3.0, 15)
 PLACES, MAP_RAYS = 41, 256
 
 
 @contextmanager
 def _drawing(path: Path, down: int, across: int, size: tuple[float, float]) -> Iterator[npt.NDArray[np.object_]]:
-    """Provide the axes of a picture of `size` inches, and write it to the path."""
+    """Yield the axes of a picture of `size` inches, and write it to the path."""
     from matplotlib import rc_context
     from matplotlib.figure import Figure
 
-    # Text stays text, and the same display gives the same file.
+    # SVG keeps text as text; the same display gives the same file.
     with rc_context({"svg.fonttype": "none", "svg.hashsalt": "lippmann", "font.size": 9}):
         figure = Figure(figsize=size, layout="constrained")
         yield figure.subplots(down, across, squeeze=False)
@@ -48,16 +48,16 @@ def _drawing(path: Path, down: int, across: int, size: tuple[float, float]) -> I
 
 
 def draw_zones(display: Display, path: Path, eye_mm: Sequence[float] | None = None) -> None:
-    """Draw from above, in the plane of the middle eyes: which share of the panel eyes see without crosstalk."""
+    """Draw, from above and in the plane of the middle eyes, the crosstalk that eyes see."""
     usual, half = viewing_distance(display), 0.5 * display.panel.width_mm
-    heights = [float(z) for z in HEIGHTS * usual]
+    heights = (HEIGHTS * usual).tolist()
     middle = [middle_eye(display, z) for z in heights]
-    found = zones(display, heights)
-    widest = max([half] + [abs(end) for zone in found if zone is not None for end in zone[:2]])
+    ends = [(z, *zone[:2]) for z, zone in zip(heights, zones(display, heights), strict=True) if zone is not None]
+    widest = max([half] + [abs(end) for _, *zone in ends for end in zone])
     places = np.linspace(-1.2 * widest, 1.2 * widest, PLACES)
     eyes = np.array([(x, y, z) for _, y, z in middle for x in places])
     shares = status_shares(display, eyes, MAP_RAYS).reshape(len(middle), len(places), -1)
-    # Of the light that comes through the lenslets, not of all rays: eyes far aside see dark panels.
+    # The share of light, not of rays: eyes far aside see dark panels.
     right, wrong = shares[..., Status.OK], shares[..., Status.CROSSTALK]
     wrong = wrong / np.maximum(right + wrong, 1.0 / MAP_RAYS)
     with _drawing(path, 1, 1, (7.0, 6.5)) as ((axis,),):
@@ -66,15 +66,9 @@ def draw_zones(display: Display, path: Path, eye_mm: Sequence[float] | None = No
         axis.figure.colorbar(
             filled, label="crosstalk, share of the light", format=lambda share, _: f"{100 * share:.0f} %"
         )
-        ends = [(z, *zone[:2]) for z, zone in zip(heights, found, strict=True) if zone is not None]
         if ends:
-            axis.fill_betweenx(
-                *zip(*ends, strict=True),
-                facecolor="none",
-                edgecolor=LENSLET,
-                linewidth=2,
-                label="zone without crosstalk",
-            )
+            edge = {"facecolor": "none", "edgecolor": LENSLET, "linewidth": 2}
+            axis.fill_betweenx(*zip(*ends, strict=True), **edge, label="zone without crosstalk")
         axis.plot((-half, half), (0.0, 0.0), color="black", linewidth=4, solid_capstyle="butt", label="panel")
         marked = [("viewing distance", middle_eye(display, usual))] + ([("eye", eye_mm)] if eye_mm is not None else [])
         for (name, (x, y, z)), mark in zip(marked, "o^", strict=False):
@@ -85,19 +79,19 @@ def draw_zones(display: Display, path: Path, eye_mm: Sequence[float] | None = No
 
 
 def draw_display(display: Display, path: Path) -> None:
-    """Draw the panel, close-ups of lenslets over pixels in its middle and in its corner, and a section."""
+    """Draw the panel, close-ups of lenslets and pixels in its middle and its corner, and a section."""
     panel, system = display.panel, System.of(display)
     half = np.array((panel.width_mm, panel.height_mm)) / 2.0
-    with _drawing(path, 2, 2, (11.0, 9.0)) as ((whole, section), (centre, corner)):
+    with _drawing(path, 2, 2, (11.0, 9.0)) as ((overview, section), (centre, corner)):
         every = max(1, round(panel.width_mm / display.array.pitches_mm[0] / MARKS))
         span = int(np.hypot(*half) / display.array.row_pitch_mm / every) + 2
         x, y = _lenslets(system, (0.0, 0.0), span, every)
         inside = (abs(x) <= half[0]) & (abs(y) <= half[1])
-        whole.plot(x[inside], y[inside], ".", color=LENSLET, markersize=3)
-        _draw_edges(whole, display, system)
+        overview.plot(x[inside], y[inside], ".", color=LENSLET, markersize=3)
+        _draw_edges(overview, display, system)
         if display.array.extent_mm is not None:
-            whole.legend(loc="upper right")
-        whole.set(
+            overview.legend(loc="upper right")
+        overview.set(
             title=f"panel {2 * half[0]:.4g} x {2 * half[1]:.4g} mm, "
             + ("all lenslets" if every == 1 else f"one of every {every} x {every} lenslets"),
             aspect="equal",
@@ -110,29 +104,25 @@ def draw_display(display: Display, path: Path) -> None:
         if display.array.extent_mm is not None:
             end = np.minimum(half, system.frame.panel_from_array(*(0.5 * np.array(display.array.extent_mm))))
         name = "top right corner" if (end == half).all() else "top right corner of the array"
-        for axis, what, place in (
-            (centre, "middle", (0.0, 0.0)),
-            (corner, name, end - display.array.coarsest_mm),
-        ):
-            _draw_close(axis, display, system, np.array(place))
+        for axis, what, place in ((centre, "middle", np.zeros(2)), (corner, name, end - display.array.coarsest_mm)):
+            _draw_close(axis, display, system, place)
             _draw_edges(axis, display, system)
             axis.set_title(f"{what}: pixels, lenslets (blue), their elemental images (red)")
-        for axis in (whole, centre, corner):
+        for axis in (overview, centre, corner):
             axis.set(xlabel="x, mm", ylabel="y, mm")
 
 
 def _lenslets(system: System, place: Sequence[float] | Floats, span: int, every: int = 1) -> tuple[Floats, Floats]:
-    """Return the centres of the lenslets around a place of the panel, up to `span` steps of `every` lenslets away."""
+    """Return the centres of lenslets around a place of the panel, up to `span` steps of `every` lenslets away."""
     i, j, *_ = system.lattice.locate(NumpyBackend(), *map(np.asarray, system.frame.array_from_panel(*place)))
     steps = every * np.mgrid[-span : span + 1, -span : span + 1].reshape(2, -1)
     i, j = i + steps[0], j + steps[1]
-    here = system.lattice.present(NumpyBackend(), i, j)
-    x, y = system.centre(i[here], j[here])
-    return x, y
+    present = system.lattice.present(NumpyBackend(), i, j)
+    return system.centre(i[present], j[present])
 
 
 def _draw_edges(axis: Axes, display: Display, system: System) -> None:
-    """Draw the panel's edges, and where an array with an extent ends."""
+    """Draw the edges of the panel, and of an array with an extent."""
     corners = 0.5 * np.array([(-1, 1, 1, -1, -1), (-1, -1, 1, 1, -1)])
     x, y = np.reshape((display.panel.width_mm, display.panel.height_mm), (2, 1)) * corners
     axis.plot(x, y, color="black")
@@ -143,7 +133,7 @@ def _draw_edges(axis: Axes, display: Display, system: System) -> None:
 
 
 def _draw_close(axis: Axes, display: Display, system: System, place: Floats) -> None:
-    """Draw the pixels, the cells of the lenslets and their elemental images around a place of the panel."""
+    """Draw pixels, cells and elemental images around a place of the panel."""
     panel, pitch = display.panel, display.array.coarsest_mm
     reach = 0.5 * CLOSE * pitch
     axis.set(xlim=place[0] + reach * np.array((-1, 1)), ylim=place[1] + reach * np.array((-1, 1)), aspect="equal")
@@ -153,46 +143,44 @@ def _draw_close(axis: Axes, display: Display, system: System, place: Floats) -> 
         for low, high, count in zip(first, last, (panel.width_px, panel.height_px), strict=True)
     )
     x, y = system.frame.panel_from_pixel(columns, rows)
-    if len(columns) <= TOLD_APART:
+    if len(columns) <= MAX_PIXELS:
         axis.vlines(x, y.min(), y.max(), color="0.8", linewidth=0.5)
         axis.hlines(y, x.min(), x.max(), color="0.8", linewidth=0.5)
         _draw_subpixels(axis, display, system, columns[:-1], rows[:-1])
     corners = np.array(system.lattice.corners + system.lattice.corners[:1]).T
     x, y = system.frame.turn(*corners)
     centres = np.stack(_lenslets(system, place, 2 * int(CLOSE)), axis=1)
-    # Those of which a part shows, or of whose image.
+    # Lenslets of which a part is visible, or a part of their image.
     far = reach + pitch + np.abs(place).max() * display.convergence
     for cx, cy in centres[(np.abs(centres - place) < far).all(axis=1)].tolist():
         axis.plot(cx + x, cy + y, color=LENSLET)
         axis.plot(cx, cy, "+", color=LENSLET)
         ax, ay = system.frame.array_from_panel(cx, cy)
         px, py = system.convergence.on_panel(corners[0], corners[1], ax, ay)
-        image = system.frame.panel_from_array(ax + px, ay + py)
-        axis.plot(*image, color=IMAGE, linewidth=1.0)
+        axis.plot(*system.frame.panel_from_array(ax + px, ay + py), color=IMAGE, linewidth=1.0)
 
 
 def _draw_subpixels(axis: Axes, display: Display, system: System, columns: Indices, rows: Indices) -> None:
-    """Draw the sub-pixels of the pixels in some columns and rows; white ones grey."""
+    """Draw the sub-pixels of pixels; white ones are grey."""
     from matplotlib.collections import PolyCollection
 
     layout = layout_of(display.panel.subpixels)
     if layout is None:
         return
-    for colour, left, top, right, bottom in layout.edges():
-        column, row = int(0.5 * (left + right)), int(0.5 * (top + bottom))
+    for colour, west, north, east, south in layout.edges():
+        column, row = int(0.5 * (west + east)), int(0.5 * (north + south))
         tiles = columns[(columns - column) % layout.columns == 0] - column, rows[(rows - row) % layout.rows == 0] - row
         u, v = (tile.reshape(-1, 1) for tile in np.meshgrid(*tiles))
-        x, y = system.frame.panel_from_pixel(
-            u + np.array([left, right, right, left]), v + np.array([top, top, bottom, bottom])
-        )
+        corners = u + np.array([west, east, east, west]), v + np.array([north, north, south, south])
+        x, y = system.frame.panel_from_pixel(*corners)
         face = "0.6" if colour == "white" else colour
-        # A picture inside the SVG: thousands of shapes would make it large.
+        # Rasterized: thousands of shapes would make the SVG large.
         boxes = PolyCollection(list(np.stack([x, y], axis=2)), facecolor=face, alpha=0.3, rasterized=True)
         axis.add_collection(boxes, autolim=False)
 
 
 def _draw_section(axis: Axes, display: Display) -> None:
-    """Draw the panel, three lenslets and rays of the middle one's pixels, in the plane of the array's rows."""
+    """Draw the panel, three lenslets and rays of the middle one, in the plane of the array's rows."""
     array, system = display.array, System.of(display)
     pitch, gap, thickness, reach = array.pitches_mm[0], display.gap_mm, array.thickness_mm, 1.5 * array.focal_length_mm
     sign, flat = (-1.0, -thickness) if system.plano_to_panel else (1.0, thickness)
@@ -202,8 +190,8 @@ def _draw_section(axis: Axes, display: Display) -> None:
     outline = np.concatenate([across + step * pitch for step in (-1, 0, 1)])
     axis.fill_between(outline, np.tile(bulge, 3), flat, color=GLASS, alpha=0.4, label="lenslets")
     axis.plot((-1.5 * pitch, 1.5 * pitch), (near - gap,) * 2, color="black", linewidth=3, label="panel")
-    frame, b = system.frame, NumpyBackend()
-    i, j, *_ = system.lattice.locate(b, *map(np.asarray, frame.array_from_panel(0.0, 0.0)))
+    frame = system.frame
+    i, j, *_ = system.lattice.locate(NumpyBackend(), *map(np.asarray, frame.array_from_panel(0.0, 0.0)))
     centre = np.array(system.lattice.centre(i, j))
     shares, aims = (part.ravel() for part in np.meshgrid((-0.3, 0.0, 0.3), np.linspace(-0.45, 0.45, 5)))
     x, y = system.convergence.on_panel(shares * pitch, 0.0 * shares, *centre)
@@ -215,14 +203,10 @@ def _draw_section(axis: Axes, display: Display) -> None:
     for k in np.flatnonzero(gets_through(rays.status) & (rays.lenslet == (i, j)).all(axis=1)):
         entered = x[k] + share * (aims[k] * pitch - x[k])
         start = rays.local_mm[k, 2]
-        axis.plot(
-            (x[k], entered, out[k], out[k] + slope[k] * (reach - start)),
-            (near - gap, near, start, reach),
-            color=RAY,
-            linewidth=0.8,
-        )
+        places = x[k], entered, out[k], out[k] + slope[k] * (reach - start)
+        axis.plot(places, (near - gap, near, start, reach), color=RAY, linewidth=0.8)
     focal, distance = array.focal_length_mm, display.aperture_distance_mm
     words = f"gap {gap:.4g}, thickness {thickness:.4g}, focal length {focal:.4g}, D {distance:.4g} mm"
     axis.set(xlabel="along a row of lenslets, mm", ylabel="z, mm", aspect="equal", title=words)
-    # Below the rays, which fill the chart to its top.
+    # Below the chart, which the rays fill.
     axis.legend(loc="upper center", bbox_to_anchor=(0.5, -0.15), ncols=2)

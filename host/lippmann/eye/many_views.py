@@ -1,4 +1,4 @@
-"""Views from many eyes through one window: of a scene itself, or of a display that shows an integral image."""
+"""Views from many eyes through one window: of a scene, or of a display that shows an integral image."""
 
 from __future__ import annotations
 
@@ -21,29 +21,27 @@ from lippmann.rendering.renderer import render_view
 from lippmann.rendering.sampling import Window
 from lippmann.scenes.scene import Scene
 
-#: Share of the viewing zone that the eyes take: at its ends crosstalk begins.
+#: Share of the viewing zone for the eyes: crosstalk begins at its ends.
 ZONE_SHARE = 0.95
-#: The cone of the eyes of a display without a viewing zone, degrees.
+#: Cone of eyes for a display without a viewing zone, degrees.
 CONE_DEG = 20.0
-#: Widest cone, degrees.
 MAX_CONE_DEG = 120.0
-#: Eyes of the grid, across and down; the middle one is on the axis.
+#: Eyes of the grid, across and down, around the axis.
 GRID = (7, 3)
 #: Width of a render, pixels, and its samples.
 WIDTH_PX = 400
 SAMPLES = 16
-#: Half width of the grid for a display without a viewing zone, as a share of the viewing distance.
+#: Minimum half width of the grid, as a share of the viewing distance.
 LEAST_REACH = 0.05
-#: Returns what an eye sees.
+#: Returns the radiance that an eye sees.
 Viewer = Callable[[Eye], Radiance]
 
 
 def scene_viewer(scene: Scene, window: Window, settings: Settings) -> Viewer:
-    """Return the viewer of a scene, without a display; an eye with a pupil sees depths out of focus blurred."""
+    """Return the viewer of a scene without a display; a pupil blurs depths out of focus."""
 
     def view(eye: Eye) -> Radiance:
-        place, pupil, focus = eye.position_mm, eye.pupil_mm, eye.focus_z_mm
-        return render_view(scene, place, window, settings, pupil_mm=pupil, focus_z_mm=focus).radiance
+        return render_view(scene, eye.position_mm, window, settings, eye.pupil_mm, eye.focus_z_mm).radiance
 
     return view
 
@@ -56,13 +54,10 @@ def image_viewer(image: IntegralImage, window: Window, samples: int, seed: int =
 def eyes_of(
     display: Display, across: int, down: int = 1, cone_deg: float | None = None, distance_mm: float | None = None
 ) -> list[tuple[float, float, float]]:
-    """Return eyes (mm) from left to right, row by row from the bottom, all at one distance before the display.
+    """Return eyes (mm) in equal steps, from left to right, row by row from the bottom, at one distance.
 
-    Their steps are equal. From the leftmost to the rightmost they span a cone, seen from the display's middle, and so
-    do the rows. A cone of `None` is the display's viewing zone, where no eye sees crosstalk. A distance of `None` is
-    the viewing distance.
-
-    Raises InputError for a cone or distance out of range.
+    From the display's middle, the rows and the columns span a cone, by default the viewing zone without crosstalk. The
+    distance is by default the viewing distance. Raises InputError for a cone or distance out of range.
     """
     distance = viewing_distance(display) if distance_mm is None else distance_mm
     if not 0.0 < distance < math.inf:
@@ -71,9 +66,9 @@ def eyes_of(
     if cone_deg is None:
         (zone,) = zones(display, [distance])
         narrow = math.tan(math.radians(0.5 * CONE_DEG)) * distance
-        left, right, low, high = (-narrow, narrow, -narrow, narrow) if zone is None else zone
-        reach_x, reach_y = 0.5 * ZONE_SHARE * (right - left), 0.5 * ZONE_SHARE * (high - low)
-        x, y = (x, y) if zone is None else (0.5 * (left + right), 0.5 * (low + high))
+        west, east, low, high = (-narrow, narrow, -narrow, narrow) if zone is None else zone
+        reach_x, reach_y = 0.5 * ZONE_SHARE * (east - west), 0.5 * ZONE_SHARE * (high - low)
+        x, y = (x, y) if zone is None else (0.5 * (west + east), 0.5 * (low + high))
     else:
         if not 0.0 <= cone_deg <= MAX_CONE_DEG:
             raise InputError(f"the cone of {cone_deg:g} degrees is out of range; give 0 to {MAX_CONE_DEG:g}")
@@ -83,7 +78,7 @@ def eyes_of(
 
 
 def focus_depths(scene_range_mm: Sequence[float], count: int) -> list[float]:
-    """Return depths from the farthest to the nearest, in equal steps."""
+    """Return depths in equal steps from the farthest to the nearest."""
     far, near = scene_range_mm
     if not (math.isfinite(far) and math.isfinite(near)):
         raise InputError("the scene has no bounded depth; give --depths")
@@ -91,17 +86,17 @@ def focus_depths(scene_range_mm: Sequence[float], count: int) -> list[float]:
 
 
 def _spaced(first: float, last: float, count: int) -> list[float]:
-    """Return numbers in equal steps; a single one is in the middle."""
+    """Return numbers in equal steps; a single number is in the middle."""
     return [0.5 * (first + last)] if count == 1 else np.linspace(first, last, count).tolist()
 
 
 def grid_of_eyes(display: Display) -> list[tuple[float, float, float]]:
-    """Return eyes across the viewing zone, mm, at the viewing distance."""
+    """Return eyes (mm) across the viewing zone, at the viewing distance."""
     share = max(display_properties(display).viewing_zone_mm / viewing_distance(display), LEAST_REACH)
     return eyes_of(display, *GRID, cone_deg=2.0 * math.degrees(math.atan(share)))
 
 
 def render_directs(scene: Scene, display: Display, seed: int = 0, progress: Progress | None = None) -> list[Direct]:
-    """Render a scene from the grid's eyes."""
+    """Return direct renders of a scene from the grid's eyes."""
     view = scene_viewer(scene, whole_window(display, WIDTH_PX), Settings(samples=SAMPLES, seed=seed))
     return [Direct(eye, view(Eye(eye))) for eye in report_each(grid_of_eyes(display), progress)]

@@ -1,4 +1,4 @@
-"""What notebooks show beside single pictures: the viewer page, and sweeps of an eye."""
+"""What notebooks show, single pictures apart: the viewer page, and sweeps of an eye."""
 
 from __future__ import annotations
 
@@ -21,44 +21,41 @@ HEIGHT_PX = 720
 
 @dataclass(frozen=True, repr=False)
 class Widget:
-    """The viewer page of an image, below a notebook's cell; it needs nothing but itself."""
+    """The viewer page of an image, in a notebook."""
 
     page: str
     height_px: int
 
     def _repr_html_(self) -> str:
-        """Return the frame that a notebook shows."""
-        inside = html.escape(self.page, quote=True)
+        """Return an HTML frame with the page."""
         style = f"width: 100%; height: {self.height_px}px; border: 0"
-        return f'<iframe sandbox="allow-scripts" style="{style}" srcdoc="{inside}"></iframe>'
+        return f'<iframe sandbox="allow-scripts" style="{style}" srcdoc="{html.escape(self.page)}"></iframe>'
 
     def __repr__(self) -> str:
-        """Return the size, not the page."""
         return f"<Widget, {len(self.page) / 1e6:.1f} MB>"
 
 
 @dataclass(frozen=True, repr=False)
 class Sweep:
-    """What a moving eye sees: a view for each of its places, in their order."""
+    """What a moving eye sees: a view from each of its places, in their order."""
 
     views: Sequence[View]
 
     def _repr_html_(self) -> str:
-        """Return the animation that a notebook shows, to and fro."""
+        """Return an HTML image, the animation to and fro."""
         animation = animation_bytes([view.radiance for view in self.views], "PNG")
         return f'<img src="data:image/png;base64,{base64.b64encode(animation).decode()}">'
 
     def __repr__(self) -> str:
-        """Return number and size, not the pixels."""
         height, width = self.views[0].radiance.shape[:2]
         return f"<Sweep, {len(self.views)} views of {width} x {height} px>"
 
     def save(self, path: str | Path) -> None:
-        """Write the views to and fro, .gif or animated .png; raise InputError when the file cannot be written."""
+        """Write the views to and fro, .gif or animated .png; raises InputError when the file cannot be written."""
         write_animation(path, [view.radiance for view in self.views])
 
     def show(self, seconds: float | None = None) -> None:
-        """Show the views to and fro: in a notebook below its cell, else in a window, as a picture's `show`."""
+        """Show the views to and fro, in a notebook or else in a window, as a picture's `show`."""
         if in_notebook():
             import_module("IPython.display").display(self)
             return

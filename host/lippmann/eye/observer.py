@@ -1,8 +1,7 @@
 """The observer: what an eye sees of a panel that shows an integral image, through the real lenslets.
 
-Rays are traced against the light: from the eye through a point of the view's window (plane z = 0) to the array, through
-the lenslets as `trace_to_panel` does, to the panel pixel, or the pixel's sub-pixel, that emits there. A ray that
-lands in a neighbour's cell sees the neighbour's pixel: this is crosstalk.
+Rays are traced against the light, as by `trace_to_panel`: from the eye through the view's window (plane z = 0) and the
+lenslets to the panel's pixel or sub-pixel. A ray that ends in a neighbour's cell sees the neighbour's pixel: crosstalk.
 """
 
 from __future__ import annotations
@@ -34,22 +33,23 @@ from lippmann.rendering.sampling import Window
 
 #: Rays traced at once.
 CHUNK_RAYS = 1 << 21
-#: Bytes of the rows of an image on disk that are read at once.
+#: Bytes read at once of an image on disk.
 STORED_BYTES = 1 << 27
-#: Returns the three colours of an image where rays see it (`seen`), at columns and rows, for their hits on the panel.
+#: Linear light (height, width, 3).
+Light = npt.NDArray[np.floating]
+#: Returns an image's three colours where rays see it, at columns and rows, for their hits on the panel.
 LookUp = Callable[[Arr, Arr, Arr, PixelHits], list[Arr]]
 
 
 @dataclass(frozen=True)
 class Eye:
-    """An eye: the centre of its pupil (z > 0), the pupil's diameter (0: a pinhole), and the depth z in focus."""
+    """An eye: the pupil's centre (z > 0), the pupil's diameter (0: a pinhole), and the depth z in focus."""
 
     position_mm: tuple[float, float, float]
     pupil_mm: float = 0.0
     focus_z_mm: float = 0.0
 
     def __post_init__(self) -> None:
-        """Refuse an eye that cannot see the display."""
         if np.array(self.position_mm, object).shape != (3,):
             raise InputError(f"eye: {self.position_mm} is not a position; give (x, y, z) in mm")
         numbers = (*self.position_mm, self.pupil_mm, self.focus_z_mm)
@@ -67,25 +67,19 @@ class Eye:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class View(Showable):
-    """What an eye sees: radiance (height, width, 3) float32, linear, and the metadata that a file of it carries.
-
-    `status_share` is the share of the rays by status (`lippmann.Status`).
-    """
+    """What an eye sees: linear radiance (height, width, 3) float32, shares of rays by `lippmann.Status`, metadata."""
 
     radiance: Radiance
     status_share: dict[str, float]
     metadata: dict[str, str] = field(default_factory=dict)
 
     def save(self, path: str | Path) -> None:
-        """Write the view: .exr or .tif with linear radiance, .png in sRGB.
-
-        Raises InputError when the file cannot be written.
-        """
+        """Write the view: linear .exr or .tif, sRGB .png; raises InputError when the file cannot be written."""
         write_picture(path, self.radiance, self.metadata)
 
 
 def whole_window(display: Display, width_px: int | None = None) -> Window:
-    """Return the window that covers the panel, `width_px` wide; None: one pixel for each lenslet."""
+    """Return the window that covers the panel, `width_px` wide; by default one pixel for each lenslet."""
     panel = display.panel
     if width_px is None:
         width_px = max(1, round(panel.width_mm / display.array.pitches_mm[0]))
@@ -93,8 +87,8 @@ def whole_window(display: Display, width_px: int | None = None) -> Window:
     return Window(panel.width_mm, panel.height_mm, width_px, height_px)
 
 
-def check_size(radiance: npt.NDArray[np.floating] | StoredRows, display: Display) -> None:
-    """Refuse an image that has not the size of a display's panel."""
+def check_size(radiance: Light | StoredRows, display: Display) -> None:
+    """Refuse an image that does not have the size of a display's panel."""
     panel = display.panel
     if radiance.shape != (panel.height_px, panel.width_px, 3):
         raise InputError(
@@ -104,7 +98,7 @@ def check_size(radiance: npt.NDArray[np.floating] | StoredRows, display: Display
 
 
 def observe(
-    radiance: npt.NDArray[np.floating] | StoredRows,
+    radiance: Light | StoredRows,
     display: Display,
     eye: Eye,
     window: Window,
@@ -115,11 +109,10 @@ def observe(
 ) -> View:
     """Return what an eye sees of a display, perhaps a misaligned one, whose panel shows `radiance`.
 
-    `radiance` is (height, width, 3), linear; of one on disk (`StoredRows`), only the rows that a part of the view sees
-    are in memory. The view covers the window, with `samples` rays for each of its pixels. Without `crosstalk`, rays
-    that land in a neighbour's cell see black.
-
-    Raises InputError when the image's size is not the panel's, the model is unknown, or samples is out of range.
+    `radiance` is (height, width, 3), linear; from disk (`StoredRows`), memory holds only rows that a part of the view
+    sees. The view covers the window, with `samples` rays for each pixel. Without `crosstalk`, rays that end in a
+    neighbour's cell see black. Raises InputError when the image does not have the panel's size, the model is unknown,
+    or samples is out of range.
     """
     mi, dr = mitsuba(), drjit()
     panel = display.panel
@@ -134,7 +127,7 @@ def observe(
         look_up = _light_in_memory(radiance)
     else:
         look_up = partial(_light_on_disk, radiance)
-        # The rows that a row of the view sees, but for a lenslet's.
+        # Rows that a row of the view sees, without those of a lenslet.
         row_bytes = 12 * panel.width_px * max(1, panel.height_px // window.height_px)
         chunk = min(chunk, window.width_px * max(1, STORED_BYTES // row_bytes))
     out = np.empty((total, 3), np.float32)
@@ -145,8 +138,8 @@ def observe(
         index = dr.arange(mi.UInt32, count * samples)
         pixel = dr.opaque(mi.UInt32, start) + index // samples
         hits = pixels_from_rays(b, system, *eye_rays(b, eye, window, pixel, index % samples, seed), model)
-        seen = (hits.status == int(Status.OK)) | ((hits.status == int(Status.CROSSTALK)) & mi.Bool(crosstalk))
-        colour = _emitted_light(b, panel, look_up, hits, seen)
+        visible = (hits.status == int(Status.OK)) | ((hits.status == int(Status.CROSSTALK)) & mi.Bool(crosstalk))
+        colour = _emitted_light(b, panel, look_up, hits, visible)
         mean = [dr.block_reduce(dr.ReduceOp.Add, c, samples) * (1.0 / samples) for c in colour]
         dr.eval(mean, hits.status)
         for k in range(3):
@@ -156,19 +149,19 @@ def observe(
     return View(out.reshape(window.height_px, window.width_px, 3), share)
 
 
-def _emitted_light(b: DrJitBackend, panel: Panel, look_up: LookUp, hits: PixelHits, seen: Arr) -> list[Arr]:
-    """Return the three colours that rays see where they hit a panel; black for those that do not see it."""
+def _emitted_light(b: DrJitBackend, panel: Panel, look_up: LookUp, hits: PixelHits, visible: Arr) -> list[Arr]:
+    """Return the three colours that rays see where they hit a panel, black where they do not see it."""
     mi, dr = mitsuba(), drjit()
     column = mi.UInt32(dr.clip(dr.floor(hits.u), 0, panel.width_px - 1))
     row = mi.UInt32(dr.clip(dr.floor(hits.v), 0, panel.height_px - 1))
-    # The look-up may evaluate the pixels; the rays are not traced again then.
-    colour = look_up(seen, column, row, hits)
+    # The look-up may evaluate the pixels: the rays are then not traced again.
+    colour = look_up(visible, column, row, hits)
     if panel.black:
-        colour = [dr.select(seen, panel.black + (1.0 - panel.black) * c, 0.0) for c in colour]
+        colour = [dr.select(visible, panel.black + (1.0 - panel.black) * c, 0.0) for c in colour]
     layout = layout_of(panel.subpixels)
     if layout is None:
         return colour
-    # A sub-pixel emits its colour from a part of the panel, so much brighter; white emits all three.
+    # A sub-pixel is brighter than its pixel, as it is smaller; white emits all three.
     parts = layout.split_light(colour, dr.minimum(colour[0], dr.minimum(colour[1], colour[2])))
     colour = [mi.Float(0.0)] * 3
     for k, gain, inside in layout.emitters(b, hits.u, hits.v):
@@ -177,32 +170,32 @@ def _emitted_light(b: DrJitBackend, panel: Panel, look_up: LookUp, hits: PixelHi
     return colour
 
 
-def _light_in_memory(radiance: npt.NDArray[np.floating]) -> LookUp:
-    """Return the look-up of an image that is copied to the device as a whole."""
+def _light_in_memory(radiance: Light) -> LookUp:
+    """Return the look-up of an image that is copied to the device."""
     mi, dr = mitsuba(), drjit()
     light = mi.Float(np.ascontiguousarray(radiance, np.float32).ravel())
 
-    def look_up(seen: Arr, column: Arr, row: Arr, hits: PixelHits) -> list[Arr]:
+    def look_up(visible: Arr, column: Arr, row: Arr, hits: PixelHits) -> list[Arr]:
         place = (row * radiance.shape[1] + column) * 3
-        return [dr.gather(mi.Float, light, place + k, seen) for k in range(3)]
+        return [dr.gather(mi.Float, light, place + k, visible) for k in range(3)]
 
     return look_up
 
 
-def _light_on_disk(radiance: StoredRows, seen: Arr, column: Arr, row: Arr, hits: PixelHits) -> list[Arr]:
-    """Return the light of an image on disk where some rays see it; only the parts with such rays are read."""
+def _light_on_disk(radiance: StoredRows, visible: Arr, column: Arr, row: Arr, hits: PixelHits) -> list[Arr]:
+    """Return the light of an image on disk where rays see it; only parts with such rays are read."""
     mi, dr = mitsuba(), drjit()
-    dr.eval(seen, column, row, hits.u, hits.v, hits.status)
+    dr.eval(visible, column, row, hits.u, hits.v, hits.status)
     _, width, _ = radiance.shape
     rows = max(1, STORED_BYTES // (12 * width))
     part = row // rows
     colour = [mi.Float(0.0)] * 3
-    for number in np.unique(np.asarray(part)[np.asarray(seen)]):
+    for number in np.unique(np.asarray(part)[np.asarray(visible)]):
         first = int(number) * rows
         light = mi.Float(radiance[first : first + rows].ravel())
         place = ((row - dr.opaque(mi.UInt32, first)) * width + column) * 3
-        here = seen & (part == dr.opaque(mi.UInt32, int(number)))
-        colour = [c + dr.gather(mi.Float, light, place + k, here) for k, c in enumerate(colour)]
+        in_part = visible & (part == dr.opaque(mi.UInt32, int(number)))
+        colour = [c + dr.gather(mi.Float, light, place + k, in_part) for k, c in enumerate(colour)]
         dr.eval(colour)
     return colour
 
@@ -210,19 +203,19 @@ def _light_on_disk(radiance: StoredRows, seen: Arr, column: Arr, row: Arr, hits:
 def eye_rays(
     b: DrJitBackend, eye: Eye, window: Window, pixel: Arr, sample: Arr, seed: int
 ) -> tuple[tuple[Arr, ...], tuple[Arr, ...]]:
-    """Return origins and unit directions (double) from the pupil through the window's pixels."""
+    """Return the origins in the pupil and the unit directions (double) of rays through the window's pixels."""
     mi, dr = mitsuba(), drjit()
     row = pixel // window.width_px
     column = pixel - row * window.width_px
     s, t = points_in_square(pixel, sample, seed, stream=0)
     x, y = window.point(b.double(column) + b.double(s), b.double(row) + b.double(t))
-    # Opaque, so that another eye needs no compilation.
+    # Opaque: another eye needs no compilation.
     double: Arr = b.double
     ex, ey, ez, focus, radius = (dr.opaque(double, c) for c in (*eye.position_mm, eye.focus_z_mm, 0.5 * eye.pupil_mm))
     if eye.pupil_mm > 0.0:
         p, q = points_in_square(pixel, sample, seed)
         disk = mi.warp.square_to_uniform_disk_concentric(mi.Point2f(p, q))
-        # The line through the pupil's centre meets the plane in focus at the point that this pixel shows.
+        # A pixel shows its point in the plane in focus, on the line through the pupil's centre.
         reach = (ez - focus) / ez
         fx, fy = ex + (x - ex) * reach, ey + (y - ey) * reach
         ex = ex + b.double(disk.x) * radius

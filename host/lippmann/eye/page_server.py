@@ -11,9 +11,7 @@ from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from lippmann.errors import input_error
 
 LOOPBACK = "127.0.0.1"
-#: Names by which a browser on this machine calls it.
-HOSTS = (LOOPBACK, "localhost")
-#: Most requests at once, and the longest silence of one, s.
+#: Maximum of simultaneous requests, and of the silence of one, s.
 MAX_REQUESTS, SILENCE_S = 8, 10.0
 HEADERS = {
     "Content-Type": "text/html; charset=utf-8",
@@ -24,9 +22,9 @@ HEADERS = {
 
 
 class PageServer(ThreadingHTTPServer):
-    """A server of one page, at an address that only this user is told; `url` is that address.
+    """A server of one page at `url`, a secret address on loopback; it is not yet started.
 
-    It is bound to loopback but not started; port 0 means any free port. InputError when the port is taken.
+    Port 0 means any free port. Raises InputError when the port is taken.
     """
 
     daemon_threads = True
@@ -42,24 +40,24 @@ class PageServer(ThreadingHTTPServer):
             raise input_error(f"--tcp-port {tcp_port}", what, "choose another, or 0") from None
         port = self.server_address[1]
         self.url = f"http://{LOOPBACK}:{port}{self.path}"
-        self.hosts = [f"{host}:{port}" for host in HOSTS]
+        self.hosts = [f"{host}:{port}" for host in (LOOPBACK, "localhost")]
         self.origins = [f"http://{host}" for host in self.hosts]
 
     def verify_request(self, request: object, client_address: object) -> bool:
-        """Let a request in, to be answered in a thread of its own, unless there are too many."""
+        """Accept a request unless there are too many."""
         return self._free.acquire(blocking=False)
 
     def process_request_thread(
         self, request: socket.socket | tuple[bytes, socket.socket], client_address: object
     ) -> None:
-        """Answer a request."""
+        """Answer a request in its thread."""
         try:
             super().process_request_thread(request, client_address)
         finally:
             self._free.release()
 
     def handle_error(self, request: object, client_address: object) -> None:
-        """Forget a browser that has gone."""
+        """Ignore a browser that has gone."""
 
 
 class _Handler(BaseHTTPRequestHandler):
@@ -67,7 +65,7 @@ class _Handler(BaseHTTPRequestHandler):
     server: PageServer
 
     def do_GET(self) -> None:
-        """Send the page; to a page of another site, which calls this machine by another name, nothing."""
+        """Send the page, but refuse requests of other sites, which use other names of this machine."""
         origin = self.headers.get("Origin")
         if self.headers.get("Host") not in self.server.hosts or origin not in (None, *self.server.origins):
             self.send_error(HTTPStatus.FORBIDDEN)

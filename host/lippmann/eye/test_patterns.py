@@ -1,7 +1,7 @@
-"""Test patterns for a panel: those of a board's register `display.pattern`, and others that a board does not draw.
+"""Test patterns for a panel: those of a board's register `display.pattern`, and others.
 
-Each pixel has a point in the cell of its lenslet. The line from the pixel's centre to the eye of the viewing distance
-crosses the aperture plane there (`optics.convergence`). Without a viewing distance the point is the pixel's centre.
+Each pixel has a point in its lenslet's cell, where the line from the pixel's centre to the eye crosses the aperture
+plane (`optics.convergence`). Without a viewing distance the point is the pixel's centre.
 """
 
 from __future__ import annotations
@@ -32,36 +32,32 @@ from lippmann.rendering.integral_image import IntegralImage
 from lippmann.rendering.sampling import Window
 
 Kind = Literal["lens-centres", "cells", "view-numbers", "single-lens", "white-for-eye", "ramp", "ramps", "checker"]
-#: The patterns that a board also draws, in the order of the register's values from 1 on.
+#: Patterns that a board also draws, in the order of the register's values from 1 on.
 ON_BOARD: tuple[Kind, ...] = ("single-lens", "lens-centres", "view-numbers", "checker", "ramp")
 #: Side of the checker's tiles, pixels; the board uses the same.
 TILE = 32
-#: A pixel contains the points up to this distance from its centre, pixels: more than half, as rounding may move them.
+#: Half width of a pixel, pixels: more than half, since rounding may move a point.
 IN_PIXEL = 17 / 32
-#: Number of rows that are computed at once.
 BAND_ROWS = 64
 #: Panel values from 0 to 1; their shape broadcasts to (rows, columns, 3).
 Values = npt.NDArray[np.generic]
 
 
 class Places(NamedTuple):
-    """Of pixels: lenslet (i, j), whether the lenslet's centre is in the pixel, and the place in the cell, 0 to 255."""
+    """Lenslets (i, j) of pixels, whether a pixel contains its lenslet's centre, and places in cells, 0 to 255."""
 
     i: npt.NDArray[np.number]
     j: npt.NDArray[np.number]
     centre: npt.NDArray[np.bool_]
     right: npt.NDArray[np.number]
     up: npt.NDArray[np.number]
-    #: Whether the lenslet is there: beside the array the mount is opaque, and its pixels stay black.
+    #: Whether the lenslet exists: beside the array the mount is opaque and pixels stay black.
     present: npt.NDArray[np.bool_]
 
 
 @dataclass(frozen=True)
 class Pixels:
-    """Pixels of a display by column (1, N) and row (M, 1); `lens` is the lenslet of the pattern `single-lens`.
-
-    `fraction_bits` is the word length of a board, whose words compute the pattern. None: float64 does.
-    """
+    """Pixels of a display by column (1, N) and row (M, 1); `lens` and `fraction_bits` as for `draw`."""
 
     display: Display
     column: npt.NDArray[np.int64]
@@ -71,7 +67,7 @@ class Pixels:
 
     @cached_property
     def places(self) -> Places:
-        """The pixels' lenslets, and the pixels' places in the cells."""
+        """The pixels' lenslets and places in the cells."""
         panel, grid, system = self.display.panel, self.display.array.grid, System.of(self.display)
         columns, rows = np.broadcast_arrays(self.column, self.row)
         if (f := self.fraction_bits) is not None:
@@ -83,8 +79,8 @@ class Pixels:
         i, j, x, y = system.locate(NumpyBackend(), u, v)
         cx, cy = system.lattice.centre(i, j)
         x, y = system.convergence.within_cell(x, y, cx, cy)
-        seen_x, seen_y = system.convergence.on_panel(np.zeros_like(cx), np.zeros_like(cy), cx, cy)
-        at_u, at_v = system.frame.pixel_from_panel(*system.frame.panel_from_array(cx + seen_x, cy + seen_y))
+        to_x, to_y = system.convergence.on_panel(np.zeros_like(cx), np.zeros_like(cy), cx, cy)
+        at_u, at_v = system.frame.pixel_from_panel(*system.frame.panel_from_array(cx + to_x, cy + to_y))
         centre = (abs(at_u - u) <= IN_PIXEL) & (abs(at_v - v) <= IN_PIXEL)
         # A hexagonal cell is four thirds of a row high.
         high = self.display.array.row_pitch_mm * (4.0 / 3.0 if grid == "hex" else 1.0)
@@ -99,7 +95,7 @@ def lens_centres(at: Pixels) -> Values:
 
 
 def cells(at: Pixels) -> Values:
-    """Red, green, blue by (i - j) modulo 3: cells with a common side differ."""
+    """Red, green or blue by (i - j) modulo 3: cells with a common side differ."""
     colour = np.where(at.places.present, (at.places.i - at.places.j) % 3, -1)
     return np.asarray(colour[..., None] == np.arange(3))
 
@@ -107,7 +103,7 @@ def cells(at: Pixels) -> Values:
 def view_numbers(at: Pixels) -> Values:
     """Red and green: the place in the cell, to the right and upward, in 255ths; blue 0."""
     right, up = at.places.right * at.places.present, at.places.up * at.places.present
-    return np.asarray(np.stack([right, up, np.zeros_like(up)], axis=2) / 255.0)
+    return np.stack([right, up, np.zeros_like(up)], axis=2) / 255.0
 
 
 def single_lens(at: Pixels) -> Values:
@@ -127,14 +123,14 @@ def ramp(at: Pixels) -> Values:
 
 
 def ramps(at: Pixels) -> Values:
-    """Four bands, grey, red, green, blue from the top; from black to full light, left to right.
+    """Four bands, grey, red, green and blue from the top, each from black at the left to full light.
 
-    Each has all levels of the panel once; on a panel with fewer columns than levels, as many as columns.
+    Each has all levels of the panel once, or as many as columns where these are fewer.
     """
     panel = at.display.panel
-    columns, levels = panel.width_px, 1 << panel.bits
-    whole = columns >= levels
-    value = (at.column * levels // columns if whole else at.column * (levels - 1) // max(1, columns - 1)) / (levels - 1)
+    columns, top = panel.width_px, (1 << panel.bits) - 1
+    fine = columns > top
+    value = (at.column * (top + 1) // columns if fine else at.column * top // max(1, columns - 1)) / top
     colours = np.array([[1, 1, 1], [1, 0, 0], [0, 1, 0], [0, 0, 1]])
     return np.asarray(value[..., None] * colours[4 * at.row[:, 0] // panel.height_px][:, None])
 
@@ -151,13 +147,10 @@ PATTERNS: dict[Kind, Callable[[Pixels], Values]] = {
 
 
 def white_for_eye(display: Display, eye: Eye) -> Values:
-    """Return 1 for the pixels that an eye sees through the lenslets that own them, (height, width), else 0.
-
-    The eye's rays are traced through the exact lenslets to the whole panel. Pixels seen by crosstalk stay black.
-    """
+    """Return values (height, width): 1 for pixels that an eye sees through their own, exact lenslets, else 0."""
     mi, dr = mitsuba(), drjit()
     panel, b, system = display.panel, DrJitBackend(current_device()), System.of(display)
-    # Points of a lenslet are seen this many times farther apart on the panel. There, rays may be half a pixel apart.
+    # The panel spreads a lenslet's points; there, rays may be half a pixel apart.
     spread = abs(1.0 - display.aperture_distance_mm / display.array.focal_length_mm)
     samples = min(2 + int(np.ceil(2.0 * spread)), 8) ** 2
     window = Window(panel.width_mm, panel.height_mm, panel.width_px, panel.height_px)
@@ -182,12 +175,11 @@ def draw(
     lens: tuple[int, int] | None = None,
     fraction_bits: int | None = None,
 ) -> IntegralImage:
-    """Draw a test pattern for a display.
+    """Return a test pattern for a display.
 
-    `eye` is the eye of "white-for-eye", which needs one. `lens` is the lenslet (i, j) of "single-lens"; None: (0, 0).
-    `fraction_bits` is the word length of a board, which draws the same pattern. None: float64 computes the pattern.
-
-    Raises InputError for an option of another kind of pattern, and for a display that a board's registers cannot hold.
+    `eye` is the eye of "white-for-eye", which needs one. `lens` is the lenslet (i, j) of "single-lens", by default
+    (0, 0). `fraction_bits` computes the pattern in a board's words instead of float64. Raises InputError for an option
+    of another pattern, and for a display that does not fit a board's registers.
     """
     if kind not in get_args(Kind):
         raise InputError(f"unknown pattern '{kind}'; choose from {', '.join(get_args(Kind))}")
@@ -201,13 +193,13 @@ def draw(
         raise InputError(f"--fraction-bits belongs to the patterns of a board, {', '.join(ON_BOARD)}; leave it out")
     panel = display.panel
     light = np.empty((panel.height_px, panel.width_px, 3), np.float32)
-    seen = None if eye is None else white_for_eye(display, eye)
+    white = None if eye is None else white_for_eye(display, eye)
     for first in range(0, panel.height_px, BAND_ROWS):
         rows = np.arange(first, min(first + BAND_ROWS, panel.height_px))[:, None]
         at = Pixels(display, np.arange(panel.width_px)[None], rows, lens or (0, 0), fraction_bits)
-        values = PATTERNS[kind](at) if seen is None else seen[rows[:, 0], :, None]
+        values = PATTERNS[kind](at) if white is None else white[rows[:, 0], :, None]
         light[rows[:, 0]] = decode(values, panel.transfer)
     if lens is not None and not light.any():
         raise InputError(f"lenslet {lens[0]:g},{lens[1]:g} owns no pixel; give whole numbers i,j; 0,0 is in the middle")
-    carried = {"pattern": kind, "version": __version__}
-    return IntegralImage(light, display, carried if eye is None else {**carried, "eye_mm": str(eye.position_mm)})
+    metadata = {"pattern": kind, "version": __version__}
+    return IntegralImage(light, display, metadata if eye is None else {**metadata, "eye_mm": str(eye.position_mm)})

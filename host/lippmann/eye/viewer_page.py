@@ -1,6 +1,6 @@
-"""Assembles the viewer page: one text with everything that the browser needs.
+"""Assembles the viewer page, one text with all that the browser needs.
 
-Its parts are text files of this package with `@@name@@` where a value goes, and `#include` in the shaders.
+Its parts, text files of this package, have holes for values, `@@name@@`, and includes in the shaders.
 """
 
 from __future__ import annotations
@@ -15,14 +15,11 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from importlib.resources import files
 
-import numpy as np
-import numpy.typing as npt
-
 from lippmann.base.animation import png_bytes
 from lippmann.display.description import Display
 from lippmann.display.subpixels import COLOURS, layout_of
 from lippmann.errors import InputError, input_error
-from lippmann.eye.observer import check_size
+from lippmann.eye.observer import Light, check_size
 from lippmann.optics.display_properties import depth_reach_mm
 from lippmann.optics.lattice import Lattice
 from lippmann.optics.zones import middle_eye, viewing_distance
@@ -37,7 +34,7 @@ def read(name: str) -> str:
 
 
 def filled(name: str, **values: str) -> str:
-    """Return a template with its holes filled; values are not looked into, and none may be missing or left over."""
+    """Return a template with its holes filled; the values must have the names of the holes."""
     text = read(name)
     holes = set(HOLE.findall(text))
     if holes != set(values):
@@ -52,7 +49,7 @@ def shader(name: str) -> str:
 
 #: Range of the eye's distance, in viewing distances.
 DISTANCES = (0.25, 4.0)
-#: Widest pupil, mm: as wide as a camera's lens, which shows focus best.
+#: Maximum pupil, mm: as wide as a camera's lens, which shows focus best.
 PUPIL_MM = 20.0
 #: Largest rotation of the array, degrees, and largest relative change of its pitch.
 TURN_DEG, STRETCH = 5.0, 0.05
@@ -79,7 +76,7 @@ class Slider:
 
 
 def eye_reach_mm(display: Display) -> float:
-    """Return the eye's largest offset, where even the panel's far edge shows the neighbours' elemental images."""
+    """Return the maximum offset of the eye, where even the panel's far edge shows neighbours' elemental images."""
     distance = viewing_distance(display)
     zone = distance * (1.0 + display.convergence) * display.array.coarsest_mm / display.aperture_distance_mm
     aside = max(abs(x) for x in middle_eye(display, distance)[:2])
@@ -87,7 +84,7 @@ def eye_reach_mm(display: Display) -> float:
 
 
 def focus_reach_mm(display: Display) -> float:
-    """Return the largest focus depth: twice the depth range, but less than the shortest viewing distance."""
+    """Return the maximum focus depth: twice the depth range, but less than the minimum viewing distance."""
     return _neat(min(2.0 * depth_reach_mm(display)[1], 0.9 * DISTANCES[0] * viewing_distance(display)))
 
 
@@ -99,8 +96,8 @@ def sliders(display: Display) -> dict[str, list[Slider]]:
     near, far = (share * distance for share in DISTANCES)
     shift, lift = _neat(0.5 * array.coarsest_mm), _neat(0.5 * array.focal_length_mm)
     # A lenslet must cover at least a pixel, and its radius must span its cell.
-    narrow = 1.0 - _whole(1.0 - max(1.0 - STRETCH, display.panel.coarsest_mm / array.finest_mm), FINE)
-    wide = 1.0 + _whole(min(1.0 + STRETCH, array.radius_mm / array.half_diagonal_mm) - 1.0, FINE)
+    narrow = 1.0 - _rounded(1.0 - max(1.0 - STRETCH, display.panel.coarsest_mm / array.finest_mm), FINE)
+    wide = 1.0 + _rounded(min(1.0 + STRETCH, array.radius_mm / array.half_diagonal_mm) - 1.0, FINE)
     return {
         "Eye": [
             Slider("eye-x", "Right", "mm", -reach, reach, _step(reach), x),
@@ -116,7 +113,7 @@ def sliders(display: Display) -> dict[str, list[Slider]]:
             Slider("pitch-scale", "Stretched", "×", narrow, wide, FINE, 1.0),
             Slider("offset-x", "Moved right", "mm", -shift, shift, _step(shift)),
             Slider("offset-y", "Moved up", "mm", -shift, shift, _step(shift)),
-            Slider("gap", "Lifted", "mm", 0.0 - _whole(min(display.gap_mm, lift), _step(lift)), lift, _step(lift)),
+            Slider("gap", "Lifted", "mm", 0.0 - _rounded(min(display.gap_mm, lift), _step(lift)), lift, _step(lift)),
         ],
     }
 
@@ -136,16 +133,16 @@ def _neat(value: float) -> float:
 
 
 def _step(reach: float) -> float:
-    """Return a power of ten that divides 0 to `reach` into a hundred to a thousand steps."""
+    """Return the power of ten that divides `reach` into 100 to 1000 steps."""
     return 10.0 ** (math.floor(math.log10(reach)) - 2)
 
 
-def _whole(value: float, step: float) -> float:
-    """Round down to a multiple of the step: browsers count steps from the low end, and 0 must be one."""
+def _rounded(value: float, step: float) -> float:
+    """Round down to a multiple of the step: browsers count steps from the low end, and 0 must be a step."""
     return math.floor(value / step + 1e-9) * step
 
 
-#: Each uses those before it.
+#: Scripts in the order of their dependencies.
 SCRIPTS = (
     "system",
     "lattice",
@@ -160,41 +157,36 @@ SCRIPTS = (
     "main",
 )
 SHADERS = ("full.vert", "glance.frag", "view.frag", "show.frag")
-#: Longest side of the panel's pictures: every WebGL 2 takes textures of this size.
+#: Maximum side of the panel's pictures: every WebGL 2 takes textures of this size.
 TILE_PX = 2048
-#: Most pixels of a panel: a texture of 1 GB.
+#: Maximum of a panel's pixels: a texture of 1 GB.
 MAX_PX = 1 << 28
-#: Frames a second of a film that tells none.
 FRAMES_PER_SECOND = 12.0
-#: Range of the focus in the depth drawing, in the drawing's units; the drawing ends at 110.
+#: Focus range in the depth drawing, in its units; the drawing ends at 110.
 DRAWN = 100.0
 
 
 @dataclass(frozen=True)
 class Direct:
-    """A direct perspective render of the scene from an eye, through the window that covers the panel.
-
-    `radiance` is (height, width, 3), linear, with the panel's aspect ratio.
-    """
+    """A direct render of the scene from an eye: linear radiance (height, width, 3), through the panel's window."""
 
     eye_mm: tuple[float, float, float]
-    radiance: npt.NDArray[np.floating]
+    radiance: Light
 
 
 def page_html(
     display: Display,
-    radiance: npt.NDArray[np.floating],
+    radiance: Light,
     title: str,
     directs: Sequence[Direct] = (),
-    later: Sequence[npt.NDArray[np.floating]] = (),
+    later: Sequence[Light] = (),
     frames_per_second: float = FRAMES_PER_SECOND,
 ) -> str:
     """Return the viewer page of an integral image, with direct renders beside the view.
 
-    `radiance` is (height, width, 3) of the panel, linear; the page stores it as 8 bits sRGB, clipped at 1. `later` are
-    the further frames of a film, which the page plays.
-
-    Raises InputError when an image has not the panel's size, or a direct render not its aspect ratio.
+    `radiance` is (height, width, 3), linear; the page stores it as 8 bits sRGB, clipped at 1. `later` are further
+    frames of a film. Raises InputError when an image does not have the panel's size, or a direct render does not have
+    the panel's aspect ratio.
     """
     panel, array = display.panel, display.array
     frames = [radiance, *later]
@@ -215,7 +207,7 @@ def page_html(
     )
     described = dataclasses.asdict(display) | {"panel": panel.keys, "array": array.keys}
     del described["name"]
-    shown = [
+    pictures = [
         {"eye_mm": direct.eye_mm, "png": "data:image/png;base64," + png_base64(direct.radiance)} for direct in directs
     ]
     focus = focus_reach_mm(display)
@@ -233,7 +225,7 @@ def page_html(
         depth=filled("depth.svg", mm_per_unit=f"{scale:.9g}", reach=f"{reach:.6g}", left_mm=f"−{focus:g}"),
         display=script_json(described),
         shaders=script_json({name: head + shader(name) for name in SHADERS}),
-        directs=script_json(shown),
+        directs=script_json(pictures),
         play=filled("play.html", rate=f"{frames_per_second:g}", frames=str(len(frames))) if later else "",
         panel="\n".join(tile for number, frame in enumerate(frames) for tile in _tiles(frame, number)),
         script="".join(read(f"scripts/{name}.js") for name in SCRIPTS),
@@ -241,10 +233,10 @@ def page_html(
 
 
 def check_direct(direct: Direct, display: Display) -> None:
-    """Refuse a direct render that has not the panel's aspect ratio."""
+    """Refuse a direct render without the panel's aspect ratio."""
     panel = display.panel
     height, width = direct.radiance.shape[:2]
-    # Its height was rounded to integer pixels.
+    # The height was rounded to integer pixels.
     if abs(width * panel.height_mm / panel.width_mm - height) > 1.0 + 1e-9:
         raise InputError(
             f"the direct render is {width} x {height} pixels, which is not the shape of the panel of '{display.name}' "
@@ -252,27 +244,27 @@ def check_direct(direct: Direct, display: Display) -> None:
         )
 
 
-def _tiles(radiance: npt.NDArray[np.floating], frame: int) -> Iterator[str]:
-    """Yield a frame's pictures, row by row, all of one size but those at the right and at the bottom."""
+def _tiles(radiance: Light, frame: int) -> Iterator[str]:
+    """Yield a frame's pictures row by row, smaller ones at the right and at the bottom."""
     height, width = (-(-side // -(-side // TILE_PX)) for side in radiance.shape[:2])
     for top in range(0, radiance.shape[0], height):
-        for left in range(0, radiance.shape[1], width):
-            tile = png_base64(radiance[top : top + height, left : left + width])
+        for start in range(0, radiance.shape[1], width):
+            tile = png_base64(radiance[top : top + height, start : start + width])
             yield f'<script type="text/plain" class="panel-tile" data-frame="{frame}">{tile}</script>'
 
 
-def png_base64(radiance: npt.NDArray[np.floating]) -> str:
-    """Return linear light as a PNG, 8 bits sRGB, in base64."""
+def png_base64(radiance: Light) -> str:
+    """Return linear light as an 8-bit sRGB PNG in base64."""
     return base64.b64encode(png_bytes(radiance)).decode("ascii")
 
 
 def script_json(value: object) -> str:
-    """Return JSON for a `<script>` element: without `<`, which could end it."""
+    """Return JSON for a `<script>` element, without `<`, which could end it."""
     return json.dumps(value, allow_nan=False).replace("<", "\\u003c")
 
 
 def _defines(display: Display) -> dict[str, str]:
-    """Return the shaders' preprocessor definitions: properties that no slider changes."""
+    """Return the shaders' macros: properties that no slider changes."""
     defines = {}
     if display.array.grid == "hex":
         defines["HEX"] = "1"

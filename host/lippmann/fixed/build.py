@@ -1,4 +1,4 @@
-"""A build of the RTL: the parameters that decide what hardware is made."""
+"""A build of the optics' RTL: the parameters that decide what hardware is made."""
 
 from __future__ import annotations
 
@@ -17,9 +17,6 @@ from lippmann.optics.system import System
 #: Lens models of the RTL; `thin` runs on the paraxial hardware with other coefficients.
 HardwareModel = Literal["pinhole", "paraxial", "exact"]
 
-#: Largest `max_cell_steps` of a build.
-MOST_CELL_STEPS = 4
-
 
 @documented
 @dataclass(frozen=True)
@@ -33,7 +30,7 @@ class Build:
     aims: Annotated[bool, key("rays aim at aperture points; without, all rays are chief rays")] = False
     #: The RTL's parameter `Walk`.
     max_cell_steps: Annotated[
-        int, key("cells that a ray may step to when it meets a dome outside its cell", low=0, high=MOST_CELL_STEPS)
+        int, key("cells that a ray may step to when it meets a dome outside its cell", low=0, high=4)
     ] = 0
     cross_cells: Annotated[bool, key("cross terms of products in multiplier cells, not logic; same results")] = False
     converge: Annotated[bool, key("elemental images may converge on a near eye")] = False
@@ -64,12 +61,11 @@ class Build:
     ) -> Build:
         """Return the build that traces a display with a model.
 
-        `max_cell_steps` left out: 2 where rays can leave their cell, else 0. `converge` and `shear` left out: as the
+        By default, `max_cell_steps` is 2 where rays can leave their cell, else 0; `converge` and `shear` are what the
         display needs.
         """
-        viewer = display.array.plano_side == "viewer"
+        viewer, exact = display.array.plano_side == "viewer", model == "exact"
         hardware: HardwareModel = "paraxial" if model == "thin" else model
-        exact = model == "exact"
         aims = aims and model != "pinhole"
         if max_cell_steps is None:
             max_cell_steps = 2 if exact and (viewer or aims or _chief_rays_stray(display)) else 0
@@ -87,7 +83,7 @@ class Build:
 
     @property
     def extra(self) -> int:
-        """Bits of slopes and directions in the air beyond a word's, `extra_bits`."""
+        """Additional bits of slopes and directions in the air."""
         return extra_bits(self.fraction_bits) if self.model == "exact" and not self.viewer else 0
 
     @property
@@ -106,12 +102,12 @@ class Build:
         return self.aims and (self.converge or self.model == "paraxial")
 
     def as_dict(self) -> dict[str, int | str]:
-        """Return the parameters for a JSON file; `walk`, the old name of `max_cell_steps`, stays for one version."""
+        """Return the parameters for a JSON file; for one version also `walk`, the old name of `max_cell_steps`."""
         return {**dataclasses.asdict(self), "walk": self.max_cell_steps}
 
 
 def shift_mm(display: Display) -> float:
-    """Return how far from its lenslet's cell a pixel may lie where elemental images converge on an eye."""
+    """Return how far outside their lenslets' cells pixels may lie where elemental images converge on an eye."""
     system = System.of(display)
     axis = system.convergence
     return axis.share * max(math.hypot(x - axis.axis_x, y - axis.axis_y) for x, y in system.frame.corners)
@@ -120,8 +116,8 @@ def shift_mm(display: Display) -> float:
 def _chief_rays_stray(display: Display) -> bool:
     """Tell whether a chief ray may leave its lenslet's cell before the dome, where elemental images converge on an eye.
 
-    Snell's law bends a steep ray less than the thin lens of the definition does, the more the steeper it is. With the
-    plano side to the viewer the ray meets the dome near its vertex.
+    Snell's law refracts a steep ray less than the thin lens of the definition does. With the plano side to the viewer,
+    the ray meets the dome near its vertex.
     """
     array, shift = display.array, shift_mm(display)
     if not shift or array.plano_side == "viewer":
@@ -130,6 +126,6 @@ def _chief_rays_stray(display: Display) -> bool:
     nearest_side = lattice.half_mm / max(math.hypot(*axis) for axis in lattice.axes)
     slope = (shift + array.half_diagonal_mm) / display.aperture_distance_mm
     sine = slope / math.hypot(1.0, slope) / array.index
-    # At the rims' plane; nearer to the viewer the ray is nearer to the axis.
+    # In the plane of the rims, where the ray is farthest from the axis.
     depth = array.thickness_mm - array.sag_mm
     return slope * array.thickness_mm / array.index - depth * sine / math.sqrt(1.0 - sine**2) >= nearest_side

@@ -1,7 +1,4 @@
-"""The register values (`optics_config_t` of rtl/optics/lipp_optics_pkg.sv) with which the RTL traces one display.
-
-Software writes them at run time; a build (`build.py`) decides what hardware reads them.
-"""
+"""Register values (`optics_config_t` of rtl/optics/lipp_optics_pkg.sv) with which the RTL traces one display."""
 
 from __future__ import annotations
 
@@ -21,21 +18,21 @@ from lippmann.optics.models import ray_matrix
 from lippmann.optics.rays import Model
 from lippmann.optics.system import System
 
-#: Square of the largest slope to the axis, 60 degrees: the range of `unit_slope`.
+#: Square of the largest slope, 60 degrees (`unit_slope`).
 MAX_SLOPE_SQUARE = 3.0
-#: Largest distance from the axis at which a ray may meet the first face, radii.
+#: Largest distance from the axis of a ray on the first face, radii.
 MAX_POINT = 4.0
-#: Largest distance of a pixel from its lenslet's centre that a build with `converge` holds, pitches or rows.
+#: Largest distance of a pixel from its lenslet's centre in a build with `converge`, pitches or rows.
 MAX_LOCAL = 8.0
-#: Range of the index: the bend at a dome stays below 2, and above 1.16 a ray in the glass that is steeper than 60
-#: degrees is totally reflected at the flat face.
+#: Range of the index: the bend at a dome stays below 2, and a ray in the glass steeper than 60 degrees is totally
+#: reflected at the flat face.
 INDEX_LIMITS = (1.16, 2.2)
-#: Least half of a cell, units of the last place. Lengths are in radii, and an exit point is at most
-#: (5 + 1.2 (T/R)^2) R 2^-(F + 1) off where no ray grazes the dome (measured): a thousandth of the pitch at T <= 1.5 R.
+#: Least half of a cell, units of the last place. The measured error of an exit point where no ray grazes the dome is at
+#: most (5 + 1.2 (T/R)^2) R 2^-(F + 1): a thousandth of the pitch at T <= 1.5 R.
 LEAST_HALF = 1 << 12
 #: Values of `extent_i` and `extent_j` with which the array has every lenslet.
 EVERYWHERE = (1 << (words.INDEX_BITS + 1)) - 1, (1 << words.INDEX_BITS) - 1
-#: Lenslets between the one that a ray starts in and the one that it leaves: aims of 1.5 pitches, and four cell steps.
+#: Lenslets between a ray's first and last one: aims of 1.5 pitches, and four cell steps.
 MAX_ASTRAY = 8
 
 _PITCHES = "(array.pitch_mm, panel.pixel_pitch_mm)"
@@ -89,10 +86,7 @@ class Configuration:
 
 
 class _Format(NamedTuple):
-    """A register's bits and fraction bits, the remedy for a display whose value does not fit, whether a build reads it.
-
-    The build has that register's logic only where it reads it.
-    """
+    """A register's bits and fraction bits, the remedy for a value that does not fit, whether the build reads it."""
 
     bits: int
     fraction: int
@@ -103,9 +97,9 @@ class _Format(NamedTuple):
 def nearest_word(
     value: float, bits: int, fraction: int, register: str, remedy: str, share: float = 1.0, unit: str = ""
 ) -> int:
-    """Return the nearest word of a value; refuse a value for which the register is too narrow.
+    """Return the nearest word of a value; refuse a value that does not fit the register.
 
-    Errors tell `share` times the value and the limits, in `unit`.
+    The error gives the value and the limits, both times `share`, in `unit`.
     """
     word = math.floor(math.ldexp(value, fraction) + 0.5)
     if not -(1 << (bits - 1)) <= word < 1 << (bits - 1):
@@ -160,9 +154,9 @@ def _formats(build: Build) -> dict[str, _Format]:
 
 
 def in_words(config: Configuration, build: Build) -> tuple[Configuration, words.Bools | np.bool_]:
-    """Return registers cut to the words that a build reads of their 32 bits, and whether a word that it reads is more.
+    """Return registers cut to the words that a build reads, and whether one that it reads does not fit.
 
-    The wider registers, of pixel_to_lattice, hold their words exactly.
+    The registers of pixel_to_lattice are as wide as their words.
     """
     read = {name: (form.bits, form.is_read) for name, form in _formats(build).items() if form.bits < words.SLOPE_BITS}
     read |= {"extent_i": (words.INDEX_BITS + 2, True), "extent_j": (words.INDEX_BITS + 1, True)}
@@ -179,13 +173,13 @@ def in_words(config: Configuration, build: Build) -> tuple[Configuration, words.
 def configuration(display: Display, build: Build, model: Model, reach_mm: float | None = None) -> Configuration:
     """Return the registers with which a build traces a display.
 
-    `reach_mm` is the largest distance of an aperture point from its lenslet's centre; left out, the corner of a cell.
-    Raises InputError when the build does not fit this display, or a register cannot hold a value: its name and range.
+    `reach_mm` is the largest distance of an aperture point from its lenslet's centre, by default that of a cell's
+    corner. Raises InputError when the build does not fit this display, or a value does not fit its register.
     """
     _check_build(display, build, model)
     _check_panel(display)
     slope, point = _sums(display, build, model)
-    # Ranges that are narrower than the registers come first: their messages say more.
+    # The narrower ranges come first: their messages say more.
     _check_lens(display, build)
     _check_reach(display, build, slope, point, reach_mm)
     numbers = _lattice_numbers(display) | _lens_numbers(display, build, model, slope, point)
@@ -193,7 +187,7 @@ def configuration(display: Display, build: Build, model: Model, reach_mm: float 
     for name, value in numbers.items():
         form = formats[name]
         registers[name] = nearest_word(value, form.bits, form.fraction, f"register {name}", form.remedy)
-    # So that cutting the lattice coordinates rounds them.
+    # Half a unit more: cutting the lattice coordinates then rounds them.
     half = 1 << (words.OFFSET_FRACTION - 1 - build.fraction_bits)
     registers["x_offset"] += half
     registers["y_offset"] += half
@@ -204,7 +198,7 @@ def configuration(display: Display, build: Build, model: Model, reach_mm: float 
 
 
 def _lattice_numbers(display: Display) -> dict[str, float]:
-    """Return the registers that lead from pixels to the lattice, as numbers: columns to the right, rows upward."""
+    """Return the registers from pixels to the lattice, as numbers: columns to the right, rows upward."""
     (p, _), row, lean = display.array.pitches_mm, display.array.row_pitch_mm, display.array.shear
     system = System.of(display)
     frame, convergence = system.frame, system.convergence
@@ -223,13 +217,13 @@ def _lattice_numbers(display: Display) -> dict[str, float]:
 def _lens_numbers(
     display: Display, build: Build, model: Model, slope: tuple[float, float], point: tuple[float, float]
 ) -> dict[str, float]:
-    """Return the registers of a ray in its lenslet as numbers: lengths in pitches, rows or radii."""
+    """Return the registers of a ray in its lenslet, as numbers in pitches, rows or radii."""
     array, f, exact = display.array, build.fraction_bits, build.model == "exact"
     (p, tall), row, R, lean = array.pitches_mm, array.row_pitch_mm, array.radius_mm, array.shear
-    # The pinhole, thin and paraxial models read the lens from those sums only: any thickness and index that fit do.
+    # Other models do not read these registers: any thickness and index that fit will do.
     T, n = (array.thickness_mm, array.index) if exact else (R, 1.5)
     flat_exit, square = model in ("paraxial", "exact") and array.plano_side == "viewer", array.grid == "square"
-    # Local points of a converged display are 1 - share of their length: so they follow from the lattice coordinates.
+    # On a converged display the registers' local points are 1 - share of their length.
     convergence = System.of(display).convergence
     share, shrink = convergence.share, 1.0 - convergence.share
     axis_x = convergence.axis_x - lean * convergence.axis_y
@@ -266,10 +260,9 @@ def _lens_numbers(
 
 
 def _sums(display: Display, build: Build, model: Model) -> tuple[tuple[float, float], tuple[float, float]]:
-    """Return (k, l) of the slope k x + l a and of the point k x + l a (mm): x the pixel's point, a the aperture point.
+    """Return (k, l) of the slope k x + l a, and of the point k x + l a (mm) in the plane of the first face.
 
-    The slope of an exact ray is k (a - x), or k x + l a in a build with `converge`. Its point is the place where it
-    crosses the plane of the first face.
+    x is the pixel's point, a the aperture point. Without `converge` the slope of an exact ray is k (a - x).
     """
     D = display.aperture_distance_mm
     share = display.gap_mm / D
@@ -281,10 +274,6 @@ def _sums(display: Display, build: Build, model: Model) -> tuple[tuple[float, fl
         return (-1.0 / D, 1.0 / D - 1.0 / display.array.focal_length_mm), (0.0, 1.0)
     (m00, m01), (m10, m11) = ray_matrix(System.of(display)).tolist()
     return (m10 - m11 / D, m11 / D), (m00 - m01 / D, m01 / D)
-
-
-def _refusal(register: str, value: str, limits: str, remedy: str) -> InputError:
-    return InputError(f"register {register}: {value} is outside its range {limits}; {remedy}")
 
 
 def _check_build(display: Display, build: Build, model: Model) -> None:
@@ -317,8 +306,7 @@ def _check_panel(display: Display) -> None:
             f"register raster_panel: a panel of {panel.width_px} x {panel.height_px} is outside its range, 1 to "
             f"{limit - 1} either way; lower panel.width_px and panel.height_px"
         )
-    # The panel's corners in lenslets, the sum of x_from_u, x_from_v and x_offset (y likewise). On a hexagonal lattice
-    # the index i counts along an oblique axis.
+    # The panel's corners in lenslets; on a hexagonal lattice the index i counts along an oblique axis.
     system = System.of(display)
     x, y = system.convergence.towards_eye(*np.array(system.frame.corners).T)
     x, y = (x - array.shear * y) / array.pitches_mm[0], y / array.row_pitch_mm
@@ -336,17 +324,14 @@ def _check_panel(display: Display) -> None:
 def _check_reach(
     display: Display, build: Build, slope: tuple[float, float], point: tuple[float, float], reach_mm: float | None
 ) -> None:
-    """Refuse rays steeper than 60 degrees, and rays that meet the first face too far from the lenslet aimed at.
-
-    In a build with `converge`, refuse also pixels too far from their lenslet.
-    """
+    """Refuse rays steeper than 60 degrees or too far out on the first face, and pixels too far from their lenslet."""
     array, exact = display.array, build.model == "exact"
     rho = array.half_diagonal_mm
     reach = rho if reach_mm is None else reach_mm
-    # Distances from the lenslet aimed at, which is not the pixel's own when the aperture point lies outside its cell.
+    # A ray aimed outside its cell belongs to another lenslet.
     pixel = rho if reach <= rho * (1.0 + 1e-9) else 2.0 * rho + reach
     aim = rho if build.aims else 0.0
-    # The rays may be too slanted for the lenslet already, or only for the eye.
+    # The lenslet alone may make rays too slanted, or its shift towards the eye.
     shift = shift_mm(display)
     distances = math.hypot(1.0, array.shear) / array.pitches_mm[0], 1.0 / array.row_pitch_mm
     local = (pixel + shift) * (1.0 - System.of(display).convergence.share) * max(distances)
@@ -358,9 +343,8 @@ def _check_reach(
         )
 
     def names(what: str) -> str:
-        """Return the names of the registers in the sum."""
-        alone = not build.aims or (exact and what == "slope" and not build.converge)
-        return f"{what}_x and {what}_y" if alone else f"{what}_x, {what}_y, {what}_aim_x and {what}_aim_y"
+        aims = build.slope_aims if what == "slope" else build.aims
+        return f"{what}_x, {what}_y, {what}_aim_x and {what}_aim_y" if aims else f"{what}_x and {what}_y"
 
     between = rho + reach if build.aims else rho
     steepest = abs(slope[0]) * between if exact else abs(slope[0]) * pixel + abs(slope[1]) * aim
@@ -382,22 +366,21 @@ def _check_reach(
 
 
 def _check_lens(display: Display, build: Build) -> None:
-    """Refuse a dome so flat that its cell, in radii, has too few significant bits; a pinhole has no dome.
+    """Refuse a dome so flat that its cell, in radii, has too few significant bits.
 
-    In exact builds, refuse also an index out of range, and a substrate whose rays are longer than a far word holds, 8
-    radii.
+    In exact builds, refuse an index out of range, and a substrate in which rays are too long for a far word, 8 radii.
     """
     array, f, widest = display.array, build.fraction_bits, words.FRACTIONS[-1]
     half, least = 0.5 * array.finest_mm / array.radius_mm, math.ldexp(LEAST_HALF, -f - 1)
     if build.model != "pinhole" and half < least:
         more = f", or take more fraction bits, up to {widest}" if f < widest else ""
         remedy = f"the lenslet is too flat: lower array.radius_mm or raise array.pitch_mm{more}"
-        raise _refusal("cell_half", f"{half:.6g}", f"[{least:.6g}, 1) at F = {f}", remedy)
+        raise InputError(f"register cell_half: {half:.6g} is outside its range [{least:.6g}, 1) at F = {f}; {remedy}")
     if build.model != "exact":
         return
     low, high = INDEX_LIMITS
     if not low <= array.index <= high:
-        raise _refusal("index", f"{array.index:g}", f"[{low}, {high}]", _INDEX)
+        raise InputError(f"register index: {array.index:g} is outside its range [{low}, {high}]; {_INDEX}")
     limit = 4.0 if build.viewer else 6.0
     if array.thickness_mm >= limit * array.radius_mm:
         thickness = f"a thickness of {array.thickness_mm / array.radius_mm:.3g} radii"

@@ -1,4 +1,4 @@
-"""Conversion between the words of the fixed-point engines (twin, rtl) and pixel coordinates, millimetres and rays."""
+"""Conversion between fixed-point words and pixel coordinates, millimetres and rays."""
 
 from __future__ import annotations
 
@@ -15,26 +15,23 @@ from lippmann.optics.system import System
 def words_of_pixels(display: Display, pixels: Floats) -> tuple[Ints, Ints]:
     """Return pixel coordinates (N, 2) as words from the panel's centre, rounded to 1/16 pixel.
 
-    Raises InputError for pixels farther from the panel's centre than the words can hold, and for pixels outside the
-    panel where elemental images converge on an eye: those rays may be too slanted.
+    Raises InputError for pixels that do not fit the words, and for pixels outside a panel whose elemental images
+    converge on an eye: their rays may be too slanted.
     """
-    scale = 1 << PIXEL_FRACTION
-    u = np.floor((pixels[:, 0] - 0.5 * display.panel.width_px) * scale + 0.5)
-    v = np.floor((0.5 * display.panel.height_px - pixels[:, 1]) * scale + 0.5)
-    if not (fits(u, PIXEL_BITS) & fits(v, PIXEL_BITS)).all():
+    scale, half = 1 << PIXEL_FRACTION, 0.5 * np.array([display.panel.width_px, display.panel.height_px])
+    words = np.floor((pixels - half) * (scale, -scale) + 0.5)
+    if not fits(words, PIXEL_BITS).all():
         reach = 1 << (PIXEL_BITS - 1 - PIXEL_FRACTION)
         raise InputError(
             f"pixels lie outside [-{reach}, {reach}) from the panel's centre, the range of the fixed-point engines' "
             "pixel coordinates; give pixels nearer to it"
         )
-    if display.viewing_distance_mm is not None:
-        half = 0.5 * scale * np.array([display.panel.width_px, display.panel.height_px])
-        if (np.abs(u) > half[0]).any() or (np.abs(v) > half[1]).any():
-            raise InputError(
-                "pixels lie outside the panel; on a display with viewing_distance_mm give the fixed-point engines "
-                "pixels of the panel"
-            )
-    return u.astype(np.int64), v.astype(np.int64)
+    if display.viewing_distance_mm is not None and (np.abs(words) > half * scale).any():
+        raise InputError(
+            "pixels lie outside the panel; on a display with viewing_distance_mm give the fixed-point engines "
+            "pixels of the panel"
+        )
+    return words[:, 0].astype(np.int64), words[:, 1].astype(np.int64)
 
 
 def pixels_of_words(display: Display, u: Ints, v: Ints) -> Floats:
@@ -46,7 +43,7 @@ def pixels_of_words(display: Display, u: Ints, v: Ints) -> Floats:
 def words_of_aims(display: Display, aperture_mm: Floats, fraction_bits: int) -> tuple[Ints, Ints]:
     """Return aperture points (N, 2), lens-local mm, as wide words in pitches and rows along the lattice.
 
-    Raises InputError for points farther than one and a half pitches from the centre, which the words may not hold.
+    Raises InputError for points more than 1.5 pitches from the centre, which may not fit.
     """
     array = display.array
     x, y = aperture_mm.T
@@ -69,15 +66,12 @@ def aims_of_words(display: Display, a: Ints, b: Ints, fraction_bits: int) -> Flo
 
 
 def word_unit(fraction_bits: int) -> float:
-    """Return what 1 in the last place of a direction's word is; in that of a point's, of the radius."""
+    """Return the unit in the last place of a direction, and of a point in radii."""
     return 2.0 ** -(fraction_bits + 1)
 
 
 def rays_of_words(display: Display, pixel: Floats, rays: FixedRays, fraction_bits: int) -> Rays:
-    """Return the rays of words: radii become mm, the array's axes the panel's, a lenslet's index its centre.
-
-    `pixel` is (N, 2), the pixel coordinates that were traced.
-    """
+    """Return the rays of words, in mm along the panel's axes; `pixel` (N, 2) are the pixels that were traced."""
     system = System.of(display)
     frame = system.frame
     unit = word_unit(fraction_bits)

@@ -1,4 +1,4 @@
-"""Draws a stack of layers on a display in integers, from pixel to pixel: what an FPGA of two builds shows."""
+"""Draws a stack of layers on a display in integers, as an FPGA with two builds does."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from lippmann.layers.stack import LayerStack
 
 
-#: Where a pixel's samples lie, from its centre: to the right and upward, words of pixels (4 fraction bits).
+#: Places of a pixel's samples from its centre, to the right and upward, words of pixels.
 SAMPLE_OFFSETS: dict[int, tuple[tuple[int, int], ...]] = {
     1: ((0, 0),),
     2: ((-4, 4), (4, -4)),
@@ -30,9 +30,7 @@ SAMPLE_OFFSETS: dict[int, tuple[tuple[int, int], ...]] = {
 }
 #: Rays drawn at once.
 _CHUNK_RAYS = 1 << 16
-
-
-#: A run of a build of the drawing: from exit rays to pixels, as `lippmann.fixed.scene_pipeline.scene`.
+#: Draws exit rays, as `scene_pipeline.scene` does.
 Scene = Callable[[FixedRays, SceneWords, Mapping[int, Bytes], Bytes, SceneBuild, int], Bytes]
 
 
@@ -47,13 +45,11 @@ def draw(
     threads: int = 1,
     rows: range | None = None,
 ) -> Bytes:
-    """Return the pixels (height, width, 3) that a build of the optics and one of the drawing show of a stack.
+    """Return the pixels (rows, width, 3) that a build of the optics and one of the drawing show of a stack.
 
-    With `rows` only those of the panel's rows.
-
-    `model` is the lens model, left out the build's. `pipeline` traces the rays and `shade` draws them: the twin, unless
-    others are given; they are called by some threads at once. Raises InputError when the display or the stack do not
-    fit the builds.
+    `model` is the lens model, by default the build's; `rows` are rows of the panel, by default all. `pipeline` traces
+    the rays and `shade` draws them, by default the twin; several threads call them. Raises InputError when the display
+    or the stack does not fit the builds.
     """
     panel, f = display.panel, build.fraction_bits
     rows = range(panel.height_px) if rows is None else rows
@@ -63,19 +59,19 @@ def draw(
     table = build_curve_table(display)
     at_once = max(1, _CHUNK_RAYS // (panel.width_px * scene_build.samples))
 
-    def drawn(part: range) -> Bytes:
+    def draw_rows(part: range) -> Bytes:
         u, v = sample_words(panel.width_px, panel.height_px, scene_build.samples, part)
         rays = pipeline(u, v, np.zeros_like(u), np.zeros_like(u), registers, build)
         return shade(rays, words, slots, table, scene_build, f)
 
     with ThreadPoolExecutor(threads) as pool:
         # After an error, or Ctrl-C, `map` begins no other part.
-        parts = list(pool.map(drawn, (rows[first : first + at_once] for first in range(0, len(rows), at_once))))
+        parts = list(pool.map(draw_rows, (rows[first : first + at_once] for first in range(0, len(rows), at_once))))
     return np.concatenate(parts).reshape(len(rows), panel.width_px, 3)
 
 
 def sample_words(width: int, height: int, samples: int, drawn_rows: range) -> tuple[Ints, Ints]:
-    """Return the words (u, v) of the samples of some rows of a panel, pixel by pixel in raster order."""
+    """Return the words (u, v) of the samples of a panel's rows, pixel by pixel in raster order."""
     offsets = np.array(SAMPLE_OFFSETS[samples])
     rows, columns = np.mgrid[drawn_rows.start : drawn_rows.stop, :width]
     u = 8 * (2 * columns + 1 - width)[..., None] + offsets[:, 0]

@@ -1,4 +1,4 @@
-"""The raster: the order of a frame's rays, and their jitter (rtl/optics/lipp_raster.sv); the board's test patterns."""
+"""The order of a frame's rays and their jitter (rtl/optics/lipp_raster.sv); places in cells for test patterns."""
 
 from __future__ import annotations
 
@@ -17,12 +17,11 @@ from lippmann.fixed.words import MUL_BITS, PIXEL_BITS, PIXEL_FRACTION, SLOPE_BIT
 #: Sources of jitter, in the order of their codes in the register.
 Jitter = Literal["off", "table", "lfsr"]
 
-#: Entries of the jitter table.
 TABLE_ENTRIES = 64
 #: Bits and fraction bits of an entry's aperture point.
 AIM_BITS = 12
 AIM_FRACTION = 10
-#: Columns or rows that a panel may have, and rays that a pixel may have.
+#: Maximum of a panel's columns or rows, and of a pixel's rays.
 MAX_PANEL = (1 << (PIXEL_BITS - PIXEL_FRACTION)) - 1
 MAX_SAMPLES = 1 << 16
 
@@ -33,7 +32,7 @@ POLYNOMIAL = 0x00400007
 @documented
 @dataclass(frozen=True)
 class Raster:
-    """A frame's window on a panel, and its jitter; raises InputError for values that its registers cannot hold."""
+    """A frame's window on a panel, and its jitter; raises InputError for values that do not fit the registers."""
 
     width: Annotated[int, key("columns of the panel", low=1, high=MAX_PANEL)]
     height: Annotated[int, key("rows of the panel", low=1, high=MAX_PANEL)]
@@ -45,7 +44,6 @@ class Raster:
     seed: Annotated[int, key("first random word, 32 bits; 0 counts as 1", low=0, high=(1 << 32) - 1)] = 1
 
     def __post_init__(self) -> None:
-        """Refuse values out of range."""
         check_fields(self)
         for name, size, (first, last) in (("columns", self.width, self.columns), ("rows", self.height, self.rows)):
             if not 0 <= first <= last < size:
@@ -62,7 +60,7 @@ class Raster:
 
 
 class RasterRays(NamedTuple):
-    """Rays (N,) in their order: pixel words, aperture words, and flags for the first and the last of the frame."""
+    """Rays (N,) in their order: pixel words, aperture words, and flags of the frame's first and last ray."""
 
     u: Ints
     v: Ints
@@ -73,10 +71,7 @@ class RasterRays(NamedTuple):
 
 
 def raster(frame: Raster, table: Ints, f: int) -> RasterRays:
-    """Return a frame's rays; `table` (64,) holds the jitter entries, which a frame with jitter "table" uses.
-
-    u = 8 (2 c + 1 - width) + du, v = 8 (height - 2 r - 1) + dv, a = 2^(F-10) ja, b = 2^(F-10) jb.
-    """
+    """Return a frame's rays; `table` (64,) holds the entries of jitter "table"."""
     (first_column, last_column), (first_row, last_row) = frame.columns, frame.rows
     window = np.mgrid[first_row : last_row + 1, first_column : last_column + 1, : frame.samples]
     rows, columns, sample = window.reshape(3, -1)
@@ -96,29 +91,24 @@ def raster(frame: Raster, table: Ints, f: int) -> RasterRays:
 
 
 def fields(entry: Ints) -> tuple[Ints, Ints, Ints, Ints]:
-    """Return du, dv (4 fraction bits, pixels) and ja, jb (10 fraction bits, pitches and rows) of table entries."""
+    """Return du, dv (pixels, 4 fraction bits) and ja, jb (pitches and rows, 10 fraction bits) of table entries."""
     return wrapped(entry, 4), wrapped(entry >> 4, 4), wrapped(entry >> 8, AIM_BITS), wrapped(entry >> 20, AIM_BITS)
 
 
 def lfsr(seed: int, count: int) -> Ints:
-    """Return the first `count` random words (count,) of a seed: s_k = seed x^(32 k) modulo the polynomial.
+    """Return the first random words (count,) of a seed: s_k = seed x^(32 k) modulo the polynomial.
 
-    Each round doubles the number of known words: s_(k + n) = s_k x^(32 n).
+    Each round doubles their number: s_(k + n) = s_k x^(32 n).
     """
-    states = np.empty(max(count, 1), np.int64)
-    leap = POLYNOMIAL  # x^32
-    states[0] = seed or 1
-    count_so_far = 1
-    while count_so_far < count:
-        new = min(count_so_far, count - count_so_far)
-        states[count_so_far : count_so_far + new] = _times(states[:new], leap)
+    states, leap = np.array([seed or 1], np.int64), POLYNOMIAL  # x^32
+    while len(states) < count:
+        states = np.concatenate([states, _times(states[: count - len(states)], leap)])
         leap = int(_times(np.array([leap], np.int64), leap)[0])
-        count_so_far += new
     return states[:count]
 
 
 def _times(states: Ints, factor: int) -> Ints:
-    """Multiply polynomials over GF(2) of degree below 32 by another, modulo the LFSR's."""
+    """Multiply polynomials over GF(2) by another, modulo the LFSR's."""
     product = np.zeros_like(states)
     for bit in reversed(range(32)):
         product = (product << 1) ^ np.where(product >> 31, (1 << 32) | POLYNOMIAL, 0)
@@ -139,16 +129,16 @@ def locate_pixels(
 
 
 def holds_centre(config: Configuration, f: int, x: Ints, y: Ints) -> Bools:
-    """Tell whether a lenslet's centre lies in the pixel, from the point x, y from it."""
+    """Tell whether a lenslet's centre, at (-x, -y) from a pixel, lies in it."""
     cut = SLOPE_BITS - MUL_BITS
     xu, xv, yu, yv = (w >> cut for w in (config.x_from_u, config.x_from_v, config.y_from_u, config.y_from_v))
     x, y = ((w << (MUL_BITS - 1)) >> f for w in (x, y))
     det = xu * yv - xv * yu
     limit = (det >> 3) + (det >> 7)
-    return np.asarray((abs(yv * x - xv * y) <= limit) & (abs(xu * y - yu * x) <= limit))
+    return (abs(yv * x - xv * y) <= limit) & (abs(xu * y - yu * x) <= limit)
 
 
 def places_in_cell(grid: Grid, f: int, x: Ints, y: Ints) -> tuple[Ints, Ints]:
-    """Return the place in the lenslet, to the right and upward, 0 to 255."""
+    """Return the places in the cell, to the right and upward, 0 to 255."""
     up = y - (y >> 2) if grid == "hex" else y
     return np.clip((256 * x + (128 << f)) >> f, 0, 255), np.clip((256 * up + (128 << f)) >> f, 0, 255)

@@ -34,7 +34,7 @@ from lippmann.optics.rays import Status
 
 
 class FixedRays(NamedTuple):
-    """Exit rays in the RTL's words: lenslet, origin in radii (F + 1 fraction bits), direction (near words), status."""
+    """Exit rays: lenslet, origin in radii (F + 1 fraction bits), direction (near words) and status."""
 
     i: Ints
     j: Ints
@@ -50,7 +50,7 @@ class FixedRays(NamedTuple):
 def ray_pipeline(u: Ints, v: Ints, a: Ints, b: Ints, config: Configuration, build: Build) -> FixedRays:
     """Trace pixels (u, v), 4 fraction bits from the panel's centre, to aperture points (a, b), wide words.
 
-    A ray counts as missed where any word on its way wraps or saturates, registers included.
+    A ray counts as missed where one of its words or a register wraps or saturates.
     """
     f, grid = build.fraction_bits, build.grid
     config, unfit = in_words(config, build)
@@ -59,34 +59,34 @@ def ray_pipeline(u: Ints, v: Ints, a: Ints, b: Ints, config: Configuration, buil
     lattice_y, beyond_y = pixel_to_lattice(u, v, config.y_from_u, config.y_from_v, config.y_offset, f)
     locate = lenslet_hex if grid == "hex" else lenslet_square
     own_i, own_j, x, y, beyond = locate(lattice_x, lattice_y, f)
-    beyond = beyond | beyond_x | beyond_y | unfit
+    beyond |= beyond_x | beyond_y | unfit
     i, j = own_i, own_j
     none = stray = np.zeros(x.shape, np.bool_)
     if build.aims:
         i, j, x, y, a, b, stray, outside = aim(i, j, x, y, a, b, grid, f)
-        beyond = beyond | outside
+        beyond |= outside
     else:
         a = b = np.zeros_like(x)
 
     if build.converge:
         x, y, outside = converge(i, j, x, y, config.converge_share, config.converge_x, config.converge_y, grid, f)
-        beyond = beyond | outside
+        beyond |= outside
     if build.shear:
         x, outside = shear(x, y, config.shear_x, f, f + 4 if build.converge else near)
-        beyond = beyond | outside
+        beyond |= outside
         if build.aims:
             a, outside = shear(a, b, config.shear_x, f, near)
-            beyond = beyond | outside
+            beyond |= outside
 
     exact = build.model == "exact"
     from_x, from_y = (a - x, b - y) if exact and not build.converge else (x, y)
     if not build.converge:
-        beyond = beyond | ~fits(a - x, local) | ~fits(b - y, local)
+        beyond |= ~fits(a - x, local) | ~fits(b - y, local)
         from_x, from_y = wrapped(from_x, local), wrapped(from_y, local)
     mx, my, hx, hy, outside = _sums(x, y, from_x, from_y, a, b, config, build)
-    beyond = beyond | outside
+    beyond |= outside
     ex, ey, ez, too_steep = unit_slope(mx, my, f, build.extra)
-    beyond = beyond | too_steep
+    beyond |= too_steep
 
     if exact:
         rays, missed, reflected, over = _through_lenslet(i, j, hx, hy, (ex, ey, ez), config, build)
@@ -98,16 +98,16 @@ def ray_pipeline(u: Ints, v: Ints, a: Ints, b: Ints, config: Configuration, buil
         missed, reflected, blocked, crosstalk = none, none, none, stray
     missed = missed | beyond
     fates = (Status.MISSED, Status.INTERNAL_REFLECTION, Status.BLOCKED, Status.CROSSTALK)
-    status = np.select([missed, reflected, blocked, crosstalk], [int(fate) for fate in fates], int(Status.OK))
+    status = np.select([missed, reflected, blocked, crosstalk], fates, Status.OK)
     for at in ((own_i, own_j), (rays.i, rays.j)):
-        status = np.where(extent(*at, config.extent_i, config.extent_j, grid), int(Status.BLOCKED), status)
+        status = np.where(extent(*at, config.extent_i, config.extent_j, grid), Status.BLOCKED, status)
     return rays._replace(status=status)
 
 
 def _sums(
     x: Ints, y: Ints, from_x: Ints, from_y: Ints, a: Ints, b: Ints, config: Configuration, build: Build
 ) -> tuple[Ints, Ints, Ints, Ints, Bools]:
-    """Return the slope of rays, their points on the first face, and where a word does not hold one of them."""
+    """Return the slope of rays, their points on the first face, and where one of them does not fit its word."""
     f, near, bits = build.fraction_bits, build.near, (build.local, build.aim)
     to_a, to_b = (a, b) if build.slope_aims else (None, None)
     slope = near + build.extra, *bits, build.extra
@@ -125,10 +125,9 @@ def _sums(
 def _through_lenslet(
     i: Ints, j: Ints, hx: Ints, hy: Ints, air: tuple[Ints, Ints, Ints], config: Configuration, build: Build
 ) -> tuple[FixedRays, Bools, Bools, Bools]:
-    """Trace rays of the exact model through both faces: from their lenslet, point (radii) and direction in the air.
+    """Trace exact rays through both faces; `air` is their direction in the air.
 
-    Return them, with the status left at ok, and masks of those that missed, that are reflected, and whose words
-    overflow.
+    Returns them, all with the status ok, and masks of the missed, the reflected and the overflowing ones.
     """
     f, grid = build.fraction_bits, build.grid
     ex, ey, ez = air

@@ -1,4 +1,7 @@
-"""Steps 1 to 3: from a pixel to the lenslet of its ray, the ray's point there, its slope and direction (rtl/optics)."""
+"""Steps 1 to 3 (rtl/optics): the lenslet of a pixel's ray, and the ray's point, slope and direction there.
+
+The last mask that a function returns tells where a word does not fit and wraps.
+"""
 
 from __future__ import annotations
 
@@ -27,12 +30,9 @@ LOW_BITS = SLOPE_BITS - MUL_BITS
 
 
 def pixel_to_lattice(u: Ints, v: Ints, from_u: int, from_v: int, offset: int, f: int) -> tuple[Ints, Bools]:
-    """Return one lattice coordinate, F fraction bits, of pixels u, v with 4 fraction bits from the panel's centre.
+    """Return one lattice coordinate, F fraction bits, of pixels (u, v), words from the panel's centre.
 
-    The mask tells where the sum is outside [-2048, 2048), and wraps.
-
-    hi = (u ah_u + v ah_v) + oh and lo = (u al_u + v al_v) + ol, each coefficient 2^17 ah + al;
-    floor((hi + floor(lo / 2^17)) / 2^(23 - F)).
+    Each coefficient is split after its lowest 17 bits, so that both products fit a multiplier.
     """
     mask = (1 << LOW_BITS) - 1
     hi = u * (from_u >> LOW_BITS) + v * (from_v >> LOW_BITS) + (offset >> LOW_BITS)
@@ -42,10 +42,7 @@ def pixel_to_lattice(u: Ints, v: Ints, from_u: int, from_v: int, offset: int, f:
 
 
 def lenslet_square(x: Ints, y: Ints, f: int) -> tuple[Ints, Ints, Ints, Ints, Bools]:
-    """Return indices i = floor(x + 1/2), j, and the point from that centre; lattice coordinates, F fraction bits.
-
-    The mask tells where an index wraps.
-    """
+    """Return indices i = floor(x + 1/2) and j, and the point from that centre: pitches and rows, F fraction bits."""
     half = 1 << (f - 1)
     i, j = (x + half) >> f, (y + half) >> f
     beyond = ~fits(i, INDEX_BITS) | ~fits(j, INDEX_BITS)
@@ -53,12 +50,7 @@ def lenslet_square(x: Ints, y: Ints, f: int) -> tuple[Ints, Ints, Ints, Ints, Bo
 
 
 def lenslet_hex(x: Ints, y: Ints, f: int) -> tuple[Ints, Ints, Ints, Ints, Bools]:
-    """Return indices i, j, and the point from that centre; x in pitches, y in rows, F fraction bits.
-
-    With s = x - y/2 and t = y, fs and ft their fractions, (i, j) is the nearest corner of the lattice's parallelogram.
-    q0 = fs + ft/2 and q1 = fs/2 + ft select it, as in the table of the RTL module.
-    The mask tells where an index wraps.
-    """
+    """Return what `lenslet_square` does, on a hexagonal lattice."""
     s = 2 * x - y  # F + 1 fraction bits
     i, j = s >> (f + 1), y >> f
     fs, ft = s - (i << (f + 1)), y - (j << f)
@@ -75,7 +67,7 @@ def lenslet_hex(x: Ints, y: Ints, f: int) -> tuple[Ints, Ints, Ints, Ints, Bools
 
 
 class Aimed(NamedTuple):
-    """Lenslet (i, j); the pixel's point and the aperture point from its centre; flags for another cell and overflow."""
+    """Lenslet (i, j), the pixel's point and the aperture point from its centre, and whether it is not the pixel's."""
 
     i: Ints
     j: Ints
@@ -88,27 +80,16 @@ class Aimed(NamedTuple):
 
 
 def aim(i: Ints, j: Ints, x: Ints, y: Ints, a: Ints, b: Ints, grid: Grid, f: int) -> Aimed:
-    """Make rays local to the lenslet whose cell their aperture point is in, all words wide.
-
-    x' = x - di (hexagonal: x - di - dj/2), y' = y - dj; `beyond` where they leave [-2, 2), or an index
-    wraps.
-    """
+    """Make rays local to the lenslet whose cell their aperture point is in; all words are wide."""
     locate = lenslet_hex if grid == "hex" else lenslet_square
     di, dj, a, b, _ = locate(a, b, f)
     i, j = i + di, j + dj
     x = x - (di << f) - ((dj << (f - 1)) if grid == "hex" else 0)
     y = y - (dj << f)
-    word = f + 2
-    return Aimed(
-        wrapped(i, INDEX_BITS),
-        wrapped(j, INDEX_BITS),
-        wrapped(x, word),
-        wrapped(y, word),
-        a,
-        b,
-        (di != 0) | (dj != 0),
-        ~fits(x, word) | ~fits(y, word) | ~fits(i, INDEX_BITS) | ~fits(j, INDEX_BITS),
-    )
+    word, stray = f + 2, (di != 0) | (dj != 0)
+    beyond = ~fits(x, word) | ~fits(y, word) | ~fits(i, INDEX_BITS) | ~fits(j, INDEX_BITS)
+    i, j, x, y = wrapped(i, INDEX_BITS), wrapped(j, INDEX_BITS), wrapped(x, word), wrapped(y, word)
+    return Aimed(i, j, x, y, a, b, stray, beyond)
 
 
 def extent(i: Ints, j: Ints, along: int, across: int, grid: Grid) -> Bools:
@@ -119,16 +100,9 @@ def extent(i: Ints, j: Ints, along: int, across: int, grid: Grid) -> Bools:
 def converge(
     i: Ints, j: Ints, x: Ints, y: Ints, share: int, offset_x: int, offset_y: int, grid: Grid, f: int
 ) -> tuple[Ints, Ints, Bools]:
-    """Add s (C - A) to the points where the lines from the pixels to the eye cross their lenslets' cells.
+    """Return the pixels' points from their lenslets' centres, F + 4 bits, where elemental images converge on an eye.
 
-    Return the pixels' points from their lenslets' centres, words of F + 4 bits, and where these do not hold them.
-
-    C is the lenslet's centre, A the point in front of the eye. In half pitches and half rows C is (2 i + j, 2 j), on
-    the square grid (2 i, 2 j):
-
-        t_x  = (x << 2) + (16 C_x s >> 14) + o_x + 2,   x' = t_x >> 2,   y' likewise
-
-    s has F + 11 fraction bits; o = -s A has F + 2.
+    (x, y) is where the line from pixel to eye crosses the lenslet's cell. `share` has F + 11 fraction bits.
     """
 
     def measured(point: Ints, half_steps: Ints, offset: int) -> Ints:
@@ -142,53 +116,31 @@ def converge(
 
 
 def shear(x: Ints, y: Ints, g: int, f: int, bits: int) -> tuple[Ints, Bools]:
-    """Return x + g y, F + 4 bits, and where these do not hold it; x and y of `bits` bits, in pitches and rows.
-
-    g is a far word.
-
-        x'   = ((x << 3) + (y g >> F-3) + 4) >> 3
-    """
+    """Return x + g y, F + 4 bits, where g is a far word and x and y have `bits` bits."""
     word = f + 4
     total = guarded((x << GUARD) + multiplier(y, g, bits, word, f - GUARD))
     return wrapped(total, word), ~fits(total, word)
 
 
 def blend(
-    k: int,
-    x: Ints,
-    l: int,  # noqa: E741
-    a: Ints | None,
-    f: int,
-    y_bits: int,
-    x_bits: int = 0,
-    a_bits: int = 0,
-    extra: int = 0,
+    k: int, x: Ints, m: int, a: Ints | None, f: int, y_bits: int, x_bits: int, a_bits: int, extra: int = 0
 ) -> tuple[Ints, Bools]:
-    """Return k x + l a, without `a` the first product alone, and where its `y_bits` do not hold it.
+    """Return y = k x + m a, or k x without `a`.
 
-    Factors are wide words, with `extra` more fraction bits, as y then has; x has `x_bits` bits where that is given, and
-    a `a_bits`, both F fraction bits:
-
-        y    = ((k x >> F-3) + (l a >> F-3) + 4) >> 3
+    k, m and y have F + `extra` fraction bits, x and a have F.
     """
-    word = f + 2
-    total = multiplier(x, k, x_bits or word, word + extra, f - GUARD)
+    word = f + 2 + extra
+    total = multiplier(x, k, x_bits, word, f - GUARD)
     if a is not None:
-        total = total + multiplier(a, l, a_bits or word, word + extra, f - GUARD)
+        total = total + multiplier(a, m, a_bits, word, f - GUARD)
     y = guarded(total)
     return wrapped(y, y_bits), ~fits(y, y_bits)
 
 
 def unit_slope(mx: Ints, my: Ints, f: int, extra: int = 0) -> tuple[Ints, Ints, Ints, Bools]:
-    """Return (m_x, m_y, 1) / sqrt(1 + m^2), near words, of a slope in wide words, and where m^2 >= 3.
+    """Return (m_x, m_y, 1) / sqrt(1 + m^2), near words, of a slope in wide words; they have `extra` more bits.
 
-    All have E = `extra` more fraction bits than such words:
-
-        x    = ((m_x m_x >> F-4+2E) + (m_y m_y >> F-4+2E) + 2^(F+4) + 4) >> 3
-        e_z  = min(rsqrt(x), 2^(F+1+E) - 1)
-        e_x  = ((m_x e_z >> F-3+E) + 4) >> 3,  e_y likewise
-
-    Those slopes, 60 degrees and more, overflow: x and e_x keep their lowest bits, as the registers do.
+    Slopes of 60 degrees and more, m^2 >= 3, overflow.
     """
     word, drop = f + 2 + extra, f - 4 + 2 * extra
     square = multiplier(mx, mx, word, word, drop) + multiplier(my, my, word, word, drop)

@@ -1,12 +1,12 @@
 """The registers of the optics block, of the board and of its scene, and the words that software writes to them.
 
-The maps are read from `generated/optics.json`, `board.json` and `scene.json`, which `make registers` makes from
-rtl/registers.rdl; an item with its default value is left out of them.
+`make registers` makes the maps, generated/*.json, from rtl/registers.rdl.
 """
 
 from __future__ import annotations
 
 import dataclasses
+import json
 from collections.abc import Mapping
 from dataclasses import dataclass
 from importlib.resources import files
@@ -26,8 +26,8 @@ from lippmann.fixed.words import Ints
 class Field:
     """Bits `low` to `low + width - 1` of a register; `reset` is None where the hardware drives the value.
 
-    `fraction` is the number of fraction bits, or its formula in F, the build's fraction bits. Where only some values
-    have a meaning, `names` holds those with their names. The files' other items are for the documentation.
+    `fraction` is the number of fraction bits, or its formula in F, the build's. Where only some values have a meaning,
+    `names` holds them with their names.
     """
 
     low: int
@@ -39,28 +39,28 @@ class Field:
 
     @property
     def mask(self) -> int:
-        """The field's bits in its register's word."""
+        """The field's bits in the register's word."""
         return ((1 << self.width) - 1) << self.low
 
     @property
     def limits(self) -> tuple[int, int]:
-        """The smallest and the largest value."""
+        """The minimum and the maximum value."""
         low = -(1 << (self.width - 1)) if self.signed else 0
         return low, low + (1 << self.width) - 1
 
     def value(self, word: int) -> int:
-        """Return the field's value in its register's word."""
+        """Return the field's value in the register's word."""
         value = (word & self.mask) >> self.low
         return value - (1 << self.width) if value > self.limits[1] else value
 
     def bits(self, value: int) -> int:
-        """Return the word that holds a value, which is within the limits, in this field and 0 elsewhere."""
+        """Return the word that holds a value within the limits in this field, and 0 elsewhere."""
         return value << self.low & self.mask
 
 
 @dataclass(frozen=True)
 class Register:
-    """A register of 32 bits at a byte address, or a memory of `entries` such words, which has no fields.
+    """A register of 32 bits at a byte address, or a memory of `entries` such words without fields.
 
     `access` is "read", "write" or "read, write".
     """
@@ -79,21 +79,17 @@ class Register:
         return sum(field.bits(values[name]) for name, field in self.fields.items())
 
 
-@dataclass(frozen=True)
-class _File:
-    registers: dict[str, Register]
-
-
 def _load(name: str) -> dict[str, Register]:
-    return msgspec.json.decode(files("lippmann.fixed").joinpath("generated", name).read_bytes(), type=_File).registers
+    items = json.loads(files("lippmann.fixed").joinpath("generated", name).read_bytes())
+    return msgspec.convert(items["registers"], dict[str, Register])
 
 
-#: Registers by name, those of a group with the group's name in front; byte addresses from the block's own base on.
+#: Registers by name, which begins with that of their group; byte addresses from the block's base.
 OPTICS_REGISTERS = _load("optics.json")
 BOARD_REGISTERS = _load("board.json")
 SCENE_REGISTERS = _load("scene.json")
 
-#: Fields of the register `build`, and parameters of a build, that are on or off.
+#: Fields of the register `build`, and parameters of `Build`, that are on or off.
 _FLAGS = ("viewer", "aims", "cross_cells", "converge", "shear")
 
 
@@ -105,15 +101,14 @@ class Write(NamedTuple):
 
 
 def write(name: str, **values: int) -> Write:
-    """Return the write of values to a register's fields; the other fields get their reset values.
+    """Return the write of values to a register's fields; other fields get their reset values.
 
-    Raises InputError for an unknown register or field, and for a value that its field cannot hold.
+    Raises InputError for an unknown register or field, and for a value out of range.
     """
     if name not in OPTICS_REGISTERS:
         raise InputError(f"there is no register '{name}'; docs/generated/registers.md lists them")
     register = OPTICS_REGISTERS[name]
-    unknown = values.keys() - register.fields.keys()
-    if unknown:
+    if unknown := values.keys() - register.fields.keys():
         raise InputError(f"register {name} has no field {', '.join(sorted(unknown))}")
     values = {key: field.reset or 0 for key, field in register.fields.items()} | values
     for key, value in values.items():
@@ -124,7 +119,7 @@ def write(name: str, **values: int) -> Write:
 
 
 def optics_writes(config: Configuration) -> list[Write]:
-    """Return the writes of a display's configuration; the command `apply` puts it to use."""
+    """Return the writes of a display's configuration, which the command `apply` takes over."""
     writes = []
     for field, value in dataclasses.asdict(config).items():
         name = f"optics_{field}"
@@ -149,7 +144,7 @@ def raster_writes(frame: Raster) -> list[Write]:
 
 
 def table_writes(table: Ints, first: int = 0) -> list[Write]:
-    """Return the writes of jitter entries (N,) from table entry `first` on; raise InputError beyond the table's end."""
+    """Return the writes of jitter entries (N,) from entry `first` on; raises InputError beyond the table's end."""
     if not 0 <= first <= TABLE_ENTRIES - len(table):
         raise InputError(f"jitter table: {len(table)} entries from {first} on do not fit into its {TABLE_ENTRIES}")
     start = OPTICS_REGISTERS["jitter_table"].address + 4 * first
@@ -159,10 +154,9 @@ def table_writes(table: Ints, first: int = 0) -> list[Write]:
 def build_of(words: Mapping[str, int]) -> Build:
     """Return the build of an optics block from the words of its registers `identity`, `version` and `build`.
 
-    Raises InputError when a word is missing, or not that of an optics block that this host supports.
+    Raises InputError when a word is missing or is that of an unsupported block.
     """
-    missing = [name for name in ("identity", "version", "build") if name not in words]
-    if missing:
+    if missing := [name for name in ("identity", "version", "build") if name not in words]:
         raise InputError(f"register {', '.join(missing)} was not read; give identity, version and build")
     identity = OPTICS_REGISTERS["identity"].fields["letters"].reset
     if words["identity"] != identity:
@@ -184,7 +178,7 @@ def build_of(words: Mapping[str, int]) -> Build:
 
 
 def build_word(build: Build) -> int:
-    """Return what the register `build` of an optics block holds; also the RTL's parameter `Build`."""
+    """Return the word of an optics block's register `build`, also the RTL's parameter `Build`."""
     return OPTICS_REGISTERS["build"].word(
         fraction_bits=build.fraction_bits,
         grid=get_args(Grid).index(build.grid),

@@ -1,4 +1,4 @@
-"""A build of the RTL's drawing: the parameters that decide what hardware is made (`scene_build_t`)."""
+"""A build of the drawing's RTL (`scene_build_t`): the parameters that decide what hardware is made."""
 
 from __future__ import annotations
 
@@ -9,14 +9,14 @@ from lippmann.base.toml import check_fields, documented, key
 from lippmann.errors import InputError
 from lippmann.fixed.registers import SCENE_REGISTERS
 
-#: Most layers and slots; slot 15 is the panel's curve.
+#: Maximum of layers and of slots; slot 15 is the panel's curve.
 MAX_LAYERS, MAX_SLOTS = 8, 15
 CURVE_SLOT = 15
-#: Bytes of a block, the unit in which slots are loaded.
+#: Bytes of a block: slots are loaded block by block.
 BLOCK_BYTES = 1024
 #: Bytes of a palette, the block after the texels.
 PALETTE_BYTES = 256 * 4
-#: Most blocks of texels of a slot.
+#: Maximum of a slot's blocks of texels.
 MAX_TEXEL_BLOCKS = 255
 
 
@@ -79,7 +79,7 @@ class SceneBuild:
 
     @property
     def word(self) -> int:
-        """The word of `scene_build_t`, 26 bits: the RTL's parameter, and what its register `build` holds."""
+        """The word of `scene_build_t`, 26 bits: the RTL's parameter and its register `build`."""
         return SCENE_REGISTERS["build"].word(
             layers=self.layers,
             slots=self.slots_built,
@@ -91,7 +91,7 @@ class SceneBuild:
 
     @classmethod
     def of_word(cls, word: int) -> SceneBuild:
-        """Return the build whose word a register holds; raises InputError for one that cannot be built."""
+        """Return the build of a register's word; raises InputError for one that cannot be built."""
         register = SCENE_REGISTERS["build"]
         values = register.values(word)
         if unknown := word - register.word(**values):

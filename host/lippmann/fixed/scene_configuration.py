@@ -1,8 +1,4 @@
-"""The register values and slots with which the RTL draws a stack of layers on one display.
-
-The words are those of `scene_config_t` (rtl/scene/lipp_scene_pkg.sv). The array's rotation and offset go into each
-layer's words: the RTL's lines are in the array's frame.
-"""
+"""Register values (`scene_config_t` of rtl/scene/lipp_scene_pkg.sv) and slots with which the RTL draws layers."""
 
 from __future__ import annotations
 
@@ -37,15 +33,12 @@ if TYPE_CHECKING:
     from lippmann.layers.stack import Layer, LayerStack
 
 
-#: Largest distance from the array's origin of a ray at z = 0, and of a layer's texture, radii.
+#: Largest distance of a ray at z = 0, and of a texture, from the array's origin, radii.
 MAX_PLACE = 2048.0
-#: Factor of a sky's slopes: the largest power of two with which all slopes that draw, below 4, stay in range.
+#: Factor of a sky's slopes: the largest power of two that keeps all slopes that draw, below 4, in range.
 SKY_DEPTH = 512.0
-#: Largest distance of an exit from its pixel along x or y, radii: a pixel is 8 pitches of 2 radii from its lenslet at
-#: most, and a ray 4 radii from the lenslet's axis.
+#: Largest distance of an exit from its pixel along x or y, radii: 8 pitches of 2 radii to the lenslet, and 4 radii.
 EXIT_RADII = 20.0
-#: Bits of a board's pixel.
-_BOARD_BITS = 8
 
 
 def scene_words(
@@ -57,9 +50,9 @@ def scene_words(
 ) -> SceneWords:
     """Return the registers with which a build draws a stack on a display.
 
-    `slots` are the slots that hold the layers' textures; left out, layer k is in slot k. `names` are what errors call
-    the layers; left out, their numbers. Raises InputError when the build has fewer layers or slots, and when a register
-    cannot hold a value: layer, register, value and range.
+    `slots` are the slots of the layers' textures; by default layer k is in slot k. `names` are the layers' names in
+    errors, by default their numbers. Raises InputError when the build has fewer layers or slots, and when a value does
+    not fit its register.
     """
     if len(stack.layers) > build.layers:
         raise InputError(
@@ -67,8 +60,7 @@ def scene_words(
             f"with layers = {len(stack.layers)}"
         )
     slots = tuple(range(len(stack.layers))) if slots is None else slots
-    numbers = [str(layer) for layer in range(len(slots))]
-    titles = numbers if names is None else [f"'{name}'" for name in names]
+    titles = [str(k) for k in range(len(slots))] if names is None else [f"'{name}'" for name in names]
     for title, slot in zip(titles, slots, strict=True):
         if not 0 <= slot < build.slots_built:
             raise InputError(
@@ -90,10 +82,10 @@ def scene_words(
 
 
 def layer_words(display: Display, layer: Layer, number: int | str, slot: int) -> LayerWords:
-    """Return the registers of a layer whose texture is in a slot; errors call it by `number`, or by a name.
+    """Return the registers of a layer whose texture is in a slot; `number` is its number or name in errors.
 
-    With (x, y) = turn(X, Y) R + offset, the array's frame in radii: s = s0 + a X' + b Y' at the layer's plane, where
-    (a, b) = R (m00, m01) turn and s0 = m02 + (m00, m01) offset. A sky has slopes for x and y, and no offset.
+    (X, Y) are in the array's frame, in radii: (x, y) = turn(X, Y) R + offset. At the layer's plane s = s0 + a X' + b Y'
+    where (a, b) = R (m00, m01) turn and s0 = m02 + (m00, m01) offset. A sky has slopes for x and y, and no offset.
     """
     frame = System.of(display).frame
     radius, (ox, oy) = display.array.radius_mm, frame.offset_mm
@@ -107,15 +99,15 @@ def layer_words(display: Display, layer: Layer, number: int | str, slot: int) ->
 
     name = f"layer {number}, register"
     nearer = "bring the layer nearer, or take a lenslet of larger array.radius_mm"
-    # Errors are in the units of the layers' file: mm, texels, and texels by which s or t changes a mm, or a slope of 1.
+    # Units in errors, as in the layers' file: mm, texels, and texels per mm or per slope of 1.
     share, unit = (SKY_DEPTH, " texels a slope of 1") if layer.sky else (1.0 / radius, " texels/mm")
     words = {"depth": nearest_word(depth, 32, DEPTH_FRACTION, f"{name} depth", nearer, radius, " mm")}
     for register, value in zip("abcd", linear.ravel().tolist(), strict=True):
         finer = "the texture is too small, or sheared too far: give it fewer texels, or make it larger"
         words[register] = nearest_word(value, 32, COEFFICIENT_FRACTION, f"{name} {register}", finer, share, unit)
     for register, value in zip(("s0", "t0"), zero.tolist(), strict=True):
-        beside = "the texture is too far beside the display for its size: bring it nearer to the middle"
-        words[register] = nearest_word(value, 32, TEXEL_FRACTION, f"{name} {register}", beside, unit=" texels")
+        centre = "the texture is too far beside the display for its size: bring it nearer to the middle"
+        words[register] = nearest_word(value, 32, TEXEL_FRACTION, f"{name} {register}", centre, unit=" texels")
     if not layer.sky:
         _check_reach(layer, linear, zero, number, radius)
     bright = math.floor(layer.brightness * FULL_BRIGHTNESS + 0.5)
@@ -123,7 +115,7 @@ def layer_words(display: Display, layer: Layer, number: int | str, slot: int) ->
 
 
 def slot_bytes(layer: Layer, build: SceneBuild) -> Bytes:
-    """Return what a layer's slot holds: its texels row by row, then its palette (r, g, b, a of each entry).
+    """Return the content of a layer's slot: its texels row by row, then its palette (r, g, b, a of each entry).
 
     Raises InputError when the texture does not fit a slot of the build.
     """
@@ -131,14 +123,14 @@ def slot_bytes(layer: Layer, build: SceneBuild) -> Bytes:
 
 
 def build_curve_table(display: Display) -> Bytes:
-    """Return the table of a panel's curve, 8192 bytes; a panel of fewer than 8 bits has its values spread."""
+    """Return the table of a panel's curve, 8192 bytes; values of fewer than 8 bits are scaled to 8."""
     panel = display.panel
-    return encoded_values(entry_light(), panel.transfer, min(panel.bits, _BOARD_BITS)).astype(np.uint8)
+    return encoded_values(entry_light(), panel.transfer, min(panel.bits, 8)).astype(np.uint8)
 
 
 def _check_place(display: Display) -> None:
-    """Refuse a display whose rays leave farther from the array's origin than the position's word holds."""
-    farthest = max(max(map(abs, corner)) for corner in System.of(display).frame.corners)
+    """Refuse a display whose rays leave too far from the array's origin for the word of their position."""
+    farthest = float(np.abs(System.of(display).frame.corners).max())
     radii = farthest / display.array.radius_mm + EXIT_RADII
     if radii >= MAX_PLACE:
         raise InputError(
@@ -151,9 +143,9 @@ def _check_place(display: Display) -> None:
 def _check_reach(
     layer: Layer, linear: npt.NDArray[np.float64], zero: npt.NDArray[np.float64], number: int | str, radius: float
 ) -> None:
-    """Refuse a texture with a corner farther from the array's origin than the position's word holds."""
+    """Refuse a texture with a corner too far from the array's origin for the word of its position."""
     if np.linalg.det(linear) == 0.0:
-        return  # all along a line it shows the same texels, so that it has no corners
+        return  # each line shows the same texels along it: there are no corners
     corners = np.array([(s, t) for s in (0.0, layer.width) for t in (0.0, layer.height)])
     places = np.linalg.solve(linear, (corners - zero).T)
     farthest = float(np.abs(places).max())

@@ -1,4 +1,7 @@
-"""From exit rays to the bytes of pixels, in integers: the stages of rtl/scene/lipp_scene.sv in their order."""
+"""From exit rays to the bytes of pixels, in integers: the stages of rtl/scene/lipp_scene.sv in their order.
+
+Light, weights and opacities have 16 fraction bits; coordinates of texels have 8.
+"""
 
 from __future__ import annotations
 
@@ -23,7 +26,7 @@ _WORD = (1 << 32) - 1
 
 @dataclass(frozen=True)
 class LayerWords:
-    """A layer's registers: seven signed words of 32 bits, and the fields of the eighth, `look`."""
+    """A layer's registers: seven signed words, and the fields of the eighth, `look`."""
 
     s0: int = 0
     t0: int = 0
@@ -39,12 +42,12 @@ class LayerWords:
 
     @property
     def look(self) -> int:
-        """The eighth word: visible in bit 0, infinite in bit 1, slot in bits 7 to 4, brightness in bits 16 to 8."""
+        """The eighth word: bit 0 visible, bit 1 infinite, bits 7 to 4 slot, bits 16 to 8 brightness."""
         return int(self.visible) | int(self.infinite) << 1 | self.slot << 4 | self.brightness << 8
 
     @property
     def words(self) -> tuple[int, ...]:
-        """The eight words in the order of their addresses, each 0 to 2^32 - 1."""
+        """The eight words, 0 to 2^32 - 1, in the order of their addresses."""
         moves = (self.s0, self.t0, self.depth, self.a, self.b, self.c, self.d)
         return tuple(word & _WORD for word in (*moves, self.look))
 
@@ -62,24 +65,17 @@ class SceneWords:
     @property
     def slots(self) -> tuple[int | None, ...]:
         """The slot of each layer, or `None`. The first visible layer that names a slot has it."""
-        used: set[int] = set()
-        owners: list[int | None] = []
-        for layer in self.layers:
-            owners.append(layer.slot if layer.visible and layer.slot not in used else None)
-            if layer.visible:
-                used.add(layer.slot)
-        return tuple(owners)
+        visible = [layer.slot if layer.visible else None for layer in self.layers]
+        return tuple(None if slot in visible[:k] else slot for k, slot in enumerate(visible))
 
     @property
     def bits(self) -> int:
         """The bits of `scene_config_t`: its first field, the layers, is the most significant."""
         word = 0
         layers = [*self.layers, *[LayerWords()] * (MAX_LAYERS - len(self.layers))]
-        for layer in reversed(layers):
-            for one in layer.words:
-                word = word << 32 | one
-        for lattice in (self.lattice_xi, self.lattice_xj, self.lattice_yj):
-            word = word << 32 | lattice & _WORD
+        words = [one for layer in reversed(layers) for one in layer.words]
+        for one in (*words, self.lattice_xi, self.lattice_xj, self.lattice_yj):
+            word = word << 32 | one & _WORD
         for light in self.background:
             word = word << 16 | light
         return word
@@ -91,7 +87,7 @@ _INDEX_SHIFT = 6
 
 
 class Lines(NamedTuple):
-    """Lines (N,): where they meet the plane z = 0, radii (F - 3 fraction bits), slopes (F + 1), and which draw."""
+    """Lines (N,): points in the plane z = 0, radii (F - 3 fraction bits), slopes (F + 1), and which lines draw."""
 
     x: Ints
     y: Ints
@@ -103,14 +99,7 @@ class Lines(NamedTuple):
 def exit_line(rays: FixedRays, xi: int, xj: int, yj: int, f: int) -> Lines:
     """Return the lines of exit rays; `xi`, `xj` and `yj` are the lattice's words, 30 fraction bits.
 
-    With q the reciprocal root of 4 dz:
-
-        r        = q q >> F+2                                    1 / dz, F + 4 fraction bits
-        slope_x  = ((dx r >> F+1) + 4) >> 3,  slope_y likewise    F + 1 fraction bits
-        x_o      = ((xi i >> 31-F) + (xj j >> 31-F) + (x >> 2) - (slope_x z >> F+3) + 2) >> 2
-        y_o      = ((yj j >> 31-F) + (y >> 2) - (slope_y z >> F+3) + 2) >> 2
-
-    A ray draws when it has an exit, dz is 1/4 or more, and x_o and y_o are in [-2048, 2048).
+    A ray draws when it has an exit, dz is 1/4 or more, and its point is in [-2048, 2048).
     """
     length, inverse = f + 4, f + 8
     q = quadratic((rays.dz & ((1 << (f + 1)) - 1)) << 2, "reciprocal", f)
@@ -120,45 +109,37 @@ def exit_line(rays: FixedRays, xi: int, xj: int, yj: int, f: int) -> Lines:
     drop = LATTICE_FRACTION + _INDEX_SHIFT + 1 - f
 
     def centre(lattice: int, index: Ints) -> Ints:
-        return multiplier(np.asarray(lattice, np.int64), index << _INDEX_SHIFT, 32, MUL_BITS, drop)
+        return multiplier(index << _INDEX_SHIFT, lattice, MUL_BITS, 32, drop)
 
     centres = centre(xi, rays.i) + centre(xj, rays.j), centre(yj, rays.j)
-    places = []
-    for c, local, slope in zip(centres, (rays.x, rays.y), (slope_x, slope_y), strict=True):
-        places.append((c + (local >> 2) - multiplier(slope, rays.z, length, length, f + 3) + 2) >> 2)
+    places = [
+        (c + (local >> 2) - multiplier(slope, rays.z, length, length, f + 3) + 2) >> 2
+        for c, local, slope in zip(centres, (rays.x, rays.y), (slope_x, slope_y), strict=True)
+    ]
     bits = f + 9
     draws = gets_through(rays.status) & (rays.dz >= 1 << (f - 1)) & fits(places[0], bits) & fits(places[1], bits)
     x, y = (wrapped(place, bits) for place in places)
-    return Lines(x, y, slope_x, slope_y, np.asarray(draws))
+    return Lines(x, y, slope_x, slope_y, draws)
 
 
-#: Bits of a coordinate, and its fraction bits.
-COORDINATE_BITS, COORDINATE_FRACTION = 20, 8
-#: Half a texel less half a unit of the coordinate, 16 fraction bits: what bilinear coordinates are moved by.
+#: Bits of a coordinate.
+COORDINATE_BITS = 20
+#: Shift of bilinear coordinates, 16 fraction bits: half a unit of the coordinate less half a texel.
 _BILINEAR = (1 << 7) - (1 << 15)
 
 
 def coefficient_bits(f: int) -> int:
-    """Return A, the fraction bits that a build reads of the 24 of a coefficient."""
+    """Return A, the number of a coefficient's 24 fraction bits that a build reads."""
     return min(f + 4, 24)
 
 
 def layer_coordinate(lines: Lines, layer: LayerWords, bilinear: bool, f: int) -> tuple[Ints, Ints, Bools]:
-    """Return the coordinates s, t (8 fraction bits) where lines meet a layer, and which are beyond the words' range.
-
-        X'  = (2 (infinite ? 0 : x) + 1 + (depth slope_x >> F)) >> 1       F - 3 fraction bits
-        Y'  = (2 (infinite ? 0 : y) + 1 + (depth slope_y >> F)) >> 1
-        s_o = (s0 + h + (a X' >> A+F-19) + (b Y' >> A+F-19)) >> 8           8 fraction bits
-        t_o = (t0 + h + (c X' >> A+F-19) + (d Y' >> A+F-19)) >> 8
-
-    with depth in F - 3 of its fraction bits, a to d in A; h = 2^7 - 2^15 for bilinear, else 0.
-    """
+    """Return the coordinates s, t where lines meet a layer, and which do not fit their words."""
     bits, fraction = f + 9, coefficient_bits(f)
-    depth = np.asarray(layer.depth >> (23 - f), np.int64)
     plane, beyond = [], np.zeros(lines.x.shape, np.bool_)
     for place, slope in ((lines.x, lines.slope_x), (lines.y, lines.slope_y)):
         start = np.zeros_like(place) if layer.infinite else place
-        met = (2 * start + 1 + multiplier(depth, slope, bits, f + 4, f)) >> 1
+        met = (2 * start + 1 + multiplier(slope, layer.depth >> (23 - f), f + 4, bits, f)) >> 1
         beyond = beyond | ~fits(met, bits)
         plane.append(wrapped(met, bits))
 
@@ -166,30 +147,22 @@ def layer_coordinate(lines: Lines, layer: LayerWords, bilinear: bool, f: int) ->
     for zero, *factors in ((layer.s0, layer.a, layer.b), (layer.t0, layer.c, layer.d)):
         total = np.full_like(lines.x, zero + (_BILINEAR if bilinear else 0))
         for factor, at in zip(factors, plane, strict=True):
-            word = np.asarray(factor >> (24 - fraction), np.int64)
-            total += multiplier(word, at, fraction + 8, bits, fraction + f - 19)
+            total += multiplier(at, factor >> (24 - fraction), bits, fraction + 8, fraction + f - 19)
         total >>= 8
         beyond = beyond | ~fits(total, COORDINATE_BITS)
         coordinates.append(wrapped(total, COORDINATE_BITS))
-    return coordinates[0], coordinates[1], np.asarray(beyond)
+    return coordinates[0], coordinates[1], beyond
 
 
-#: Weight of a whole texel, opacity of an opaque one, and light that nothing took: 16 fraction bits.
+#: Weight of a single texel, opacity of an opaque one, and transmission of no layer.
 WHOLE = 1 << 16
 
 
 def texel_fetch(s: Ints, t: Ints, hidden: Bools, slot: Bytes | None, build: SceneBuild) -> tuple[Ints, Ints]:
-    """Return the colours (N, taps, 4) of the texels at coordinates (N,), 8 fraction bits, and their weights (N, taps).
+    """Return the colours (N, taps, 4) of the texels at coordinates (N,), and their weights (N, taps).
 
-    `slot` is what the layer's slot holds: its texels row by row, then the palette; `None` without a slot. With
-    i = s >> 8, j = t >> 8, f = s & 255, g = t & 255:
-
-        nearest: the texel (i, j) has the weight 65536
-        bilinear: the texels (i, j), (i + 1, j), (i, j + 1), (i + 1, j + 1) have the weights
-            (256 - f) (256 - g), f (256 - g), (256 - f) g, f g; tap 2 (row & 1) + (column & 1) is the one of that row
-            and column
-
-    Texels outside of the texture, and those of hidden rays, have the weight 0, and here the colour 0.
+    `slot` is the content of the layer's slot (`slot_bytes`), or `None`. Bilinear builds take four texels, each in tap
+    2 (row & 1) + (column & 1). Hidden rays, and texels outside the texture, have the weight 0 and the colour 0.
     """
     i, j = s >> 8, t >> 8
     if not build.bilinear:
@@ -213,59 +186,36 @@ def texel_fetch(s: Ints, t: Ints, hidden: Bools, slot: Bytes | None, build: Scen
 
 
 def texel_blend(colours: Ints, weights: Ints) -> tuple[Ints, Ints]:
-    """Return the premultiplied light (N, 3) and the opacity (N,), 16 fraction bits, of texels (N, taps, 4).
-
-    With the opacity A = a + [a >= 128], the bytes r, g, b of texel n and its weight w_n (N, taps):
-
-        share_n = (w_n A + 2^7) >> 8        16 fraction bits
-        light_o = (sum over n of (share_n r^2 >> 8) + 2^7) >> 8,  g and b likewise
-        opacity_o = sum over n of share_n
-    """
+    """Return the premultiplied light (N, 3) and the opacity (N,) of texels (N, taps, 4) with weights (N, taps)."""
     alpha = colours[..., 3]
     shares = (weights * (alpha + (alpha >> 7)) + 128) >> 8
     parts = (shares[..., None] * colours[..., :3] ** 2) >> 8
     return (parts.sum(axis=1) + 128) >> 8, shares.sum(axis=1)
 
 
-#: Bits of the light so far.
-_SUM_BITS = 17
-
-
 def composite(
     light: Sequence[Ints], opacity: Sequence[Ints], draws: Bools, brightness: Sequence[int], background: Ints
 ) -> Ints:
-    """Return the light (N, 3) of rays through layers, and of the background (3,) behind them.
+    """Return the light (N, 3) of rays through layers and of the background (3,); 0 for rays that do not draw.
 
-    Of each layer: P is its premultiplied light (N, 3), A its opacity (N,), B its brightness, 256 at most. From C_0 = 0,
-    T_0 = 65536:
-
-        G_k     = (T_k B_k + 2^7) >> 8
-        C_(k+1) = C_k + ((P_k G_k + 2^15) >> 16)        for each of red, green and blue
-        T_(k+1) = T_k - ((T_k A_k + 2^15) >> 16)
-        light_o = min(C_n + ((background T_n + 2^15) >> 16), 65535), or 0 where draws_i is low
+    Layers, from front to back, have a premultiplied light (N, 3), an opacity (N,) and a brightness each.
     """
-    half, mask = 1 << 15, (1 << _SUM_BITS) - 1
-    so_far = np.zeros((len(draws), 3), np.int64)
+    half, mask = 1 << 15, (1 << 17) - 1  # the sum has 17 bits
+    total = np.zeros((len(draws), 3), np.int64)
     passing = np.full(len(draws), WHOLE)
     for one, covered, bright in zip(light, opacity, brightness, strict=True):
         gain = (passing * min(bright, 256) + 128) >> 8
-        so_far = (so_far + ((one * gain[:, None] + half) >> 16)) & mask
+        total = (total + ((one * gain[:, None] + half) >> 16)) & mask
         passing = passing - ((passing * covered + half) >> 16)
-    so_far = (so_far + ((passing[:, None] * background + half) >> 16)) & mask
-    return np.where(draws[:, None], np.minimum(so_far, 65535), 0)
+    total = (total + ((passing[:, None] * background + half) >> 16)) & mask
+    return np.where(draws[:, None], np.minimum(total, 65535), 0)
 
 
 def sample_mean(light: Ints, samples_bits: int) -> Ints:
-    """Return the light of pixels (N, 3), of 2^SamplesBits samples (2^SamplesBits N, 3) each.
-
-    One sample is its own mean; otherwise
-
-        light_o = (sum of light_i + 2^(SamplesBits-1)) >> SamplesBits   for red, green and blue
-    """
-    if not samples_bits:
-        return light
-    total: Ints = light.reshape(-1, 1 << samples_bits, 3).sum(axis=1)
-    return (total + (1 << (samples_bits - 1))) >> samples_bits
+    """Return the rounded mean (N, 3) of the light of each pixel's 2^`samples_bits` samples."""
+    count = 1 << samples_bits
+    total: Ints = light.reshape(-1, count, 3).sum(axis=1)
+    return (total + (count >> 1)) >> samples_bits
 
 
 #: Entries of the table, and the light from which an entry stands for 16 words.
@@ -276,36 +226,29 @@ WHITE = 255 * 255
 
 
 def curve_table(light: Ints, table: Bytes) -> Bytes:
-    """Return the bytes of light.
-
-    With L a word of light
-
-        rgb_o = table[L < 4096 ? L : 4096 + (L >> 4)]        for each of red, green and blue
-    """
+    """Return the bytes of light by the panel's curve."""
     return table[np.where(light < COARSE_FROM, light, COARSE_FROM + (light >> 4))]
 
 
 def entry_light() -> npt.NDArray[np.float64]:
-    """Return the light (8192,), 1 at white, in the middle of the words of each entry."""
+    """Return the light (8192,), 1 at white, in the middle of the words of each entry: word 7.5 of 16."""
     entry = np.arange(ENTRIES)
-    # Of an entry of 16 words, word 7.5 is in the middle.
     return np.where(entry < COARSE_FROM, entry, 16 * (entry - COARSE_FROM) + 7.5) / WHITE
 
 
 def scene(
     rays: FixedRays, words: SceneWords, slots: Mapping[int, Bytes], table: Bytes, build: SceneBuild, f: int
 ) -> Bytes:
-    """Return the pixels (N, 3) of exit rays, `build.samples` of them for each.
+    """Return the pixels (N, 3) of exit rays of an optics build with F fraction bits.
 
-    The rays are words of an optics build with F fraction bits, in the order of their pixels; layers of `words` that the
-    build of the drawing does not have are not read. `slots` holds what the slots hold (`slot_bytes`), by number, zeros
-    where it has none; `table` is the panel's curve, 8192 bytes.
+    The `build.samples` rays of a pixel follow each other. `slots` holds the contents of slots (`slot_bytes`) by number;
+    other slots hold zeros. `table` is the panel's curve, 8192 bytes. Layers beyond those of the build are not read.
     """
     return curve_table(sample_mean(scene_light(rays, words, slots, build, f), build.samples_bits), table)
 
 
 def scene_light(rays: FixedRays, words: SceneWords, slots: Mapping[int, Bytes], build: SceneBuild, f: int) -> Ints:
-    """Return the light (N, 3) of exit rays, before the samples of a pixel become one; parameters as of `scene`."""
+    """Return the light (N, 3) of exit rays, before the mean of a pixel's samples; parameters as for `scene`."""
     lines = exit_line(rays, words.lattice_xi, words.lattice_xj, words.lattice_yj, f)
     empty = np.zeros(build.slot_bytes, np.uint8)
     light, opacity = [], []

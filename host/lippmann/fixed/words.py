@@ -1,8 +1,7 @@
-"""Formats of the fixed-point words, the integer operations that all steps share, and the roots.
+"""Formats of the fixed-point words, integer operations that all steps share, and the roots.
 
-F is the number of fraction bits of a build, W = F + 2 its word: `near` words have F + 1 fraction bits and span
-[-1, 1), `wide` words F and [-2, 2), `far` words W + 2 bits with F fraction bits, [-8, 8). A pixel's point from its
-lenslet's centre is a wide word, in a build with `converge` a far one.
+F is a build's number of fraction bits and W = F + 2 the bits of its words. `near` words have F + 1 fraction bits and
+span [-1, 1); `wide` words have F and span [-2, 2). `far` words have W + 2 bits, F of them fraction bits: [-8, 8).
 """
 
 from __future__ import annotations
@@ -31,31 +30,31 @@ OFFSET_FRACTION = 40
 INDEX_BITS = 12
 #: Operands of one hardware multiplier: signed.
 MUL_BITS = 18
-#: Bits kept below the last place until the final rounding of a step.
+#: Bits kept below the last place until a step's final rounding.
 GUARD = 3
-#: Roundings may bring a saturated word, or a clamped square (F + 3 fraction bits), this many units beyond its range.
+#: Units by which rounding may move a saturated word, or a clamped square, out of its range.
 SLACK, SQUARE_SLACK = 1 << 6, 1 << 9
 #: Fraction bits that the RTL can be built with.
 FRACTIONS = range(14, 24)
-#: Fraction bits of the configurations named widest and compact.
+#: Fraction bits of the widest and compact configurations.
 WIDEST, COMPACT = 23, 16
 
 
 def extra_bits(f: int) -> int:
-    """Return E, the bits more of slopes and directions on their way into the glass: where words take more than a cell.
+    """Return E, the additional bits of slopes and lateral directions where words are wider than a multiplier.
 
-    They are in exact builds with the plano side to the panel: slopes and lateral directions have E, dz has 3 E.
+    Only exact builds with the plano side to the panel have them; there dz has 3 E.
     """
     return 1 if f + 2 > MUL_BITS else 0
 
 
 def share_bits(f: int) -> int:
-    """Return the bits of the words of `converge`: a share with F + 11 fraction bits, and offsets with F + 2."""
+    """Return the bits of the words of `converge`: its share has F + 11 fraction bits, its offsets F + 2."""
     return f + 9
 
 
 def guarded(x: Ints, more: int = 0) -> Ints:
-    """Round the guard bits away, but for K that are kept: (x + (4 >> K)) >> (3 - K)."""
+    """Round all guard bits but K = `more` away: (x + (4 >> K)) >> (3 - K)."""
     return (x + (1 << (GUARD - 1) >> more)) >> (GUARD - more)
 
 
@@ -65,58 +64,53 @@ def halved(x: Ints) -> Ints:
 
 
 def wrapped(x: Ints, bits: int) -> Ints:
-    """Keep the lowest bits of a word as a signed number, as a register does."""
+    """Return the lowest bits of a word as a signed number."""
     half = 1 << (bits - 1)
     return ((x + half) & ((1 << bits) - 1)) - half
 
 
 def above_one(square: Ints, f: int) -> Bools:
-    """Tell which squared cosines, F + 3 fraction bits, are above 1 by more than roundings."""
+    """Tell which squared cosines, F + 3 fraction bits, are above 1 by more than rounding error."""
     return square >= (1 << (f + 3)) + SQUARE_SLACK
 
 
 def fits(x: Ints | npt.NDArray[np.float64], bits: int) -> Bools:
-    """Tell which numbers a signed word of so many bits can hold."""
+    """Tell which numbers fit a signed word."""
     return (x >= -(1 << (bits - 1))) & (x < 1 << (bits - 1))
 
 
 def saturate(x: Ints, bits: int) -> Ints:
-    """Return the number nearest to `x` that a signed word of `bits` bits can hold."""
+    """Return the nearest numbers that fit a signed word."""
     return np.clip(x, -(1 << (bits - 1)), (1 << (bits - 1)) - 1)
 
 
 def beyond(x: Ints, bits: int, slack: int = SLACK) -> Bools:
-    """Tell which numbers are outside a signed word's range by more than `slack` units."""
+    """Tell which numbers are more than `slack` units outside a signed word's range."""
     top = 1 << (bits - 1)
     return (x < -top - slack) | (x >= top + slack)
 
 
 def multiplier(a: Ints, b: Ints | int, a_bits: int, b_bits: int, drop: int) -> Ints:
-    """Return the product of two words less its last `drop` places, without the product of their lower parts.
-
-    With a = ah 2^la + al, la the bits beyond 18: floor(ah bh 2^(la + lb) / 2^drop) plus
-    floor((ah bl 2^la + al bh 2^lb) / 2^drop).
-    """
+    """Return the product of two words without its last `drop` bits, and without that of the bits below their top 18."""
     b = np.asarray(b, np.int64)
     la, lb = max(a_bits - MUL_BITS, 0), max(b_bits - MUL_BITS, 0)
     ah, bh = a >> la, b >> lb
     al, bl = a - (ah << la), b - (bh << lb)
     upper: Ints = (ah * bh) >> (drop - la - lb)
     cross: Ints = (ah * bl << la) + (al * bh << lb)
-    product: Ints = upper + (cross >> drop)
-    return product
+    return upper + (cross >> drop)
 
 
-# ---- roots by tables of quadratics (rtl/math/lipp_quadratic.sv, lipp_rsqrt.sv, lipp_sqrt.sv) ----
+# ---- roots by tables of quadratics (rtl/math) ----
 
 Root = Literal["reciprocal", "square"]
 
 
 @dataclass(frozen=True)
 class RootTable:
-    """Coefficients of a root's segments, both octaves, and the formats that go with them.
+    """Coefficients of a root's segments in both octaves.
 
-    c0 has F + 4 fraction bits, c1 `slope_fraction`, c2 two more; a segment's place has `place_bits`.
+    c0 has F + 4 fraction bits, c1 `slope_fraction` and c2 two more; a place in a segment has `place_bits` bits.
     """
 
     segment_bits: int
@@ -129,10 +123,7 @@ class RootTable:
 
 @cache
 def root_table(root: Root, f: int) -> RootTable:
-    """Return the table of a root for F fraction bits.
-
-    The quadratic through the root at the Chebyshev nodes z = 0, +-sqrt(3)/4 of each segment, z in [-1/2, 1/2).
-    """
+    """Return the quadratics that equal a root at the Chebyshev nodes 0 and +-sqrt(3)/4 of each segment [-1/2, 1/2)."""
     a = f // 3
     place_bits = min(f + 2 - a, MUL_BITS)
     slope_fraction = min(a + 18, f + 4)
@@ -145,7 +136,7 @@ def root_table(root: Root, f: int) -> RootTable:
 
     def words(values: list[float], fraction: int) -> Ints:
         scaled = np.array(values) * float(1 << fraction)
-        return np.where(scaled < 0.0, -np.floor(0.5 - scaled), np.floor(scaled + 0.5)).astype(np.int64)
+        return np.trunc(scaled + np.copysign(0.5, scaled)).astype(np.int64)
 
     segments = range(2 << a)
     return RootTable(
@@ -159,38 +150,27 @@ def root_table(root: Root, f: int) -> RootTable:
 
 
 def quadratic(x: Ints, root: Root, f: int) -> Ints:
-    """Return the root with F + 4 fraction bits of x, F + 1 fraction bits, in [1, 4).
-
-    slope = c1 + floor((floor(c2 z) + 1) / 2), one bit kept below c1's last; y = c0 + floor(slope z).
-    """
+    """Return the root, F + 4 fraction bits, of x in [1, 4), F + 1 fraction bits: c0 + (c1 + c2 z) z."""
     table = root_table(root, f)
     a, d, s1 = table.segment_bits, table.place_bits, table.slope_fraction
     upper = x >> (f + 2)
     fraction = np.where(upper == 1, x & ((1 << (f + 2)) - 1), (x & ((1 << (f + 1)) - 1)) << 1)
     segment = (upper << a) + (fraction >> (f + 2 - a))
     place = ((fraction >> (f + 2 - a - d)) & ((1 << d) - 1)) - (1 << (d - 1))
-    turn = multiplier(table.c2[segment], place, s1 + 3 - 2 * a, d, d + 1)
-    slope = table.c1[segment] + ((turn + 1) >> 1)
+    bend = multiplier(table.c2[segment], place, s1 + 3 - 2 * a, d, d + 1)
+    slope = table.c1[segment] + halved(bend)
     return table.c0[segment] + multiplier(slope, place, s1 - a, d, s1 + d - (f + 4))
 
 
 def rsqrt(x: Ints, f: int, extra: int = 0) -> Ints:
-    """Return 1 / sqrt(x), F + 1 + K fraction bits and in [1/2, 1], of x in [1, 4) with F + 1 fraction bits.
-
-    K is `extra`, up to 3. With q from `quadratic`:
-
-        y    = (q + (4 >> K)) >> (3 - K)
-    """
+    """Return 1 / sqrt(x) in [1/2, 1], with `extra` more bits (up to 3), of x in [1, 4) with F + 1 fraction bits."""
     return guarded(quadratic(x, "reciprocal", f), extra)
 
 
 def sqrt(x: Ints, f: int, normalise: bool = True, extra: int = 0) -> Ints:
-    """Return sqrt(x), a near word, of x in [0, 1) with F + 3 fraction bits; [1/4, 1) unless `normalise`.
+    """Return sqrt(x), a near word with `extra` more bits (up to 3), of x in [0, 1) with F + 3 fraction bits.
 
-    The root has K = `extra` more bits, up to 3. 4^k x is brought up to [1/4, 1), k at most 15, and its root q
-    (`quadratic`) shifted back by k; 0 gives 0:
-
-        y    = min(((q >> k) + (4 >> K)) >> (3 - K), 2^(F+1+K) - 1)
+    Without `normalise`, x must be in [1/4, 1). With it, the root of 4^k x in [1/4, 1) is shifted back by k, at most 15.
     """
     k = np.zeros_like(x)
     if normalise:

@@ -1,7 +1,6 @@
 """Verilator builds: RTL to a program or a library, compiled once and shared by all processes.
 
-The compiler takes Verilator's C++ as one file: the headers of a model are far larger than most of its parts, and the
-whole model is in sight of the optimiser. Verilator's own runtime and headers are compiled once for each version of it.
+The compiler reads Verilator's C++ as one file: this is faster, and the optimiser sees the complete model.
 """
 
 from __future__ import annotations
@@ -19,26 +18,25 @@ from lippmann.base.programs import run_program
 from lippmann.errors import LippmannError, input_error, to_install
 from lippmann.simulation.toolchain import build_folder, hardware, verilator_environment, verilator_version
 
-#: Optimise for speed on this processor. Names are hidden unless the C++ marks them: the model may be inlined.
+#: Compiler flags for speed on this processor. Hidden names let the compiler inline the model.
 FAST = ("-O3", "-march=native", "-fvisibility=hidden")
-#: For a simulation that is shorter than its compilation.
+#: Compiler flags for a simulation that is shorter than its compilation.
 SHORT = ("-O1",)
 #: Verilator's options for a model that is fast and checks no assertion.
 UNCHECKED = ("--x-assign", "fast", "--x-initial", "fast", "--noassert")
-
-#: Verilator's options for hundred thousands of assignments of bits: short functions, which compile soon.
+#: Verilator's options for a netlist: many short functions, which compile fast.
 NETLIST = ("--output-split-cfuncs", "1000")
 
-#: Environment variables: the folder for the lines that simulations cover (sim/coverage/); whether they count toggles.
+#: Environment variables: the folder for covered lines (sim/coverage/), and whether toggles count.
 COVERAGE, TOGGLES = "LIPPMANN_COVERAGE", "LIPPMANN_TOGGLES"
 
-#: What every model includes.
+#: Includes of every model.
 HEADERS = '#include "verilated.h"\n#include "verilated_vpi.h"\n'
 
-#: What compilers print of a full disk.
+#: A compiler's message for a full disk.
 NO_SPACE = os.strerror(errno.ENOSPC)
 
-# Libraries that a process loads share no variable of their runtimes.
+# Libraries that one process loads share no variable of their runtimes.
 _ALWAYS = ("-std=gnu++17", "-fPIC", "-fno-gnu-unique", "-DVM_SC=0")
 
 
@@ -49,15 +47,14 @@ class RtlError(LippmannError):
 
 
 def cached_file(path: Path, inputs: Iterable[Path | str], make: Callable[[Path], None], suffix: str = "") -> Path:
-    """Return a file that is made from inputs, made first unless it is there.
+    """Return a file made from inputs; `make` writes it, complete or not at all, unless it is there.
 
-    Of several processes one makes it and the others wait. It appears whole or not at all. A hash of the inputs follows
-    the name in `path`, then the suffix; `make` writes the file to the path it is given. The inputs are all that decides
-    the file beside this processor and the version of Verilator: files, whose contents count, and texts.
+    One process makes the file and the others wait. A hash follows the name in `path`, then the suffix: of the inputs
+    (texts, and contents of files), of this processor, and of Verilator's version.
     """
     always = " ".join(sorted(features())) + verilator_version()
     key = hashlib.sha256(always.encode() + Path(__file__).read_bytes())
-    key.update(repr(_counters()).encode() if _counters() else b"")
+    key.update("".join(_counters()).encode())
     for one in inputs:
         key.update(b"\0" + (one.read_bytes() if isinstance(one, Path) else one.encode()))
     target = path.with_name(f"{path.name}-{key.hexdigest()[:16]}{suffix}")
@@ -94,11 +91,9 @@ def verilated(
 ) -> None:
     """Compile RTL, and C++ that drives it, to a program, or to a library when the output's name ends in .so.
 
-    Raises MissingLibraryError when a tool is missing; RtlError, with the first error, when Verilator or the compiler
-    refuses.
-
-    The sources are SystemVerilog files, packages first, and Verilator's control files. The C++ files of `main` see the
-    model's class as `Vtop`, in Vtop.h. `options`, `flags` and `link` are for Verilator, the compiler and the linker.
+    `sources` are SystemVerilog files, packages first, and Verilator's control files. The C++ files `main` use the
+    model's class `Vtop` of Vtop.h. `options`, `flags` and `link` are for Verilator, the compiler and the linker. Raises
+    MissingLibraryError when a tool is missing; RtlError, with the first error, when Verilator or the compiler fails.
     """
     with partial_folder(output) as work:
         if _counters():
@@ -106,22 +101,9 @@ def verilated(
             sources = [*sources, hardware() / "sim" / "coverage" / "coverage.sv", work / "bind.sv"]
             options = [*options, *_counters()]
             flags = [*flags, "-DVM_COVERAGE=1"]
-        _run(
-            [
-                "verilator_bin",
-                "--cc",
-                "--prefix",
-                "Vtop",
-                "-Mdir",
-                str(work),
-                "--top-module",
-                top,
-                "-O3",
-                *options,
-                *(f"-G{name}={value}" for name, value in (parameters or {}).items()),
-                *map(str, sources),
-            ]
-        )
+        model = ["--cc", "--prefix", "Vtop", "-Mdir", str(work), "--top-module", top, "-O3"]
+        values = [f"-G{name}={value}" for name, value in (parameters or {}).items()]
+        _run(["verilator_bin", *model, *options, *values, *map(str, sources)])
         parts = sorted(work.glob("Vtop*.cpp"))
         process = "#include <unistd.h>\n" if _counters() else ""
         (work / "all.cpp").write_text(process + "".join(map(_include, [*parts, *main])))
@@ -129,7 +111,7 @@ def verilated(
         headers = Path(verilator_environment()["VERILATOR_ROOT"], "include")
         common = [*_ALWAYS, f"-I{headers}", f"-I{headers / 'vltstd'}"]
         places = [f"-I{work}", *(f"-I{path}" for path in {path.parent for path in main})]
-        # Macros of one model's main program are nothing to the headers, which all models share.
+        # All models share the headers, which do not depend on a program's macros.
         shared = [flag for flag in flags if not flag.startswith("-D")]
         prefix = ["-include", str(_precompiled([*common, *shared]))]
         _run(["g++", *common, *flags, *prefix, *places, "-c", str(work / "all.cpp"), "-o", str(work / "all.o")])
@@ -140,7 +122,7 @@ def verilated(
 
 
 def _counters() -> list[str]:
-    """Return Verilator's options of what a simulation counts, for a run that measures coverage."""
+    """Return Verilator's options that measure coverage."""
     if not os.environ.get(COVERAGE):
         return []
     return ["--coverage-line", *(["--coverage-toggle"] if os.environ.get(TOGGLES) else [])]
@@ -148,16 +130,17 @@ def _counters() -> list[str]:
 
 def _runtime(source: Path, flags: Sequence[str]) -> Path:
     """Return one compiled file of Verilator's runtime."""
-    path = build_folder() / "verilator" / source.stem
-    return cached_file(
-        path, [source, *flags], lambda parts: _run(["g++", *flags, "-c", str(source), "-o", str(parts)]), ".o"
-    )
+
+    def make(path: Path) -> None:
+        _run(["g++", *flags, "-c", str(source), "-o", str(path)])
+
+    return cached_file(build_folder() / "verilator" / source.stem, [source, *flags], make, ".o")
 
 
 def _precompiled(flags: Sequence[str]) -> Path:
-    """Return the file to include first: Verilator's headers, most of what a small model's compiler reads, precompiled.
+    """Return the file to include first, Verilator's headers: most of what the compiler of a small model reads.
 
-    Only its precompiled form is there; the compiler reads nothing else when it was made with the same flags.
+    Only its precompiled form exists; the compiler uses that when the flags are the same.
     """
 
     def make(path: Path) -> None:
@@ -169,7 +152,7 @@ def _precompiled(flags: Sequence[str]) -> Path:
 
 
 def _include(path: Path) -> str:
-    """Return the text that includes a C++ file; what Verilator marks as slow runs once and is not optimised."""
+    """Return the text that includes a C++ file; slow parts, which run once, are not optimised."""
     line = f'#include "{path}"\n'
     if not path.stem.endswith("__Slow"):
         return line
@@ -180,8 +163,8 @@ def _run(command: Sequence[str]) -> None:
     result = run_program(command, environment=verilator_environment())
     if result.returncode:
         lines = (result.stderr + result.stdout).strip().splitlines()
-        telling = (line for line in lines if "rror" in line or "undefined" in line)
-        wrong = next(telling, lines[-1] if lines else "no message")
+        errors = (line for line in lines if "rror" in line or "undefined" in line)
+        wrong = next(errors, lines[-1] if lines else "no message")
         if any(NO_SPACE in line for line in lines):
             raise no_space(command[-1], f"{Path(command[0]).name}: {NO_SPACE}")
         raise RtlError(f"the RTL does not compile ({wrong.strip()}); mend it, or {to_install('rtl')}")

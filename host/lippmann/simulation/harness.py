@@ -1,4 +1,4 @@
-"""The batch harnesses: a build of the RTL under Verilator as a library, arrays in, arrays out (sim/batch/)."""
+"""Batch harnesses (sim/batch/): a build of the RTL under Verilator as a library, arrays in, arrays out."""
 
 from __future__ import annotations
 
@@ -24,18 +24,17 @@ from lippmann.simulation.toolchain import build_folder, hardware, needed, rtl_so
 #: 32-bit words of `scene_config_t`.
 _CONFIG_WORDS = 69
 _POINTER, _NUMBER = ctypes.c_void_p, ctypes.c_int64
-#: The seed of the pauses, and their chances at the input and at the output, in 256ths.
+#: Seed of the pauses, and their probabilities at the input and at the output, in 256ths.
 _PAUSES = ctypes.c_uint64, ctypes.c_uint32, ctypes.c_uint32
 
 
 class RayHarness:
-    """A build of the optics, compiled with some of the compiler's flags. Raises as `verilated`."""
+    """A build of the optics. Raises as `verilated`."""
 
     def __init__(self, build: Build, flags: Sequence[str] = FAST) -> None:
-        self.build = build
         self._trace = ctypes.CDLL(str(ray_library(build, flags))).lippmann_trace
         self._trace.restype, self._trace.argtypes = _NUMBER, [_NUMBER, *[_POINTER] * 6, *_PAUSES]
-        #: Clocks that the last trace took.
+        #: Clocks of the last trace.
         self.clocks = 0
 
     def trace(
@@ -49,10 +48,10 @@ class RayHarness:
         idle: float = 0.0,
         stall: float = 0.0,
     ) -> FixedRays:
-        """Run rays through the RTL, with chances of a pause at the input and at the output in each clock.
+        """Run rays through the RTL; arguments and result as for the twin's `ray_pipeline`.
 
-        Words as `lippmann.fixed.ray_pipeline.ray_pipeline` takes and gives them. Raises LippmannError when rays stop
-        coming out.
+        `idle` and `stall` are the probabilities of a pause at the input and at the output. Raises LippmannError when
+        rays stop coming out.
         """
         rays = [np.ascontiguousarray(words, np.int64) for words in (u, v, a, b)]
         out = np.empty((len(FixedRays._fields), len(u)), np.int64)
@@ -65,34 +64,30 @@ class RayHarness:
 
 
 class SceneHarness:
-    """A build of the drawing for F fraction bits, compiled with some of the compiler's flags, as one running model.
-
-    What is loaded into its slots stays. Raises as `verilated`.
-    """
+    """A running model of a build of the drawing, for F fraction bits. Raises as `verilated`."""
 
     def __init__(self, build: SceneBuild, f: int, flags: Sequence[str] = FAST) -> None:
         self.build = build
         name, values = f"scene-{build.layers}-{f}", scene_parameters(build, f)
-        library = _compiled(name, "draw.cpp", "lipp_scene", values, [*flags, f"-DLIPPMANN_F={f}"])
-        self._library = ctypes.CDLL(str(library))
-        self._library.lippmann_scene_new.restype = _POINTER
-        self._library.lippmann_scene_delete.argtypes = [_POINTER]
-        self._library.lippmann_scene_load.argtypes = [_POINTER, ctypes.c_int, _NUMBER, _POINTER]
-        draw = self._library.lippmann_scene_draw
+        path = _compiled(name, "draw.cpp", "lipp_scene", values, [*flags, f"-DLIPPMANN_F={f}"])
+        self._library = library = ctypes.CDLL(str(path))
+        library.lippmann_scene_new.restype = _POINTER
+        library.lippmann_scene_delete.argtypes = [_POINTER]
+        library.lippmann_scene_load.argtypes = [_POINTER, ctypes.c_int, _NUMBER, _POINTER]
+        draw = library.lippmann_scene_draw
         draw.restype = _NUMBER
         draw.argtypes = [_POINTER, _NUMBER, _NUMBER, *[_POINTER] * 3, *_PAUSES, ctypes.c_int, _NUMBER, _POINTER]
-        self._model = self._library.lippmann_scene_new()
+        self._model = library.lippmann_scene_new()
         self._loaded: dict[int, bytes] = {}
-        #: Clocks that the last frame took.
+        #: Clocks of the last frame.
         self.clocks = 0
 
     def __del__(self) -> None:
-        """End the model."""
         if hasattr(self, "_model"):
             self._library.lippmann_scene_delete(self._model)
 
     def load(self, slot: int, content: Bytes) -> None:
-        """Write a slot, or the panel's curve (slot 15), one byte a clock, unless its content is there."""
+        """Write a slot, or the panel's curve (slot 15), one byte a clock; skip content that is there."""
         content = np.ascontiguousarray(content, np.uint8)
         if self._loaded.get(slot) != content.tobytes():
             self._library.lippmann_scene_load(self._model, slot, len(content), content.ctypes.data)
@@ -107,15 +102,15 @@ class SceneHarness:
         stall: float = 0.0,
         meanwhile: tuple[int, Bytes] | None = None,
     ) -> Bytes:
-        """Draw a frame of exit rays; returns its pixels (N, 3).
+        """Return the pixels (N, 3) of a frame of exit rays; pauses as for `RayHarness.trace`.
 
-        Pauses as in `RayHarness.trace`. `meanwhile` is a slot and what is loaded into it while the frame is drawn.
-        Raises LippmannError when pixels stop coming out, or the marks of the frame's first and last pixel are wrong.
+        `meanwhile` is a slot and its content, loaded while the frame is drawn. Raises LippmannError when pixels stop
+        coming out, or the marks of the frame's first and last pixel are wrong.
         """
-        exits = np.stack([np.asarray(word, np.int64) for word in rays])
+        exits = np.array(rays, np.int64)
         out = np.empty((len(rays.i) // self.build.samples, 3), np.uint8)
         registers = np.frombuffer(words.bits.to_bytes(4 * _CONFIG_WORDS, "little"), np.uint32)
-        slot, content = (-1, np.zeros(0, np.uint8)) if meanwhile is None else meanwhile
+        slot, content = meanwhile or (-1, np.zeros(0, np.uint8))
         content = np.ascontiguousarray(content, np.uint8)
         self._loaded.pop(slot, None)
         pointers = exits.ctypes.data, registers.ctypes.data, out.ctypes.data
@@ -129,27 +124,21 @@ class SceneHarness:
         return out
 
 
-#: The harness of a build, compiled at first use and kept in `build_folder`.
+#: The harness of a build, compiled at first use.
 ray_harness = cache(RayHarness)
-#: Models that are not at work, by their build and its fraction bits.
+#: Idle models, by their build and its fraction bits.
 _models: dict[tuple[SceneBuild, int], list[SceneHarness]] = {}
 
 
 def rtl_pipeline(u: Ints, v: Ints, a: Ints, b: Ints, config: Configuration, build: Build) -> FixedRays:
-    """Trace through the RTL, in the place of `lippmann.fixed.ray_pipeline.ray_pipeline`.
-
-    With the cross terms in multiplier cells: the build that simulates fastest.
-    """
+    """Trace through the RTL in place of the twin; cross terms in multiplier cells simulate fastest."""
     return ray_harness(replace(build, cross_cells=True)).trace(u, v, a, b, config)
 
 
 def rtl_scene(
     rays: FixedRays, words: SceneWords, slots: Mapping[int, Bytes], table: Bytes, build: SceneBuild, f: int
 ) -> Bytes:
-    """Draw through the RTL, in the place of `lippmann.fixed.scene_pipeline.scene`.
-
-    Threads may call it at once: each call has a model of its own. The models keep what they hold.
-    """
+    """Draw through the RTL in place of the twin's `scene`; each thread has a model of its own."""
     models = _models.setdefault((build, f), [])
     try:
         model = models.pop()
@@ -164,8 +153,7 @@ def rtl_scene(
 
 def packed(config: Configuration) -> bytes:
     """Return the bits of `optics_config_t`, padded to 32-bit words, least significant first."""
-    bits = 0
-    length = 0
+    bits = length = 0
     # A packed struct's first field is the most significant.
     for field in reversed(fields(config)):
         width = 32
@@ -179,23 +167,23 @@ def packed(config: Configuration) -> bytes:
 
 
 def optics_parameters(build: Build) -> dict[str, int | str]:
-    """Return the RTL's parameter of a build, as a number of SystemVerilog: what its register `build` holds."""
+    """Return the RTL's parameter of a build: the word of its register `build`, in SystemVerilog."""
     return {"Build": f"16'h{build_word(build):04x}"}
 
 
 def scene_parameters(build: SceneBuild, f: int) -> dict[str, int | str]:
-    """Return the RTL's parameters of a build of the drawing."""
+    """Return the RTL's parameters of a build of the drawing, in SystemVerilog."""
     return {"F": f, "Scene": f"26'h{build.word:07x}"}
 
 
 def ray_library(build: Build, flags: Sequence[str]) -> Path:
-    """Return the library of a build of the optics, compiled unless it is there."""
+    """Return the library of a build of the optics, compiled at first use."""
     name, macro = f"rays-{build.grid}-{build.model}-{build.fraction_bits}", f"-DLIPPMANN_NEAR={build.near}"
     return _compiled(name, "batch.cpp", "lipp_ray_stream", optics_parameters(build), [*flags, macro])
 
 
 def _compiled(name: str, driver: str, module: str, values: Mapping[str, int | str], flags: list[str]) -> Path:
-    """Return the library of an RTL module and the C++ around it, compiled unless it is there."""
+    """Return the library of an RTL module and the C++ around it, compiled at first use."""
     top = hardware()
     sources, main = needed(module, rtl_sources(top)), top / "sim" / "batch" / driver
 
@@ -207,5 +195,5 @@ def _compiled(name: str, driver: str, module: str, values: Mapping[str, int | st
 
 
 def _in_256ths(*chances: float) -> list[int]:
-    """Return chances of a pause in 256ths; 1 would never let a ray pass."""
+    """Return probabilities of a pause in 256ths, below 256: at 1 no ray would pass."""
     return [min(round(chance * 256.0), 255) for chance in chances]

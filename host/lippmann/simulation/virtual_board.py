@@ -1,7 +1,6 @@
 """The virtual board: the board's RTL under Verilator (sim/board), on a Unix socket, on TCP or on a pty.
 
-It is compiled once for each panel, optics build and kind of line, and kept under build/sim/. A byte line transfers
-bytes as fast as the board accepts them; a bit line simulates the two wires of a UART (8N1), clock by clock.
+A byte line transfers bytes as fast as the board accepts them. A bit line simulates a UART (8N1), clock by clock.
 """
 
 from __future__ import annotations
@@ -37,30 +36,29 @@ from lippmann.simulation.harness import optics_parameters
 from lippmann.simulation.toolchain import build_folder, hardware, needed, rtl_sources
 
 Port = Literal["unix", "tcp", "pty"]
-#: Where its frames are: in block RAM, or in a chip of SDRAM with a controller of its own.
+#: Memory of its frames: block RAM, or a chip of SDRAM with its controller.
 Memory = Literal["block", "sdram"]
 
 #: Clock of the board, Hz: the pixel clock of 1920 x 1080 at 60 frames a second.
 CLOCK_HZ = 148_500_000
-#: Clock of the SDRAM, Hz: that of a ULX3S at 1280 x 720.
+#: Clock of the SDRAM, Hz: as on a ULX3S at 1280 x 720.
 MEMORY_HZ = 125_000_000
-#: Frames a second of a board with SDRAM, and its slowest clock, Hz: that of a line of 3 Mbaud.
+#: Frames a second of a board with SDRAM, and its minimum clock, Hz, for a line of 3 Mbaud.
 FRAMES_HZ, SLOWEST_HZ = 60, 24_000_000
-#: Largest side of a board's panel, px: that of the video timing's counters (rtl/board/lipp_board.sv).
+#: Maximum side of a panel, px: the video timing's counters (rtl/board/lipp_board.sv).
 MAX_SIDE_PX = 16383
-#: Fewest clocks of a bit on the line (rtl/link/lipp_uart_rx.sv samples it three times).
+#: Minimum clocks of a bit on the line (rtl/link/lipp_uart_rx.sv samples it three times).
 CLOCKS_OF_A_BIT = 8
-#: A program that is silent for so long makes room for another one that connects, s.
+#: Time after which a silent program makes room for another one, s.
 IDLE_S = 60
-#: A captured frame that has not been whole for so long, s, is what a killed simulator left.
+#: Age of an incomplete captured frame whose simulator counts as killed, s.
 PART_S = 60.0
-#: Longest path of a Unix socket, bytes (`sun_path` of unix(7), with its end).
+#: Maximum path of a Unix socket, bytes (`sun_path` of unix(7), with its end).
 MOST_SOCKET_BYTES = 107
-#: State of a TCP socket that waits for connections, in /proc/net/tcp.
+#: State of a listening TCP socket in /proc/net/tcp.
 LISTENS = "0A"
-#: Longest time until a simulator is ready, and until it has ended, s.
+#: Maximum time until a simulator is ready, and until it has ended, s.
 START_SECONDS, STOP_SECONDS = 20.0, 20.0
-
 
 #: Parameters of the video timing: front porch, sync and back porch, in pixels and in lines; polarities of the syncs.
 TIMING = ("HFront", "HSync", "HBack", "VFront", "VSync", "VBack", "HPositive", "VPositive")
@@ -88,35 +86,34 @@ class RunningBoard:
     process: subprocess.Popen[str]
 
     def reset(self) -> None:
-        """Press the board's reset button: it forgets the frames that it received."""
+        """Press the board's reset button: the board forgets its frames."""
         self.process.send_signal(signal.SIGUSR1)
 
     def stop(self) -> dict[str, Any]:
         """End the board; return its counts of clocks, seconds, processor seconds, bytes and frames.
 
-        Raises DeviceError when it failed or did not end within `STOP_SECONDS`, and CaptureError when it could not write
-        a frame.
+        Raises DeviceError when it failed or did not end in time, and CaptureError when it could not write a frame.
         """
-        if self.process.poll() is None:
-            self.process.send_signal(signal.SIGTERM)
+        process = self.process
+        if process.poll() is None:
+            process.send_signal(signal.SIGTERM)
         try:
-            out, err = self.process.communicate(timeout=STOP_SECONDS)
+            out, err = process.communicate(timeout=STOP_SECONDS)
         except subprocess.TimeoutExpired:
-            self.process.kill()
-            self.process.communicate()
+            process.kill()
+            process.communicate()
             late = f"the virtual board did not end within {STOP_SECONDS:g} s and was killed; start it again"
             raise DeviceError(late) from None
-        if self.process.returncode == CaptureError.exit_code:
+        if process.returncode == CaptureError.exit_code:
             raise CaptureError(f"a frame cannot be written ({err.strip()}); free space, or make the folder again")
-        if self.process.returncode:
-            why = err.strip() or f"signal {-self.process.returncode}"
+        if process.returncode:
+            why = err.strip() or f"signal {-process.returncode}"
             raise DeviceError(f"the virtual board failed ({why}); start it again")
-        result: dict[str, Any] = json.loads(out.strip().splitlines()[-1])
-        return result
+        return dict(json.loads(out.strip().splitlines()[-1]))
 
 
-def step_of(baud: int, clock_hz: int = CLOCK_HZ) -> int:
-    """Return a bit line's bits per clock, in 1 / 65536; raise InputError when the clock cannot give the rate."""
+def step_of(baud: int, clock_hz: int) -> int:
+    """Return a bit line's bits per clock, in 1 / 65536; raises InputError when the rate does not fit the clock."""
     step = round(baud / clock_hz * 65536)
     if not 1 <= step <= 65536 // CLOCKS_OF_A_BIT or abs(step * clock_hz / 65536 / baud - 1) > 0.01:
         fastest = min(18_000_000, clock_hz // CLOCKS_OF_A_BIT)
@@ -125,7 +122,7 @@ def step_of(baud: int, clock_hz: int = CLOCK_HZ) -> int:
 
 
 def check_free(tcp_port: int) -> None:
-    """Raise DeviceError when a board cannot listen on a TCP port, before the board is compiled."""
+    """Raise DeviceError when a board cannot listen on a TCP port."""
     with socket.socket() as listener:
         listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)  # as the board does
         try:
@@ -136,10 +133,9 @@ def check_free(tcp_port: int) -> None:
 
 
 def board_build(display: Display, scene: SceneBuild | None = None, fraction_bits: int | None = None) -> Build:
-    """Return the optics build of a display's board.
+    """Return the optics build of a display's board; cross terms in multiplier cells simulate fastest.
 
-    With the cross terms in multiplier cells, which simulate fastest. Without `fraction_bits` F is 16; a board drawing
-    nearest texels has 18.
+    Without `fraction_bits`, F is 18 for a board that draws nearest texels, else 16.
     """
     usual = COMPACT if scene is None or scene.bilinear else COMPACT + 2
     f = usual if fraction_bits is None else fraction_bits
@@ -147,12 +143,11 @@ def board_build(display: Display, scene: SceneBuild | None = None, fraction_bits
 
 
 def usual_clock(display: Display, scene: SceneBuild | None, memory: Memory) -> int:
-    """Return a board's clock, Hz: with SDRAM what the panel needs, for the memory is no faster."""
+    """Return a board's clock, Hz: with SDRAM, which limits it, the clock that the panel needs."""
     if memory == "block":
         return CLOCK_HZ
-    h_front, h_sync, h_back, v_front, v_sync, v_back, *_ = timing_of(display)
-    panel = display.panel
-    clocks = (panel.width_px + h_front + h_sync + h_back) * (panel.height_px + v_front + v_sync + v_back)
+    panel, timing = display.panel, timing_of(display)
+    clocks = (panel.width_px + sum(timing[:3])) * (panel.height_px + sum(timing[3:6]))
     return max(clocks * (scene.samples if scene else 1) * FRAMES_HZ, SLOWEST_HZ)
 
 
@@ -170,29 +165,25 @@ def check_panel(display: Display) -> None:
 
 
 def compile_board(display: Display, scene: SceneBuild | None = None) -> Path:
-    """Compile the program of the board that `start` runs for a display, and with `scene` draws; return its path.
-
-    For a thread: `start` then waits for it. Raises as `verilated`.
-    """
-    clock_hz = usual_clock(display, scene, "block")
-    return compiled(display, board_build(display, scene), True, clock_hz, scene=scene)
+    """Return the program that `start` runs for a display, compiled at first use. Raises as `verilated`."""
+    return compiled(display, board_build(display, scene), True, scene=scene)
 
 
 class BoardOptions(TypedDict, total=False):
-    """What `start` may be told of a board."""
+    """Options of a board."""
 
-    #: A Unix socket that only this user may open, TCP on loopback for programs that know its token, or a pty; by
-    #: default a Unix socket, and TCP with a port number.
+    #: A Unix socket for this user, TCP on loopback for programs that know its token, or a pty; by default a Unix
+    #: socket, or TCP with a port number.
     port: Port | None
     #: Number of the TCP port; 0: a free one.
     tcp_port: int | None
-    #: A bit line of this baud rate; None: a byte line.
+    #: Baud rate of a bit line; None: a byte line.
     baud: int | None
     #: Baud rate of the host's end of a bit line, to simulate a wrong setting; None: `baud`.
     host_baud: int | None
-    #: Clock of the board, Hz; None: the usual one (`usual_clock`).
+    #: Clock of the board, Hz; None: `usual_clock`.
     clock_hz: int | None
-    #: F of the optics; None: the usual one (`board_build`).
+    #: F of the optics; None: as in `board_build`.
     fraction_bits: int | None
     #: An existing folder for the scanned-out frames.
     capture: Path | None
@@ -203,22 +194,21 @@ class BoardOptions(TypedDict, total=False):
     trace_clocks: tuple[int, int]
     #: Seed of random pauses at both ends of a byte line; 0: none.
     stalls: int
-    #: The build of a board that draws; None: a board that shows stored frames only.
+    #: The build of a board that draws; None: a board without drawing.
     scene: SceneBuild | None
-    #: Where its frames are, by default block RAM. An SDRAM takes panels of even width, at their clock for 60 frames a
-    #: second.
+    #: Memory of its frames, by default block RAM. SDRAM needs a panel of even width.
     memory: Memory
-    #: A board's program, compiled for this display, line and clock; None: it is compiled at first use.
+    #: Program compiled for this display, line and clock; None: compiled at first use.
     program: Path | None
-    #: A program that is silent for so long makes room for another one, s; by default `IDLE_S`.
+    #: Time after which a silent program makes room for another one, s; by default `IDLE_S`.
     idle_s: int
 
 
 def start(display: Display, **options: Unpack[BoardOptions]) -> RunningBoard:
     """Start a virtual board for a display, and wait until its port is open.
 
-    Raises DeviceError when the board ends at once; InputError for a panel that is too large, and for a baud rate that
-    does not fit the clock.
+    Raises DeviceError when the board ends at once; InputError for a panel that does not fit a board, and for a baud
+    rate that does not fit the clock.
     """
     baud, scene, memory = options.get("baud"), options.get("scene"), options.get("memory", "block")
     trace, tcp_port = options.get("trace"), options.get("tcp_port")
@@ -234,14 +224,14 @@ def start(display: Display, **options: Unpack[BoardOptions]) -> RunningBoard:
         "step": 0 if baud is None else step_of(baud, clock_hz),
     }
     build = board_build(display, scene, options.get("fraction_bits"))
-    program = options.get("program")
-    if program is None:
-        program = compiled(display, build, baud is None, clock_hz, trace is not None, scene, memory)
+    program = options.get("program") or compiled(
+        display, build, baud is None, clock_hz, trace is not None, scene, memory
+    )
     if (host_baud := options.get("host_baud")) is not None:
         words["host-step"] = step_of(host_baud, clock_hz)
     words |= {name: options[name] for name in ("capture", "stalls") if options.get(name)}
     if trace is not None:
-        new_file(trace).close()  # the simulator would follow a link of another user
+        new_file(trace).close()  # otherwise the simulator follows a link of another user
         first, last = options.get("trace_clocks", (0, 1_000_000))
         words |= {"trace": trace, "trace-from": first, "trace-to": last}
     port = options.get("port") or ("unix" if tcp_port is None else "tcp")
@@ -249,7 +239,7 @@ def start(display: Display, **options: Unpack[BoardOptions]) -> RunningBoard:
         ready = options.get("ready") or work / "ready.json"
         ready.unlink(missing_ok=True)
         place = private_folder()
-        _remove_lines_of_the_dead(place)
+        _remove_dead_lines(place)
         if port == "unix":
             place /= f"board-{secrets.token_hex(4)}.sock"
             if len(os.fsencode(place)) > MOST_SOCKET_BYTES:
@@ -266,12 +256,13 @@ def start(display: Display, **options: Unpack[BoardOptions]) -> RunningBoard:
             raise
 
 
-def _remove_lines_of_the_dead(place: Path) -> None:
-    """Remove the sockets and tokens of boards that were killed: nobody listens there.
+def _remove_dead_lines(place: Path) -> None:
+    """Remove the sockets and tokens of killed boards, which nobody listens to.
 
-    The system tells who listens. To connect would take the place of a live board's silent program.
+    The system's lists tell who listens: a connection would replace a live board's silent program.
     """
-    there = [*place.glob("board-*.sock"), *place.glob("tcp-*.token")]  # before: a board that starts now listens later
+    # Listed before the listeners: a board that starts now listens later.
+    there = [*place.glob("board-*.sock"), *place.glob("tcp-*.token")]
     live = listening()
     rows = [line.split() for line in Path("/proc/net/tcp").read_text().splitlines()[1:]]
     live |= {str(place / f"tcp-{int(row[1].rpartition(':')[2], 16)}.token") for row in rows if row[3] == LISTENS}
@@ -287,8 +278,7 @@ def _wait(process: subprocess.Popen[str], ready: Path) -> str:
         while not ready.exists() and process.poll() is None and not ended and time.monotonic() < until:
             time.sleep(0.01)
     if ready.exists():
-        url: str = json.loads(ready.read_text())["url"]
-        return url
+        return str(json.loads(ready.read_text())["url"])
     if process.returncode is not None:
         _, err = process.communicate()
         raise DeviceError(f"the virtual board did not start ({err.strip()}); choose another port")
@@ -302,13 +292,13 @@ def running(display: Display, **options: Unpack[BoardOptions]) -> Iterator[Runni
     try:
         yield board
     finally:
-        if board.process.stdout and not board.process.stdout.closed:  # not stopped yet
+        if board.process.stdout and not board.process.stdout.closed:  # `stop` has not run
             with contextlib.suppress(LippmannError):
                 board.stop()
 
 
 def remove_parts(folder: Path) -> None:
-    """Remove half-written frames that killed simulators left in a folder of captured frames."""
+    """Remove the incomplete frames of killed simulators from a folder of captured frames."""
     for part in folder.glob("frame-*.rgb.part"):
         with contextlib.suppress(FileNotFoundError):
             if time.time() - part.stat().st_mtime > PART_S:
@@ -316,22 +306,22 @@ def remove_parts(folder: Path) -> None:
 
 
 def last_frame(folder: Path) -> int:
-    """Return the largest number of a frame (frame-NUMBER.png) in a folder; 0 without."""
+    """Return the largest number of a frame (frame-NUMBER.png) in a folder, or 0."""
     names = [re.fullmatch(r"frame-(\d+)\.png", path.name) for path in folder.glob("frame-*.png") if path.is_file()]
     return max((int(one[1]) for one in names if one), default=0)
 
 
 def keep_as_png(folder: Path, display: Display, after: int = 0) -> list[Path]:
-    """Convert the captured frames of a folder (frame-NUMBER.rgb) to PNG files, and return these.
+    """Convert captured frames (frame-NUMBER.rgb) to PNG files, and return these; `after` is added to the numbers.
 
-    `after` is added to their numbers. Raises CaptureError when a file cannot be written; its captured frame stays.
+    Raises CaptureError when a file cannot be written; its captured frame stays.
     """
     panel = display.panel
     shape = panel.height_px, panel.width_px, 3
     pictures = []
     for raw in sorted(folder.glob("frame-*.rgb")):
         if raw.stat().st_size != math.prod(shape):
-            continue  # left by a board with another panel
+            continue  # of a board with another panel
         values = np.frombuffer(raw.read_bytes(), np.uint8).reshape(shape)
         metadata = {"identity": display.identity, "display": display.name}
         pictures.append(raw.with_name(f"frame-{after + int(raw.stem.removeprefix('frame-')):08d}.png"))
@@ -372,7 +362,7 @@ def compiled(
 ) -> Path:
     """Return the program of a board, compiled at first use. Raises as `verilated`.
 
-    `netlist` are files that take the place of the RTL: its top module, of these parameters.
+    `netlist` are files that replace the RTL: its top module with these parameters.
     """
     top, module = hardware(), "lipp_board_with_sdram" if memory == "sdram" else "lipp_board_with_store"
     files = [top / "rtl" / "registers" / "lint.vlt", *needed(module, rtl_sources(top))]
@@ -392,7 +382,7 @@ def compiled(
         files, numbers = list(netlist), {}
         options += ["-Wno-lint", "-Wno-style", "-Wno-PINMISSING", *NETLIST]
     main = [part for part in parts if part.suffix == ".cpp"]
-    # Writing waveforms takes far longer than the model itself, and compiling a netlist.
+    # Writing waveforms or compiling a netlist takes far longer than the model.
     flags = [*(SHORT if trace or netlist else FAST), *defines]
 
     def make(path: Path) -> None:
