@@ -33,7 +33,7 @@ PANEL_PORT = option("Stream the patterns to this board, which drives the panel."
 def command() -> None:
     """Calibrate a display from photographs of its mounted array.
 
-    Draw patterns, photograph them from three places, solve, and check the result by eye.
+    Draw patterns, photograph them from three places, solve, check.
 
     Example: lippmann calibrate patterns scenes/displays/vga-square.toml -o out/patterns
     """
@@ -92,7 +92,7 @@ def shoot_command(
     display: Display = argument("DISPLAY.toml"),
     output: Folder = option("Folder for the photographs, such as photos/position-1."),
     camera: int = option("Number of the webcam.", 0, click.IntRange(0)),
-    monitor: int = option("Number of the monitor that is the panel.", 0, click.IntRange(0)),
+    monitor: int = option("Monitor that is the panel.", 0, click.IntRange(0)),
     port: str | None = PANEL_PORT,
     baud: int | None = BAUD,
     settle_s: float = option("Seconds between a pattern and its photograph.", 0.4, finite(0.0)),
@@ -186,7 +186,7 @@ def check_command(
     display: Display = argument("CALIBRATED.toml"),
     output: Folder | None = option("Folder for the pictures."),
     eye: Point | None = option("The eye that sees white, mm."),
-    photos: Folder | None = option("Judge the photographs of 1-white and 2-dark in this folder."),
+    photos: Folder | None = option("Judge photographs of 1-white and 2-dark in this folder."),
     device: str = DEVICE,
 ) -> int:
     """Draw pictures that prove a calibration, or judge photographs of them.

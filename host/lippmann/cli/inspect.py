@@ -57,7 +57,7 @@ def schema_of(kind: str) -> dict[str, Any]:
 def command(
     display_path: Name | None = argument("DISPLAY.toml"),
     schema: str | None = option("Print the JSON Schema of a kind of TOML file.", kind=Choice(tuple(FILES))),
-    eye: Point | None = option("Also print what an eye here sees, mm."),
+    eye: Point | None = option("Also print what an eye at this position sees, mm."),
     zones: Path | None = option("Draw the zones of eyes from above.", metavar="FILE.svg|.png"),
     draw: Path | None = option("Draw the panel and some lenslets.", metavar="FILE.svg|.png"),
 ) -> None:

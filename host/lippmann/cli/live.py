@@ -14,7 +14,7 @@ from lippmann.base.variant import start_mitsuba
 from lippmann.board.streaming import Sender
 from lippmann.cli.frame import Name, argument, flag_of, make_command, option
 from lippmann.cli.options import DEVICE, DISPLAY, SEED, Point, finite
-from lippmann.cli.options_port import BAUD, FORCE_BOARD, PORT, opened_board
+from lippmann.cli.options_port import BAUD, FORCE_BOARD, opened_board
 from lippmann.cli.options_rendering import LIGHT, MOVED, Moved
 from lippmann.cli.output import emit
 from lippmann.display.description import Display
@@ -43,7 +43,7 @@ def command(
     window: bool | None = option(
         "Show a window; --no-window: only the board of --port.  [default: --window]", flag="--window/--no-window"
     ),
-    port: str | None = PORT,
+    port: str | None = option("Also send the picture to this board.", metavar="URL"),
     baud: int | None = BAUD,
     force: bool = FORCE_BOARD,
     eye: Point | None = option("Second window with the view of this eye, mm."),

@@ -46,7 +46,7 @@ def command(
     offset_error: tuple[float, float] = option("Shift of the array, mm.", (0.0, 0.0), vector("X,Y")),
     gap_error: float = option("Change of the gap, mm.", 0.0),
     pitch_scale: float = option("Factor on the array's pitch.", 1.0),
-    sweep: tuple[float, float] | None = option("Animate an eye from x = X0 to X1.", kind=vector("X0,X1")),
+    sweep: tuple[float, float] | None = option("Animate an eye that moves from x = X0 to X1.", kind=vector("X0,X1")),
     frames: int | None = option(f"Views of a sweep.  [default: {SWEEP_FRAMES}]", kind=click.IntRange(2, 1000)),
     sheet: Path | None = option("Contact sheet of a sweep.", metavar="SHEET.png"),
     force: bool = FORCE,

@@ -38,7 +38,7 @@ def command(
     fraction_bits: int = FILE_BITS,
     tolerance_urad: float | None = option("Tolerance of directions in numbers.  [default: 2]"),
     tolerance_nm: float | None = option("Tolerance of points in numbers.  [default: 50]"),
-    bounds_path: Path | None = option("Bounds by step and hard case (.toml) instead."),
+    bounds_path: Path | None = option("Bounds by step and hard case (.toml) instead of these."),
     junit: Path | None = option("JUnit XML of the verdicts, for continuous integration."),
     report: Folder | None = option("Folder for a page with plots of the errors."),
 ) -> int:

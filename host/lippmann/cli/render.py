@@ -75,14 +75,14 @@ def command(
     log_remaining_bands(path)
     measured = times.measured(keeps_bands)
     load_seconds = time.perf_counter() - started - write_seconds - times.seconds - times.prepare_seconds
-    seconds = {"start_seconds": start_seconds, "load_seconds": load_seconds, "write_seconds": write_seconds}
-    own = {"integrator": options.settings.integrator, "samples": options.settings.samples, "seed": seed}
     result = {
         "output": path, "width_px": display.panel.width_px, "height_px": display.panel.height_px,
-        "model": metadata["model"], "engine": metadata["engine"], **own, "shading": metadata.get("shading"),
+        "model": metadata["model"], "engine": metadata["engine"], "integrator": options.settings.integrator,
+        "samples": options.settings.samples, "seed": seed, "shading": metadata.get("shading"),
         "device": None if scene_file is None else current_device(), **measured,
         # With the times of `measured`, all of the process.
-        **seconds, "peak_memory_mb": peak_memory_mb(),
+        "start_seconds": start_seconds, "load_seconds": load_seconds, "write_seconds": write_seconds,
+        "peak_memory_mb": peak_memory_mb(),
     }  # fmt: skip
     emit(result, _summary(path, display, metadata, measured), display)
 

@@ -29,7 +29,7 @@ def command(
     count: int = option("Approximate number of rays in each set.", 24, click.IntRange(1, 10_000)),
     seed: int = SEED,
     output: Folder | None = option("New output folder."),
-    stream: bool = option("Write lines to stdout, for a program before regress."),
+    stream: bool = option("Write the rays as lines to stdout, for a program."),
     words: bool = option("With --stream: words of the RTL, hexadecimal."),
     random: int = option("With --stream: random rays after the hard ones.", 0, click.IntRange(0, 10**8)),
 ) -> None:

@@ -63,14 +63,14 @@ def command(
     scene = scene_path and check_scene_file(scene_path)
     image, *later = (IntegralImage.load(one, display, force) for one in frames_of(image_path))
     directs = [_read_direct(eye, path, display) for eye, path in direct]
-    with nullcontext() if scene is None else progress_bar("direct views") as progress:
-        placement, arrange = (None, None) if scene is None else (moved.placement(scene), moved.arrange(scene))
+    with progress_bar("direct views") if scene else nullcontext() as progress:
+        placement, arrange = (moved.placement(scene), moved.arrange(scene)) if scene else (None, None)
         page = api.view_page(
             image, scene, directs, later=later, frames_per_second=frames_per_second,
             title=title or Path(image_path).stem, placement=placement, arrange=arrange, seed=seed, device=device,
             progress=progress,
         )  # fmt: skip
-    count = len(directs) + (0 if scene is None else len(grid_of_eyes(display)))
+    count = len(directs) + (len(grid_of_eyes(display)) if scene else 0)
     result = {"bytes": len(page), "direct_views": count}
     if path is None:
         with PageServer(page, tcp_port) as server:
