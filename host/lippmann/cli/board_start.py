@@ -263,7 +263,7 @@ def stop_command(ready: Path = option("The --ready file of the board's start."))
         raise type(failure)(f"its board had ended already: {failure} (exit code {failure.exit_code})")
     url, pid = content["url"], content["pid"]
     os.kill(pid, signal.SIGINT)
-    # The board waits for its simulator, then writes its last frames.
+    # The board waits for its simulator, then writes frames.
     seconds = virtual_board.STOP_SECONDS + CAPTURE_SECONDS
     until = time.monotonic() + seconds
     while _alive(pid):  # the ready file disappears before the process

@@ -26,7 +26,7 @@ from lippmann.rendering.sampling import Aperture
 from lippmann.scenes.placement import warn_if_unplaced
 from lippmann.scenes.scene import Scene, check_scene_file
 
-#: The parameters of `lippmann.capture` that `Settings` has.
+#: Parameters of `lippmann.capture` in `Settings`.
 CAPTURE_SETTINGS = ("samples", "integrator", "max_depth", "seed", "memory_mb", "shading")
 
 

@@ -85,7 +85,7 @@ def command(
             check = check_rays(captured.board, display, columns, rows)
             transfer = send_frame(captured.board, frame, progress)
             crc_equal = captured.board.panel_crc() == transfer.crc
-        # The views are of the frame that was scanned out.
+        # The views are of the scanned-out frame.
         pixels = captured.frames[-1]
         scanned = replace(image, radiance=decode(pixels / np.float32(255.0), panel.transfer))
         scanned.save(out / "panel.png")

@@ -38,7 +38,7 @@ from lippmann.layers.stack import MAX_LAYERS
 from lippmann.rendering.options import Settings
 from lippmann.scenes.scene import Part, Scene, check_scene_file, load_scene
 
-#: Default number of a scene's layers.
+#: Default number of layers.
 COUNT = 4
 #: Numbers of layers that --costs measures.
 MEASURED = (1, 2, 3, 4, 6, 8)

@@ -67,7 +67,7 @@ def command(
     if engine == "fast":
         device = start_mitsuba(device)
     if engine == "rtl":
-        # Compile the RTL first, which is not tracing time.
+        # Compiling the RTL is not tracing time.
         trace(display, pixel[:1], None if points is None else points[:1], model, engine, device, fraction_bits)
     started = time.perf_counter()
     rays = trace(display, pixel, points, model, engine, device, fraction_bits)
