@@ -165,7 +165,7 @@ class PatternSet:
 
 
 class AxisCode:
-    """Gray code, doubtful bits, and the phase's wave of each camera pixel in one direction."""
+    """Gray code, doubtful bits, and phase wave of each camera pixel in one direction."""
 
     def __init__(self, patterns: PatternSet, axis: int, shape: tuple[int, ...]) -> None:
         self.patterns, self.axis = patterns, axis
@@ -205,7 +205,7 @@ def _marks(height: int, width: int) -> npt.NDArray[np.float32]:
 
 
 def write_patterns(patterns: PatternSet, display: Display, folder: Path) -> list[Path]:
-    """Write the pictures and `patterns.toml` into a new folder; return the pictures' files."""
+    """Write the pictures and `patterns.toml` into a folder; return the pictures' files."""
     make_folder(folder)
     files = [folder / name for name in patterns.files]
     for pattern, file in zip(patterns.patterns, files, strict=True):

@@ -73,7 +73,7 @@ def steps_of(display: Display) -> Floats:
 
 
 def find_lattice(name: str, points_mm: Floats, display: Display) -> SeenLattice:
-    """Find the lattice of the points (N, 2) of a position, mm; refuse one too far from the nominal display's."""
+    """Find the lattice of the points (N, 2) of a position, mm; refuse one far from the nominal display's."""
     nominal = steps_of(display)
     # The lattice appears enlarged by D over the distance, which is at least 1.5 widths of the panel.
     growth = min(0.5, display.aperture_distance_mm / (1.5 * display.panel.width_mm))

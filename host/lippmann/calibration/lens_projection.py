@@ -90,7 +90,7 @@ def terms(slope: npt.NDArray[np.complex128], exponents: Sequence[tuple[int, int]
 
 
 def fit_projection(display: Display, steepest: float, distance_mm: float) -> LensProjection:
-    """Fit the projection of a display's lenslet, for cameras at a distance with slopes to `steepest`."""
+    """Fit the projection of a lenslet, for cameras at a distance, with slopes up to `steepest`."""
     plain = _plain(display)
     radii = np.linspace(0.0, max(steepest, 0.05), 10)[1:]  # without 0
     angles = np.arange(DIRECTIONS) * (2.0 * np.pi / DIRECTIONS) + 0.1

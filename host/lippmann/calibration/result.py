@@ -134,7 +134,7 @@ def load_calibration(path: Path) -> Calibration:
 
 
 def display_of(nominal: Display, solution: Solution) -> Display:
-    """Return the display with the fitted array and gap; ContradictionError if impossible."""
+    """Return the display with the fitted array and gap; raise ContradictionError for an impossible one."""
     value, array = solution.value, nominal.array
     pitch_mm, gap = (value("pitch_x"), value("pitch_y")), value("gap")
     extent = array.extent_mm
@@ -185,7 +185,7 @@ def parameters_of(nominal: Display, solution: Solution) -> tuple[Parameter, ...]
 
 
 def find_warnings(parameters: tuple[Parameter, ...], solution: Solution) -> tuple[str, ...]:
-    """Warn of undetermined parameters, and say what would determine them."""
+    """Return warnings of undetermined parameters, with what would determine them."""
     undetermined = [one.name for one in parameters if not one.determined]
     views = len(solution.problem.views)
     if not undetermined:

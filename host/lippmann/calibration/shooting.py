@@ -27,7 +27,7 @@ logger = logging.getLogger("lippmann")
 
 @contextmanager
 def open_webcam(number: int) -> Iterator[cv2.VideoCapture]:
-    """Open a webcam at its largest size with fixed settings; warn of refused ones; else DeviceError."""
+    """Open a webcam at its largest size with fixed settings; warn of refused ones. DeviceError without it."""
     camera = cv2.VideoCapture(number)
     try:
         if not camera.isOpened():

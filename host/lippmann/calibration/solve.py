@@ -162,7 +162,7 @@ def _refine(problem: Problem, x: Floats) -> tuple[Problem, Solution]:
 
 
 def _fit_radius(problem: Problem, solution: Solution) -> tuple[Problem, Solution, Radius]:
-    """Fit the radius too; return the problem, its solution, and the radius."""
+    """Fit the radius too; return problem, solution and radius."""
 
     def with_radius(radius_mm: float) -> Problem:
         array = replace(nominal.array, radius_mm=radius_mm)
@@ -233,7 +233,7 @@ def _check_zoom(solution: Solution) -> None:
 
 
 def _bow_warnings(solution: Solution, is_fitted: bool) -> tuple[str, ...]:
-    """Return the warning of a significant bow: the height of the corners over the middle."""
+    """Return the warning of a significant bow, with its height at the corners."""
     # A bow below 6 standard deviations is not significant.
     if not any(abs(solution.value(name)) > 6.0 * solution.deviation(name) for name in BOW):
         return ()
