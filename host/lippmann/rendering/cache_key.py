@@ -43,7 +43,6 @@ def pixel_versions() -> dict[str, str]:
 @functools.cache
 def code_digest(folder: Path) -> str:
     """Return "+" and 8 hexadecimal digits for a folder's Python files; "" without any."""
-    # Between two releases the code changes, and the version does not.
     digest = hashlib.sha256()
     paths = [path for path in sorted(folder.rglob("*.py")) if path.is_file() and not path.name.startswith(".")]
     for path in paths:

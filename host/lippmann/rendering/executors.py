@@ -114,9 +114,8 @@ def render_on_cluster(
 ) -> Iterator[RenderedBand]:
     """Render bands on a scheduler's workers, which read the scene from the same path; yield each as it arrives.
 
-    Raises InputError if no scheduler answers, no worker has joined, or a worker has another scene or other versions;
-    DeviceError if the scheduler is lost, or a band crashes several workers; MissingLibraryError without Dask here, or
-    without Lippmann on a worker.
+    Raises InputError without a scheduler or a worker, and for a worker with another scene or version; DeviceError if
+    the scheduler is lost, or a band crashes workers; MissingLibraryError without Dask, or Lippmann on a worker.
     """
     if not bands:
         return

@@ -66,13 +66,13 @@ class IntegralImage(Showable):
     Attributes
     ----------
     radiance
-        (height, width, 3) float32 of the panel's pixels, linear; `StoredRows` if it was loaded with `stored`.
+        (height, width, 3) float32 of the panel's pixels, linear; `StoredRows` if loaded with `stored`.
     display
         The display that it was made for.
     metadata
-        How it was made: display, identity, the panel's transfer curve and bits, model, samples, seed, versions, ...
+        Display, identity, the panel's transfer curve and bits, model, samples, seed, versions, ...
     measured
-        Figures of the render, such as `seconds`, and a capture's losses; not saved. Empty for a loaded image.
+        Figures such as `seconds`, and a capture's losses; not saved.
     """
 
     radiance: Radiance
@@ -99,7 +99,6 @@ class IntegralImage(Showable):
             raise input_error(f"image for display '{self.display.name}'", what, "render it for this display")
         if self.radiance.dtype != np.float32:
             object.__setattr__(self, "radiance", self.radiance.astype(np.float32))
-        # A copy: the caller's dictionary does not change.
         texts = {str(key): str(value) for key, value in self.metadata.items()}
         object.__setattr__(self, "metadata", {**texts, **metadata_of(self.display)})
 
@@ -121,15 +120,14 @@ class IntegralImage(Showable):
         display
             A display file, or what `load_display` returned.
         force
-            Accept an image for another display, or one without an identity. Saved again, it keeps its file's identity.
+            Accept an image for another display, or without an identity; it keeps its file's identity.
         stored
             Leave the pixels in the file: `observe` reads only the rows that it needs.
 
         Raises
         ------
         InputError
-            For a file that is missing, broken, of another size, made for another display, or a PNG for another transfer
-            curve or number of bits.
+            For a file that is missing, broken, of another size, for another display, or a PNG for other tones.
         """
         built = display_at(display)
 

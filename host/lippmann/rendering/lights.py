@@ -1,8 +1,8 @@
 """Integrator `lights`, the founding paper's: sums all lights at each hit, so that point lights cause no noise.
 
-At each hit it sends a shadow ray to *every* emitter, reflects the light by the smooth part of the surface's BSDF, and
-follows mirror reflection and refraction up to `max_depth`. Area lights and environments get one random sample each.
-Light between diffuse surfaces is left out; Mitsuba's `path` includes it. Splats (3D Gaussians) have their own colours.
+At each hit *every* emitter gets a shadow ray, the smooth part of the BSDF reflects its light, and mirror reflection and
+refraction are followed up to `max_depth`. Area lights and environments get one random sample each. Light between
+diffuse surfaces is left out; Mitsuba's `path` includes it. Splats (3D Gaussians) have their own colours.
 """
 
 from __future__ import annotations
@@ -46,7 +46,7 @@ def register_lights() -> None:
     """Register the integrator plugin `lights` for Mitsuba's current variant.
 
     Parameters of the plugin: `max_depth` (integer, surfaces that a ray may meet, default 4); `shadows` (boolean,
-    default true; without them each light reaches every surface that faces it, for measurements).
+    default true; false is for measurements).
     """
     base: Jit = mi.SamplingIntegrator
 

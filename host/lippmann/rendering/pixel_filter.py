@@ -1,8 +1,7 @@
 """The pixels' filter: a sample near a pixel's edge counts for the neighbour too, if both belong to the same lenslet.
 
-A pixel is the weighted mean of its own samples and those of its four neighbours. The weight of a sample at x, y from
-the pixel's centre is f(x) f(y), with f(d) = (1/2 + s - |d|) / 2s clipped to 0 and 1: the pixel's box, blurred by a box
-of 2 s pixels (`softness`).
+A pixel is a weighted mean of its samples and its four neighbours'. The weight at x, y from the pixel's centre is
+f(x) f(y), with f(d) = (1/2 + s - |d|) / 2s clipped to 0 and 1: its box, blurred by one of 2 s pixels (`softness`).
 """
 
 from __future__ import annotations

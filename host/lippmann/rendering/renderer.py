@@ -1,8 +1,8 @@
 """Renders an integral image, or a plain perspective view, chunk by chunk.
 
-**One pass for both sides of the display.** A panel pixel's ray, refracted by its lenslet, is the line along which a
-viewer sees that pixel. The renderer follows it *towards* the display, from in front of the nearest object: the first
-surface that it meets hides the others, before the display (real image) or behind it (virtual image).
+**One pass for both sides of the display.** A panel pixel's refracted ray is the line along which a viewer sees the
+pixel. The renderer follows it *towards* the display, from in front of the nearest object: the first surface that it
+meets hides the others, before the display (real image) or behind it (virtual image).
 """
 
 from __future__ import annotations
@@ -134,7 +134,6 @@ class Renderer:
         started = time.perf_counter()
         #: The settings without "auto", by which every process has the same shapes in the cache.
         self.settings = replace(settings, shading="each", light_points=None)
-        #: A line for the log on the irradiance cache.
         self.cache_report: str | None = None
         if settings.shading != "each":
             self.cache_report = self._choose_cache(scene, settings, rows, integrator)

@@ -26,7 +26,6 @@ from lippmann.scenes.scene import Scene
 
 Aperture = Literal["chief", "full"]
 APERTURES: tuple[Aperture, ...] = get_args(Aperture)
-#: Side of the tiles.
 TILE_PX = 8
 
 
@@ -96,8 +95,8 @@ def display_source(
 ) -> RaySource:
     """Return the rays of a display's pixels, traced by an engine; `fraction_bits` is for "twin" and "rtl".
 
-    "fast" traces inside the renderer's program, the others outside it, chunk by chunk. Several samples of a pixel lie
-    anywhere in it with "fast", and with the others on sixteenths of a pixel, which the RTL's words can hold.
+    "fast" traces inside the renderer's program, and places several samples anywhere in a pixel; the others trace chunk
+    by chunk, and place them on sixteenths of a pixel, which the RTL's words can hold.
     """
     panel = display.panel
 

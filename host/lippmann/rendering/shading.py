@@ -39,8 +39,8 @@ PICTURE_LAMP = re.compile(r"BitmapTexture|EnvironmentMap")
 class Recorded:
     """A function of Dr.Jit values and a scene, recorded at its first call (`drjit.freeze`).
 
-    All that changes from call to call must be an argument: other numbers become part of the recording. A function that
-    Dr.Jit cannot record, because of the scene's plugins, is traced at every call.
+    All that changes between calls must be an argument: other numbers become part of the recording. A function that
+    Dr.Jit cannot record is traced at every call.
     """
 
     def __init__(self, function: Callable[..., Jit], scene: Scene) -> None:

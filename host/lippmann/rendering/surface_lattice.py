@@ -1,8 +1,7 @@
 """Lattices of points over a scene's surfaces, for the irradiance cache.
 
-A triangle has rows of points parallel to a side, shorter towards the corner. A slender triangle has rows along its
-shortest side, all with as many points, up to the opposite corner, its apex. A sphere has the points of an octahedron
-(octahedral mapping). Each place lies between three points.
+A triangle has rows of points along a side, shorter towards the corner. A slender triangle has equal rows along its
+shortest side, up to the apex opposite. A sphere has those of an octahedron. Each place lies between three points.
 """
 
 from __future__ import annotations

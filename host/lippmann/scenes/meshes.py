@@ -1,7 +1,7 @@
 """Meshes with materials and textures (GLB, glTF, OBJ, PLY, STL; read by trimesh) as a Mitsuba scene.
 
-`mitsuba_xml.LIGHTS` are added, as trimesh reads no lights. Materials of glTF become Mitsuba's `principled`, others
-`diffuse`. Colours of textures and vertices are sRGB, except glTF's of vertices; numbers of materials are linear.
+`mitsuba_xml.LIGHTS` are added. Materials of glTF become Mitsuba's `principled`, others `diffuse`. Colours of textures
+and vertices are sRGB, except glTF's of vertices; numbers of materials are linear.
 """
 
 from __future__ import annotations
@@ -68,10 +68,9 @@ REMEDY = "export it again, or as .glb"
 
 
 def write_scene(path: Path, folder: Path, scene_from_display: Floats, notes: list[str]) -> Path:
-    """Write the scene of a file, its meshes and textures into an empty folder; return the scene's path.
+    """Write a file's scene, meshes and textures into an empty folder; return the scene's path, or raise InputError.
 
-    `scene_from_display` (3, 3) rotates the lights; `notes` get lines on what is not shown. Raises InputError for a file
-    that is too large, broken, without faces, or lacks a texture or an extension.
+    `scene_from_display` (3, 3) rotates the lights; `notes` get lines on what is not shown.
     """
     scene = new_scene()
     add_lights(scene, scene_from_display)

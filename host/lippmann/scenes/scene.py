@@ -132,10 +132,7 @@ def _check_files(path: Path) -> None:
 def parsed(
     path: Path, scene_from_display: Matrix | None = None, notes: list[str] | None = None
 ) -> Iterator[tuple[mts.parser.ParserConfig, mts.parser.ParserState]]:
-    """Yield the configuration and the state of Mitsuba's parser of a scene file, for a block in its folder.
-
-    Raises InputError for Mitsuba's errors in the block (unknown plugin, missing texture, bad XML), as `as_mitsuba`.
-    """
+    """Yield configuration and state of Mitsuba's parser of a scene file; its errors in the block become InputError."""
     register_light_field()
     before = mi.file_resolver()
     try:
@@ -166,9 +163,9 @@ def without_places(error: Exception) -> str:
 def load_scene(
     path: str | Path, placement: Placement | None = None, moves: Sequence[Move] = (), part: Part | None = None
 ) -> Scene:
-    """Load a scene file, or a part of it, placed (None: `placement_beside`) and with shapes moved in order.
+    """Load a scene file, or a part of it, with shapes moved in order. A placement of None means `placement_beside`.
 
-    Raises InputError as `parsed`, if a move matches no shape, and if a part matches no shape or all of them.
+    Raises InputError for a bad file, a move that matches no shape, and a part that matches none or all.
     """
     path = check_scene_file(path)
     usual, notes = None, list[str]()
