@@ -19,6 +19,24 @@ def mi():
 
 
 @pytest.fixture
+def refusal_of(capfd):
+    """Runs a command that must be refused: nothing on stdout, one line on stderr, the exit code; returns the line."""
+    from lippmann.cli import run
+
+    def run_refused(*words, code=2):
+        capfd.readouterr()
+        assert run([*map(str, words)]) == code
+        out, err = capfd.readouterr()
+        assert out == ""
+        # `auto` may have told its choice before.
+        (line,) = [one for one in err.splitlines() if not one.startswith("model ")]
+        assert line.startswith("lippmann: ")
+        return line
+
+    return run_refused
+
+
+@pytest.fixture
 def no_desktop(monkeypatch):
     """Neither a desktop nor SDL's dummy of one."""
     for variable in ("SDL_VIDEODRIVER", "DISPLAY", "WAYLAND_DISPLAY", "XDG_RUNTIME_DIR"):

@@ -52,20 +52,6 @@ def lippmann(capfd, *arguments) -> tuple[int, str, str]:
     return code, out, err
 
 
-def refused(capfd, *arguments, code: int = 2) -> str:
-    """Run what must be refused: one line on stderr, nothing on stdout, the exit code; return the line."""
-    found, out, err = lippmann(capfd, *arguments)
-    lines = err.splitlines()
-    assert found == code, err
-    assert out == ""
-    # `auto` may have told its choice before.
-    lines = [line for line in lines if not line.startswith("model ")]
-    assert len(lines) == 1, err
-    assert lines[0].startswith("lippmann: ")
-    assert "Traceback" not in err
-    return lines[0]
-
-
 def render(*more) -> list:
     return ["render", "ball.xml", "--display", "tiny.toml", "--device", "llvm", *more]
 
@@ -119,9 +105,9 @@ def test_inspect_as_json(capfd, display):
     ("typed", "meant"),
     {"insect": "inspect", "rendr": "render", "obsreve": "observe", "vektors": "vectors", "dispaly": "display"}.items(),
 )
-def test_a_misspelt_command_is_recognised(capfd, typed, meant):
-    assert refused(capfd, typed) == f"lippmann: No such command '{typed}'. Did you mean '{meant}'? (see --help)"
-    assert refused(capfd, "xyzzy") == "lippmann: No such command 'xyzzy'. (see --help)"
+def test_a_misspelt_command_is_recognised(refusal_of, typed, meant):
+    assert refusal_of(typed) == f"lippmann: No such command '{typed}'. Did you mean '{meant}'? (see --help)"
+    assert refusal_of("xyzzy") == "lippmann: No such command 'xyzzy'. (see --help)"
 
 
 def test_inspect_prints_units(capfd):
@@ -425,23 +411,23 @@ def test_trace_reads_pixels_from_files(place, capfd):
         (np.zeros((0, 2)), "holds no pixels"),
     ],
 )
-def test_trace_refuses_bad_pixels(place, capfd, content, message):
+def test_trace_refuses_bad_pixels(place, refusal_of, content, message):
     np.save("p.npy", np.array(content))
-    line = refused(capfd, "trace", "--display", "tiny.toml", "--pixels", "p.npy", "-o", "r.npz")
+    line = refusal_of("trace", "--display", "tiny.toml", "--pixels", "p.npy", "-o", "r.npz")
     assert re.search(rf"p\.npy: .*{message}", line)
     assert not (place / "r.npz").exists()
 
 
 @pytest.mark.parametrize("count", ["0", "-3", "100000001", "1e3", "none.csv", "tiny.toml"])
-def test_trace_refuses_bad_counts(place, capfd, count):
-    line = refused(capfd, "trace", "--display", "tiny.toml", "--pixels", count, "-o", "r.npz")
+def test_trace_refuses_bad_counts(place, refusal_of, count):
+    line = refusal_of("trace", "--display", "tiny.toml", "--pixels", count, "-o", "r.npz")
     assert re.search(r"out of range; give 1 to|no such file; give|unknown extension", line)
 
 
 @pytest.mark.parametrize("head", ["x,y", "u,v,w", "0.5;0.5"])
-def test_trace_refuses_other_headings(place, capfd, head):
+def test_trace_refuses_other_headings(place, refusal_of, head):
     (place / "p.csv").write_text(f"{head}\n1.5,2.5\n")
-    assert "p.csv: " in refused(capfd, "trace", "--display", "tiny.toml", "--pixels", "p.csv", "-o", "r.npz")
+    assert "p.csv: " in refusal_of("trace", "--display", "tiny.toml", "--pixels", "p.csv", "-o", "r.npz")
 
 
 @pytest.mark.parametrize(
@@ -451,9 +437,9 @@ def test_trace_refuses_other_headings(place, capfd, head):
         *((engine, "--device", "cuda") for engine in ("golden", "twin", "rtl")),
     ],
 )
-def test_trace_refuses_options_that_an_engine_does_not_know(place, capfd, engine, option, value):
+def test_trace_refuses_options_that_an_engine_does_not_know(place, refusal_of, engine, option, value):
     arguments = ("trace", "--display", "tiny.toml", "--engine", engine, "--pixels", 5, option, value, "-o", "r.npz")
-    assert re.search(rf"{option}.* belongs to the engine.*leave it out with {engine}", refused(capfd, *arguments))
+    assert re.search(rf"{option}.* belongs to the engine.*leave it out with {engine}", refusal_of(*arguments))
     assert not (place / "r.npz").exists()
 
 
@@ -472,7 +458,7 @@ def changed(old: str, new: str) -> str:
         (changed(r"^\[panel\]", "[panel"), "not TOML", "mend the syntax"),
     ],
 )
-def test_bad_displays(place, capfd, text, named, remedy):
+def test_bad_displays(place, refusal_of, text, named, remedy):
     """Every command says what the reader of display files refuses; its refusals are in test_display."""
     (place / "bad.toml").write_text(text)
     for command in (
@@ -481,7 +467,7 @@ def test_bad_displays(place, capfd, text, named, remedy):
         ("render", "ball.xml", "--display", "bad.toml", "-o", "a.exr"),
         ("observe", "a.exr", "--display", "bad.toml", "--eye", "0,0,600", "-o", "v.png"),
     ):
-        line = refused(capfd, *command)
+        line = refusal_of(*command)
         assert line.startswith("lippmann: bad.toml: ")
         assert named in line
         assert remedy in line
@@ -521,9 +507,9 @@ BITMAP = '<texture type="bitmap" name="reflectance"><string name="filename" valu
         ),
     ],
 )
-def test_bad_scenes(place, capfd, mi, body, named):
+def test_bad_scenes(place, refusal_of, mi, body, named):
     write_scene(place / "bad.xml", body)
-    line = refused(capfd, "render", "bad.xml", "--display", "tiny.toml", "-o", "a.exr", "--device", "llvm")
+    line = refusal_of("render", "bad.xml", "--display", "tiny.toml", "-o", "a.exr", "--device", "llvm")
     assert line.startswith("lippmann: bad.xml: ")
     assert named in line
     assert re.search("; (mend the scene file|give near_mm|give finite numbers)", line)
@@ -532,7 +518,7 @@ def test_bad_scenes(place, capfd, mi, body, named):
     assert not (place / "a.exr").exists()
 
 
-def test_what_is_no_scene(place, capfd, mi):
+def test_what_is_no_scene(place, refusal_of, mi):
     (place / "shape.xml").write_text('<shape version="3.0.0" type="sphere"/>')
     (place / "folder.xml").mkdir()
     for name, message in (
@@ -543,7 +529,7 @@ def test_what_is_no_scene(place, capfd, mi):
         ("tiny.toml", r"is no scene; give a Mitsuba scene \(\.xml\), a mesh"),
         ("shape.xml", "contains no scene; make <scene>"),
     ):
-        line = refused(capfd, "render", name, "--display", "tiny.toml", "-o", "a.exr")
+        line = refusal_of("render", name, "--display", "tiny.toml", "-o", "a.exr")
         assert re.search(rf"{re.escape(name)}: {message}", line)
 
 
@@ -555,32 +541,32 @@ def test_a_file_beside_the_scene_that_is_no_placement(place, capfd, mi, other):
     assert run([*render("-o", "a.exr"), "--device", "llvm"]) == 0
 
 
-def test_bad_placement_beside_the_scene(place, capfd):
+def test_bad_placement_beside_the_scene(place, refusal_of):
     (place / "ball.toml").write_text("[placement]\nscale = 1.0\nflip = 3\n")
-    line = refused(capfd, *render("-o", "a.exr"))
+    line = refusal_of(*render("-o", "a.exr"))
     assert re.search(r"ball\.toml: placement\.flip: unknown key; known here: .*scale", line)
 
 
 # --- outputs and options --------------------------------------------------------------------------
 
 
-def test_unknown_extensions(place, capfd):
+def test_unknown_extensions(place, refusal_of):
     for arguments, suffix in (
         (render("-o", "a.jpg"), ".exr"),
         (("trace", "--display", "tiny.toml", "--pixels", "3", "-o", "r.txt"), ".npz"),
         (("observe", "a.exr", "--display", "tiny.toml", "--eye", "0,0,600", "-o", "v.jpg"), ".png"),
     ):
-        line = refused(capfd, *arguments)
+        line = refusal_of(*arguments)
         assert re.search(rf"unknown extension '\.\w+'; choose from .*{re.escape(suffix)}", line)
 
 
-def test_unwritable_outputs(place, capfd, monkeypatch):
-    assert "no/a.exr: the folder no does not exist; make it first" in refused(capfd, *render("-o", "no/a.exr"))
+def test_unwritable_outputs(place, refusal_of, monkeypatch):
+    assert "no/a.exr: the folder no does not exist; make it first" in refusal_of(*render("-o", "no/a.exr"))
     (place / "d.exr").mkdir()
-    assert "d.exr: is a folder; give" in refused(capfd, *render("-o", "d.exr"))
+    assert "d.exr: is a folder; give" in refusal_of(*render("-o", "d.exr"))
     # Root may write anywhere: ask as one who may not.
     monkeypatch.setattr(os, "access", lambda *_: False)
-    assert "a.exr: cannot be written; choose another place" in refused(capfd, *render("-o", "a.exr"))
+    assert "a.exr: cannot be written; choose another place" in refusal_of(*render("-o", "a.exr"))
 
 
 @pytest.mark.parametrize(
@@ -588,7 +574,7 @@ def test_unwritable_outputs(place, capfd, monkeypatch):
     [
         (["--samples", "nan"], "samples"),
         (["--tolerance", "nan"], "tolerance.*not finite; give"),
-        (["--tolerance", "0"], "tolerance 0 .*give"),
+        (["--tolerance", "0"], "tolerance 0.0 .*give"),
         (["--max-depth", "0"], "max depth 0 .*give"),
         (["--memory-mb", "10"], r"tiny\.toml: panel\.width_px.*64 x 48.*raise memory_mb \(--memory-mb\) or take"),
         (["--scale", "nan"], "not finite; give"),
@@ -603,8 +589,8 @@ def test_unwritable_outputs(place, capfd, monkeypatch):
         (["--bogus"], "--bogus"),
     ],
 )
-def test_bad_render_options(place, capfd, mi, options, message):
-    line = refused(capfd, *render("-o", "a.exr", *options))
+def test_bad_render_options(place, refusal_of, mi, options, message):
+    line = refusal_of(*render("-o", "a.exr", *options))
     assert re.search(message, line)
     assert not (place / "a.exr").exists()
 
@@ -648,8 +634,8 @@ def test_a_panel_too_big_for_memory_or_disk(place, capfd, monkeypatch):
         ([], "--eye"),
     ],
 )
-def test_bad_observe_options(place, picture, capfd, mi, options, message):
-    line = refused(capfd, "observe", picture, "--display", "tiny.toml", "-o", "v.png", "--device", "llvm", *options)
+def test_bad_observe_options(place, picture, refusal_of, mi, options, message):
+    line = refusal_of("observe", picture, "--display", "tiny.toml", "-o", "v.png", "--device", "llvm", *options)
     assert re.search(message, line)
     assert not (place / "v.png").exists()
 
@@ -670,38 +656,38 @@ def picture(place, picture_for_all):
     return Path(shutil.copy(picture_for_all, place / "a.exr"))
 
 
-def test_a_display_that_does_not_match_the_picture(place, picture, capfd):
+def test_a_display_that_does_not_match_the_picture(place, picture, capfd, refusal_of):
     (place / "other.toml").write_text(changed(r"^gap_mm = .*", "gap_mm = 1.5"))
     (place / "wide.toml").write_text(TINY.replace("= 64\n", "= 65\n"))
     look = ("observe", "a.exr", "--eye", "0,0,600", "-o", "v.png", "--width", "8", "--device", "llvm")
-    line = refused(capfd, *look, "--display", "other.toml")
+    line = refusal_of(*look, "--display", "other.toml")
     assert re.search(r"a\.exr: was made for display .*; give the display that it was made for, or --force", line)
     assert lippmann(capfd, *look, "--display", "other.toml", "--force")[0] == 0
     assert re.search(
-        r"a\.exr: is 64 x 48 pixels, the panel 65 x 48; render", refused(capfd, *look, "--display", "wide.toml")
+        r"a\.exr: is 64 x 48 pixels, the panel 65 x 48; render", refusal_of(*look, "--display", "wide.toml")
     )
     # Another panel curve or depth is the same optics.
     (place / "deep.toml").write_text(TINY.replace("[array]", "bits = 10\n[array]"))
     assert lippmann(capfd, *look, "--display", "deep.toml")[0] == 0
 
 
-def test_pictures_that_cannot_be_read(place, picture, capfd):
+def test_pictures_that_cannot_be_read(place, picture, refusal_of):
     look = ("observe", "--display", "tiny.toml", "--eye", "0,0,600", "-o", "v.png")
-    assert "absent.exr: no such image; render it first" in refused(capfd, *look, "absent.exr")
-    assert "tiny.toml: is not an image" in refused(capfd, *look, "tiny.toml")
+    assert "absent.exr: no such image; render it first" in refusal_of(*look, "absent.exr")
+    assert "tiny.toml: is not an image" in refusal_of(*look, "tiny.toml")
     picture.write_bytes(picture.read_bytes()[:-100])
-    assert "a.exr: is truncated or broken" in refused(capfd, *look, "a.exr")
+    assert "a.exr: is truncated or broken" in refusal_of(*look, "a.exr")
 
 
-def test_what_display_and_board_start_refuse(place, capfd):
-    assert "absent.exr: no such image; render it first" in refused(capfd, "display", "absent.exr")
-    assert "tiny.toml is a file; name a folder" in refused(
-        capfd, "board", "start", "--display", "tiny.toml", "--capture", "tiny.toml"
+def test_what_display_and_board_start_refuse(place, refusal_of):
+    assert "absent.exr: no such image; render it first" in refusal_of("display", "absent.exr")
+    assert "tiny.toml is a file; name a folder" in refusal_of(
+        "board", "start", "--display", "tiny.toml", "--capture", "tiny.toml"
     )
     (place / "huge.toml").write_text(re.sub("width_px = .*", "width_px = 16384", TINY))
-    said = refused(capfd, "board", "start", "--display", "huge.toml").splitlines()[-1]
+    said = refusal_of("board", "start", "--display", "huge.toml").splitlines()[-1]
     assert "16384 x 48 pixels; give a board at most 16383 in each direction" in said
-    assert "cannot be read (Is a directory)" in refused(capfd, "inspect", ".")
+    assert "cannot be read (Is a directory)" in refusal_of("inspect", ".")
 
 
 def test_json_errors(place, capfd):
@@ -714,12 +700,12 @@ def test_json_errors(place, capfd):
         assert err == f"lippmann: {result['error']}\n"
 
 
-def test_a_missing_library_is_exit_code_3(place, capfd, monkeypatch):
+def test_a_missing_library_is_exit_code_3(place, refusal_of, monkeypatch):
     def lacking(_):
         raise MissingLibraryError("mitsuba cannot be imported (no libLLVM); run make setup")
 
     monkeypatch.setattr("lippmann.base.variant.start_mitsuba", lacking)
-    assert refused(capfd, *render("-o", "a.exr"), code=3).endswith("run make setup")
+    assert refusal_of(*render("-o", "a.exr"), code=3).endswith("run make setup")
 
 
 # --- Ctrl-C ---------------------------------------------------------------------------------------
@@ -813,26 +799,26 @@ def test_placement_options_move_the_scene(place, capfd, mi, options):
     assert (seen * x).sum() / seen.sum() == pytest.approx(expected, abs=0.5)
 
 
-def test_a_view_may_not_overwrite_its_own_image_nor_a_sheet_image_or_animation(place, picture, capfd):
+def test_a_view_may_not_overwrite_its_own_image_nor_a_sheet_image_or_animation(place, picture, refusal_of):
     before = Path(picture).read_bytes()
     options = ("--display", "tiny.toml", "--eye", "0,0,600", "--sweep", "-3,3", "--frames", 2)
-    assert "is the image itself" in refused(capfd, "observe", picture, *options[:4], "-o", picture)
-    assert "is the image itself" in refused(capfd, "observe", picture, *options, "-o", "g.gif", "--sheet", picture)
-    assert "is the animation too" in refused(capfd, "observe", picture, *options, "-o", "b.png", "--sheet", "b.png")
+    assert "is the image itself" in refusal_of("observe", picture, *options[:4], "-o", picture)
+    assert "is the image itself" in refusal_of("observe", picture, *options, "-o", "g.gif", "--sheet", picture)
+    assert "is the animation too" in refusal_of("observe", picture, *options, "-o", "b.png", "--sheet", "b.png")
     assert Path(picture).read_bytes() == before
     assert not (place / "g.gif").exists()
 
 
 @pytest.mark.parametrize("pixels", ["+-5", "\u00b2", "9" * 30, "broken.npz"])
-def test_odd_pixels_are_refused_in_one_line(place, capfd, pixels):
+def test_odd_pixels_are_refused_in_one_line(place, refusal_of, pixels):
     Path("broken.npz").write_bytes(b"PK\x03\x04 and nothing of use")
-    assert pixels[:20] in refused(capfd, "trace", "--display", "tiny.toml", "--pixels", pixels, "-o", "r.npz")
+    assert pixels[:20] in refusal_of("trace", "--display", "tiny.toml", "--pixels", pixels, "-o", "r.npz")
     assert not (place / "r.npz").exists()
 
 
-def test_many_views_that_do_not_fit_are_refused(place, picture, capfd):
+def test_many_views_that_do_not_fit_are_refused(place, picture, refusal_of):
     options = ("--sweep", "-3,3", "--frames", 1000, "--width", 16384, "-o", "g.gif")
-    line = refused(capfd, "observe", picture, "--display", "tiny.toml", "--eye", "0,0,600", *options)
+    line = refusal_of("observe", picture, "--display", "tiny.toml", "--eye", "0,0,600", *options)
     assert re.search(r"1000 views .* needs \d+ MB.*--width", line)
 
 

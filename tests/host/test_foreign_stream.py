@@ -396,16 +396,13 @@ def test_bounds_of_steps_and_cases(urad, nm, right, tracer, tmp_path):
         ('[[case]]\npoint = "tie"\npoint_nm = 1.0\n' * 2, "case[1]: 'tie' is bounded twice"),
     ],
 )
-def test_bad_bounds(text, said, tmp_path, capsys):
-    from lippmann.cli import run
+def test_bad_bounds(text, said, tmp_path, refusal_of):
 
     (tmp_path / "b.toml").write_text(text)
-    assert run(["regress", "--stream", "--bounds", str(tmp_path / "b.toml")]) == 2
-    line = capsys.readouterr().err
+    line = refusal_of("regress", "--stream", "--bounds", tmp_path / "b.toml")
     assert "b.toml" in line
     assert said in line
-    assert run(["regress", "--stream", "--bounds", "b.toml", "--tolerance-nm", "3"]) == 2
-    assert "leave out --bounds" in capsys.readouterr().err
+    assert "leave out --bounds" in refusal_of("regress", "--stream", "--bounds", "b.toml", "--tolerance-nm", "3")
 
 
 # ---- the commands ----
@@ -663,8 +660,7 @@ def test_no_stream(command, code, said):
     assert len(done.stderr.splitlines()) == 1
 
 
-def test_options_that_do_not_go_together(tmp_path, capsys):
-    from lippmann.cli import run
+def test_options_that_do_not_go_together(tmp_path, refusal_of):
 
     display = str(TOP / "scenes/displays/paper-square.toml")
     for arguments, said in (
@@ -683,8 +679,7 @@ def test_options_that_do_not_go_together(tmp_path, capsys):
         (["regress", "--rays", "x.npz"], "no rays; give --display and --rays, or --stream"),
         (["regress", "--stream", "--junit", str(tmp_path / "j.txt")], "j.txt"),
     ):
-        assert run(arguments) == 2
-        assert said in capsys.readouterr().err
+        assert said in refusal_of(*arguments)
     assert not Path(tmp_path / "v").exists()
 
 

@@ -198,6 +198,9 @@ def test_the_reference_counts_multipliers_as_costs_do():
 
 # --- pictures and commands ------------------------------------------------------------------------
 
+CUT_BOOK = ["layers", "book", "--display", "tiny.toml", "-o", "out", "--slot", "64x64"]
+DRAW = ["render", "out", "--display", "tiny.toml", "-o", "a.png"]
+
 
 @pytest.fixture
 def place(tmp_path, monkeypatch):
@@ -231,9 +234,7 @@ def test_the_command_cuts_and_the_next_one_draws(place, capfd):
     assert float(rows[1]["worst_db"]) <= float(rows[1]["view_db"])
     assert rows[1]["load_bytes"] == str(2 * (64 * 64 + 1024))
     stack = load_layers("out")
-    assert (
-        run(["render", "out", "--display", "tiny.toml", "--samples", "2", "--filter", "bilinear", "-o", "a.png"]) == 0
-    )
+    assert run([*DRAW, "--samples", "2", "--filter", "bilinear"]) == 0
     wanted = lp.draw(stack, DISPLAY, samples=2, filter="bilinear")
     with Image.open("a.png") as picture:
         assert (np.asarray(picture) == encoded_values(wanted.radiance, "srgb", 8)).all()
@@ -254,45 +255,44 @@ def test_the_command_names_what_is_apart(place, capfd):
     beyond = "note: fine detail is lost in 'layer_1' (-40 mm): the display's depth range is z = -20 to 20 mm"
     assert beyond in err
     # The command that draws them says so, too; a move may mend it.
-    drawn = ["render", "out", "--display", "tiny.toml", "--samples", "1", "-o", "a.png"]
+    drawn = [*DRAW, "--samples", "1"]
     assert run(drawn) == 0
     assert beyond in capfd.readouterr().err
     assert run([*drawn, "--scale", "0.4"]) == 0
     assert "note" not in capfd.readouterr().err
 
 
-def test_an_engine_that_draws_no_layers_is_refused(place, capfd):
-    assert run(["layers", "book", "--display", "tiny.toml", "-o", "out", "--slot", "64x64"]) == 0
-    assert run(["render", "out", "--display", "tiny.toml", "--samples", "1", "--engine", "fast", "-o", "a.png"]) == 2
-    assert "engine 'fast'; choose from golden, twin, rtl" in capfd.readouterr().err
+def test_an_engine_that_draws_no_layers_is_refused(place, refusal_of):
+    assert run(CUT_BOOK) == 0
+    assert "engine 'fast'; choose from golden, twin, rtl" in refusal_of(*DRAW, "--samples", "1", "--engine", "fast")
     assert not (place / "a.png").exists()
 
 
 @pytest.mark.parametrize(
     "option", ["--memory-mb=9", "--device=llvm", "--tolerance=1", "--max-depth=3", "--depth=2", "--shading=each"]
 )
-def test_options_of_scenes_are_refused_with_layers(place, capfd, option):
-    assert run(["layers", "book", "--display", "tiny.toml", "-o", "out", "--slot", "64x64"]) == 0
-    assert run(["render", "out", "--display", "tiny.toml", "--samples", "1", option, "-o", "a.png"]) == 2
-    assert f"{option.partition('=')[0]} is for scenes; leave it out with layers" in capfd.readouterr().err
-    assert run(["render", "cards.xml", "--display", "tiny.toml", "--filter", "bilinear", "-o", "a.png"]) == 2
-    assert "--filter is for layers; leave it out with a scene" in capfd.readouterr().err
+def test_options_of_scenes_are_refused_with_layers(place, refusal_of, option):
+    assert run(CUT_BOOK) == 0
+    line = refusal_of(*DRAW, "--samples", "1", option)
+    assert f"{option.partition('=')[0]} is for scenes; leave it out with layers" in line
+    line = refusal_of("render", "cards.xml", *DRAW[2:], "--filter", "bilinear")
+    assert "--filter is for layers; leave it out with a scene" in line
 
 
 def test_layers_that_no_board_can_draw_are_told(place, capfd):
     """Depths of a board end at 2048 radii of the lenslets; golden draws farther ones."""
     pictures = (place / "book/pictures.toml").read_text()
     (place / "book/pictures.toml").write_text(pictures.replace("depth_mm = -20", "depth_mm = -900000"))
-    assert run(["layers", "book", "--display", "tiny.toml", "-o", "out", "--slot", "64x64"]) == 0
+    assert run(CUT_BOOK) == 0
     err = capfd.readouterr().err
     assert "note: no board can draw this: layer 'hill', register depth: -900000" in err.replace("-9e+05", "-900000")
-    assert run(["render", "out", "--display", "tiny.toml", "--samples", "1", "--engine", "twin", "-o", "a.png"]) == 2
+    assert run([*DRAW, "--samples", "1", "--engine", "twin"]) == 2
     assert "lippmann: out: layer 1, register depth" in capfd.readouterr().err
 
 
 def test_a_picture_that_shows_nothing_is_told_and_one_without_loss_is_exact(place, capfd):
     Image.new("RGBA", (20, 16)).save("book/front.png")
-    assert run(["layers", "book", "--display", "tiny.toml", "-o", "out", "--slot", "64x64"]) == 0
+    assert run(CUT_BOOK) == 0
     out, err = capfd.readouterr()
     assert "note: layer 'front' is transparent all over: it shows nothing" in err
     assert re.search(r"^front .* palette exact$", out, re.M)
@@ -300,7 +300,7 @@ def test_a_picture_that_shows_nothing_is_told_and_one_without_loss_is_exact(plac
 
 
 def test_a_folder_of_pictures_becomes_layers(place, capfd):
-    assert run(["layers", "book", "--display", "tiny.toml", "-o", "out", "--slot", "64x64"]) == 0
+    assert run(CUT_BOOK) == 0
     stack, names = load_named_layers("out")
     assert names == ("front", "hill")
     front, hill = stack.layers
@@ -321,10 +321,9 @@ def test_a_folder_of_pictures_becomes_layers(place, capfd):
     assert stack.background.tolist() == [0.0, 0.0, 1.0]
 
 
-def test_the_pictures_themselves_are_not_overwritten(place, capfd):
+def test_the_pictures_themselves_are_not_overwritten(place, refusal_of):
     before = {path.name: path.read_bytes() for path in (place / "book").iterdir()}
-    assert run(["layers", "book", "--display", "tiny.toml", "-o", "book", "--slot", "64x64"]) == 2
-    assert "book/front.png: is there" in capfd.readouterr().err
+    assert "book/front.png: is there" in refusal_of(*CUT_BOOK[:5], "book", *CUT_BOOK[6:])
     assert {path.name: path.read_bytes() for path in (place / "book").iterdir()} == before
 
 
@@ -337,7 +336,7 @@ def test_names_are_made_different(place):
         f'[[picture]]\nfile = "{name}"\ndepth_mm = 0\n' for name in ("a.png", "x/a.png", "a_1.png", "A_0.png")
     )
     (place / "book/pictures.toml").write_text(keys)
-    assert run(["layers", "book", "--display", "tiny.toml", "-o", "out", "--slot", "64x64"]) == 0
+    assert run(CUT_BOOK) == 0
     names = load_named_layers("out")[1]
     assert names[2:] == ("a_1", "A_0")
     assert len({name.casefold() for name in names}) == 4
@@ -347,7 +346,7 @@ def test_grey_of_16_bits_keeps_its_levels(place):
     ramp = np.repeat(np.linspace(0, 65535, 16).astype(np.uint16)[None], 16, axis=0)
     Image.fromarray(ramp).save(place / "book/ramp.png")
     (place / "book/pictures.toml").write_text('[[picture]]\nfile = "ramp.png"\ndepth_mm = 0\nwidth_mm = 4\n')
-    assert run(["layers", "book", "--display", "tiny.toml", "-o", "out", "--slot", "64x64"]) == 0
+    assert run(CUT_BOOK) == 0
     (layer,) = load_layers("out").layers
     row = layer.palette[layer.texels[layer.height // 2], 0].astype(int)
     # The palette's bytes follow the square root of light.
@@ -359,7 +358,7 @@ def test_grey_of_16_bits_keeps_its_levels(place):
 def test_a_picture_of_which_little_is_reached_is_remarked_upon(place, capfd):
     file = place / "book/pictures.toml"
     file.write_text(file.read_text().replace("depth_mm = -20\n", "depth_mm = -20\nwidth_mm = 1e5\n"))
-    assert run(["layers", "book", "--display", "tiny.toml", "-o", "out", "--slot", "64x64"]) == 0
+    assert run(CUT_BOOK) == 0
     hill = load_layers("out").layers[1]
     wanted = f"note: layer 'hill' has {hill.width} x {hill.height} texels only: check the size and place"
     notes = [line for line in capfd.readouterr().err.splitlines() if "texels only" in line]
@@ -378,21 +377,17 @@ def test_a_picture_of_which_little_is_reached_is_remarked_upon(place, capfd):
         ("width_mm = 10", "width_mm = 0", "picture[1].width_mm"),
     ],
 )
-def test_bad_pictures_are_one_line(place, capfd, find, put, message):
+def test_bad_pictures_are_one_line(place, refusal_of, find, put, message):
     file = place / "book/pictures.toml"
     file.write_text(file.read_text().replace(find, put))
-    assert run(["layers", "book", "--display", "tiny.toml", "-o", "out"]) == 2
-    out, err = capfd.readouterr()
-    (line,) = err.splitlines()
-    assert out == ""
-    assert message in line
+    assert message in refusal_of("layers", "book", "--display", "tiny.toml", "-o", "out")
     assert not (place / "out").exists()
 
 
 @pytest.mark.parametrize(
     ("words", "message"),
     [
-        (["layers", "book", "--display", "tiny.toml", "-o", "o", "--scale", "2"], "pictures have their places"),
+        (["layers", "book", "--display", "tiny.toml", "-o", "o", "--scale", "2"], "pictures have places"),
         (["layers", "cards.xml", "--display", "tiny.toml", "-o", "o", "--slot", "64"], "'64' is not WIDTHxHEIGHT"),
         (["layers", "cards.xml", "--display", "tiny.toml", "-o", "o", "--slot", "60x64"], "choose 32, 64, 128"),
         (
@@ -402,28 +397,18 @@ def test_bad_pictures_are_one_line(place, capfd, find, put, message):
         (["layers", "cards.xml", "--display", "tiny.toml", "-o", "o", "--count", "9"], "--count"),
         (["layers", "cards.xml", "--display", "tiny.toml", "-o", "o", "--apart", "bird"], "there are fish, back"),
         (["layers", "cards.xml", "--display", "tiny.toml", "-o", "o", "--apart", "fish", "--count", "1"], "count"),
-        (
-            ["render", "out", "--display", "tiny.toml", "-o", "a.png", "--samples", "3"],
-            "1, 2, 4 samples a pixel, not 3",
-        ),
-        (["render", "out", "--display", "tiny.toml", "-o", "a.png", "--fit"], "--fit is for scenes"),
-        (["render", "out", "--display", "tiny.toml", "-o", "a.png", "--aperture", "full"], "--aperture is for scenes"),
-        (["render", "out", "--display", "tiny.toml", "-o", "a.png", "--offset", "0,0,900"], "900 mm is not in front"),
-        (
-            ["render", "out", "--display", "tiny.toml", "-o", "a.png", "--samples", "1", "--scale", "0"],
-            "scale 0 is out",
-        ),
+        ([*DRAW, "--samples", "3"], "1, 2, 4 samples a pixel, not 3"),
+        ([*DRAW, "--fit"], "--fit is for scenes"),
+        ([*DRAW, "--aperture", "full"], "--aperture is for scenes"),
+        ([*DRAW, "--offset", "0,0,900"], "900 mm is not in front"),
+        ([*DRAW, "--samples", "1", "--scale", "0"], "scale 0 is out"),
     ],
 )
-def test_bad_commands_are_one_line(place, capfd, words, message):
+def test_bad_commands_are_one_line(place, refusal_of, words, message):
     from lippmann.layers.layers_folder import save_layers
     from lippmann.layers.stack import LayerStack
 
     plain = Layer(np.zeros((2, 2), np.uint8), np.zeros((256, 4), np.uint8), 0.0, np.eye(3)[:2])
     save_layers("out", LayerStack((plain,)))
-    assert run(words) == 2
-    out, err = capfd.readouterr()
-    assert out == ""
-    assert message in err
-    assert len(err.splitlines()) == 1
+    assert message in refusal_of(*words)
     assert not (place / "o").exists()
