@@ -42,7 +42,7 @@ from lippmann.scenes.window_views import EYES, eyes_note, eyes_text, quilt_path,
 def command() -> None:
     """Write scenes and pictures in the formats of other tools.
 
-    Example: lippmann export quilt --help
+    Example: lippmann export quilt scenes/fish/fish.xml --display scenes/displays/vga-square.toml -o fish.png
     """
 
 
