@@ -20,10 +20,6 @@ from lippmann.optics.rays import Floats
 #: Columns of `calibration.result.Calibration.field`.
 FIELD = ("position", "i", "j", "x_mm", "y_mm", "right_px", "down_px", "kept")
 POSITION, _, _, X, Y, RIGHT, DOWN, KEPT = range(len(FIELD))
-#: Maximum number of arrows for a position.
-MOST_ARROWS = 600
-#: Samples per pixel of a view.
-SAMPLES = 64
 
 
 def draw_residuals(field: Floats, cameras: Rows) -> Plot:
@@ -32,7 +28,7 @@ def draw_residuals(field: Floats, cameras: Rows) -> Plot:
     rng = np.random.default_rng(1)
     for axis, k in zip(axes[0], range(len(cameras)), strict=False):
         rows = field[(field[:, POSITION] == k) & (field[:, KEPT] > 0)]
-        rows = rows[np.sort(rng.permutation(len(rows))[:MOST_ARROWS])]
+        rows = rows[np.sort(rng.permutation(len(rows))[:600])]  # more arrows would overlap
         typical = max(1e-3, float(np.median(np.hypot(rows[:, RIGHT], rows[:, DOWN]))) if len(rows) else 1.0)
         span = max(1e-6, float(np.ptp(rows[:, X])) if len(rows) else 1.0)
         scale = {"angles": "xy", "scale_units": "xy", "scale": 40.0 * typical / span}
@@ -53,15 +49,12 @@ def draw_histogram(field: Floats) -> Plot:
 
 
 def draw_views(nominal: Display, display: Display, eye: Eye) -> Plot:
-    """Draw rings as an eye sees them, for the nominal file and the calibrated one on the calibrated display.
-
-    A third picture, of a display as the nominal file, is the reference of their PSNR.
-    """
+    """Draw rings as an eye sees them: for the nominal file, for the calibrated file, and on an ideal display."""
     window = whole_window(display, min(640, display.panel.width_px))
     picture, axes = make_axes(1, 3, (4.0, 3.2))
     views = {"before": (nominal, display), "after": (display, display), "ideal": (nominal, nominal)}
     lights = {
-        name: observe(rings(described), through, eye, window, SAMPLES).radiance
+        name: observe(rings(described), through, eye, window, samples=64).radiance
         for name, (described, through) in views.items()
     }
     for axis, (name, light) in zip(axes[0], lights.items(), strict=True):
@@ -87,9 +80,9 @@ def calibration_page(
     rows = []
     for one in summary["parameters"]:
         half = one["uncertainty"]
-        numbers = {"value": one["value"], "nominal": one["nominal"], "change": one["value"] - one["nominal"]}
-        texts = {name: digits(number, half) for name, number in numbers.items()}
-        rows.append({**one, **texts, "uncertainty": digits(half, half)})
+        numbers = {name: one[name] for name in ("value", "nominal", "uncertainty")}
+        numbers["change"] = one["value"] - one["nominal"]
+        rows.append({**one, **{name: digits(number, half) for name, number in numbers.items()}})
     cameras = []
     for one in summary["cameras"]:
         sides = zip(one["place_mm"], one["uncertainty_mm"], strict=True)

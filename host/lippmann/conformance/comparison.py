@@ -1,4 +1,4 @@
-"""Compares foreign rays with golden's. On an edge, a rounding of an input to float32 changes lenslet or status."""
+"""Compares foreign rays with golden's. A ray is on an edge when rounding moves it to another lenslet or status."""
 
 from __future__ import annotations
 
@@ -9,28 +9,27 @@ from pathlib import Path
 from typing import Annotated, Literal, get_args
 
 import numpy as np
-import numpy.typing as npt
 
 from lippmann.base import toml
 from lippmann.base.toml import documented, key
 from lippmann.conformance.coverage_points import POINTS, points_met
 from lippmann.conformance.faults import FIELDS, Arrays, golden
-from lippmann.conformance.ray_sets import Bools, ForeignRays, PanelRays
+from lippmann.conformance.ray_sets import Bools, ForeignRays, PanelRays, Selection
 from lippmann.errors import did_you_mean, input_error
 from lippmann.optics.rays import Floats
 
 Urad = Annotated[float, key("how far directions may be off, microradians", above=0.0)]
 Nm = Annotated[float, key("how far points may be off, nm", above=0.0)]
-#: Arrays of points, by the step that computes them.
+#: Arrays of points, one per step.
 Step = Literal["panel_mm", "start_mm", "near_mm", "centre_mm", "local_mm", "origin_mm"]
 
 #: Arrays of integers.
 INTEGERS = ("home", "lenslet", "status")
-#: Directions of the displacements that find edges; directions and shares of those that reach all sides of an edge.
+#: Directions of displacements: to find edges, and with `SHARES` to reach all sides of an edge.
 AXES = np.array([[1.0, 0.0], [0.0, 1.0], [-1.0, 0.0], [0.0, -1.0]])
 AROUND = np.concatenate([AXES, AXES @ [[1.0, 1.0], [-1.0, 1.0]]])
 SHARES = (1.0, 0.5, 0.25, 0.0625)
-#: Rays on an edge that are displaced together: some ten kilobytes each.
+#: Rays that are displaced together, some ten kilobytes each.
 AT_ONCE = 4096
 
 
@@ -46,7 +45,7 @@ class StepBound:
 @documented
 @dataclass(frozen=True, kw_only=True)
 class CaseBound:
-    """The bounds of a hard case; the largest counts for a ray that meets several."""
+    """The bounds of a hard case; for a ray in several, the largest."""
 
     point: Annotated[str, key("a coverage point, such as `grazing-exit`")]
     direction_urad: Urad | None = None
@@ -56,7 +55,7 @@ class CaseBound:
 @documented
 @dataclass(frozen=True, kw_only=True)
 class Bounds:
-    """The keys of a file of bounds. A bound that a step or case leaves out is that of all rays."""
+    """A file of bounds. A step or case without a bound has that of all rays."""
 
     direction_urad: Urad = 2.0
     point_nm: Nm = 50.0
@@ -72,9 +71,8 @@ class Bounds:
             usual = self.direction_urad if name == "direction" else steps.get(name, self.point_nm)
             largest = np.zeros(len(inputs.pixels))
             for case in self.case:
-                bound = case.direction_urad if name == "direction" else case.point_nm
-                if bound is not None:
-                    largest = np.where(met[case.point], np.maximum(largest, bound), largest)
+                bound = (case.direction_urad if name == "direction" else case.point_nm) or 0.0
+                largest = np.maximum(largest, bound * met[case.point])
             limits[name] = 1e-6 * np.where(largest > 0.0, largest, usual)
         return limits
 
@@ -97,7 +95,7 @@ def load_bounds(path: Path) -> Bounds:
 
 @dataclass(frozen=True)
 class FieldSummary:
-    """One array of the file; `worst` is its largest difference, `limits` are the smallest and largest allowed."""
+    """One array: `worst` is its largest difference, `limits` are the smallest and largest allowed."""
 
     field: str
     stage: str
@@ -140,17 +138,17 @@ class Comparison:
         return [name for name, wrong in self.wrong_by.items() if wrong.any()]
 
     def far(self, name: str, values: Floats, other: Arrays) -> Floats:
-        """Return the `distance` of values of an array from `other`; 0 where the file lacks them."""
+        """Return the `distance` of values from `other`; 0 where the file has none."""
         return np.where(self.alone & (name != "status"), 0.0, distance(name, values, other[name]))
 
     def wrong_in(self, name: str, values: Floats) -> Bools:
         """Tell which values of an array are wrong."""
         far = self.far(name, values, self.golden)
         excused = self.excused & np.isfinite(far) & (name != "panel_mm")
-        return np.asarray((far > self.limits[name]) & ~excused)
+        return (far > self.limits[name]) & ~excused
 
-    def select(self, rays: npt.NDArray[np.intp]) -> Comparison:
-        """Return the comparison of the rays of these indices."""
+    def select(self, rays: Selection) -> Comparison:
+        """Select rays."""
         fields, golden, limits = (
             {name: array[rays] for name, array in arrays.items()} for arrays in (self.fields, self.golden, self.limits)
         )
@@ -158,13 +156,13 @@ class Comparison:
         return Comparison(self.inputs.select(rays), fields, golden, limits, *masks)
 
     def later(self, lag: int) -> Comparison:
-        """Return the comparison of each ray with the values `lag` rays after it."""
+        """Compare each ray with the values `lag` rays after it."""
         rays = np.arange(max(0, -lag), len(self.edge) - max(0, lag))
         fields = {name: values[rays + lag] for name, values in self.fields.items()}
         return replace(self.select(rays), fields=fields, alone=self.alone[rays + lag])
 
     def summary(self, name: str) -> FieldSummary:
-        """Return the summary of one array."""
+        """Summarise one array."""
         unit, scale = ("microradian" if name == "direction" else "nm"), 1e6
         if name in INTEGERS:
             unit, scale = "rays", 1.0
@@ -183,7 +181,7 @@ def compare(
     """Compare arrays with golden's.
 
     Each ray may be off by its bound plus the effect of moving panel point and aim by `moves_mm`, (N, 2) each; by
-    default the `roundings`. Without `every`, only rays beyond their bounds are moved: the others are right.
+    default the `roundings`. Without `every`, only rays beyond their bounds are moved.
     """
     inputs = foreign.inputs
     rays, n = golden(inputs), len(inputs.pixels)
@@ -206,7 +204,7 @@ def compare(
 
 
 def _effect_of_moves(compared: Comparison, panel_mm: Floats, aim_mm: Floats) -> tuple[Arrays, Bools]:
-    """Return how far displacements move the rays of each array, and which rays change status or lenslet, (N,) each."""
+    """Return how far displacements move rays, and which change status or lenslet, (N,)."""
     n = len(compared.edge)
     largest = {name: np.zeros(n) for name in ("direction", "local_mm", "origin_mm")}
     edge = np.zeros(n, bool)
@@ -221,7 +219,7 @@ def _effect_of_moves(compared: Comparison, panel_mm: Floats, aim_mm: Floats) -> 
 
 
 def _displaced(inputs: PanelRays, panel_mm: Floats, aim_mm: Floats, ways: Floats = AXES) -> Iterator[PanelRays]:
-    """Yield rays with panel points, then aims, displaced by (N, 2) mm in each of the directions `ways` (M, 2)."""
+    """Yield rays with panel points, then aims, displaced by (N, 2) mm in directions (M, 2)."""
     aimed = replace(inputs, aperture=inputs.aims)
     for step in ways:
         yield replace(aimed, pixels=inputs.pixels + step * panel_mm / inputs.display.panel.pitches_mm)
@@ -229,10 +227,7 @@ def _displaced(inputs: PanelRays, panel_mm: Floats, aim_mm: Floats, ways: Floats
 
 
 def _on_some_side(compared: Comparison, panel_mm: Floats, aim_mm: Floats) -> Bools:
-    """Tell which rays on an edge equal golden's on some side of it, (N,).
-
-    Their values may leave the range of the displaced rays by the width of the range plus the limits.
-    """
+    """Tell which rays on an edge equal golden's on some side of it, (N,)."""
     sides = [compared.golden]
     for share in SHARES:
         sides += map(golden, _displaced(compared.inputs, share * panel_mm, share * aim_mm, AROUND))
@@ -245,14 +240,15 @@ def _on_some_side(compared: Comparison, panel_mm: Floats, aim_mm: Floats) -> Boo
         values = np.array([side[name] for side in sides])
         low = np.where(same[..., None], values, np.inf).min(axis=0)
         high = np.where(same[..., None], values, -np.inf).max(axis=0)
+        # Values may leave the range of the displaced rays by its width plus the limits.
         beyond = np.maximum(low - fields[name], fields[name] - high) - np.maximum(high - low, 0.0)
         far = np.where(np.isfinite(beyond), np.maximum(beyond, 0.0), np.inf)
-        right &= alone | np.asarray(np.linalg.norm(far, axis=1) <= compared.limits[name])
+        right &= alone | (np.linalg.norm(far, axis=1) <= compared.limits[name])
     return right
 
 
 def roundings(inputs: PanelRays) -> tuple[Floats, Floats]:
-    """Return how far rounding to float32 moves points and aims, (N, 2) mm; at least 4 roundings of half a pitch."""
+    """Return roundings of points and aims to float32, (N, 2) mm; at least 4 of half a pitch."""
     pitch, pixel = inputs.display.array.coarsest_mm, np.array(inputs.display.panel.pitches_mm)
 
     def rounding(values: Floats) -> Floats:
@@ -263,7 +259,7 @@ def roundings(inputs: PanelRays) -> tuple[Floats, Floats]:
 
 
 def distance(name: str, values: Floats, expected: Floats) -> Floats:
-    """Return the distance of values from expected ones, (N,): a length; 0 or 1 for integers; never NaN."""
+    """Return the distance of values from expected ones, (N,), never NaN; 0 or 1 for integers."""
     if name in INTEGERS:
         return np.asarray((values != expected).any(axis=1), np.float64)
     far = np.linalg.norm(values - expected, axis=1)

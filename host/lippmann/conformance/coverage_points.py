@@ -17,14 +17,6 @@ from lippmann.optics.model_choice import in_cells_mm
 from lippmann.optics.rays import Floats, Status, gets_through
 
 Arrays = Mapping[str, Floats]
-#: Distance from an edge within which a point is on it, units of the last place.
-ULPS = 8.0
-#: Maximum cosines of a grazing ray, and of one at the onset of total reflection.
-GRAZING, FLAT = 0.05, 1e-3
-#: Maximum radius of a steep dome and minimum of a flat one, in half diagonals.
-STEEP, NEARLY_FLAT = 1.05, 100.0
-#: The square of a smaller coordinate, mm or pixels, underflows.
-TINY = 1e-154
 
 #: The meaning of each point, in the order of the ray.
 POINTS = {
@@ -79,7 +71,7 @@ def points_met(inputs: PanelRays, rays: Arrays) -> dict[str, Bools]:
     has = {status: rays["status"][:, 0] == int(status) for status in Status}
     steps = cell_steps(display, rays["lenslet"] - rays["home"])
     focal_mm, half_mm = array.focal_length_mm, array.half_diagonal_mm
-    (axis_x, axis_y), half_x, half_y = display.viewing_axis_mm, 0.5 * panel.width_mm, 0.5 * panel.height_mm
+    axis_x, axis_y = display.viewing_axis_mm
     met: dict[str, npt.ArrayLike] = {
         "pixel-on-an-edge": on_edge,
         "pixel-on-a-corner": on_corner,
@@ -93,23 +85,20 @@ def points_met(inputs: PanelRays, rays: Arrays) -> dict[str, Bools]:
         "far-offset": math.hypot(*array.offset_mm) >= 100.0 * array.finest_mm,
         "wide-panel": panel.width_px == MAX_SIDE_PX,
         "converged-eye": display.viewing_distance_mm is not None,
-        "eye-aside": display.viewing_distance_mm is not None and (abs(axis_x) > half_x or abs(axis_y) > half_y),
+        "eye-aside": display.viewing_distance_mm is not None
+        and (2.0 * abs(axis_x) > panel.width_mm or 2.0 * abs(axis_y) > panel.height_mm),
         "missing-lenslet": ~Lattice.of(array).present(NumpyBackend(), *rays["home"].T) & has[Status.BLOCKED],
         "contact": display.gap_mm == 0.0,
         "gap-of-the-focal-length": abs(display.aperture_distance_mm - focal_mm) < 1e-5 * focal_mm,
-        "steep-dome": array.radius_mm < STEEP * half_mm,
-        "flat-dome": array.radius_mm > NEARLY_FLAT * half_mm,
+        "steep-dome": array.radius_mm < 1.05 * half_mm,
+        "flat-dome": array.radius_mm > 100.0 * half_mm,
         "low-index": array.index < 1.01,
         "high-index": array.index > 2.0,
-        "grazing-launch": GRAZING * np.hypot(*(aims - rays["start_mm"]).T) > display.aperture_distance_mm,
-        "grazing-exit": cosine < GRAZING,
-        "onset-of-total-reflection": cosine < FLAT,
+        "grazing-launch": 0.05 * np.hypot(*(aims - rays["start_mm"]).T) > display.aperture_distance_mm,
+        "grazing-exit": cosine < 0.05,
+        "onset-of-total-reflection": cosine < 1e-3,
         "far-cell": (steps >= 2.0) & has[Status.CROSSTALK],
-        "ok": has[Status.OK],
-        "missed": has[Status.MISSED],
-        "internal-reflection": has[Status.INTERNAL_REFLECTION],
-        "blocked": has[Status.BLOCKED],
-        "crosstalk": has[Status.CROSSTALK],
+        **{status.name.lower().replace("_", "-"): rays_of_status for status, rays_of_status in has.items()},
     }
     return {name: np.broadcast_to(np.asarray(met[name], bool), len(rays["status"])) for name in POINTS}
 
@@ -120,13 +109,8 @@ def covered(inputs: PanelRays, rays: Arrays) -> dict[str, int]:
 
 
 def summary(sets: Iterable[Mapping[str, int]], words: bool = False) -> tuple[dict[str, int], str]:
-    """Return the rays of several sets that meet each point, and a line on the points that none meets.
-
-    Rays in `words` need not meet `BEYOND_WORDS`.
-    """
-    totals = Counter[str]()
-    for one in sets:
-        totals.update(one)
+    """Count the rays at each point, without `BEYOND_WORDS` for `words`, and name points without rays."""
+    totals = sum(map(Counter, sets), Counter[str]())
     counts = {name: totals[name] for name in POINTS if not (words and name in BEYOND_WORDS)}
     missing = [name for name, rays in counts.items() if not rays]
     line = f"coverage: {len(counts) - len(missing)} of {len(counts)} points met"
@@ -134,37 +118,37 @@ def summary(sets: Iterable[Mapping[str, int]], words: bool = False) -> tuple[dic
 
 
 def tied_sides(inputs: PanelRays) -> tuple[Bools, ...]:
-    """Tell which pixels' points (N,) are exactly on each shared side of a cell: left and, on square grids, lower."""
+    """Tell which pixels' points (N,) lie exactly on a cell's left and, in a square grid, lower side."""
     array = inputs.display.array
     x, y = in_cells_mm(inputs.display, inputs.pixels).T
-    left_side = np.asarray(x - array.shear * y == -0.5 * array.pitches_mm[0])
-    lower_side = np.asarray(y == -0.5 * array.pitches_mm[1])
+    left_side = x - array.shear * y == -0.5 * array.pitches_mm[0]
+    lower_side = y == -0.5 * array.pitches_mm[1]
     return (left_side, lower_side) if array.grid == "square" else (left_side,)
 
 
 def tied(inputs: PanelRays) -> Bools:
-    """Tell which pixels' points (N,) lie on any of `tied_sides`."""
+    """Tell which pixels' points (N,) lie on `tied_sides`."""
     return np.asarray(np.any(tied_sides(inputs), axis=0))
 
 
 def _border(inputs: PanelRays, points: Floats) -> tuple[Bools, Bools]:
-    """Tell which points (N, 2) mm are within roundings of an edge of a cell, and of two edges."""
+    """Tell which points (N, 2) mm are within roundings of an edge, and of two edges."""
     array, panel = inputs.display.array, inputs.display.panel
     lattice = Lattice.of(array)
-    roundings = ULPS * np.spacing(np.abs(inputs.pixels).max() * panel.coarsest_mm + array.coarsest_mm)
+    roundings = 8.0 * np.spacing(np.abs(inputs.pixels).max() * panel.coarsest_mm + array.coarsest_mm)
     _, _, x, y = lattice.locate(NumpyBackend(), *points.T)
     across = np.abs(np.array(lattice.axes) @ np.stack([x, y]))
     sides = (np.abs(across - lattice.half_mm) <= roundings).sum(axis=0)
-    return np.asarray(sides >= 1), np.asarray(sides >= 2)
+    return sides >= 1, sides >= 2
 
 
 def _tiny(coordinates: Floats) -> Bools:
-    """Tell which points (N, 2) have a nonzero coordinate below `TINY`."""
-    return np.asarray(((coordinates != 0.0) & (np.abs(coordinates) < TINY)).any(axis=1))
+    """Tell which points (N, 2) have a nonzero coordinate whose square underflows."""
+    return np.asarray(((coordinates != 0.0) & (np.abs(coordinates) < 1e-154)).any(axis=1))
 
 
 def _exit_cosine(inputs: PanelRays, rays: Arrays) -> Floats:
-    """Return the cosine between exit ray and normal of the last face, 1 for lost rays."""
+    """Return the cosine of exit ray and last face's normal, 1 for lost rays."""
     array = inputs.display.array
     normal = np.tile([0.0, 0.0, 1.0], (len(rays["status"]), 1))
     if array.plano_side == "panel":

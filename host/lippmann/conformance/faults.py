@@ -1,4 +1,4 @@
-"""Variants of golden that each have one fault. The variant that equals foreign rays is their diagnosis."""
+"""Variants of golden with one fault each. The variant that equals foreign rays is the diagnosis."""
 
 from __future__ import annotations
 
@@ -41,7 +41,6 @@ FIELDS = {
 #: Steps to neighbours, in columns and rows or in lenslets.
 BESIDE = ((1, 0), (-1, 0), (0, 1), (0, -1), (1, 1), (-1, -1))
 
-#: The fault that closes the cells on their other side.
 TIE_RULE = "cells closed on their other side (tie rule)"
 #: The glass as a number: its index, at the display's focal length.
 GLASS = "another glass, of the same focal length: array.index"
@@ -50,12 +49,14 @@ NO_RAYS = (LippmannError, ValueError, ZeroDivisionError)
 
 #: A value of the display's file, such as a number or the grid.
 Number = Any
+#: A change of points, lenslets or directions.
+Bend = Callable[[Floats], Floats]
 #: Rays as arrays by name.
 Arrays = dict[str, Floats]
 
 
 class Variant(NamedTuple):
-    """A fault that changes the inputs, traces them otherwise, or bends arrays. It does not predict `silent` arrays."""
+    """A fault that changes inputs, traces them otherwise, or bends arrays; `silent` ones are not predicted."""
 
     stage: str
     name: str
@@ -88,7 +89,7 @@ def golden(inputs: PanelRays) -> Arrays:
 
 
 def with_number(name: str, value: Number, inputs: PanelRays) -> PanelRays:
-    """Return the same rays for another number of the display, such as `array.index`; a glass becomes a plain index."""
+    """Return the rays for another number of the display, such as `array.index`; a glass becomes an index."""
     display = inputs.display
     if name == GLASS:  # the radius keeps the focal length, radius / (index - 1)
         radius = display.array.radius_mm * (value - 1.0) / (display.array.index - 1.0)
@@ -122,10 +123,10 @@ def variants(display: Display) -> Iterator[Variant]:
 
 
 def _number_variants(display: Display) -> Iterator[Variant]:
-    """Yield wrong numbers of the display, without those that leave the optics as they are or leave no display."""
+    """Yield wrong numbers of the display that give another display."""
     array, turn, system = display.array, display.array.rotation_deg, System.of(display)
     (x, y), (px, py), (axis_x, axis_y) = array.offset_mm, array.pitches_mm, display.viewing_axis_mm
-    R, T, focal_mm = array.radius_mm, array.thickness_mm, array.focal_length_mm
+    radius_mm = array.radius_mm
     grid = "hex" if array.grid == "square" else "square"
     plano_side = "viewer" if array.plano_side == "panel" else "panel"
     from_panel_mm = (display.viewing_distance_mm or math.inf) - display.aperture_distance_mm
@@ -149,11 +150,11 @@ def _number_variants(display: Display) -> Iterator[Variant]:
         ("lenslet", "sign of viewing_axis_mm", "viewing_axis_mm", (-axis_x, -axis_y)),
         ("first face", "plano_side turned over", "array.plano_side", plano_side),
         ("first face", "gap_mm left out", "gap_mm", 0.0),
-        ("first face", "thickness added to gap_mm", "gap_mm", display.gap_mm + T),
-        ("dome", "focal length taken for the radius", "array.radius_mm", focal_mm),
-        ("dome", "radius taken for the focal length", "array.radius_mm", R * (array.index - 1.0)),
-        ("dome", "diameter taken for the radius", "array.radius_mm", 0.5 * R),
-        ("dome", "radius taken for the diameter", "array.radius_mm", 2.0 * R),
+        ("first face", "thickness added to gap_mm", "gap_mm", display.gap_mm + array.thickness_mm),
+        ("dome", "focal length taken for the radius", "array.radius_mm", array.focal_length_mm),
+        ("dome", "radius taken for the focal length", "array.radius_mm", radius_mm * (array.index - 1.0)),
+        ("dome", "diameter taken for the radius", "array.radius_mm", 0.5 * radius_mm),
+        ("dome", "radius taken for the diameter", "array.radius_mm", 2.0 * radius_mm),
     ):
         change = partial(with_number, number, value)
         with suppress(*NO_RAYS):
@@ -164,7 +165,7 @@ def _number_variants(display: Display) -> Iterator[Variant]:
 def _panel_variants(display: Display) -> Iterator[Variant]:
     """Yield wrong pixels and wrong maps from panel to array."""
     w, h = display.panel.width_px, display.panel.height_px
-    moves: dict[str, Callable[[Floats], Floats]] = {
+    moves: dict[str, Bend] = {
         "rows counted from the bottom (y flipped)": lambda p: np.column_stack([p[:, 0], h - p[:, 1]]),
         "columns counted from the right (x flipped)": lambda p: np.column_stack([w - p[:, 0], p[:, 1]]),
         "column and row swapped": lambda p: p[:, ::-1],
@@ -184,7 +185,7 @@ def _lattice_variants(display: Display) -> Iterator[Variant]:
     """Yield wrong lenslets, and wrong indices of right ones."""
     array, system = display.array, System.of(display)
 
-    def relabelled(name: str, label: Callable[[Floats], Floats], moved: bool = False) -> Variant:
+    def relabelled(name: str, label: Bend, moved: bool = False) -> Variant:
         def bend(rays: Arrays) -> Arrays:
             lenslet = label(rays["lenslet"])
             labels = {"lenslet": lenslet, "home": label(rays["home"])}
@@ -224,14 +225,14 @@ def _placed(system: System, local_mm: Floats, lenslet: Floats) -> Arrays:
 
 
 def _through_neighbour(step: Floats, inputs: PanelRays, rays: Arrays) -> Arrays:
-    """Trace each ray through the lenslet at `step` from its own, with a dome that has no edge."""
+    """Trace each ray through the lenslet at `step` from its own, with an endless dome."""
     system = System.of(inputs.display)
-    frame, b = system.frame, NumpyBackend()
-    cx, cy = system.lattice.centre(*step.T)
+    frame = system.frame
     wide = replace(system.lattice, pitch_mm=tuple(8.0 * pitch for pitch in system.lattice.pitches_mm))
     alone = replace(system, lattice=wide, dome=replace(system.dome, lattice=wide))
-    x, y, aim = rays["start_mm"][:, 0] - cx, rays["start_mm"][:, 1] - cy, (inputs.aims[:, 0], inputs.aims[:, 1])
-    ray = models.leave_panel(b, alone, x, y, aim, inputs.model).ray
+    x, y = (rays["start_mm"] - np.stack(system.lattice.centre(*step.T), axis=-1)).T
+    aim_x, aim_y = inputs.aims.T
+    ray = models.leave_panel(NumpyBackend(), alone, x, y, (aim_x, aim_y), inputs.model).ray
     lenslet = rays["home"] + step
     local = np.stack([*frame.turn(ray.x, ray.y), ray.z], axis=1)
     return {
@@ -245,29 +246,28 @@ def _through_neighbour(step: Floats, inputs: PanelRays, rays: Arrays) -> Arrays:
 
 
 def _rounded_down(inputs: PanelRays, rays: Arrays) -> Arrays:
-    """Trace each ray through the lenslet whose index is rounded down, of the four around the point."""
+    """Trace each ray through the lenslet whose index is rounded down."""
     x, y = rays["start_mm"].T
     sides = np.stack([x - inputs.display.array.shear * y, y], axis=1)
     return _through_neighbour(np.where(sides < 0.0, -1.0, 0.0), inputs, rays)
 
 
 def _across_ties(inputs: PanelRays) -> Floats:
-    """Return pixels with the points on a cell's left or lower side moved just beyond it."""
+    """Return pixels with points on a cell's left or lower side moved just beyond."""
     ties = tied_sides(inputs)
     nudge = 1e-9 * inputs.display.array.finest_mm / np.array(inputs.display.panel.pitches_mm) * (-1.0, 1.0)
-    return np.asarray(inputs.pixels + np.stack([ties[0], ties[-1]], axis=1) * nudge)
+    return inputs.pixels + np.stack([ties[0], ties[-1]], axis=1) * nudge
 
 
 def _aim_variants(display: Display) -> Iterator[Variant]:
-    """Yield wrong aperture points."""
 
     def aimed(name: str, aim: Callable[[PanelRays], Floats]) -> Variant:
         return Variant("aim", name, lambda g: replace(g, aperture=aim(g)))
 
     def toward(share: float, g: PanelRays) -> Floats:
-        """Return aims at a share of the way from the start to the aperture point."""
+        """Return aims at a share of the way from start to aperture point."""
         start = g.steps()["start_mm"]
-        return np.asarray(start + (g.aims - start) * share)
+        return start + (g.aims - start) * share
 
     yield aimed("aperture points not used", lambda g: np.zeros_like(g.aims))
     yield aimed("aperture points halved", lambda g: 0.5 * g.aims)
@@ -292,7 +292,7 @@ def _aim_variants(display: Display) -> Iterator[Variant]:
 def _exit_variants(display: Display) -> Iterator[Variant]:
     """Yield right rays with a fault in their values."""
     array, frame = display.array, System.of(display).frame
-    bends: dict[str, Callable[[Floats], Floats]] = {
+    bends: dict[str, Bend] = {
         "sign of the direction's x": lambda d: d * (-1, 1, 1),
         "sign of the direction's y": lambda d: d * (1, -1, 1),
         "sign of the direction's z": lambda d: d * (1, 1, -1),
@@ -324,17 +324,17 @@ def _exit_variants(display: Display) -> Iterator[Variant]:
     yield Variant("dome", "origin without the lenslet's centre", bend=lambda r: {"origin_mm": r["local_mm"]})
 
 
-def _along_array(frame: PanelFrame, bend: Callable[[Floats], Floats], direction: Floats) -> Floats:
+def _along_array(frame: PanelFrame, bend: Bend, direction: Floats) -> Floats:
     """Return directions bent in the array's axes."""
     x, y, z = bend(turn_back(frame, direction)).T
     return np.stack([*frame.turn(x, y), z], axis=1)
 
 
-def change_direction(name: str, bend: Callable[[Floats], Floats]) -> Variant:
-    """Return the variant with other directions."""
+def change_direction(name: str, bend: Bend) -> Variant:
+    """Return the variant that bends directions."""
     return Variant("exit", name, bend=lambda rays: {"direction": bend(rays["direction"])})
 
 
 def add_constant(stage: str, name: str, arrays: tuple[str, ...], constant: Floats | tuple[float, ...]) -> Variant:
-    """Return the variant with a constant added to some arrays."""
+    """Return the variant that adds a constant to arrays."""
     return Variant(stage, name, bend=lambda rays: {array: rays[array] + constant for array in arrays})

@@ -1,8 +1,7 @@
 """Rays in 50 digits, and their condition: the effect of one rounding of each input.
 
-The same optics with mpmath's numbers (`lippmann.optics.backend`). The distance between golden and these rays is
-golden's rounding error; that the formulas are right is shown by an independent tracer (tests/host/truth.py).
-docs/reference/stability.md says what engines promise in units of the condition.
+The distance between golden and these rays is golden's rounding error, because both share the formulas: that these are
+right is shown by an independent tracer (tests/host/truth.py). docs/reference/stability.md has the engines' promises.
 """
 
 from __future__ import annotations
@@ -29,7 +28,7 @@ mp.dps = 50
 #: Arrays of mpf, or one mpf; mpmath ships no types.
 Digits = Any
 
-#: Relative step of the differences for a condition: far below a float64's last place, far above that of 50 digits.
+#: Relative step for a condition: far below the last place of a float64, far above that of 50 digits.
 STEP = mp.mpf(10) ** -24
 
 _convert_number = mp.npconvert
@@ -37,7 +36,7 @@ _convert_number = mp.npconvert
 
 def _convert(value: Any) -> Digits:
     """Return a numpy number as an mpf; refuse an array."""
-    # Else mpmath, for every product of an mpf with an array, would write all of the array into an error.
+    # mpmath would write all of the array into an error for every product.
     if isinstance(value, np.ndarray) and value.ndim:
         raise TypeError("an array is not a number")
     return _convert_number(value)
@@ -49,7 +48,7 @@ _root = np.frompyfunc(mp.sqrt, 1, 1)
 
 
 def exact_array(values: npt.ArrayLike) -> Digits:
-    """Return the exact values of numbers of any kind as an array of mpf."""
+    """Return the exact values of any numbers as an array of mpf."""
     return np.asarray(_number(values), object)
 
 
@@ -63,12 +62,12 @@ class FiftyDigits(NumpyBackend):
 
 
 def exact_inputs(rays: PanelRays | WorldRays) -> dict[str, Digits]:
-    """Return the exact inputs of rays: the columns of their arrays, (N,), then the display's numbers, mm and degrees.
+    """Return rays' exact inputs: columns (N,) of their arrays, and the display's numbers, mm and degrees.
 
-    The columns are pixels `u`, `v` and aperture points `a`, `b`, if any; of rays from the world `x` to `z`, `dx` to
-    `dz`.
+    The columns are `u`, `v` and, of aperture points, `a`, `b`; of rays from the world, `x` to `z` and `dx` to `dz`.
     """
-    panel, array = rays.display.panel, rays.display.array
+    display = rays.display
+    panel, array = display.panel, display.array
     if isinstance(rays, PanelRays):
         names: tuple[str, ...] = ("u", "v", "a", "b")
         columns = exact_array(rays.pixels if rays.aperture is None else np.hstack([rays.pixels, rays.aperture])).T
@@ -78,17 +77,17 @@ def exact_inputs(rays: PanelRays | WorldRays) -> dict[str, Digits]:
         **_lengths("pixel", panel.pixel_pitch_mm),
         **_lengths("pitch", array.pitch_mm),
         **{name: getattr(array, name) for name in ("radius_mm", "index", "thickness_mm", "shear")},
-        "gap_mm": rays.display.gap_mm,
+        "gap_mm": display.gap_mm,
         "rotation_deg": array.rotation_deg,
         **_lengths("offset", array.offset_mm),
     }
-    if rays.display.viewing_distance_mm is not None:
-        numbers |= {"eye_mm": rays.display.viewing_distance_mm, **_lengths("axis", rays.display.viewing_axis_mm)}
+    if display.viewing_distance_mm is not None:
+        numbers |= {"eye_mm": display.viewing_distance_mm, **_lengths("axis", display.viewing_axis_mm)}
     return dict(zip(names, columns, strict=False)) | {name: mp.mpf(value) for name, value in numbers.items()}
 
 
 def _lengths(name: str, value: float | tuple[float, ...]) -> dict[str, float]:
-    """Return the two lengths of a pair by name, or the one whose rounding moves both axes."""
+    """Return the lengths of both axes by name, or the one of both."""
     if isinstance(value, tuple):
         return {f"{name}_x_mm": value[0], f"{name}_y_mm": value[1]}
     return {f"{name}_mm": value}
@@ -96,17 +95,18 @@ def _lengths(name: str, value: float | tuple[float, ...]) -> dict[str, float]:
 
 def _system(rays: PanelRays | WorldRays, n: SimpleNamespace) -> System:
     """Return the system in mpf of `exact_inputs`; docs/reference/optics.md has the formulas."""
-    panel, grid, to_panel = rays.display.panel, rays.display.array.grid, rays.display.array.plano_side == "panel"
+    display, panel, array = rays.display, rays.display.panel, rays.display.array
+    to_panel = array.plano_side == "panel"
     # The optics declare float, and compute with any type of number.
     pitches, pixels = (
         tuple(getattr(n, f"{name}_{axis}", None) or getattr(n, f"{name}_mm") for axis in ("x_mm", "y_mm"))
         for name in ("pitch", "pixel")
     )
-    lattice = Lattice(grid, pitches, mp.sqrt(3) / 2, n.shear, rays.display.array.half_steps)
+    lattice = Lattice(array.grid, pitches, mp.sqrt(3) / 2, n.shear, array.half_steps)
     (px, py), shear = pitches, abs(n.shear)
     # Corners of the cell: upper right and, of a hexagon, top.
     corners = [(px + shear * py) / 2, py / 2], [0, 0]
-    if grid == "hex":
+    if array.grid == "hex":
         corners = [px / 2 + shear * py / mp.sqrt(12), py / mp.sqrt(12)], [shear * py / mp.sqrt(3), py / mp.sqrt(3)]
     rho = max(mp.hypot(*corner) for corner in corners)
     sag = n.radius_mm - mp.sqrt(n.radius_mm**2 - rho**2)
@@ -114,7 +114,7 @@ def _system(rays: PanelRays | WorldRays, n: SimpleNamespace) -> System:
     frame = PanelFrame(pixels, panel.width_px, panel.height_px, offset, mp.cospi(turn), mp.sinpi(turn))
     distance = n.gap_mm + n.thickness_mm / n.index if to_panel else max(n.gap_mm, sag)
     convergence = Convergence()
-    if rays.display.viewing_distance_mm is not None:
+    if display.viewing_distance_mm is not None:
         axis = frame.array_from_panel(n.axis_x_mm, n.axis_y_mm)
         convergence = Convergence(distance / (distance + n.eye_mm), *axis)
     return System(
@@ -132,7 +132,7 @@ def _system(rays: PanelRays | WorldRays, n: SimpleNamespace) -> System:
 
 
 def true_rays(rays: PanelRays, **moved: Digits) -> Rays:
-    """Trace rays from the panel into arrays of mpf; `moved` are other values of some of their `exact_inputs`."""
+    """Trace rays from the panel into arrays of mpf; `moved` replaces some `exact_inputs`."""
     n = SimpleNamespace(**exact_inputs(rays) | moved)
     points = None if rays.aperture is None else (n.a, n.b)
     out = rays_from_pixels(FiftyDigits(), _system(rays, n), n.u, n.v, points, rays.model)
@@ -140,7 +140,7 @@ def true_rays(rays: PanelRays, **moved: Digits) -> Rays:
 
 
 def true_hits(rays: WorldRays, **moved: Digits) -> Hits:
-    """Trace rays from the world as `true_rays` does, with directions of length 1, which no float64 triple has."""
+    """Trace rays from the world likewise, with directions normalised in 50 digits."""
     n = SimpleNamespace(**exact_inputs(rays) | moved)
     length = _root(n.dx * n.dx + n.dy * n.dy + n.dz * n.dz)
     unit = n.dx / length, n.dy / length, n.dz / length
@@ -163,7 +163,7 @@ def size(vectors: Digits) -> Floats:
 
 
 def apart(rays: Rays | Hits, true: Rays | Hits) -> tuple[Digits, Digits]:
-    """Return the distances of rays from true ones, (N,) mpf: radians and mm; for hits, pixels twice."""
+    """Return the distances of rays from true ones, (N,) mpf, in radians and mm; of hits, in pixels twice."""
     if isinstance(rays, Hits):
         pixels = _length(rays.pixel - true.pixel)
         return pixels, pixels
@@ -177,14 +177,14 @@ def has_other_fate(rays: Rays | Hits, true: Rays | Hits) -> Bools:
 
 
 def movable_inputs(rays: PanelRays | WorldRays) -> list[tuple[str, Digits, Floats]]:
-    """Return name, exact value and float64 of the inputs of rays, without the display's numbers that are 0."""
+    """Return name, exact value and float64 of rays' inputs, without the display's zeros."""
     inputs = exact_inputs(rays).items()
     return [(name, x, np.asarray(x, np.float64)) for name, x in inputs if isinstance(x, np.ndarray) or x]
 
 
 def _slopes(rays: PanelRays | WorldRays, true: Rays | Hits, name: str, value: Digits) -> list[Floats]:
     """Return how far rays move (see `apart`) per unit of an input."""
-    # Where a step leads to another lenslet or status, the step to the other side counts; where both do, the slope is 0.
+    # Where a step changes lenslet or status, the opposite step counts; where both do, the slope is 0.
     step = STEP if isinstance(value, np.ndarray) else STEP * abs(value)
     ahead = truth(rays, **{name: value + step})
     other, slopes = has_other_fate(ahead, true), apart(ahead, true)
@@ -197,14 +197,13 @@ def _slopes(rays: PanelRays | WorldRays, true: Rays | Hits, name: str, value: Di
 
 
 class Condition(NamedTuple):
-    """How far rays move for one unit in the last place of every input plus one of the result, (N,) float64."""
+    """How far rays move for a unit in the last place of each input plus one of the result, (N,) float64."""
 
     #: Radians. For rays from the world: the shift over the array's pitch.
     turn: Floats
-    #: Of the exit point, lens-local, whose own unit is that of the pitch or thickness. For rays from the world: of the
-    #: point on the panel.
+    #: Of the exit point, with the unit of pitch or thickness. For rays from the world: of the point on the panel.
     shift_mm: Floats
-    #: Radians for one mm at the ray's start and at its aperture point. For rays from the world: 0.
+    #: Radians for one mm at start and aperture point. For rays from the world: 0.
     start: Floats
 
 

@@ -1,7 +1,4 @@
-"""Tables of measured values with their spread: as CSV, compared with an earlier run, and on pages.
-
-A column NAME with a neighbour NAME_spread holds measured values. The other columns identify the row.
-"""
+"""Tables of measured values as CSV and on pages, and comparisons of runs. Column NAME_spread has NAME's spread."""
 
 from __future__ import annotations
 
@@ -17,13 +14,13 @@ import numpy as np
 from lippmann.base.files import replacing
 from lippmann.errors import InputError, input_error, reason
 
-#: Suffix of the column that holds a measured value's spread.
+#: Suffix of a column of spreads.
 SPREAD = "_spread"
 
 
 @dataclass(frozen=True)
 class Measured:
-    """The median of repeats, and their spread: the maximum minus the minimum, 0 for what every repeat gives again."""
+    """The median of repeats, and their spread, maximum minus minimum; 0 for a single measurement."""
 
     median: float
     spread: float = 0.0
@@ -32,17 +29,16 @@ class Measured:
     def of(cls, repeats: Iterable[float]) -> Measured:
         """Return the median and spread of at least one repeat."""
         values = list(repeats)
-        return cls(float(np.median(values)), float(max(values) - min(values)))
+        return cls(float(np.median(values)), float(np.ptp(values)))
 
     @classmethod
     def finite(cls, value: float) -> Measured | None:
-        """Return a value without repeats; None for an infinite one, such as the PSNR of equal pictures."""
+        """Return a value without repeats, or None for infinity, as the PSNR of equal pictures."""
         return cls(value) if math.isfinite(value) else None
 
 
-#: A value of a table: text, a number, a truth value, several, `Measured`, or None where it does not apply.
+#: A value of a table: text, number, truth value, several, `Measured`, or None.
 Value = Any
-#: A row of a table by its columns.
 Row = Mapping[str, Value]
 Rows = Sequence[Row]
 
@@ -63,7 +59,7 @@ class Figures:
     #: The columns that identify a row.
     keys: tuple[str, ...]
     #: All rows have the same columns; those that are not keys hold `Measured` or None.
-    rows: Sequence[Row]
+    rows: Rows
 
     @property
     def figures(self) -> tuple[str, ...]:
@@ -71,7 +67,7 @@ class Figures:
         return tuple(key for key in (self.rows[0] if self.rows else ()) if key not in self.keys)
 
     def values(self) -> dict[tuple[str, ...], Measured]:
-        """Return the measured values, keyed by the texts of their row's keys and by their column."""
+        """Return the measured values, keyed by the texts of their row's keys and column."""
         return {
             (*(str(row[key]) for key in self.keys), column): value
             for row in self.rows
@@ -79,8 +75,8 @@ class Figures:
             if isinstance(value := row[column], Measured)
         }
 
-    def flat(self) -> list[dict[str, Value]]:
-        """Return the rows of the CSV: the keys, then for each measured value its median and its spread."""
+    def flat(self) -> Rows:
+        """Return the rows of the CSV, with each measured value's median and spread."""
         return [{k: v for column in row for k, v in self._cells(column, row[column]).items()} for row in self.rows]
 
     def _cells(self, column: str, value: Value) -> dict[str, Value]:
@@ -91,7 +87,7 @@ class Figures:
 
 @dataclass(frozen=True)
 class Stored:
-    """An earlier run: its origin (machine, date, command, ...), and its tables by name."""
+    """An earlier run: its origin (machine, date, ...), and its tables by name."""
 
     origin: dict[str, str]
     tables: dict[str, Figures]
@@ -100,7 +96,7 @@ class Stored:
 def read_stored(folder: Path, names: Sequence[str]) -> Stored | None:
     """Read the tables of a run from a folder; None when there are none.
 
-    Raises InputError when a file is not such a table, or belongs to another run than the others.
+    Raises InputError for a file that is not such a table, or is of another run than the others.
     """
     paths = [path for path in (folder / f"{name}.csv" for name in names) if path.exists()]
     read = [read_figures(path) for path in paths]
@@ -138,9 +134,9 @@ def _measured(row: Row, column: str) -> Measured | None:
 
 
 def read_csv(path: Path) -> tuple[dict[str, str], list[dict[str, Value]]]:
-    """Read a report's CSV: its origin (lines `# key: value`), and its rows; numbers as numbers, empty cells as None.
+    """Read a report's CSV: origin (lines `# key: value`) and rows, with empty cells as None.
 
-    Raises InputError when the file cannot be read, or a row is not as long as the heading.
+    Raises InputError for an unreadable file, or a row of another length than the heading.
     """
     try:
         lines = path.read_text(encoding="utf-8").splitlines()
@@ -167,11 +163,6 @@ def _broken(path: Path, what: str) -> InputError:
 
 # ---- comparison of two runs ----
 
-#: Relative differences below this are rounding errors.
-SAME = 1e-6
-#: Entries of the origin that must be equal in two runs that are compared.
-ALIKE = ("command", "seed")
-
 
 @dataclass(frozen=True)
 class Move:
@@ -188,7 +179,7 @@ class Move:
         """Now over before; None when it was 0 before."""
         return self.now.median / self.before.median if self.before.median else None
 
-    def flat(self) -> dict[str, Value]:
+    def flat(self) -> Row:
         """Return the move as a row of a CSV."""
         before = {"before": self.before.median, "spread_before": self.before.spread}
         now = {"now": self.now.median, "spread_now": self.now.spread, "ratio": self.ratio}
@@ -199,9 +190,8 @@ class Move:
 class Comparison:
     """The result of a comparison."""
 
-    #: The origin of the earlier run, if any.
     before: Mapping[str, str]
-    #: Entries of `ALIKE` that differ; then nothing was compared.
+    #: Of command and seed, those that differ; then nothing was compared.
     differs: tuple[str, ...] = ()
     #: Other entries of the origin that differ: machine, versions.
     changed: tuple[str, ...] = ()
@@ -216,29 +206,28 @@ class Comparison:
 def has_moved(before: Measured, now: Measured) -> bool:
     """Tell whether a value moved by more than the noise."""
     apart = abs(now.median - before.median)
-    return apart > max(before.spread + now.spread, SAME * abs(before.median))
+    return apart > max(before.spread + now.spread, 1e-6 * abs(before.median))  # beyond rounding errors
 
 
 def compare(origin: Mapping[str, str], tables: Sequence[Figures], before: Stored | None) -> Comparison:
     """Compare the origin and tables of a run with those of an earlier one, if any."""
     if before is None:
         return Comparison({})
-    differs = tuple(key for key in ALIKE if origin[key] != before.origin.get(key))
+    differs = tuple(key for key in ("command", "seed") if origin[key] != before.origin.get(key))
     if differs:
         return Comparison(before.origin, differs)
-    moved, compared, new, gone = [], 0, 0, 0
-    for table in tables:
-        values = table.values()
-        old = before.tables[table.name].values() if table.name in before.tables else {}
-        both = values.keys() & old.keys()
-        compared, new, gone = compared + len(both), new + len(values) - len(both), gone + len(old) - len(both)
-        moved += [
-            Move(table.name, ", ".join(key[:-1]), key[-1], old[key], value)
-            for key, value in values.items()
-            if key in both and has_moved(old[key], value)
-        ]
+    earlier = [before.tables[table.name] for table in tables if table.name in before.tables]
+    now, old = (
+        {(table.name, *key): value for table in run for key, value in table.values().items()}
+        for run in (tables, earlier)
+    )
+    both = [key for key in now if key in old]
+    moved = [
+        Move(key[0], ", ".join(key[1:-1]), key[-1], old[key], now[key]) for key in both if has_moved(old[key], now[key])
+    ]
     changed = tuple(key for key in ("machine", "versions") if origin[key] != before.origin.get(key))
-    return Comparison(before.origin, (), changed, compared, tuple(moved), new, gone)
+    counts = (len(both), tuple(moved), len(now) - len(both), len(old) - len(both))
+    return Comparison(before.origin, (), changed, *counts)
 
 
 # ---- tables ----
@@ -250,26 +239,26 @@ def where(rows: Rows, **requested: Value) -> list[Row]:
 
 
 def values(rows: Sequence[Value], key: str, unit: float = 1.0) -> list[Value]:
-    """Return a column of rows or dataclasses, measured values as their medians; numbers are divided by the unit."""
+    """Return a column of rows or dataclasses, in a unit, with measured values as medians."""
     plain = (row.get(key) if isinstance(row, Mapping) else getattr(row, key) for row in rows)
     medians = (value.median if isinstance(value, Measured) else value for value in plain)
     return [value if unit == 1.0 or value is None else value / unit for value in medians]
 
 
 def columns(rows: Rows, names: Mapping[str, str | tuple[str, float]]) -> dict[str, list[Value]]:
-    """Return the columns of a table; `names` maps headings to a key, or to a key and its unit."""
+    """Return a table's columns; `names` maps headings to a key, or to key and unit."""
     return {heading: values(rows, *([key] if isinstance(key, str) else key)) for heading, key in names.items()}
 
 
 def spanned(numbers: Sequence[float | None], digits: int = 1) -> str:
-    """Return the range of the numbers that are not None, such as "21.5 to 23.3"; "-" if there are none."""
+    """Return the range of numbers, such as "21.5 to 23.3", without None; "-" if empty."""
     present = [number for number in numbers if number is not None]
     ends = [f"{number:.{digits}f}" for number in (min(present), max(present))] if present else ["-"]
     return " to ".join(dict.fromkeys(ends))
 
 
 def figure(value: Value) -> str:
-    """Return the text of a value in a table: numbers in three digits, counts in full, medians, None as "-"."""
+    """Return a value's text in a table: three digits, counts in full, medians, "-" for None."""
     if isinstance(value, Measured):
         value = value.median
     if value is None:
@@ -301,12 +290,12 @@ def plain_table(rows: Rows) -> str:
 
 
 def column_names(rows: Rows) -> list[str]:
-    """Return the names of all columns, in the order of their first rows."""
+    """Return the names of all columns, in their first order."""
     return list(dict.fromkeys(name for row in rows for name in row))
 
 
 def write_csv(path: Path, origin: Mapping[str, str], rows: Rows) -> None:
-    """Write lines `# key: value` with the origin, then rows. A cell that a row lacks stays empty."""
+    """Write the origin as lines `# key: value`, then rows; missing cells stay empty."""
     with replacing(path) as partial, partial.open("w", newline="") as stream:
         stream.writelines(f"# {key}: {value}\n" for key, value in origin.items())
         writer = csv.DictWriter(stream, column_names(rows), lineterminator="\n")

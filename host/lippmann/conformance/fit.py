@@ -38,17 +38,13 @@ from lippmann.optics.rays import Floats, Model, Rays
 from lippmann.optics.sample_points import R2_STEPS, pixel_steps
 from lippmann.optics.system import System
 
-#: Maximum number of samples.
 MOST_SAMPLES = 1024
 #: Candidates: each is one more than the one before, or up to 5 % more; 1024^(1/142) is 1.05.
 TRIED_SAMPLES = sorted({round(MOST_SAMPLES ** (k / 142)) for k in range(143)})
-#: Extent of a build's probe relative to the cell: beyond, rounding may choose the neighbour.
+#: Extent of a build's probe in the cell: beyond, rounding may choose the neighbour.
 INSIDE = 0.97
-#: Rays that test a build that passes the probe, all over the panel and again in corners of cells; the margin, relative
-#: to the rounding, is for larger roundings of other rays.
+#: Rays of a build's second test, on the panel and in corners of cells; margin for the roundings of other rays.
 SPREAD_RAYS, ROUNDING_MARGIN = 200_000, 0.05
-#: Minimum distance of the rays in corners from the cell's centre, relative to INSIDE.
-CORNERS = 0.9
 
 
 @documented
@@ -63,8 +59,8 @@ class Fit:
     build_error_px: Annotated[float, key("its error, or the best build's; infinite when no build traces this display")]
 
 
-def fit(display: Display, depth_range_mm: tuple[float, float], tolerance: float = TOLERANCE) -> Fit:
-    """Choose model, samples and build, each within the tolerance (parameters and errors as `choose_model`)."""
+def fit(display: Display, depth_range_mm: Pair, tolerance: float = TOLERANCE) -> Fit:
+    """Choose model, samples and build within a tolerance (parameters and errors as `choose_model`)."""
     choice = choose_model(display, depth_range_mm, "chief", tolerance)
     # The spread of a panel pixel along each axis, in reconstructed pixels.
     farthest = max(map(abs, depth_range_mm)) / display.aperture_distance_mm
@@ -76,15 +72,15 @@ def fit(display: Display, depth_range_mm: tuple[float, float], tolerance: float 
 
 def choose_samples(spread_px: Pair, tolerance: float) -> int | None:
     """Return the first of TRIED_SAMPLES whose gap is within a tolerance, or None."""
-    # No bisection: with one sample more, all move, and the gap may grow.
+    # With one sample more, all move, and the gap may grow.
     return next((samples for samples in TRIED_SAMPLES if gap(samples, spread_px) <= tolerance), None)
 
 
 @cache
 def gap(samples: int, sides: Pair) -> float:
-    """Return the largest distance in a rectangle to the nearest of the renderer's samples, mirrored or transposed.
+    """Return the largest distance in a rectangle to the renderer's nearest sample, mirrored or transposed.
 
-    It is that of a corner of the Voronoi cells, which the samples reflected in the sides clip to the rectangle.
+    It is at a corner of the Voronoi cells, clipped by samples reflected in the sides.
     """
     if samples == 1:
         return 0.5 * math.hypot(*sides)
@@ -93,7 +89,7 @@ def gap(samples: int, sides: Pair) -> float:
     steps = np.arange(samples)[:, None]
     first, step = np.transpose(pixel_steps(samples))
     places = (first + steps * step) % (1 << 32) * 2.0**-32
-    worst = 0.0
+    worst, half = 0.0, np.divide(sides, 2)
     for points in (places * sides, places[:, ::-1] * sides):
         reflected = [
             np.where(np.arange(2) == axis, 2.0 * side - points, points)
@@ -101,16 +97,13 @@ def gap(samples: int, sides: Pair) -> float:
             for side in (0.0, sides[axis])
         ]
         corners = Voronoi(np.concatenate([points, *reflected])).vertices
-        inside = (np.abs(corners - np.divide(sides, 2)) <= np.divide(sides, 2) * (1 + 1e-9)).all(axis=1)
+        inside = (np.abs(corners - half) <= half * (1 + 1e-9)).all(axis=1)
         worst = max(worst, float(KDTree(points).query(corners[inside])[0].max()))
     return worst
 
 
-def choose_build(display: Display, depth_range_mm: tuple[float, float], tolerance: float) -> tuple[Build | None, float]:
-    """Return the cheapest build of the RTL within a tolerance, by model, then by word length, and its error.
-
-    When all builds exceed the tolerance: None and the smallest error.
-    """
+def choose_build(display: Display, depth_range_mm: Pair, tolerance: float) -> tuple[Build | None, float]:
+    """Return the cheapest build of the RTL within a tolerance and its error, or None and the smallest error."""
     try:
         # Rounding pixels to words first moves none over a border.
         probes = {
@@ -118,7 +111,7 @@ def choose_build(display: Display, depth_range_mm: tuple[float, float], toleranc
             for name, pixels in (("few", probe(display, "chief", INSIDE)[0]), ("many", _spread(display)))
         }
     except InputError:  # the panel is larger than the words can hold
-        return None, float("inf")
+        return None, math.inf
 
     @cache
     def unrounded(name: str, model: Model) -> Rays:
@@ -128,12 +121,12 @@ def choose_build(display: Display, depth_range_mm: tuple[float, float], toleranc
         try:
             rays = trace_fixed(display, probes[name], None, model, bits)
         except InputError:  # the registers cannot hold this display
-            return float("inf")
+            return math.inf
         kinds: set[Model] = {model, "exact"}
         far = {kind: model_error_px(display, unrounded(name, kind), rays, depth_range_mm) for kind in kinds}
         return far["exact"] + ROUNDING_MARGIN * far[model]
 
-    least = float("inf")
+    least = math.inf
     for model in get_args(HardwareModel):
         for bits in FRACTIONS:
             error = error_px("few", model, bits)
@@ -150,7 +143,7 @@ def _spread(display: Display) -> Floats:
     numbers = np.arange(SPREAD_RAYS)
     everywhere = np.outer(numbers, R2_STEPS) % 1.0 * panel_size(display)
     corners = INSIDE * corners_mm(display.array)
-    local = corners[numbers % len(corners)] * np.linspace(CORNERS, 1.0, SPREAD_RAYS)[:, None]
+    local = corners[numbers % len(corners)] * np.linspace(0.9, 1.0, SPREAD_RAYS)[:, None]
     in_corners = pixels_from_cells(display, located(display, everywhere)[0], local)
     return np.concatenate([everywhere, on_panel(display, in_corners)])
 

@@ -1,7 +1,4 @@
-"""Hard cases: named sets of numerically difficult rays, generated from a seed for a display.
-
-A set has the display itself, or one with a single property at an extreme.
-"""
+"""Hard cases: named sets of numerically difficult rays, on a display or with one of its properties at an extreme."""
 
 from __future__ import annotations
 
@@ -16,6 +13,7 @@ import numpy as np
 from lippmann.conformance.ray_sets import (
     Bools,
     PanelRays,
+    Random,
     WorldRays,
     cell_steps,
     edge_points,
@@ -27,7 +25,7 @@ from lippmann.conformance.ray_sets import (
     random_sizes,
     unit_vectors,
 )
-from lippmann.display.description import MAX_SIDE_PX, Display
+from lippmann.display.description import MAX_SIDE_PX, Display, Pair
 from lippmann.engines import trace
 from lippmann.errors import InputError
 from lippmann.optics.backend import NumpyBackend
@@ -39,13 +37,9 @@ from lippmann.optics.trace import FARTHEST_LENSLETS
 
 #: Distances of rays from an onset, in units of the last place of the aim.
 ULPS = (-64, -16, -4, -2, -1, 0, 1, 2, 4, 16, 64)
-#: A case of more displays has fewer rays of each.
-MANY_DISPLAYS = 10
-
 
 Sets = Iterator[PanelRays | WorldRays]
-Generator = Callable[[Display, np.random.Generator, int], Sets]
-Displays = Callable[[Display], Mapping[str, Display]]
+Generator = Callable[[Display, Random, int], Sets]
 
 
 #: All cases by name; the docstring of each says what it tests.
@@ -58,13 +52,13 @@ def _case(make: Generator) -> Generator:
     return make
 
 
-def _of_displays(displays: Displays) -> Generator:
+def _of_displays(displays: Callable[[Display], Mapping[str, Display]]) -> Generator:
     """Add a case of random rays, a set for each display."""
 
     @wraps(displays)
-    def make(display: Display, random: np.random.Generator, count: int) -> Sets:
+    def make(display: Display, random: Random, count: int) -> Sets:
         variants, case = displays(display), displays.__name__.replace("_", "-")
-        each = count if len(variants) <= MANY_DISPLAYS else max(4, count // 3)
+        each = count if len(variants) <= 10 else max(4, count // 3)
         for variant, other in variants.items():
             pixels = random_pixels(other, random, each)
             yield PanelRays(f"{case}/{variant}", other, pixels, random_aims(other, random, each))
@@ -73,7 +67,7 @@ def _of_displays(displays: Displays) -> Generator:
 
 
 def hard_sets(display: Display, name: str = "all", seed: int = 0, count: int = 24) -> Sets:
-    """Yield the sets of a case, or of "all", of about `count` rays each; raise InputError for an unknown case."""
+    """Yield the sets of a case or of "all", about `count` rays each; raise InputError for an unknown case."""
     if name != "all" and name not in CASES:
         raise InputError(f"unknown case '{name}'; choose from all, {', '.join(CASES)}")
     for number, (each, case) in enumerate(CASES.items()):
@@ -82,7 +76,7 @@ def hard_sets(display: Display, name: str = "all", seed: int = 0, count: int = 2
 
 
 def changed(display: Display, *, gap_mm: float | None = None, **array: Any) -> Display:
-    """Return a display with other numbers of its array, a plain index, and valid thickness and viewing distance."""
+    """Return a display with another array, a plain index, and valid thickness and viewing distance."""
     thickness_mm = array.pop("thickness_mm", display.array.thickness_mm)
     domes = replace(display.array, **{"glass": None, **array})
     domes = replace(domes, thickness_mm=max(thickness_mm, domes.sag_mm))
@@ -102,45 +96,43 @@ def steep(display: Display, share: float = 1.02) -> Display:
     return changed(display, radius_mm=share * array.half_diagonal_mm, thickness_mm=0.0, gap_mm=array.coarsest_mm)
 
 
-def _nudged(points: Floats, random: np.random.Generator) -> Floats:
+def _nudged(points: Floats, random: Random) -> Floats:
     """Move each coordinate of points by up to 2 units of its last place."""
-    return np.asarray(points + random.integers(-2, 3, points.shape) * np.spacing(points))
+    return points + random.integers(-2, 3, points.shape) * np.spacing(points)
 
 
 def _near_onset(name: str, display: Display, pixels: Floats, aims: Floats) -> PanelRays:
     """Return rays to aims (N, 2), and to those at `ULPS` from them."""
-    near = aims[:, None, :] + np.array(ULPS)[None, :, None] * np.spacing(np.abs(aims))[:, None, :]
+    near = aims[:, None] + np.array(ULPS)[:, None] * np.spacing(np.abs(aims))[:, None]
     return PanelRays(name, display, np.repeat(pixels, len(ULPS), axis=0), near.reshape(-1, 2))
 
 
-# --- special points on one display ------------------------------------------------------------------------------
+# ---- special points on one display ----
 
 
 @_case
-def chief_ray(display: Display, random: np.random.Generator, count: int) -> Sets:
-    """Rays from behind a lenslet's vertex through it, and from a few roundings beside: no refraction."""
+def chief_ray(display: Display, random: Random, count: int) -> Sets:
+    """Rays through a lenslet's vertex from behind it, within a few roundings: no refraction."""
     lenslets = random.integers(-3, 4, (count, 2))
     at = pixels_from_cells(display, lenslets, np.zeros((count, 2)))
     yield PanelRays("chief-ray", display, np.concatenate([at, _nudged(at, random)]), None)
 
 
 @_case
-def cell_edges(display: Display, random: np.random.Generator, count: int) -> Sets:
-    """Pixels and aims on the edges of cells, and a few roundings beside: each ray has exactly one lenslet."""
+def cell_edges(display: Display, random: Random, count: int) -> Sets:
+    """Pixels and aims within a few roundings of the edges of cells: each ray has exactly one lenslet."""
     yield from _on_border("cell-edges", display, random, edge_points(display, random, 2 * count), (1, -2))
 
 
 @_case
-def cell_corners(display: Display, random: np.random.Generator, count: int) -> Sets:
-    """Pixels and aims on the corners of squares and vertices of hexagons, and a few roundings beside."""
+def cell_corners(display: Display, random: Random, count: int) -> Sets:
+    """Pixels and aims within a few roundings of the corners of squares and hexagons."""
     corners = corners_mm(display.array)
     points = corners[random.integers(0, len(corners), 2 * count)]
     yield from _on_border("cell-corners", display, random, points, (-1, 3))
 
 
-def _on_border(
-    case: str, display: Display, random: np.random.Generator, points: Floats, lenslet: tuple[int, int]
-) -> Sets:
+def _on_border(case: str, display: Display, random: Random, points: Floats, lenslet: tuple[int, int]) -> Sets:
     """Yield pixels at half of the points of a cell, and aims at the others."""
     count = len(points) // 2
     pixels, _ = pixels_at(display, points[:count], lenslet)
@@ -150,8 +142,8 @@ def _on_border(
 
 
 @_case
-def cell_ties(display: Display, random: np.random.Generator, count: int) -> Sets:
-    """Pixels exactly on edges and corners, at coordinates that float64 holds exactly: the tie rule decides."""
+def cell_ties(display: Display, random: Random, count: int) -> Sets:
+    """Pixels exactly on edges and corners, at exact coordinates: the tie rule decides."""
     del random
     square = replace(display.panel, width_px=400, height_px=320, pixel_pitch_mm=0.0625)
     plain = changed(display, shear=0.0, extent_mm=None, rotation_deg=0.0, offset_mm=(0.0, 0.0))
@@ -162,29 +154,26 @@ def cell_ties(display: Display, random: np.random.Generator, count: int) -> Sets
 
 
 @_case
-def grazing_launch(display: Display, random: np.random.Generator, count: int) -> Sets:
+def grazing_launch(display: Display, random: Random, count: int) -> Sets:
     """Rays that leave the panel at ever flatter angles, down to parallel within rounding or to the array's end."""
     pixels = random_pixels(display, random, count)
-    # Half of the engines' limit, so that inputs moved by a rounding or a tolerance stay within it.
+    # Half of the engines' limit: a rounding or a tolerance stays within it.
     farthest = 0.5 * FARTHEST_LENSLETS * display.array.finest_mm / display.aperture_distance_mm
     far = display.aperture_distance_mm * random_sizes(random, 1.0, min(1e8, farthest), count)
     yield PanelRays("grazing-launch", display, pixels, far * random_directions(random, count))
 
 
 def _flips(
-    display: Display, random: np.random.Generator, count: int, status: Status, reach: float = 1.5, centres: bool = False
+    display: Display, random: Random, count: int, status: Status, reach: float = 1.5, centres: bool = False
 ) -> tuple[Floats, Floats, Floats]:
-    """Return at most `count` pixels, the last aims before rays get a status, and aims well before; (M, 2) each.
-
-    With `centres` the pixels are centres, which every word holds exactly.
-    """
+    """Return at most `count` pixels, the last aims before rays get a status, and aims well before; (M, 2) each."""
 
     def has(aims: Floats) -> Bools:
         return np.asarray(trace(display, pixels, aims).status == int(status))
 
     many = 400 * count
     pixels = pixels_at(display, random_aims(display, random, many))[0]
-    if centres:
+    if centres:  # which every word holds exactly
         pixels = np.floor(pixels) + 0.5
     inner, outer = random_aims(display, random, many), random_aims(display, random, many, reach)
     mixed = np.flatnonzero(~has(inner) & has(outer))[:count]
@@ -193,7 +182,7 @@ def _flips(
 
 
 @_case
-def total_reflection(display: Display, random: np.random.Generator, count: int) -> Sets:
+def total_reflection(display: Display, random: Random, count: int) -> Sets:
     """Steep lenslets of high index: rays within 64 roundings of total internal reflection, on both sides."""
     dense = changed(steep(display), index=1.9)
     pixels, aims, _ = _flips(dense, random, max(2, count // 4), Status.INTERNAL_REFLECTION)
@@ -201,10 +190,10 @@ def total_reflection(display: Display, random: np.random.Generator, count: int) 
 
 
 @_case
-def grazing_exit(display: Display, random: np.random.Generator, count: int) -> Sets:
+def grazing_exit(display: Display, random: Random, count: int) -> Sets:
     """Rays that leave the last face at ever flatter angles, down to 10^-15 of the distance to total reflection.
 
-    Those of the second set, from whole pixels, are as near to it as words can tell.
+    The second set, from pixel centres, is as near to it as words can be.
     """
     dense = changed(steep(display), index=1.9)
     for name, nearest, farthest, centres in (("", 1e-15, 0.1, False), ("/words", 3e-8, 3e-6, True)):
@@ -214,10 +203,10 @@ def grazing_exit(display: Display, random: np.random.Generator, count: int) -> S
 
 
 @_case
-def far_cells(display: Display, random: np.random.Generator, count: int) -> Sets:
+def far_cells(display: Display, random: Random, count: int) -> Sets:
     """Steep domes hit at up to 1.4 pitches from the lenslet: rays that leave through the one behind the neighbour.
 
-    None do where the domes face the viewer: rays reach farther cells there only from farther aims.
+    There are none where the domes face the viewer: farther cells need farther aims.
     """
     far = changed(steep(display), gap_mm=1.5 * display.array.coarsest_mm)
     many = 400 * count
@@ -231,7 +220,7 @@ def far_cells(display: Display, random: np.random.Generator, count: int) -> Sets
 
 
 @_case
-def fates(display: Display, random: np.random.Generator, count: int) -> Sets:
+def fates(display: Display, random: Random, count: int) -> Sets:
     """Rays on both sides of the onset of crosstalk, of blocking by a dome, and of a missed array."""
     array = display.array
     thin = changed(display, radius_mm=1.02 * array.half_diagonal_mm, index=1.25, thickness_mm=0.0, gap_mm=0.0)
@@ -244,7 +233,7 @@ def fates(display: Display, random: np.random.Generator, count: int) -> Sets:
 
 
 @_case
-def losses(display: Display, random: np.random.Generator, count: int) -> Sets:
+def losses(display: Display, random: Random, count: int) -> Sets:
     """Rays of every fate, far from its onset: stopped by a dome, at a wall between domes, at the array's end."""
     array, panel = display.array, display.panel
     domes = changed(display, radius_mm=1.02 * array.half_diagonal_mm, index=1.25, thickness_mm=0.0, gap_mm=0.0)
@@ -265,7 +254,7 @@ def losses(display: Display, random: np.random.Generator, count: int) -> Sets:
 
 
 @_case
-def tangent(display: Display, random: np.random.Generator, count: int) -> Sets:
+def tangent(display: Display, random: Random, count: int) -> Sets:
     """Rays in air that touch a dome: the discriminant is within a few roundings of zero, on both sides, and beyond."""
     hilly = without_eye(steep(display, 1.001))
     R = hilly.array.radius_mm
@@ -274,7 +263,7 @@ def tangent(display: Display, random: np.random.Generator, count: int) -> Sets:
     slope = np.hypot(*foot.T) / R
     foot = foot[slope > 0.75][: 2 * count]
     normal = np.column_stack([foot / R, np.sqrt(1.0 - (foot**2).sum(axis=1) / R**2)])
-    # Downhill, and rotated to either side of it.
+    # Downhill, rotated to either side.
     down = unit_vectors(np.column_stack([foot, np.zeros(len(foot))]))
     down = unit_vectors(down - (down * normal).sum(axis=1)[:, None] * normal)
     turn = random.uniform(-0.6, 0.6, (len(foot), 1))
@@ -296,7 +285,7 @@ def tangent(display: Display, random: np.random.Generator, count: int) -> Sets:
     yield PanelRays("tangent", hilly, pixels, aim[:, :2] - own)
 
 
-# --- displays with a property at an extreme ---------------------------------------------------------------------
+# ---- displays with a property at an extreme ----
 
 
 @_of_displays
@@ -357,7 +346,7 @@ def rotations(display: Display) -> dict[str, Display]:
 
 @_of_displays
 def offsets(display: Display) -> dict[str, Display]:
-    """Arrays off the panel's centre by half a lenslet, by a third, by a metre, by 10^-300 mm."""
+    """Arrays half a lenslet, a third, a metre and 10^-300 mm off the panel's centre."""
     p, row = display.array.pitches_mm[0], display.array.row_pitch_mm
     moves = {"half": (0.5 * p, 0.5 * row), "third": (p / 3.0, -row / 3.0)}
     moves |= {"metre": (1e3, -1e3), "1e-300": (1e-300, -1e-300)}
@@ -367,11 +356,8 @@ def offsets(display: Display) -> dict[str, Display]:
 
 
 @_case
-def huge_panels(display: Display, random: np.random.Generator, count: int) -> Sets:
-    """Rays from the corners of the largest panels that a file may describe, 65,535 x 65,535 pixels.
-
-    Float32 resolves their coordinates to a few micrometres only.
-    """
+def huge_panels(display: Display, random: Random, count: int) -> Sets:
+    """Rays from the corners of the largest panels, 65,535 x 65,535 pixels; float32 resolves a few micrometres."""
     pitch = min(display.panel.coarsest_mm, 0.4)
     panel = replace(display.panel, width_px=MAX_SIDE_PX, height_px=MAX_SIDE_PX, pixel_pitch_mm=pitch)
     wide = replace(display, panel=panel)
@@ -381,7 +367,7 @@ def huge_panels(display: Display, random: np.random.Generator, count: int) -> Se
 
 
 @_case
-def tiny_values(display: Display, random: np.random.Generator, count: int) -> Sets:
+def tiny_values(display: Display, random: Random, count: int) -> Sets:
     """Coordinates that are zero, minus zero or subnormal, or whose squares underflow."""
     tiny = np.array([0.0, -0.0, 5e-324, -5e-324, 1e-310, -1e-310, 1e-160, -1e-160, 1e-20, -1e-20])
     aims = random.choice(tiny, (count, 2))
@@ -393,7 +379,7 @@ def tiny_values(display: Display, random: np.random.Generator, count: int) -> Se
 
 
 @_case
-def far_origins(display: Display, random: np.random.Generator, count: int) -> Sets:
+def far_origins(display: Display, random: Random, count: int) -> Sets:
     """Rays from the world that start 1 m and 1 km away, as from an eye or a distant source."""
     panel = display.panel
     for name, distance in (("1-m", 1e3), ("1-km", 1e6)):
@@ -406,10 +392,7 @@ def far_origins(display: Display, random: np.random.Generator, count: int) -> Se
 
 @_of_displays
 def register_limits(display: Display) -> dict[str, Display]:
-    """Displays that need the largest or smallest value of each register of the fixed-point pipeline.
-
-    Displays just beyond are refused (tests/host/test_conditioning_fixed.py).
-    """
+    """Displays with the largest or smallest value of each register. Displays just beyond are refused."""
     array, p, rho = display.array, display.array.finest_mm, display.array.half_diagonal_mm
     deepest = 3.999 if array.plano_side == "viewer" else 5.999
     limits = {
@@ -433,7 +416,7 @@ def converged(display: Display) -> dict[str, Display]:
     """Elemental images that converge on an eye: near, aside, behind steep lenslets, far away, beside the panel."""
     panel = display.panel
 
-    def converge(display: Display, eye_mm: float, axis_mm: tuple[float, float] = (0.0, 0.0)) -> Display:
+    def converge(display: Display, eye_mm: float, axis_mm: Pair = (0.0, 0.0)) -> Display:
         return replace(display, viewing_distance_mm=max(eye_mm, display.nearest_eye_mm), viewing_axis_mm=axis_mm)
 
     return {
@@ -448,11 +431,11 @@ def converged(display: Display) -> dict[str, Display]:
 
 @_of_displays
 def skewed(display: Display) -> dict[str, Display]:
-    """Arrays of two pitches and a shear, up to the most that a file may say, and arrays smaller than the panel."""
+    """Arrays of two pitches and a shear, up to the limits of a file, and arrays smaller than the panel."""
     array, panel = display.array, display.panel
     px, py = array.pitches_mm
 
-    def skew(pitch_mm: tuple[float, float], shear: float, **other: Any) -> Display:
+    def skew(pitch_mm: Pair, shear: float, **other: Any) -> Display:
         domes = replace(array, pitch_mm=pitch_mm, shear=shear)
         radius_mm = max(array.radius_mm, 1.01 * domes.half_diagonal_mm)
         return changed(display, pitch_mm=pitch_mm, shear=shear, radius_mm=radius_mm, **other)

@@ -22,27 +22,25 @@ from lippmann.fixed.words import Ints
 from lippmann.optics.rays import Floats
 from lippmann.optics.system import System
 
+USUAL = Bounds()
 #: Rays that variants are tried on, and that numbers are fitted to.
 SAMPLE, FIT_SAMPLE = 1500, 300
 #: Wrong rays that pairs of faults are tried on first.
 FEW = 90
 #: Minimum share of the rays that the diagnosed fault must match.
 EXPLAINED = 0.97
-#: Maximum distance of a fault's wrong arrays, as a share of golden's. In no array may the fault be farther than golden
-#: by more than SAME (mm, radians, share of integers).
+#: Maximum distance of a fault: relative to golden's in wrong arrays, beyond golden's in others.
 NEARER, SAME = 0.5, 1e-9
-#: Maximum difference between golden and the words of a right design, in units of the last place of the widest aims.
+#: Maximum difference of right words from golden, in units of the last place of the widest aims.
 WORD_UNITS = 64.0
 #: Maximum difference from the twin's words that another rounding explains.
 ROUNDING_WORDS = 8
-#: Delays of the outputs that are tried, in rays, and the minimum number of rays that shows one, or two faults at once.
+#: Delays of outputs, in rays, and the minimum number of rays that shows one, or two faults.
 LAGS, MANY = (1, -1, 2, -2, 3, -3), 8
-#: Names of `coverage_points.tied_sides`.
-SIDES = ("left", "lower")
 
 
 class Finding(NamedTuple):
-    """The first wrong step, None if all is right; the fault that explains it; the share of the rays that it matches."""
+    """The first wrong step, None if all is right; the fault, and the share of rays that it matches."""
 
     stage: str | None = None
     fault: str | None = None
@@ -53,8 +51,7 @@ class Finding(NamedTuple):
 class Verdict:
     """The verdict on foreign rays: counts of them, the index of the first wrong one, and the `Finding`.
 
-    Rays `on_edge` are beyond the bounds, but a rounding changes their status or lenslet. `covered` are the counts of
-    the rays that meet each point of `coverage_points.POINTS`.
+    Rays `on_edge` are beyond the bounds, but on an edge. `covered` are the counts at `coverage_points.POINTS`.
     """
 
     rays: int
@@ -100,14 +97,10 @@ class Verdict:
 
 
 @np.errstate(all="ignore")  # values of any size are compared
-def judge(
-    foreign: ForeignRays,
-    bounds: Bounds = Bounds(),  # noqa: B008 (frozen)
-    two_faults: bool = True,
-) -> Verdict:
+def judge(foreign: ForeignRays, bounds: Bounds = USUAL, two_faults: bool = True) -> Verdict:
     """Judge foreign rays: numbers by golden and `bounds`, words by the twin, bit for bit.
 
-    With `two_faults`, a pair of faults is looked for when no single one explains the rays. It takes some ten seconds.
+    With `two_faults`, a pair is looked for when no single fault explains the rays, for some ten seconds.
     """
     if foreign.words is None:
         comparison = compare(foreign, bounds, every=False)
@@ -135,21 +128,20 @@ def _judge_numbers(
         alone = [side & (np.sum(sides, axis=0) == 1) for side in sides]
         turned = [side.sum() > 2 and other[side].all() for side in alone]
         if any(turned):
-            which = "every point on an edge" if all(turned) else f"every point on a {SIDES[turned.index(True)]} edge"
+            edge = "an edge" if all(turned) else ("a left edge", "a lower edge")[turned.index(True)]
             wrong = other & np.any([side for side, swapped in zip(sides, turned, strict=True) if swapped], axis=0)
-            return wrong, Finding("lenslet", f"{TIE_RULE}: {which} has the other owner", 1.0)
+            return wrong, Finding("lenslet", f"{TIE_RULE}: every point on {edge} has the other owner", 1.0)
     return compared.wrong, Finding()
 
 
-# --- diagnosis --------------------------------------------------------------------------------------------------
+# ---- diagnosis ----
 
 
 def _diagnose(compared: Comparison, two_faults: bool) -> Finding:
-    """Diagnose wrong rays."""
     bad = compared.wrong_arrays
     first = min((FIELDS[name][0] for name in bad), key=STAGES.index)
     codes = None
-    # Where the status is wrong, the other values of a ray that should be lost say nothing.
+    # Other values of a lost ray say nothing where its status is wrong.
     if "status" in bad and not (compared.wrong & ~compared.wrong_by["status"]).any():
         codes = _wrong_codes(compared.fields["status"], compared.golden["status"], compared.wrong)
     if first == "status":
@@ -230,14 +222,13 @@ def _stale(compared: Comparison) -> Finding | None:
     if len(run) < MANY or last + 1 - first >= len(compared.edge) or len(run) < 0.5 * (last + 1 - first):
         return None
     best = _best(compared.select(np.arange(first, last + 1)))
-    if best is None:
-        return None
-    return best._replace(fault=f"stale register: rays {first} to {last} are of an earlier configuration ({best.fault})")
+    fault = f"stale register: rays {first} to {last} are of an earlier configuration"
+    return best and best._replace(fault=f"{fault} ({best.fault})")
 
 
 def _late(right: Callable[[int], Bools]) -> Finding | None:
-    """Find by how many rays outputs came late or early; `right(lag)` tells which are right `lag` rays after theirs."""
-    # Where more rays are right in their own place, as among rays that are nearly alike, none came late.
+    """Find the delay of outputs; `right(lag)` tells which are right `lag` rays later."""
+    # Among nearly equal rays, more are right without a delay.
     own = right(0).mean()
     for lag in LAGS:
         same = right(lag)
@@ -298,8 +289,7 @@ def _best(compared: Comparison) -> Finding | None:
 def _two(compared: Comparison) -> Finding | None:
     """Return the first pair of faults that matches nearly all rays."""
     for lag in (1, -1):
-        best = _best(compared.later(lag))
-        if best is not None:
+        if best := _best(compared.later(lag)):
             return best._replace(fault=f"{best.fault}{PAIR}outputs {_delay(lag)}")
     random = np.random.default_rng(0)
     bad, good = np.flatnonzero(compared.wrong & ~compared.edge), np.flatnonzero(~compared.wrong & ~compared.edge)
@@ -317,7 +307,7 @@ def _two(compared: Comparison) -> Finding | None:
 
 
 def _distances(variant: Variant, sample: Comparison) -> list[tuple[str, Floats, Floats]]:
-    """Return the arrays that a variant predicts, with their distances (N,) from it and from golden."""
+    """Return the predicted arrays, with their distances (N,) from variant and golden."""
     try:
         rays = variant.predict(sample.inputs, sample.golden)
     except NO_RAYS:
@@ -340,11 +330,7 @@ def _apart(sample: Comparison, variant: Variant) -> float:
 
 
 def _match(variant: Variant, sample: Comparison) -> tuple[float, float]:
-    """Return the share of rays that a variant matches, and its distance from the wrong ones relative to golden's.
-
-    The share is the smaller of those of the wrong rays and of all; 0 when golden is nearer in some array, or about as
-    near in the wrong arrays.
-    """
+    """Return the share of rays that a variant matches, 0 if golden is as near, and its relative distance."""
     bad, ratios = sample.wrong, []
     right = np.ones(len(bad), bool)
     for name, far, own in _distances(variant, sample):
@@ -362,11 +348,10 @@ def _match(variant: Variant, sample: Comparison) -> tuple[float, float]:
     return float(min(right.mean(), right[bad].mean())), max(ratios)
 
 
-# --- words ------------------------------------------------------------------------------------------------------
+# ---- words ----
 
 #: Words that are real numbers.
 REALS = ("x", "y", "z", "dx", "dy", "dz")
-#: The steps that compute words.
 WORD_STAGES = dict(zip(FixedRays._fields, ["lenslet"] * 2 + ["dome"] * 3 + ["exit"] * 3 + ["status"], strict=True))
 #: Words that may be taken for each other.
 SWAPS = ({"x": "y", "y": "x"}, {"dx": "dy", "dy": "dx"}, {"x": "y", "y": "x", "dx": "dy", "dy": "dx"})
@@ -396,7 +381,6 @@ def _judge_words(
 def _diagnose_words(
     foreign: ForeignRays, build: Build, words: FixedRays, twin: FixedRays, wrong: Bools, first: str, two_faults: bool
 ) -> Finding:
-    """Diagnose words that differ from the twin's."""
     if first == "status":
         return _wrong_codes(words.status[:, None], twin.status[:, None], wrong)
     lenslets: Bools = (words.i != twin.i) | (words.j != twin.j)
@@ -404,10 +388,10 @@ def _diagnose_words(
     slip = Finding(first, rounding, 1.0) if rounding else _slip(words, twin)
     if slip:
         return slip
-    unit = word_unit(build.fraction_bits)
-    place = WORD_UNITS * unit * foreign.inputs.display.array.radius_mm
+    unit = WORD_UNITS * word_unit(build.fraction_bits)
+    place = unit * foreign.inputs.display.array.radius_mm
     moved = np.full_like(foreign.inputs.pixels, place)
-    wide = Bounds(direction_urad=1e6 * WORD_UNITS * unit, point_nm=1e6 * place)
+    wide = Bounds(direction_urad=1e6 * unit, point_nm=1e6 * place)
     compared = compare(foreign, wide, (moved, moved))
     ties = lenslets & (compared.edge | tied(foreign.inputs))
     if (ties == wrong).all():
@@ -418,7 +402,7 @@ def _diagnose_words(
 
 
 def _slip(words: FixedRays, twin: FixedRays) -> Finding | None:
-    """Find the delay, sign, swap or constant that gives these words of the twin's, bit for bit."""
+    """Find the delay, sign, swap or constant that turns the twin's words into these."""
 
     def equal(lag: int, right: FixedRays = twin) -> Bools:
         rays = np.arange(max(0, -lag), len(twin.status) - max(0, lag))

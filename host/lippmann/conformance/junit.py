@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from xml.etree import ElementTree
+from xml.etree.ElementTree import Element, ElementTree, SubElement, indent
 
 from lippmann.base.files import replacing
 from lippmann.conformance.judge import Verdict
@@ -23,19 +23,19 @@ def write_junit(
     errors = [] if ended is None else [("stream", ("error", "stream", ended, list[str]()))]
     failures = sum(problem is not None for problem in wrong)
     counts = {"tests": str(len(cases + errors)), "failures": str(failures), "errors": str(len(errors))}
-    top = ElementTree.Element("testsuites", counts)
-    suite = ElementTree.SubElement(top, "testsuite", {"name": "lippmann regress", **counts, "skipped": "0"})
+    top = Element("testsuites", counts)
+    suite = SubElement(top, "testsuite", {"name": "lippmann regress", **counts, "skipped": "0"})
     if about:
-        properties = ElementTree.SubElement(suite, "properties")
+        properties = SubElement(suite, "properties")
         for name, value in about.items():
-            ElementTree.SubElement(properties, "property", {"name": name, "value": printable(value)})
+            SubElement(properties, "property", {"name": name, "value": printable(value)})
     for name, problem in [*cases, *errors]:
         attributes = {"classname": f"lippmann.{name.partition('/')[0]}", "name": name}
-        case = ElementTree.SubElement(suite, "testcase", attributes)
+        case = SubElement(suite, "testcase", attributes)
         if problem is not None:
             kind, stage, message, lines = problem
-            entry = ElementTree.SubElement(case, kind, {"type": stage, "message": printable(message)})
+            entry = SubElement(case, kind, {"type": stage, "message": printable(message)})
             entry.text = printable("\n".join(lines)) or None
-    ElementTree.indent(top)
+    indent(top)
     with replacing(path) as partial:
-        ElementTree.ElementTree(top).write(partial, "utf-8", xml_declaration=True)
+        ElementTree(top).write(partial, "utf-8", xml_declaration=True)

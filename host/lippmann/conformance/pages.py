@@ -1,7 +1,4 @@
-"""Pages from templates: Markdown for the documentation, and one HTML file that needs no other file.
-
-A template is Markdown with Jinja2. It shows plots, tables and files by the macros of `markdown.jinja` or `html.jinja`.
-"""
+"""Pages from Jinja2 templates: Markdown for the documentation, and one HTML file that needs no other file."""
 
 from __future__ import annotations
 
@@ -35,11 +32,10 @@ class Page:
     #: Machine, date, command and versions of its figures.
     origin: Mapping[str, str]
     plots: Sequence[Plot] = ()
-    #: Rows that are kept as CSV, by the name of the file.
+    #: Rows of CSV files by name.
     tables: Mapping[str, Rows] = field(default_factory=dict)
-    #: Further names that the template uses.
+    #: Names for the template.
     context: Row = field(default_factory=dict)
-    #: The folder of the template.
     templates: Path = TEMPLATES
 
     @cached_property
@@ -58,7 +54,7 @@ class Page:
         return environment
 
     def text(self, form: Literal["markdown", "html"] = "markdown") -> str:
-        """Return the page in Markdown; as "html" with plots and tables in HTML."""
+        """Return the page in Markdown, with plots and tables in either form."""
         origin = {key: html.escape(str(value), quote=False) for key, value in self.origin.items()}
         names = {
             "repeat_origin": False,  # in Markdown, below each plot and table
@@ -72,7 +68,7 @@ class Page:
         return re.sub(r"\n{3,}", "\n\n", text).strip()
 
     def html(self) -> str:
-        """Return the page as one HTML file: no script, nothing from the network, plots within."""
+        """Return the page as one HTML file, without scripts or links to other files."""
         reader = MarkdownIt("commonmark", {"html": True})
         tokens = reader.parse(self.text("html"))
         headings = [(token, tokens[k + 1].content) for k, token in enumerate(tokens) if token.type == "heading_open"]
@@ -87,10 +83,7 @@ class Page:
         )
 
     def write(self, folder: Path, as_html: bool = False) -> list[Path]:
-        """Write the page, its plots and CSV files into a folder, made when missing; return the files.
-
-        Raises InputError when the file system refuses.
-        """
+        """Write the page, plots and CSV files into a folder; raise InputError when the file system refuses."""
         make_folder(folder)
         pages = {folder / f"{self.name}.md": f"{self.text()}\n"}
         if as_html:
@@ -107,7 +100,7 @@ class Page:
 
 
 def stamped(png: bytes, origin: Mapping[str, str]) -> bytes:
-    """Return a PNG that carries the origin of its figures as texts."""
+    """Return a PNG with the origin of its figures as texts."""
     texts, out = PngInfo(), io.BytesIO()
     for key, value in origin.items():
         texts.add_text(f"lippmann:{key}", value)

@@ -1,4 +1,4 @@
-"""The plots of the reports: colours and marks that differ without colour vision, PNG in memory."""
+"""Plots of the reports, with colours and marks that differ without colour vision."""
 
 from __future__ import annotations
 
@@ -15,25 +15,21 @@ from lippmann.optics.rays import ENGINES, MODELS
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-#: The axes of a picture, in rows.
-AxesGrid = npt.NDArray[np.object_]
-
 #: Colours of Okabe and Ito, which all kinds of colour vision tell apart.
 COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#000000")
 MARKS = ("o", "s", "^", "x", "D", "v", "+")
-DPI = 100
 
 
 @dataclass(frozen=True)
 class Plot:
-    """A picture: the name of its file without extension, and its PNG. The page's template describes it."""
+    """A picture: its PNG, and its file's name without extension."""
 
     name: str
     png: bytes
 
 
-def make_axes(down: int, across: int, size: tuple[float, float] = (5.2, 3.8)) -> tuple[Figure, AxesGrid]:
-    """Return a picture and its axes, in rows of `across`, each of a size in inches."""
+def make_axes(down: int, across: int, size: tuple[float, float] = (5.2, 3.8)) -> tuple[Figure, npt.NDArray[np.object_]]:
+    """Return a picture and its axes, (down, across), each of a size in inches."""
     import matplotlib as mpl
 
     mpl.use("Agg")
@@ -49,13 +45,13 @@ def finish_picture(picture: Figure) -> bytes:
     for axis in picture.axes:
         axis.grid(alpha=0.3)
     buffer = io.BytesIO()
-    picture.savefig(buffer, format="png", dpi=DPI)
+    picture.savefig(buffer, format="png", dpi=100)
     plt.close(picture)
     return buffer.getvalue()
 
 
 def draw_engines(data: Figures) -> Plot:
-    """Draw speed against error of every model and engine, on the first display of each grid."""
+    """Draw speed against error of all models and engines, on the first display of each grid."""
     kinds = (
         ("chief", "max_mm", "chief rays: largest error in the scene, mm", "log"),
         ("full", "max_mm", "full aperture: largest error in the scene, mm", "log"),

@@ -25,6 +25,7 @@ from lippmann.optics.rays import Engine, Floats, Model, Rays
 from lippmann.optics.system import PanelFrame, System
 
 Bools = npt.NDArray[np.bool_]
+Random = np.random.Generator
 #: Indices, a mask (N,) or a slice of N rays.
 Selection = npt.NDArray[np.intp] | Bools | slice
 
@@ -35,8 +36,6 @@ OUTPUTS = FixedRays._fields
 STATUS_BITS = 3
 #: Bits of a line of `registers.mem`.
 REGISTER_BITS = 64
-#: Bisections that make any two floats adjacent.
-BISECTIONS = 64
 
 
 @dataclass(frozen=True)
@@ -89,12 +88,12 @@ class WorldRays:
         return replace(self, origin_mm=self.origin_mm[rays], direction=self.direction[rays])
 
 
-def random_pixels(display: Display, random: np.random.Generator, count: int) -> Floats:
+def random_pixels(display: Display, random: Random, count: int) -> Floats:
     """Return pixel coordinates anywhere on the panel, (count, 2)."""
-    return np.asarray(random.uniform(0.0, panel_size(display), (count, 2)))
+    return random.uniform(0.0, panel_size(display), (count, 2))
 
 
-def random_aims(display: Display, random: np.random.Generator, count: int, reach: float = 1.0) -> Floats:
+def random_aims(display: Display, random: Random, count: int, reach: float = 1.0) -> Floats:
     """Return points anywhere in a lenslet's cell, (count, 2), mm, times `reach`."""
     array = display.array
     lattice = Lattice.of(array)
@@ -104,7 +103,7 @@ def random_aims(display: Display, random: np.random.Generator, count: int, reach
     return np.asarray(points[:count] * reach, np.float64)
 
 
-def random_directions(random: np.random.Generator, count: int) -> Floats:
+def random_directions(random: Random, count: int) -> Floats:
     """Return unit vectors (count, 2), without a sine, whose last bit depends on the machine."""
     x, y = random.uniform(-1.0, 1.0, (2, count))
     return np.asarray(np.stack([x, y], axis=1) / np.sqrt(x * x + y * y)[:, None])
@@ -113,23 +112,23 @@ def random_directions(random: np.random.Generator, count: int) -> Floats:
 def unit_vectors(vectors: Floats) -> Floats:
     """Normalise vectors (N, 3), except those of length 0."""
     length = np.linalg.norm(vectors, axis=1, keepdims=True)
-    return np.asarray(vectors / np.where(length > 0.0, length, 1.0))
+    return vectors / np.where(length > 0.0, length, 1.0)
 
 
-def random_sizes(random: np.random.Generator, low: float, high: float, count: int) -> Floats:
+def random_sizes(random: Random, low: float, high: float, count: int) -> Floats:
     """Return numbers of all magnitudes from `low` to `high`, (count, 1)."""
     # By binary exponents: the last bit of a power depends on the machine.
     (_, first), (_, last) = math.frexp(low), math.frexp(high)
     sizes = np.ldexp(random.uniform(0.5, 1.0, (count, 1)), random.integers(first, last + 1, (count, 1)))
-    return np.asarray(np.clip(sizes, low, high))
+    return np.clip(sizes, low, high)
 
 
-def edge_points(display: Display, random: np.random.Generator, count: int, vertices: float = 0.0) -> Floats:
+def edge_points(display: Display, random: Random, count: int, vertices: float = 0.0) -> Floats:
     """Return points on the edges of a cell, (count, 2) mm, a share `vertices` of them on the vertices."""
     corners = corners_mm(display.array)
     side, along = random.integers(0, len(corners), count), random.random((count, 1))
     along = np.maximum(along - vertices, 0.0) / (1.0 - vertices)
-    return np.asarray(corners[side] * (1.0 - along) + corners[(side + 1) % len(corners)] * along)
+    return corners[side] * (1.0 - along) + corners[(side + 1) % len(corners)] * along
 
 
 def pixels_at(display: Display, local_mm: Floats, lenslet: tuple[int, int] = (0, 0)) -> tuple[Floats, Floats]:
@@ -143,7 +142,7 @@ def pixels_at(display: Display, local_mm: Floats, lenslet: tuple[int, int] = (0,
 
 
 def cell_steps(display: Display, between: Floats) -> Floats:
-    """Return the number of steps between neighbours that lead over a difference of indices (N, 2), (N,)."""
+    """Return the steps between neighbours for differences of indices (N, 2), (N,)."""
     # On a square grid a step may be diagonal. Rows of hexagons lean: (1, 1) is two steps, (1, -1) one.
     i, j = np.abs(between).T
     steps = np.maximum(i, j)
@@ -151,13 +150,13 @@ def cell_steps(display: Display, between: Floats) -> Floats:
 
 
 def onset(inner: Floats, outer: Floats, has: Callable[[Floats], Bools]) -> Floats:
-    """Return the last aims (N, 2) that `has` refuses from `inner` (all are refused) to `outer` (all are accepted)."""
+    """Return the last aims (N, 2) that `has` refuses from `inner` (all refused) to `outer` (all accepted)."""
     low, high = np.zeros(len(inner)), np.ones(len(inner))
-    for _ in range(BISECTIONS):
+    for _ in range(64):  # makes any two floats adjacent
         middle = 0.5 * (low + high)
         has_it = has(inner + middle[:, None] * (outer - inner))
         low, high = np.where(has_it, low, middle), np.where(has_it, middle, high)
-    return np.asarray(inner + low[:, None] * (outer - inner))
+    return inner + low[:, None] * (outer - inner)
 
 
 # ---- words of the RTL ----
@@ -195,10 +194,7 @@ def memory_lines(words: Sequence[Ints], widths: Sequence[int]) -> list[str]:
 
 
 def words_of_lines(lines: Sequence[str], widths: Sequence[int], where: Callable[[int], str]) -> list[Ints]:
-    """Return the words of lines as `memory_lines`; `where` names a ray's line in errors.
-
-    Raises InputError when a line is not hexadecimal or too long.
-    """
+    """Return the words of `memory_lines`; raise InputError, with `where` of the ray, for a wrong line."""
     rays, total = [], sum(widths)
     for ray, text in enumerate(lines):
         try:
@@ -250,7 +246,7 @@ class FixedCase:
 def fixed_words(rays: PanelRays, fraction_bits: int, max_cell_steps: int | None = None) -> tuple[FixedCase | None, str]:
     """Return a set in words, None when no ray fits, and the reason of the last refusal.
 
-    Aims beyond the word length are left out; if the registers refuse the others, so are aims outside their own cell.
+    Without aims beyond the words and, if the registers refuse them, without aims outside their cell.
     """
     display, array, aims = rays.display, rays.display.array, rays.aims
     build = Build.of(display, rays.model, fraction_bits, True, max_cell_steps)
@@ -262,11 +258,10 @@ def fixed_words(rays: PanelRays, fraction_bits: int, max_cell_steps: int | None 
         if not mask.any():
             continue
         try:
-            words, registers = words_of_rays(display, build, rays.model, rays.pixels[mask], aims[mask])
+            words = words_of_rays(display, build, rays.model, rays.pixels[mask], aims[mask])
+            return FixedCase(build, *words, mask), why
         except InputError as error:
             why = str(error)
-            continue
-        return FixedCase(build, words, registers, mask), why
     return None, why
 
 
@@ -274,8 +269,7 @@ def fixed_words(rays: PanelRays, fraction_bits: int, max_cell_steps: int | None 
 class ForeignRays:
     """N foreign rays: their inputs, and `fields`, some arrays of `faults.FIELDS`.
 
-    Rays in words also have `words`: those of the inputs and of the rays. `alone` (N,) marks rays of which only the
-    status is known.
+    `words` are those of inputs and rays, if any. `alone` (N,) marks rays of which only the status is known.
     """
 
     inputs: PanelRays

@@ -1,4 +1,4 @@
-"""Streams of rays as lines of text, to and from a foreign program; docs/reference/stream.md describes the lines."""
+"""Streams of rays as text, to and from a foreign program; docs/reference/stream.md describes them."""
 
 from __future__ import annotations
 
@@ -34,9 +34,7 @@ from lippmann.fixed.words import FRACTIONS, Ints
 from lippmann.optics.rays import MODELS, Floats, Model, Status
 
 NAME, VERSION = "lippmann-stream", 1
-#: Notes that the hash of a set covers.
-HASHED = ("numbers", "display", "value", "register")
-#: Maximum number of random rays in a set, all of which are judged at once.
+#: Maximum number of random rays in a set, which is judged at once.
 MAX_RANDOM = 100_000
 
 #: Number of words in a question, in a complete answer, and in the answer of a lost ray.
@@ -50,7 +48,6 @@ FIRST = re.compile(rf"# {NAME} (\d{{1,9}})")
 SET = re.compile(r"[\w.+/-]{1,100}", re.ASCII)
 NUMBERS = re.compile("decimal (MODEL)|words (MODEL) (.+)".replace("MODEL", "|".join(MODELS)))
 RAYS = re.compile(r"([0-9]{1,9}) (\S+)")
-HEXADECIMAL = re.compile(r"[0-9a-fA-F]+")
 WHERE = "the stream"
 REMEDY = "append status i j x y z dx dy dz"
 AGAIN = "copy each line that begins with #, and append to each other line"
@@ -80,11 +77,10 @@ class Stream:
             yield PanelRays(f"random/{number}", self.display, pixels, aims, self.model)
 
     def lines(self, command: str) -> Iterator[str]:
-        """Yield the lines, of sets that fit the words; raise InputError before the first line when none does."""
+        """Yield the lines of sets that fit the words; raise InputError first when none does."""
         hashes: list[str] = []
         for rays in self.sets():
-            set_lines = self._questions(rays)
-            if set_lines is None:
+            if not (set_lines := self._questions(rays)):
                 continue
             notes, questions, digest = set_lines
             if not hashes:
@@ -106,7 +102,7 @@ class Stream:
         hashed: Floats | list[str]
         if self.fraction_bits is None:
             hashed = np.concatenate([rays.pixels, rays.aims], axis=1)
-            questions = [f"{u!r} {v!r} {a!r} {b!r}" for u, v, a, b in hashed.tolist()]
+            questions = [" ".join(map(repr, row)) for row in hashed.tolist()]
             notes = [f"numbers decimal {rays.model}"]
         else:
             fixed, _ = fixed_words(rays, self.fraction_bits)
@@ -178,7 +174,7 @@ class _Set:
 
 
 class StreamReader:
-    """Yields the sets of a stream of answers as they come; InputError names the line that cannot be judged."""
+    """Yields the sets of a stream of answers; InputError names a line that cannot be judged."""
 
     def __init__(self, lines: Iterable[bytes]) -> None:
         self.number = 0
@@ -198,18 +194,18 @@ class StreamReader:
             raw = self._read_line(now)
             if not raw.startswith(b"#"):
                 if now is None:
-                    self._refuse("has a ray before the first set", AGAIN)
+                    self._refuse("has a ray before the first set")
                 where = f"beyond its {len(now.lines)}" if now.lines else "before its number"
-                self._refuse(f"the set {now.name} has a ray {where}", AGAIN)
+                self._refuse(f"the set {now.name} has a ray {where}")
             kind, _, text = self._text(raw)[1:].strip().partition(" ")
             if kind in ("set", "end"):
                 if now is not None and not now.lines:
-                    self._refuse(f"the set {now.name} has no rays", AGAIN)
+                    self._refuse(f"the set {now.name} has no rays")
                 if kind == "end":
                     self._end(text)
                     return
                 if not SET.fullmatch(text):
-                    self._refuse("is no name of a set", AGAIN)
+                    self._refuse("is no name of a set")
                 now = _Set(text)
             elif kind == "rays" and now is not None:
                 yield now.name, self._read_set(now, " ".join(text.split()))
@@ -218,25 +214,24 @@ class StreamReader:
             elif kind == "made":
                 self.command = text
 
-    def _refuse(self, what: str, remedy: str, number: int | None = None) -> NoReturn:
+    def _refuse(self, what: str, remedy: str = AGAIN, number: int | None = None) -> NoReturn:
         """Refuse a line by its number, by default the last one that was read."""
         raise input_error(f"{WHERE}, line {self.number if number is None else number}", what, remedy)
 
     def _read_line(self, now: _Set | None) -> bytes:
-        """Return the next line."""
         raw = next(self._lines, None)
         if raw is None:
             where = "" if now is None else f" in the set {now.name}, after {len(now.lines)} of its rays"
             self._refuse(f"is cut{where}", "let the program answer until the line # end")
         if len(raw) > MAX_LINE:
-            self._refuse(f"has more than {MAX_LINE} bytes", AGAIN)
+            self._refuse(f"has more than {MAX_LINE} bytes")
         return raw
 
     def _text(self, raw: bytes, encoding: str = "utf-8", number: int | None = None) -> str:
         try:
             return raw.decode(encoding).rstrip("\r\n")
         except UnicodeDecodeError:
-            self._refuse("is not text", AGAIN, number)
+            self._refuse("is not text", number=number)
 
     def _begin(self) -> None:
         """Read up to the first line of the stream, after any text of a simulator."""
@@ -252,17 +247,17 @@ class StreamReader:
     def _read_note(self, now: _Set, kind: str, text: str) -> None:
         """Read a note of a set, except the last one."""
         words = " ".join(text.split())
-        if kind in HASHED:
+        if kind in ("numbers", "display", "value", "register"):  # the hash covers these
             now.notes.append(f"{kind} {words}")
             if now.lines or len(now.notes) > MAX_NOTES:
                 excess = "a note after its rays" if now.lines else f"more than {MAX_NOTES} notes"
-                self._refuse(f"the set {now.name} has {excess}", AGAIN)
+                self._refuse(f"the set {now.name} has {excess}")
         if kind == "display":
             now.file.append(text)
         elif kind == "numbers":
             numbers = NUMBERS.fullmatch(words)
             if numbers is None:
-                self._refuse("is no note of numbers", AGAIN)
+                self._refuse("is no note of numbers")
             bits = numbers[3]
             if bits is not None and bits not in map(str, FRACTIONS):
                 self._refuse(f"has no word length {bits[:9]}", f"give F = {FRACTIONS[0]} to {FRACTIONS[-1]}")
@@ -271,11 +266,11 @@ class StreamReader:
     def _end(self, text: str) -> None:
         """Check the last line; text of a simulator may follow, another stream may not."""
         if not self._hashes:
-            self._refuse("ends a stream without a set", AGAIN)
+            self._refuse("ends a stream without a set")
         self.hash = digest_of_all(self._hashes)
         if text.split() != [str(len(self._hashes)), self.hash]:
             self.hash = ""
-            self._refuse("sets are missing, or are of another stream", AGAIN)
+            self._refuse("sets are missing, or are of another stream")
         for raw in self._lines:
             if raw.startswith(f"# {NAME} ".encode()):
                 self._refuse("begins another stream", "judge each stream by a command of its own")
@@ -286,16 +281,16 @@ class StreamReader:
         """Read the rays of a set; `numbers` are their number and the hash."""
         rays = RAYS.fullmatch(numbers)
         if rays is None or not 0 < int(rays[1]) <= MAX_RAYS or now.lines:
-            self._refuse("is no number of rays and hash", AGAIN)
+            self._refuse("is no number of rays and hash")
         if now.model is None:
-            self._refuse(f"the set {now.name} has no note of numbers", AGAIN)
+            self._refuse(f"the set {now.name} has no note of numbers")
         now.first = self.number + 1
         while len(now.lines) < int(rays[1]):
             raw = self._read_line(now)
             if raw.startswith(b"#"):
-                for n in range(len(now.lines)):  # the cause may be an earlier line that is not the next ray's
+                for n in range(len(now.lines)):  # the cause may be an earlier line
                     self._columns(now, n)
-                self._refuse(f"comes after {len(now.lines)} of the {rays[1]} rays of the set {now.name}", AGAIN)
+                self._refuse(f"comes after {len(now.lines)} of the {rays[1]} rays of the set {now.name}")
             now.lines.append(raw)
         display = parse_display("\n".join(now.file), f"{WHERE}, the set {now.name}")
         questions: Floats | list[str]
@@ -314,12 +309,12 @@ class StreamReader:
             foreign = foreign_from_words(columns, display, now.model, now.fraction_bits)
         digest = digest_of_set(now.notes, questions)
         if digest != rays[2]:
-            self._refuse(f"questions or notes of the set {now.name} were changed", AGAIN)
+            self._refuse(f"questions or notes of the set {now.name} were changed")
         self._hashes.append(digest)
         return foreign
 
     def _row(self, now: _Set, n: int) -> list[float]:
-        """Return the numbers of a line after the ray's index, with NaN where a lost ray has its status alone."""
+        """Return the numbers after a ray's index, with NaN where it has its status alone."""
         words, refuse = self._columns(now, n), partial(self._refuse, number=now.first + n)
         answered = len(words) - ASKED
         if answered not in (ANSWERED, LOST):
@@ -342,7 +337,7 @@ class StreamReader:
         words = self._text(now.lines[n], "ascii", now.first + n).split()
         if not words or words[0] != str(n):
             what = f"has ray {words[0][:20] if words else 'none'} where {n} is next"
-            self._refuse(what, AGAIN, now.first + n)
+            self._refuse(what, number=now.first + n)
         return words
 
     def _words(self, now: _Set, fraction_bits: int) -> dict[str, Ints]:
@@ -357,7 +352,7 @@ class StreamReader:
             texts, bits = [row[place] for row in rows], widths(names, fraction_bits)
             digits = hex_digits(bits)
             for n, text in enumerate(texts):
-                if len(text) != digits or not HEXADECIMAL.fullmatch(text):
+                if len(text) != digits or not re.fullmatch("[0-9a-fA-F]+", text):
                     what = f"has '{text[:40]}' for {digits} hexadecimal digits"
                     self._refuse(what, "give leading zeros too", now.first + n)
             words = words_of_lines(texts, bits, lambda n: f"{WHERE}, line {now.first + n}")
@@ -371,7 +366,7 @@ def bounded_lines(file: BinaryIO) -> Iterator[bytes]:
 
 
 def _complete_rows(lines: list[bytes]) -> Floats | None:
-    """Return the rows of numbers after the rays' indices; None unless all lines are complete and in order."""
+    """Return the numbers after the rays' indices, or None unless all lines are complete and in order."""
     if lines[0].isspace():  # numpy warns of blank lines
         return None
     try:

@@ -1,4 +1,4 @@
-"""The page of `lippmann regress`: where errors are, and how large; it keeps only maxima and counts of a stream."""
+"""The page of `lippmann regress`: maxima and counts of the errors of a stream."""
 
 from __future__ import annotations
 
@@ -6,7 +6,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
-import numpy.typing as npt
 
 from lippmann.conformance.comparison import INTEGERS, Bounds, compare, distance
 from lippmann.conformance.coverage_points import summary
@@ -16,20 +15,13 @@ from lippmann.conformance.pages import Page
 from lippmann.conformance.plots import COLOURS, Plot, finish_picture, make_axes
 from lippmann.conformance.ray_sets import Bools, ForeignRays, PanelRays
 from lippmann.fixed.conversion import rays_of_words, word_unit
+from lippmann.fixed.words import Ints
 from lippmann.optics.rays import Floats
 
-Counts = npt.NDArray[np.int64]
-
-#: The lowest colour of a map, relative to the largest error.
-SPAN = 1e-6
 #: Cells along each side of a map.
 CELLS = 48
 #: Half the width of a map over the lenslet, in pitches: a hexagon's corners lie within.
 REACH = 0.6
-#: Decades of a histogram in units of the last place, and bins per decade.
-DECADES, PER_DECADE = (-12, 9), 4
-#: Microradian per radian, and nanometres per millimetre.
-SCALE = 1e6
 
 
 @dataclass
@@ -43,7 +35,7 @@ class ErrorMap:
     unit: str
     panel: Floats = field(default_factory=lambda: np.full((CELLS, CELLS), -1.0))
     lenslet: Floats = field(default_factory=lambda: np.full((CELLS, CELLS), -1.0))
-    counts: Counts = field(default_factory=lambda: np.zeros(len(edges()) + 1, np.int64))
+    counts: Ints = field(default_factory=lambda: np.zeros(len(edges()) + 1, np.int64))
     worst: float = 0.0
     worst_units: float = 0.0
 
@@ -55,15 +47,14 @@ class ErrorMap:
 
 def edges() -> Floats:
     """Return the edges of the histogram's bins, in units of the last place."""
-    low, high = DECADES
-    return np.asarray(10.0 ** np.linspace(low, high, (high - low) * PER_DECADE + 1))
+    return 10.0 ** np.linspace(-12, 9, 21 * 4 + 1)  # four bins per decade
 
 
 class ErrorMaps(dict[str, ErrorMap]):
     """The errors of all judged rays, by array."""
 
     def add(self, foreign: ForeignRays, bounds: Bounds) -> None:
-        """Count the errors of a set, without rays on an edge and rays of which only the status is known.
+        """Count the errors of a set, without rays on an edge or with only their status.
 
         A unit of the last place is that of a float32 of the vector's largest component, or a word's.
         """
@@ -84,26 +75,26 @@ class ErrorMaps(dict[str, ErrorMap]):
         self.count(inputs, far, units, judged)
 
     def count(self, inputs: PanelRays, apart: Arrays, units: Arrays, judged: Bools) -> None:
-        """Count the finite errors `apart` of judged rays, (N,) radians or mm; `units` are those of the last place."""
+        """Count the finite errors `apart` of judged rays, (N,) radians or mm; `units` of the last place."""
         panel = inputs.display.panel
         on_panel = inputs.pixels / np.array([panel.width_px, panel.height_px])
         on_lenslet = inputs.aims / (2.0 * REACH * inputs.display.array.coarsest_mm) + 0.5
         for name, far in apart.items():
             error_map = self.setdefault(name, ErrorMap("microradian" if name == "direction" else "nm"))
             counted = judged & np.isfinite(far)
-            error, steps = far[counted] * SCALE, far[counted] / units[name][counted]
+            error, steps = far[counted] * 1e6, far[counted] / units[name][counted]
             _largest(error_map.panel, on_panel[counted], error)
             _largest(error_map.lenslet, on_lenslet[counted], error)
             bins = np.where(steps > 0.0, np.searchsorted(edges(), steps, side="right").clip(1), 0)
             error_map.counts += np.bincount(bins, minlength=len(error_map.counts))
-            error_map.worst = max(error_map.worst, float(error.max(initial=0.0)))
-            error_map.worst_units = max(error_map.worst_units, float(steps.max(initial=0.0)))
+            error_map.worst = float(error.max(initial=error_map.worst))
+            error_map.worst_units = float(steps.max(initial=error_map.worst_units))
 
 
 def _largest(cells: Floats, places: Floats, errors: Floats) -> None:
-    """Raise each cell of a map to the largest error of the places (N, 2) in it; the map is 0 to 1."""
+    """Raise each cell of a map to the largest error of places (N, 2) in it, 0 to 1."""
     column, row = np.floor(places * CELLS).astype(np.int64).T
-    inside = (column >= 0) & (column < CELLS) & (row >= 0) & (row < CELLS)
+    inside = (np.minimum(column, row) >= 0) & (np.maximum(column, row) < CELLS)
     np.maximum.at(cells, (row[inside], column[inside]), errors[inside])
 
 
@@ -116,7 +107,7 @@ def map_plot(maps: Mapping[str, ErrorMap]) -> Plot:
         errors = np.concatenate([error_map.panel.ravel(), error_map.lenslet.ravel()])
         low, high = float(errors[errors > 0.0].min(initial=np.inf)), float(errors.max(initial=0.0))
         # Much smaller errors count as none.
-        low = max(low, SPAN * high)
+        low = max(low, 1e-6 * high)
         norm = LogNorm(low, max(high, 1.01 * low)) if high > 0.0 else None
         span = (-REACH, REACH, -REACH, REACH)
         views = (
@@ -153,7 +144,7 @@ def errors_page(
     words: bool,
     ended: str | None = None,
 ) -> Page:
-    """Return the page of verdicts on sets and of their errors; `ended` says why a stream ended early."""
+    """Return the page of verdicts and errors; `ended` says why a stream ended early."""
     last_place = "a word" if words else "a float32"
     maps = {name: maps[name] for name in FIELDS if name in maps}
     values = ("rays", "worst", "unit", "worst_units")

@@ -1,4 +1,4 @@
-"""Files of rays: test vectors of `lippmann vectors` (vectors.md describes them), and rays for `lippmann regress`."""
+"""Files of rays: test vectors of `lippmann vectors` (see vectors.md), and rays for `lippmann regress`."""
 
 from __future__ import annotations
 
@@ -59,10 +59,8 @@ ARRAYS = {
     "start_mm": "(N, 2) step: the point from that lenslet's centre, array's axes",
     "near_mm": "(N, 2) step: the ray's point in the array's near plane, likewise",
 }
-#: Marks rays from the world, which `lippmann regress` does not judge.
-FROM_WORLD = "from_world"
 WORLD_ARRAYS = {
-    FROM_WORLD: "() 1: rays from the world, which `lippmann regress` refuses: it judges rays from the panel",
+    "from_world": "() 1: rays from the world, which `lippmann regress` refuses: it judges rays from the panel",
     "origin_mm": "(N, 3) a point of each ray from the world, panel frame",
     "direction": "(N, 3) its unit direction",
     "pixel": "(N, 2) truth: pixel coordinates of its point on the panel",
@@ -75,7 +73,7 @@ WORLD_ARRAYS = {
 def write_vectors(
     folder: Path, sets: Iterable[PanelRays | WorldRays], model: Model, fraction_bits: int, about: Mapping[str, object]
 ) -> list[Entry]:
-    """Write sets of rays into a new or empty folder, completely or not at all; return the entries of `vectors.json`.
+    """Write sets into a new or empty folder, completely or not at all; return the entries of `vectors.json`.
 
     Rays from the world are written for the model `exact` only. Raises InputError for a folder with files.
     """
@@ -106,7 +104,7 @@ def _write_set(top: Path, rays: PanelRays | WorldRays, model: Model, fraction_bi
     if isinstance(rays, WorldRays):
         hits = true_hits(rays)
         shift = condition(rays, hits).shift_mm
-        arrays = {FROM_WORLD: np.uint8(1), "origin_mm": rays.origin_mm, "direction": rays.direction, **vars(hits)}
+        arrays = {"from_world": np.uint8(1), "origin_mm": rays.origin_mm, "direction": rays.direction, **vars(hits)}
         _save(place, **arrays, shift_unit_mm=shift)
         return {**entry, "way": "back", "rays": len(rays.origin_mm), "words": 0, "refused": ""}
     rays = dataclasses.replace(rays, aperture=rays.aims, model=model)
@@ -166,10 +164,6 @@ def _write_header(top: Path, entries: list[Entry], fraction_bits: int, about: Ma
 
 #: Arrays of the inputs, two columns each.
 INPUT_ARRAYS = ("pixel", "aperture_mm")
-#: Bytes of memory to judge a ray.
-RAY_BYTES = 1000
-#: What is wrong with files of words, and the remedy.
-NO_RAYS, A_LINE_EACH = "inputs and outputs differ in number, or are empty", "give a line for each ray"
 
 
 def read_foreign(
@@ -177,8 +171,7 @@ def read_foreign(
 ) -> ForeignRays:
     """Read `.npz` (arrays of `lippmann trace`), `.csv` (as `words.csv`) or `.mem` (as `expected.mem`).
 
-    `inputs` is the `.mem` of the inputs, by default `inputs.mem` in the same folder. Raises InputError for a file that
-    is missing, broken or incomplete.
+    `inputs` is the `.mem` of the inputs, by default `inputs.mem` in the same folder. Raises InputError for wrong files.
     """
     if not path.is_file():
         raise input_error(str(path), not_there(path), "give a .npz, .csv or .mem file of rays")
@@ -198,7 +191,7 @@ def read_foreign(
         raise input_error(str(path), f"unknown extension '{path.suffix}'", "choose from .npz, .csv, .mem")
     lengths = {len(column) for column in columns.values()}
     if len(lengths) != 1 or not lengths.pop():
-        raise input_error(str(path), NO_RAYS, A_LINE_EACH)
+        raise input_error(str(path), "inputs and outputs differ in number, or are empty", "give a line for each ray")
     return foreign_from_words(columns, display, model, fraction_bits)
 
 
@@ -212,7 +205,7 @@ def _csv_columns(path: Path, fraction_bits: int) -> dict[str, Ints]:
         raise input_error(str(path), f"has no columns {', '.join(missing)}", f"head it {','.join(names)}")
     first = next(lines, None)
     if first is None:
-        raise input_error(str(path), NO_RAYS, A_LINE_EACH)
+        return dict.fromkeys(names, np.zeros(0, np.int64))
     try:
         table = np.loadtxt(itertools.chain([first], lines), np.int64, None, ",", quotechar='"', ndmin=2)
         if table.shape[1] != len(heading):
@@ -232,8 +225,8 @@ def _csv_columns(path: Path, fraction_bits: int) -> dict[str, Ints]:
 
 
 def _of_arrays(path: Path, display: Display, model: Model) -> ForeignRays:
-    raw, there = load_arrays(path, (*INPUT_ARRAYS, *FIELDS), "give an .npz of numbers", RAY_BYTES)
-    if FROM_WORLD in there:
+    raw, there = load_arrays(path, (*INPUT_ARRAYS, *FIELDS), "give an .npz of numbers", 1000)  # bytes per ray
+    if "from_world" in there:
         raise input_error(str(path), "holds rays from the world", "give rays from the panel; regress judges only those")
     arrays = {name: np.atleast_1d(array).astype(np.float64) for name, array in raw.items()}
     for name in ("pixel", "direction"):
@@ -268,7 +261,7 @@ def text_of(path: Path) -> str:
 
 
 def words_of_memory(path: Path, widths: Sequence[int]) -> list[Ints]:
-    """Read a `$readmemh` file, one ray per line; raise InputError for a line that is not hexadecimal or too long."""
+    """Read a `$readmemh` file, one ray per line; raise InputError for a wrong line."""
     texts = [line.split("//")[0].strip().replace("_", "") for line in lines_of(text_of(path))]
     numbers = [number for number, text in enumerate(texts, 1) if text]
     return words_of_lines([text for text in texts if text], widths, lambda ray: f"{path}:{numbers[ray]}")
