@@ -347,11 +347,10 @@ def test_a_damaged_band_is_rendered_again_and_told(place, narrow, first_byte):
                                   .radiance[64:128])  # fmt: skip
 
 
-def test_a_scheduler_that_is_not_there_leaves_nothing(place, mi, capfd):
+def test_a_scheduler_that_is_not_there_leaves_nothing(place, mi, refusal_of):
     words = ["--display", str(place / "small.toml"), "-o", str(place / "a.exr"), "--scheduler", "tcp://127.0.0.1:1"]
     before = set(place.iterdir())
-    assert run(["render", str(place / "three.xml"), *words]) == 2
-    assert "tcp://127.0.0.1:1" in capfd.readouterr().err
+    assert "tcp://127.0.0.1:1" in refusal_of("render", place / "three.xml", *words)
     assert set(place.iterdir()) == before
 
 
@@ -476,11 +475,10 @@ def test_own_workers_run_nothing_of_the_current_folder(large, mi):
     assert json.loads(done.stdout)["bands"] == 4
 
 
-def test_workers_that_lack_memory_are_refused_not_waited_for(large, monkeypatch, capfd):
+def test_workers_that_lack_memory_are_refused_not_waited_for(large, monkeypatch, refusal_of):
     """Dask would have them wait for memory: its limit is off, and what all of them need is looked at before."""
     monkeypatch.chdir(large)
-    assert run([*RENDER, "-o", "a.png", "--workers", "64", "--memory-mb", "2000"]) == 2
-    said = capfd.readouterr().err
+    said = refusal_of(*RENDER, "-o", "a.png", "--workers", "64", "--memory-mb", "2000")
     assert re.search(r"a band of \d+ rows of \d+ pixels for each of 4 workers: needs \d+ MB.*fewer --workers", said)
     assert not (large / "a.png.bands").exists()
     from distributed import Client
@@ -521,10 +519,10 @@ def test_bands_that_are_left_are_told(place, narrow, capfd, caplog):
     assert f"{place}/a.exr.bands: has 5 bands" in capfd.readouterr().err
 
 
-def test_both_kinds_of_workers_are_refused(large, mi, monkeypatch, capfd):
+def test_both_kinds_of_workers_are_refused(large, mi, monkeypatch, refusal_of):
     monkeypatch.chdir(large)
-    assert run([*RENDER, "-o", "a.png", "--workers", "2", "--scheduler", "tcp://127.0.0.1:1"]) == 2
-    assert "workers and scheduler both say who renders" in capfd.readouterr().err
+    words = "-o", "a.png", "--workers", "2", "--scheduler", "tcp://127.0.0.1:1"
+    assert "workers and scheduler both say who renders" in refusal_of(*RENDER, *words)
 
 
 @pytest.mark.parametrize("engine", ["golden", "twin"])

@@ -516,7 +516,7 @@ def test_a_wrong_nominal_file_gives_no_result(case, photos):
 # --- check and shoot ------------------------------------------------------------------------------
 
 
-def test_check_draws_and_judges(case, tmp_path, capfd):
+def test_check_draws_and_judges(case, tmp_path, capfd, refusal_of):
     (tmp_path / "d.toml").write_text(display_text(case.nominal))
     eye = case.nominal.panel.width_mm * 3.0
     out = tmp_path / "check"
@@ -538,8 +538,8 @@ def test_check_draws_and_judges(case, tmp_path, capfd):
         cv2.imwrite(str(tmp_path / f"{name}.png"), np.round(255 * np.clip(picture, 0, 1) ** (1 / 2.2)).astype(np.uint8))
     assert run(["calibrate", "check", str(tmp_path / "d.toml"), "--photos", str(tmp_path)]) == 4
     aside = f"{eye},0,{eye}"
-    assert run(["calibrate", "check", str(tmp_path / "d.toml"), "--eye", aside, "-o", str(tmp_path / "no")]) == 2
-    assert ": the eye sees 0 % of the panel through the lenslets in front" in capfd.readouterr().err
+    line = refusal_of("calibrate", "check", tmp_path / "d.toml", "--eye", aside, "-o", tmp_path / "no")
+    assert ": the eye sees 0 % of the panel through the lenslets in front" in line
     assert not (tmp_path / "no").exists()
 
 
@@ -643,7 +643,7 @@ def test_patterns_are_drawn_for_the_panel(case, tmp_path, capfd):
     assert read_patterns(out / "patterns.toml", case.nominal) == PatternSet.of(case.nominal)
 
 
-def test_the_report_of_a_calibration(solved, tmp_path, capfd):
+def test_the_report_of_a_calibration(solved, tmp_path, capfd, refusal_of):
     shutil.copytree(solved[0], tmp_path / "solved")
     out, page = tmp_path / "solved/calibrated.toml", tmp_path / "page"
     assert run(["calibrate", "report", str(out), "-o", str(page), "--json"]) == 0
@@ -655,8 +655,7 @@ def test_the_report_of_a_calibration(solved, tmp_path, capfd):
     gap = load_calibration(out).parameter("gap")
     assert f"| gap | {digits(gap.value, gap.uncertainty)} |" in text
     out.write_text(out.read_text().replace("gap_mm = ", "gap_mm = 1"))
-    assert run(["calibrate", "report", str(out), "-o", str(page)]) == 2
-    assert "belongs to another display file" in capfd.readouterr().err
+    assert "belongs to another display file" in refusal_of("calibrate", "report", out, "-o", page)
 
 
 @pytest.mark.parametrize(
@@ -760,14 +759,13 @@ def test_a_simulated_camera_photographs_the_display_as_built(case, tmp_path, cap
     assert seen["white"][30:42, 40:56].mean() > 5.0 * seen["black"][30:42, 40:56].mean()
 
 
-def test_a_simulated_camera_that_cannot_be(case, tmp_path, capfd):
+def test_a_simulated_camera_that_cannot_be(case, tmp_path, refusal_of):
     nominal, built = tmp_path / "nominal.toml", tmp_path / "built.toml"
     nominal.write_text(display_text(case.nominal))
     other = dataclasses.replace(case.nominal.panel, width_px=200)
     built.write_text(display_text(dataclasses.replace(case.built, panel=other)))
     asked = ["calibrate", "shoot", str(nominal), "-o", str(tmp_path / "photos")]
-    assert run([*asked, "--simulated", str(built)]) == 2
-    assert "needs both --simulated BUILT.toml and --from" in capfd.readouterr().err
-    assert run([*asked, "--simulated", str(built), "--from", "0,0,100"]) == 2
-    assert "give the same panel with its array as mounted" in capfd.readouterr().err
+    assert "needs both --simulated BUILT.toml and --from" in refusal_of(*asked, "--simulated", built)
+    line = refusal_of(*asked, "--simulated", built, "--from", "0,0,100")
+    assert "give the same panel with its array as mounted" in line
     assert not (tmp_path / "photos").exists()

@@ -357,9 +357,9 @@ def test_layers_behind_the_eyes_are_refused_by_every_write(model):
     assert not model.writes
 
 
-def test_a_film_that_is_not_there_is_told_with_what_can_be_given(playing, capfd):
-    assert run(["play", "nothing", *playing]) == 2
-    assert "give a film of layers (.toml), or a folder that lippmann layers made" in capfd.readouterr().err
+def test_a_film_that_is_not_there_is_told_with_what_can_be_given(playing, refusal_of):
+    line = refusal_of("play", "nothing", *playing)
+    assert "give a film of layers (.toml), or a folder that lippmann layers made" in line
 
 
 def test_crcs_are_those_of_the_blocks(model):
