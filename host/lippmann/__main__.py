@@ -27,7 +27,7 @@ def main(arguments: list[str] | None = None) -> None:
 
 
 def program() -> None:
-    """Run `main`, then end the process at once, without closing the libraries, which takes long."""
+    """Run `main`, then end the process without closing its libraries, which takes long."""
     try:
         main()
     except SystemExit as end:

@@ -16,7 +16,7 @@ CONTROLS = re.compile("[\\x00-\\x08\\x0b-\\x1f\\x7f-\\x9f\\u200e\\u200f\\u2028-\
 
 
 class LippmannError(Exception):
-    """Base of all errors that a user can correct; its message is one line with place, fault and remedy."""
+    """Base of all errors that a user can correct, with one line of place, fault and remedy."""
 
     exit_code = 2
 
@@ -53,7 +53,7 @@ class NoSpaceError(LippmannError):
 
 
 class LippmannWarning(UserWarning):
-    """A warning of a valid result that may not be what the user wants; the command line shows it as "note: text".
+    """A warning of a valid but perhaps unwanted result; the command line shows it as "note: text".
 
     Reports of what a command does go to `logging.getLogger("lippmann")` at level INFO instead.
     """

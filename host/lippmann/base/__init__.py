@@ -1,1 +1,1 @@
-"""Foundations without displays: files, images, TOML, limits, memory, programs, Mitsuba's variant."""
+"""Foundations that do not depend on displays: files, images, TOML, limits, memory, programs, Mitsuba's variant."""

@@ -238,7 +238,7 @@ def moved(source: Path, target: Path) -> None:
 
 
 def make_folder(folder: Path, remedy: str = "choose another folder") -> None:
-    """Make a folder and its parents, for `remove_empty` to undo; NoSpaceError or InputError when that fails."""
+    """Make a folder and its parents (see `remove_empty`); NoSpaceError or InputError if that fails."""
     new_folders.extend(place for place in (*reversed(folder.parents), folder) if not place.exists())
     try:
         folder.mkdir(parents=True, exist_ok=True)

@@ -11,9 +11,7 @@ from lippmann import __version__
 from lippmann.base.machine import machine_name
 
 
-def provenance(
-    command: str, packages: tuple[str, ...] = ("mitsuba", "drjit", "numpy"), programs: Mapping[str, str] | None = None
-) -> dict[str, str]:
+def provenance(command: str, packages: tuple[str, ...], programs: Mapping[str, str] | None = None) -> dict[str, str]:
     """Return machine, date, command, and the versions of Lippmann, of programs and of installed packages."""
     versions = dict(programs or {})
     for name in packages:

@@ -188,14 +188,15 @@ def parse(text: str, source: str, remedy: str = MEND) -> Table:
 
 def load(path: Path, what: str) -> Table:
     """Return the tables of a TOML file; errors name its kind `what`."""
+    remedy = f"give a {what} file (.toml)"
     try:
-        text = read_limited(path, MAX_TOML_BYTES, f"give a {what} file (.toml)").decode("utf-8-sig")
+        text = read_limited(path, MAX_TOML_BYTES, remedy).decode("utf-8-sig")
     except FileNotFoundError:
-        remedy = likely_file(path, (".toml",)) or f"give the path of a {what} file (.toml)"
-        raise input_error(path, "no such file", remedy) from None
+        likely = likely_file(path, (".toml",)) or f"give the path of a {what} file (.toml)"
+        raise input_error(path, "no such file", likely) from None
     except (OSError, ValueError) as error:  # not UTF-8, or an impossible name
-        raise input_error(path, f"cannot be read ({reason(error)})", f"give a {what} file (.toml)") from None
-    return parse(text, str(path), MEND if path.suffix.lower() == ".toml" else f"give a {what} file (.toml)")
+        raise input_error(path, f"cannot be read ({reason(error)})", remedy) from None
+    return parse(text, str(path), MEND if path.suffix.lower() == ".toml" else remedy)
 
 
 def read(form: Callable[..., Form], raw: Mapping[str, Value], source: str) -> Form:

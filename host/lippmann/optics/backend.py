@@ -43,7 +43,7 @@ class Backend:
         raise NotImplementedError
 
     def refine(self, mask: Arr, trace: Trace, inputs: State, coarse: State) -> State:
-        """Replace elements under `mask` by `trace(backend, *inputs)` in double precision, unless `coarse` has it."""
+        """Return `coarse`, with the elements under `mask` from `trace(backend, *inputs)` in double precision."""
         return coarse
 
 

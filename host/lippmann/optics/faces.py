@@ -124,7 +124,8 @@ def cap(b: Backend, dome: Dome, ray: Ray, upward: bool) -> tuple[Arr, Arr, Ray, 
 def meet(b: Backend, dome: Dome, ray: Ray, upward: bool) -> Crossing:
     """Find where rays first meet the height field, from below through the glass (`upward`) or from above through air.
 
-    A ray is local to the lenslet of its point's cell, and starts below the rims' plane or above the vertices' plane.
+    A ray is local to the lenslet of its point's cell. It starts in glass at the rims' plane or lower, in air at the
+    vertices' plane or higher.
     """
     hit, _, at, cosine = cap(b, dome, ray, upward)
     zero = 0.0 * ray.x

@@ -134,17 +134,8 @@ class Lattice:
         return i, j, x - cx, y - cy
 
     def across(self, x: Arr, y: Arr) -> list[Arr]:
-        """Return a point's coordinate along each of the lattice's `axes`."""
-
-        def along(ax: float, ay: float) -> Arr:
-            # A point on a side along x or y must not be rounded off it.
-            if (ax, ay) == (1.0, 0.0):
-                return x
-            if (ax, ay) == (0.0, 1.0):
-                return y
-            return ax * x + ay * y
-
-        return [along(*axis) for axis in self.axes]
+        """Return the coordinates of a point or vector along the lattice's `axes`."""
+        return [ax * x + ay * y for ax, ay in self.axes]
 
     def holds(self, x: Arr, y: Arr) -> Arr:
         """Tell whether a point, measured from a lenslet's centre, lies in its cell."""
@@ -160,8 +151,7 @@ class Lattice:
         and the neighbour's centre from this one's, mm.
         """
         nearest: tuple[Arr, ...] = ()
-        for (ax, ay), (si, sj) in zip(self.axes, STEPS[self.grid], strict=True):
-            q, v = ax * x + ay * y, ax * dx + ay * dy
+        for q, v, (si, sj) in zip(self.across(x, y), self.across(dx, dy), STEPS[self.grid], strict=True):
             sign = b.where(v < 0.0, -1.0, 1.0)
             parallel = b.absolute(v) < 1e-30
             t = b.where(parallel, math.inf, (sign * self.half_mm - q) / b.where(parallel, 1.0, v))

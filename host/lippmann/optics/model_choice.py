@@ -1,8 +1,7 @@
 """`auto`: the cheapest lens model within a tolerance, for this display and this scene's depths.
 
-Pixels over the panel, with the corners and edges of cells, are traced by each model. The error of a model is the
-maximum distance of its rays from those of `exact` over the scene's depths, in pixels of the reconstructed view: the
-lenslet pitch or, where this is larger, the spread of a panel pixel at that depth.
+The error of a model is the maximum distance of its rays from those of `exact` over the scene's depths, in pixels of the
+reconstructed view: the lenslet pitch or, where this is larger, the spread of a panel pixel at that depth.
 """
 
 from __future__ import annotations
@@ -121,10 +120,7 @@ def in_cells_mm(display: Display, pixels: Floats) -> Floats:
 
 
 def pixels_from_cells(display: Display, lenslets: npt.ArrayLike, local_mm: Floats) -> Floats:
-    """Return the pixel coordinates (N, 2) that the eye sees at points of cells.
-
-    The cells are those of lenslets (N, 2) or (2,); the points, (N, 2) mm, are measured from their centres.
-    """
+    """Return the pixel coordinates (N, 2) that the eye sees at points (N, 2), mm from the lenslets' centres."""
     system = System.of(display)
     cx, cy = system.lattice.centre(*np.transpose(lenslets))
     x, y = system.convergence.on_panel(local_mm[:, 0], local_mm[:, 1], cx, cy)

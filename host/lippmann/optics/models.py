@@ -110,7 +110,7 @@ def _leave_exact(b: Backend, system: System, x: Arr, y: Arr, aperture: Point | N
     depth = system.aperture_distance_mm
     dx, dy, dz = unit(b, towards_x, towards_y, depth)
     # Point on the array's near plane, the flat face or the domes' vertices. With a near eye, a pixel may be far aside:
-    # the nearer end gives the smaller rounding error. Other displays keep their published words.
+    # the nearer end gives the smaller rounding error. Other displays keep their results to the last bit.
     share, other = system.gap_mm / depth, (depth - system.gap_mm) / depth
     if system.convergence.share == 0.0 or share < 0.5:
         near_x, near_y = x + share * towards_x, y + share * towards_y

@@ -31,9 +31,10 @@ def pixel_steps(samples: int) -> tuple[tuple[int, int], tuple[int, int]]:
 def points_in_pixel(pixel: Arr, sample: Arr, samples: int, seed: Arr, number: Arr = 0) -> Point:
     """Return points in the unit square for numbers of pixels and samples (UInt32), see `pixel_steps`.
 
-    A hash of pixel and seed mirrors a pixel's points or exchanges their axes, so that pixels have different errors. A
-    random shift would make the error at a straight edge 1.1 to 1.4 times as large. In further passes over a picture
-    (`number`) the golden steps continue, and each point moves by golden steps within its N-th part of the width.
+    A hash of pixel and seed mirrors a pixel's points or exchanges their axes, so that pixels have different errors, and
+    pictures of different seeds share a part of them. A random shift would make the error at a straight edge 1.1 to 1.4
+    times as large. In further passes over a picture (`number`) the golden steps continue, and each point moves by
+    golden steps within its N-th part of the width.
     """
     if samples == 1:
         return mi.Float(0.5), mi.Float(0.5)

@@ -115,7 +115,8 @@ class Convergence:
 class System:
     """The optical system of a display.
 
-    `concave`: plano-concave lenslets of a capture, flat face to the panel; only for `exact` rays from the panel.
+    `concave`: plano-concave lenslets of a capture, flat face to the panel, `thickness_mm` thick at the vertex; only for
+    `exact` rays from the panel.
     """
 
     frame: PanelFrame
@@ -164,7 +165,7 @@ class System:
         return i, j, x - cx, y - cy  # not from q, whose rounding error would grow by 1 / (1 - s)
 
     def through_mount(self, b: Backend, status: Arr, passed: Point, own: Point | None = None) -> Arr:
-        """Return statuses, blocked where the lenslet of a ray or pixel is missing."""
+        """Return statuses: blocked, unless missed, where the lenslet of a ray or pixel does not exist."""
         if self.lattice.half_steps is None:
             return status
         there = self.lattice.present(b, *passed) | (status == int(Status.MISSED))
@@ -192,7 +193,10 @@ class Exit(NamedTuple):
 
 
 class Landing(NamedTuple):
-    """A ray from the world on the panel plane: point local to the lenslet passed, in the array's axes, mm."""
+    """A ray from the world on the panel plane: point local to the lenslet passed, in the array's axes, mm.
+
+    The status does not tell whether the point belongs to that lenslet.
+    """
 
     x: Arr
     y: Arr

@@ -27,8 +27,8 @@ VIEWING_DISTANCE_MM = 600.0
 FARTHEST_EYE_MM = 1e9
 #: Number of rays from an eye that measure its crosstalk.
 SHARE_RAYS = 1 << 13
-#: Lenslets across and down whose rays are tested for crosstalk, and the rays' points in each: fractions of the way to
-#: the cell's corners and sides, and of the rims' height.
+#: Lenslets across and down that are tested for crosstalk, and the rays' points in each: fractions of the way to the
+#: cell's corners and sides, and of the rims' height.
 LENSLETS = (5, 3)
 POINTS = ((0.6, 0.0), (0.95, 0.0), (0.95, 1.0), (0.99, 0.0), (0.99, 1.0))
 #: The search for an end of a zone: range in paraxial half widths, and number of bisections.
