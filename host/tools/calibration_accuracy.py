@@ -355,8 +355,7 @@ def _swept(folder: Path, seed: int, positions: int, steps: int, noise: int) -> d
 def views(folder: Path, scenes: Path, names: Sequence[str], seed: int = 0) -> Iterator[dict[str, Any]]:
     """Calibrate misaligned displays, and yield the PSNR (dB) of an eye's view of the fish, from the first camera.
 
-    The picture for the file (`before_db`), the calibrated display and the display as built (`ideal_db`) is seen on the
-    latter.
+    The picture is made for the file (`before_db`), the calibrated display, or the display as built (`ideal_db`).
     """
     scene = load_scene(scenes / "fish/fish.xml", Placement(SCALE))
     for name in names:

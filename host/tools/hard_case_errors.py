@@ -123,10 +123,9 @@ def _measure_engine(
 def measure_fixed(rays: PanelRays, fraction_bits: int, rtl: Pipeline | None = None) -> Row:
     """Measure the twin on a set, and the RTL's pipeline, if any, against the twin.
 
-    `refused` rays exceed the formats or the registers (`why`), and are not traced. `flagged` rays have a status of
-    failure. `through` rays leave through golden's lenslet, at most `worst_urad` and `worst_nm` from golden's.
-    `overflowed` rays leave with status ok or crosstalk, but farther than `OVERFLOW` away: a word wrapped without a
-    flag. `words_differ` counts the RTL's words that differ from the twin's (None: not simulated).
+    `refused` rays exceed the formats or the registers (`why`); `flagged` rays have a status of failure. `through` rays
+    leave through golden's lenslet, at most `worst_urad` and `worst_nm` from golden's. `overflowed` rays leave with
+    status ok or crosstalk, but farther than `OVERFLOW` away. `words_differ` counts the RTL's words that differ.
     """
     display, count = rays.display, len(rays.pixels)
     case, why = fixed_words(rays, fraction_bits)

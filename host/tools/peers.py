@@ -196,8 +196,7 @@ def compare_times(scenes: Path, work: Path) -> dict[str, Any]:
     """Time the scene of five lights at the same noise, 2400 x 2400 pixels through lenslets of 1 mm.
 
     `povray` is its run; `seconds` (wall clock), `cpu_seconds` (of all threads) and `samples` per pixel are Lippmann's.
-    `whole` has median wall-clock times of complete processes: POV-Ray's, and those of `capture` by its shading.
-    `ratio` is POV-Ray's CPU seconds over ours.
+    `whole` has median wall-clock times of processes, `ratio` is POV-Ray's CPU seconds over ours.
     """
     setup = load_setup(scenes / f"setups/{SETUPS['square']}.toml")
     setup = with_window(setup, TIME_PX, 1.0)

@@ -1,8 +1,7 @@
 """A camera's projection of a display of glass solids, traced by POV-Ray, independent of our tracer.
 
-The panel's picture has colours that encode the indices of its pixels, so that one trace serves the photographs of all
-patterns. POV-Ray's camera is a pinhole; for a pupil it stands at several points of it, one for each sample of a pixel,
-and looks at the same window in the plane in focus.
+Colours of the panel encode the indices of its pixels, so that one trace serves the photographs of all patterns. The
+camera is a pinhole, which for a pupil stands at several points, one for each sample of a pixel.
 """
 
 from __future__ import annotations
@@ -61,8 +60,7 @@ class Rays:
 class SolidsBench(Bench):
     """A bench whose projections POV-Ray traces, with `samples` rays across a pixel and down.
 
-    Give the camera a `blur_px` of 0.4 or more: the rays are regular grids, which alias with the edges of lenslets in a
-    perfectly sharp picture. Raises InputError for a display with sub-pixels, and MissingLibraryError without POV-Ray.
+    The camera needs a `blur_px` of 0.4 or more, since regular grids alias. Raises InputError for sub-pixels.
     """
 
     def __init__(self, samples: int = 3, seed: int = 0) -> None:
