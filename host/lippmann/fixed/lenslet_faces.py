@@ -48,6 +48,17 @@ def meet_dome(
 
     Upward, zc is `depth` and `depth_rest` is 1 - zc^2. Downward, zc is 1, and products of `dz`, which is |dz|, are cut
     before they are subtracted; a ray that misses goes on for half a radius from its point nearest to the centre.
+
+        b    = ((hx dx >> F-4+E) + (hy dy >> F-4+E) + (zc dz >> F-4+3E) + 1) >> 1
+        C    = (1 - zc^2) - (hx hx >> F-3) - (hy hy >> F-3) + (b b >> F+5)
+        cos  = sqrt(min(max(C, 0), M)),  s = min(max(2^(F+3) - C, 0), M)
+        l    = (8 cos - b + 8) >> 4,  downward (-8 cos - b + 8) >> 4, missed (2^(F+3) - b + 8) >> 4
+        N_x  = saturate(((hx << 4) + (l dx >> F-3+E) + 4) >> 3),  N_y likewise
+        N_z  = saturate(((zc << 4) + (l dz >> F-3+3E) + 4) >> 3)
+
+    dx and dy are near words with E = `extra_bits` more fraction bits, dz has 3 E more. b has F + 4 fraction bits, C and
+    s have F + 3, l has F. Missed: C < 0. Beyond: b or l outside its word, C above 1
+    or, unless missed, a coordinate of N outside [-1, 1], by more than rounding errors.
     """
     near, wide, far, foot = f + 2, f + 3, f + 4, f + 8
     extra = extra_bits(f)
@@ -91,8 +102,14 @@ def cell_step(
     """Return the step (di, dj) to the next cell to try, and a mask of the points inside their own cell.
 
     `half` is px / (2 R) and `half_y` is py / (2 R), near words. `lean` is the shear s, a wide word. `rise` is
-    (sqrt(3)/2) px / py - s / 2, W + 2 bits, F + 1 of them fraction bits. On a hexagonal grid the step crosses the flat
-    with the largest distance |q|.
+    h = (sqrt(3)/2) px / py - s / 2, W + 2 bits, F + 1 of them fraction bits. q0 is nx, with `shear` nx - s ny; q1 is ny
+    on the square grid, nx / 2 + h ny on the hexagonal one. Hexagonal: the step crosses the flat with the largest of
+    |q0|, |q1|, |q2|, where q2 = q1 - q0, and |q| is ~q below 0:
+
+        q0   = ((nx << 3) - (ny s >> F-3) + 4) >> 3
+        q1   = ((ny m >> F-2) + (nx << 2) + (n ny << 3) + 4) >> 3,  h = n 2^(F+1) + m
+
+    with 0 <= m < 2^(F+1).
     """
     word = f + 2
     q0 = guarded((nx << GUARD) - multiplier(ny, lean, word, word, f - GUARD)) if shear else nx
@@ -127,7 +144,14 @@ def move_lenslet(
 
 
 def enter_flat(ex: Ints, ey: Ints, index_inverse: int, f: int) -> tuple[Ints, Ints, Ints, Bools]:
-    """Return the direction in the glass from (ex, ey) in the air, and where it is steeper than 60 degrees."""
+    """Return the direction in the glass from (ex, ey) in the air, and where it is steeper than 60 degrees.
+
+        t_x  = ((e_x i >> F-2) + 4) >> 3,  t_y likewise
+        g    = max((t_x t_x >> F-3+2E) + (t_y t_y >> F-3+2E), 0) >> 2
+        dz   = sqrt(M - g)
+
+    i is 1/n, g has F + 3 fraction bits, dz has 3 E bits more. Steeper than 60 degrees: M - g < 1/4.
+    """
     word, extra = f + 2, extra_bits(f)
     tx = guarded(multiplier(ex, index_inverse, word + extra, word, f + 1 - GUARD))
     ty = guarded(multiplier(ey, index_inverse, word + extra, word, f + 1 - GUARD))
@@ -159,7 +183,16 @@ def cosine_behind(s: Ints, ratio_square: int, f: int) -> tuple[Ints, Ints]:
 def enter_dome(
     met: Meeting, ex: Ints, ey: Ints, index_inverse: int, index_inverse_square: int, f: int
 ) -> tuple[Ints, Ints, Bools]:
-    """Return the lateral direction in the glass (near words) from (ex, ey) in the air, and where it overflows."""
+    """Return the lateral direction in the glass (near words) from (ex, ey) in the air, and where it overflows.
+
+        C'   = 2^(F+3) - (s i2 >> F)
+        cos' = sqrt(min(max(C', 0), M))
+        k    = (4 cos' - (cos i >> F-1) + 4) >> 3
+        d'_x = saturate(((e_x i >> F-2) - (k N_x >> F-3) + 4) >> 3),  d'_y likewise
+
+    s = 1 - cos^2 and C' have F + 3 fraction bits, k is a wide word, i is 1/n and i2 is 1/n^2. Overflow: C'
+    below 0 or above 1, or the direction outside [-1, 1], by more than roundings.
+    """
     near = f + 2
     c, cos_glass = cosine_behind(met.s, index_inverse_square, f)
     bend = wrapped(guarded((cos_glass << 2) - multiplier(met.cos, index_inverse, near, near, f - 1)), near)
@@ -176,7 +209,18 @@ def enter_dome(
 def leave_dome(
     met: Meeting, ex: Ints, ey: Ints, dz: Ints, index: int, index_square: int, f: int
 ) -> tuple[Ints, Ints, Ints, Bools, Bools]:
-    """Return the direction in the air (near words) from that in the glass, and where rays are reflected or overflow."""
+    """Return the direction in the air (near words) from that in the glass, and where rays are reflected or overflow.
+
+        C'   = 2^(F+3) - (s n2 >> F)
+        cos' = sqrt(min(max(C', 0), M))
+        k    = (4 cos' - (cos n >> F-2) + 4) >> 3
+        d'_x = saturate(((e_x << 3-E) + (k N_x >> F-3) + 4) >> 3),  d'_y likewise
+        d'_z = saturate(((dz n >> F-3+3E) + (k N_z >> F-3) + 4) >> 3)
+
+    e_x and e_y have E = `extra_bits` more fraction bits than near words, dz has 3 E more. s = 1 - cos^2 and C' have
+    F + 3 fraction bits, k is a wide word, n2 is n^2. Totally reflected: C' <= 0. Overflow: C' above 1, or, unless
+    reflected, k outside its word or the direction outside [-1, 1], by more than roundings.
+    """
     near = f + 2
     c, cos_air = cosine_behind(met.s, index_square, f)
     glass = multiplier(met.cos, index, near, near + 1, f - 2)
@@ -209,6 +253,21 @@ def leave_flat(met: Meeting, dx: Ints, dy: Ints, depth: int, index: int, index_s
     """Trace rays in the glass from the dome to the flat face, and refract them there.
 
     `depth` is 1 - T/R. A reflected ray keeps its direction in the glass.
+
+        g    = max((dx dx >> F-3) + (dy dy >> F-3), 0) >> 2
+        y    = M - g
+        r    = min(rsqrt(y), 2^(F+1) - 1)
+        u    = (N_z + 1 - 2 zc) >> 1
+        l    = ((u r >> F-1) + 1) >> 1
+        X    = ((N_x << 3) + (l dx >> F-3) + 4) >> 3,  Y likewise
+        C'   = 2^(F+3) - (g n2 >> F)
+        d'_x = saturate(((dx n >> F-3) + 4) >> 3),  d'_y likewise
+        d'_z = sqrt(min(max(C', 0), M)),  reflected ((y r >> F+1) + 1) >> 1
+
+    g, y and C' have F + 3 fraction bits, and rsqrt reads y as 4 y: r = 1 / (2 dz). u is the remaining depth and l
+    the length, both far words; zc = 1 - T/R (`depth`), n2 is n^2 (`index_square`). Reflected where C' <= 0.
+    Overflow: g 1 or more, C' above 1, or, unless reflected, y below 1/4, which `rsqrt` does not take, u, l, X or Y
+    outside its word, or d'_x or d'_y outside [-1, 1], by more than roundings.
     """
     near, far = f + 2, f + 4
     square, over = axial_square(dx, dy, f)

@@ -103,6 +103,13 @@ def converge(
     """Return the pixels' points from their lenslets' centres, F + 4 bits, where elemental images converge on an eye.
 
     (x, y) is where the line from pixel to eye crosses the lenslet's cell. `share` has F + 11 fraction bits.
+
+    C is the lenslet's centre, A the point in front of the eye. In half pitches and half rows C is (2 i + j, 2 j), on
+    the square grid (2 i, 2 j):
+
+        t_x  = (x << 2) + (16 C_x s >> 14) + o_x + 2,   x' = t_x >> 2,   y' likewise
+
+    s is `share`; o = -s A has F + 2 fraction bits.
     """
 
     def measured(point: Ints, half_steps: Ints, offset: int) -> Ints:
@@ -116,7 +123,12 @@ def converge(
 
 
 def shear(x: Ints, y: Ints, g: int, f: int, bits: int) -> tuple[Ints, Bools]:
-    """Return x + g y, F + 4 bits, where g is a far word and x and y have `bits` bits."""
+    """Return x + g y, F + 4 bits.
+
+    g is a far word; x and y have `bits` bits.
+
+        x'   = ((x << 3) + (y g >> F-3) + 4) >> 3
+    """
     word = f + 4
     total = guarded((x << GUARD) + multiplier(y, g, bits, word, f - GUARD))
     return wrapped(total, word), ~fits(total, word)
@@ -127,7 +139,9 @@ def blend(
 ) -> tuple[Ints, Bools]:
     """Return y = k x + m a, or k x without `a`.
 
-    k, m and y have F + `extra` fraction bits, x and a have F.
+    k, m and y have F + `extra` fraction bits, x and a have F; l is m:
+
+        y    = ((k x >> F-3) + (l a >> F-3) + 4) >> 3
     """
     word = f + 2 + extra
     total = multiplier(x, k, x_bits, word, f - GUARD)
@@ -140,7 +154,12 @@ def blend(
 def unit_slope(mx: Ints, my: Ints, f: int, extra: int = 0) -> tuple[Ints, Ints, Ints, Bools]:
     """Return (m_x, m_y, 1) / sqrt(1 + m^2), near words, of a slope in wide words; they have `extra` more bits.
 
-    Slopes of 60 degrees and more, m^2 >= 3, overflow.
+    Slopes of 60 degrees and more, m^2 >= 3, overflow: x and e_x keep their lowest bits, as the registers do. All words
+    have E = `extra` more fraction bits:
+
+        x    = ((m_x m_x >> F-4+2E) + (m_y m_y >> F-4+2E) + 2^(F+4) + 4) >> 3
+        e_z  = min(rsqrt(x), 2^(F+1+E) - 1)
+        e_x  = ((m_x e_z >> F-3+E) + 4) >> 3,  e_y likewise
     """
     word, drop = f + 2 + extra, f - 4 + 2 * extra
     square = multiplier(mx, mx, word, word, drop) + multiplier(my, my, word, word, drop)

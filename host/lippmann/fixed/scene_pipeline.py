@@ -99,7 +99,14 @@ class Lines(NamedTuple):
 def exit_line(rays: FixedRays, xi: int, xj: int, yj: int, f: int) -> Lines:
     """Return the lines of exit rays; `xi`, `xj` and `yj` are the lattice's words, 30 fraction bits.
 
-    A ray draws when it has an exit, dz is 1/4 or more, and its point is in [-2048, 2048).
+    A ray draws when it has an exit, dz is 1/4 or more, and x_o and y_o are in [-2048, 2048).
+
+    With q the reciprocal root of 4 dz:
+
+        r        = q q >> F+2                                    1 / dz, F + 4 fraction bits
+        slope_x  = ((dx r >> F+1) + 4) >> 3,  slope_y likewise    F + 1 fraction bits
+        x_o      = ((xi i >> 31-F) + (xj j >> 31-F) + (x >> 2) - (slope_x z >> F+3) + 2) >> 2
+        y_o      = ((yj j >> 31-F) + (y >> 2) - (slope_y z >> F+3) + 2) >> 2
     """
     length, inverse = f + 4, f + 8
     q = quadratic((rays.dz & ((1 << (f + 1)) - 1)) << 2, "reciprocal", f)
@@ -134,7 +141,15 @@ def coefficient_bits(f: int) -> int:
 
 
 def layer_coordinate(lines: Lines, layer: LayerWords, bilinear: bool, f: int) -> tuple[Ints, Ints, Bools]:
-    """Return the coordinates s, t where lines meet a layer, and which do not fit their words."""
+    """Return the coordinates s, t where lines meet a layer, and which do not fit their words.
+
+        X'  = (2 (infinite ? 0 : x) + 1 + (depth slope_x >> F)) >> 1       F - 3 fraction bits
+        Y'  = (2 (infinite ? 0 : y) + 1 + (depth slope_y >> F)) >> 1
+        s_o = (s0 + h + (a X' >> A+F-19) + (b Y' >> A+F-19)) >> 8           8 fraction bits
+        t_o = (t0 + h + (c X' >> A+F-19) + (d Y' >> A+F-19)) >> 8
+
+    with depth in F - 3 of its fraction bits, a to d in A; h = 2^7 - 2^15 for bilinear, else 0.
+    """
     bits, fraction = f + 9, coefficient_bits(f)
     plane, beyond = [], np.zeros(lines.x.shape, np.bool_)
     for place, slope in ((lines.x, lines.slope_x), (lines.y, lines.slope_y)):
@@ -186,7 +201,14 @@ def texel_fetch(s: Ints, t: Ints, hidden: Bools, slot: Bytes | None, build: Scen
 
 
 def texel_blend(colours: Ints, weights: Ints) -> tuple[Ints, Ints]:
-    """Return the premultiplied light (N, 3) and the opacity (N,) of texels (N, taps, 4) with weights (N, taps)."""
+    """Return the premultiplied light (N, 3) and the opacity (N,) of texels (N, taps, 4) with weights (N, taps).
+
+    With the opacity A = a + [a >= 128], the bytes r, g, b of texel n and its weight w_n (N, taps):
+
+        share_n = (w_n A + 2^7) >> 8        16 fraction bits
+        light_o = (sum over n of (share_n r^2 >> 8) + 2^7) >> 8,  g and b likewise
+        opacity_o = sum over n of share_n
+    """
     alpha = colours[..., 3]
     shares = (weights * (alpha + (alpha >> 7)) + 128) >> 8
     parts = (shares[..., None] * colours[..., :3] ** 2) >> 8
@@ -198,7 +220,13 @@ def composite(
 ) -> Ints:
     """Return the light (N, 3) of rays through layers and of the background (3,); 0 for rays that do not draw.
 
-    Layers, from front to back, have a premultiplied light (N, 3), an opacity (N,) and a brightness each.
+    Each layer, from front to back, has a premultiplied light P (N, 3), an opacity A (N,) and a brightness B, at most
+    256. From C_0 = 0, T_0 = 65536:
+
+        G_k     = (T_k B_k + 2^7) >> 8
+        C_(k+1) = C_k + ((P_k G_k + 2^15) >> 16)        for each of red, green and blue
+        T_(k+1) = T_k - ((T_k A_k + 2^15) >> 16)
+        light_o = min(C_n + ((background T_n + 2^15) >> 16), 65535), or 0 where draws_i is low
     """
     half, mask = 1 << 15, (1 << 17) - 1  # the sum has 17 bits
     total = np.zeros((len(draws), 3), np.int64)
@@ -212,7 +240,12 @@ def composite(
 
 
 def sample_mean(light: Ints, samples_bits: int) -> Ints:
-    """Return the rounded mean (N, 3) of the light of each pixel's 2^`samples_bits` samples."""
+    """Return the rounded mean (N, 3) of the light of each pixel's 2^`samples_bits` samples.
+
+    One sample is its own mean; otherwise
+
+        light_o = (sum of light_i + 2^(SamplesBits-1)) >> SamplesBits   for red, green and blue
+    """
     count = 1 << samples_bits
     total: Ints = light.reshape(-1, count, 3).sum(axis=1)
     return (total + (count >> 1)) >> samples_bits
@@ -226,7 +259,12 @@ WHITE = 255 * 255
 
 
 def curve_table(light: Ints, table: Bytes) -> Bytes:
-    """Return the bytes of light by the panel's curve."""
+    """Return the bytes of light by the panel's curve.
+
+    With L a word of light
+
+        rgb_o = table[L < 4096 ? L : 4096 + (L >> 4)]        for each of red, green and blue
+    """
     return table[np.where(light < COARSE_FROM, light, COARSE_FROM + (light >> 4))]
 
 

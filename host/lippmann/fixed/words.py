@@ -163,7 +163,12 @@ def quadratic(x: Ints, root: Root, f: int) -> Ints:
 
 
 def rsqrt(x: Ints, f: int, extra: int = 0) -> Ints:
-    """Return 1 / sqrt(x) in [1/2, 1], with `extra` more bits (up to 3), of x in [1, 4) with F + 1 fraction bits."""
+    """Return 1 / sqrt(x) in [1/2, 1], with `extra` more bits (up to 3), of x in [1, 4) with F + 1 fraction bits.
+
+    With K = `extra` and q from `quadratic`:
+
+        y    = (q + (4 >> K)) >> (3 - K)
+    """
     return guarded(quadratic(x, "reciprocal", f), extra)
 
 
@@ -171,6 +176,10 @@ def sqrt(x: Ints, f: int, normalise: bool = True, extra: int = 0) -> Ints:
     """Return sqrt(x), a near word with `extra` more bits (up to 3), of x in [0, 1) with F + 3 fraction bits.
 
     Without `normalise`, x must be in [1/4, 1). With it, the root of 4^k x in [1/4, 1) is shifted back by k, at most 15.
+
+    With K = `extra` and the root q of 4^k x from `quadratic`; 0 gives 0:
+
+        y    = min(((q >> k) + (4 >> K)) >> (3 - K), 2^(F+1+K) - 1)
     """
     k = np.zeros_like(x)
     if normalise:
