@@ -20,7 +20,8 @@ def main(arguments: list[str] | None = None) -> None:
         print("lippmann: interrupted; nothing half-written is left", file=sys.stderr)
         code = interrupts.exit_code()
     if interrupts.received:
-        # Libraries that were interrupted while loading may crash when Python closes them.
+        # Libraries that were interrupted while loading may crash when Python closes
+        # them.
         interrupts.leave(code)
     interrupts.ignore()  # the work is done
     sys.exit(code)

@@ -62,8 +62,9 @@ def load_scene(path: str | Path, placement: Placement | None = None, device: str
     path
         Mitsuba XML, or another tool's file (`lippmann.scenes.formats`).
     placement
-        Position of the scene relative to the display. None: as in the file beside the scene; without such a file a
-        scene unit is 1 mm, and another tool's scene is placed by the display.
+        Position of the scene relative to the display. None: as in the file beside the
+        scene; without such a file a scene unit is 1 mm, and another tool's scene is
+        placed by the display.
     device
         "llvm" (CPU), "cuda" (GPU) or "auto".
     """
@@ -96,27 +97,31 @@ def render(
 ) -> IntegralImage:
     """Render the integral image of a scene for a display; the logger "lippmann" reports the choices of "auto" (INFO).
 
-    Raises InputError for a bad file or value, or an image that exceeds the memory limit; DeviceError when the scheduler
-    or all workers are lost; MissingLibraryError when Mitsuba, Dask or a tool of the engine is missing.
+    Raises InputError for a bad file or value, or an image that exceeds the memory
+    limit; DeviceError when the scheduler or all workers are lost; MissingLibraryError
+    when Mitsuba, Dask or a tool of the engine is missing.
 
     Parameters
     ----------
     scene, display, placement
-        A scene's path and its placement (see `load_scene`), what `load_scene` returned, a `mitsuba.Scene`, or a
-        dictionary of `mitsuba.load_dict`. A display file, or what `load_display` returned.
+        A scene's path and its placement (see `load_scene`), what `load_scene` returned,
+        a `mitsuba.Scene`, or a dictionary of `mitsuba.load_dict`. A display file, or
+        what `load_display` returned.
     samples, aperture, integrator, max_depth, seed, memory_mb, shading
         See `lippmann.rendering.options.Settings`.
     model, tolerance, engine, fraction_bits
         See `lippmann.rendering.options.RenderOptions`.
     arrange
-        "fit": the scene is scaled and moved into the display's depth range. "camera": the eye is at the camera of the
-        scene's file. None: the placement holds.
+        "fit": the scene is scaled and moved into the display's depth range. "camera":
+        the eye is at the camera of the scene's file. None: the placement holds.
     device, progress
         "llvm" (CPU), "cuda" (GPU) or "auto"; called with (rows done, rows in all).
     kept
-        Folder for the finished bands: an interrupted render continues from them. A different render removes them.
+        Folder for the finished bands: an interrupted render continues from them. A
+        different render removes them.
     workers, scheduler
-        Number of local processes for the render, or the address of a Dask scheduler ("tcp://127.0.0.1:8786").
+        Number of local processes for the render, or the address of a Dask scheduler
+        ("tcp://127.0.0.1:8786").
     """
     check_progress(progress)
     settings = Settings(samples, aperture, integrator, max_depth, seed, memory_mb, shading)
@@ -131,7 +136,8 @@ def render(
 def load_layers(path: str | Path) -> LayerStack:
     """Read a folder of layers that `lippmann layers` wrote, or its `layers.toml`.
 
-    Raises InputError (file, key, remedy) for bad keys and for pictures that are not PNGs with a palette.
+    Raises InputError (file, key, remedy) for bad keys and for pictures that are not
+    PNGs with a palette.
     """
     return load_named_layers(path)[0]
 
@@ -151,18 +157,20 @@ def draw(
 ) -> IntegralImage:
     """Draw layers for a display, as an FPGA does without a frame memory.
 
-    The light of twin and rtl is rounded to the panel's values, that of golden only in a PNG. Raises InputError for bad
-    files and values, and for layers at or behind the eyes.
+    The light of twin and rtl is rounded to the panel's values, that of golden only in a
+    PNG. Raises InputError for bad files and values, and for layers at or behind the
+    eyes.
 
     Parameters
     ----------
     layers, display
-        A folder of layers, or what `load_layers` returned. A display file, or what `load_display` returned.
+        A folder of layers, or what `load_layers` returned. A display file, or what
+        `load_display` returned.
     filter, samples
         "nearest" texel, or "bilinear" between four; 1, 2 or 4 samples for each pixel.
     model, engine, fraction_bits
-        Lens model. "golden": float64; "twin": the RTL's integers; "rtl": the RTL, simulated. Word length of the optics,
-        for twin and rtl; None: the longest.
+        Lens model. "golden": float64; "twin": the RTL's integers; "rtl": the RTL,
+        simulated. Word length of the optics, for twin and rtl; None: the longest.
     kept, workers, scheduler
         See `render`.
     """
@@ -190,21 +198,24 @@ def capture(
 ) -> IntegralImage:
     """Render the image that an imaging lens, a microlens array and a camera capture of a scene.
 
-    The result is for the set-up's display; `measured` contains `vignetting_percent` and `array_loss_percent`. Raises
-    InputError for a bad file or value, a scene that cannot be captured, or an image that exceeds the memory limit.
+    The result is for the set-up's display; `measured` contains `vignetting_percent` and
+    `array_loss_percent`. Raises InputError for a bad file or value, a scene that cannot
+    be captured, or an image that exceeds the memory limit.
 
     Parameters
     ----------
     scene, setup
-        Mitsuba XML, or a scene that was loaded with `lippmann.capturing.capture.placement_before`. A set-up file, or
-        what `load_setup` returned.
+        Mitsuba XML, or a scene that was loaded with
+        `lippmann.capturing.capture.placement_before`. A set-up file, or what
+        `load_setup` returned.
     samples, integrator, max_depth, seed, memory_mb, shading
         See `lippmann.rendering.options.Settings`.
     rotate
-        Whether each elemental image is rotated by 180 degrees, which gives the display the right depth. None: yes,
-        except for concave lenslets.
+        Whether each elemental image is rotated by 180 degrees, which gives the display
+        the right depth. None: yes, except for concave lenslets.
     aperture
-        For a pickup: "full", rays over the whole lenslet, or "chief", rays through its centre. None: "full".
+        For a pickup: "full", rays over the whole lenslet, or "chief", rays through its
+        centre. None: "full".
     device, progress
         See `render`.
     """
@@ -260,17 +271,20 @@ def observe(
     Parameters
     ----------
     image, eye
-        The image. Centre of the pupil, mm; the display is at z = 0, x right, y up, z towards the viewer.
+        The image. Centre of the pupil, mm; the display is at z = 0, x right, y up, z
+        towards the viewer.
     pupil_mm, focus_z_mm
         Diameter of the pupil (0: a pinhole), and the depth z in focus.
     width_px, samples
         Width of the view, and rays for each of its pixels.
     display
-        The display as built, such as `image.display.misaligned(rotation_deg=0.1)`; None: the image's.
+        The display as built, such as `image.display.misaligned(rotation_deg=0.1)`;
+        None: the image's.
     window
         The part of the plane z = 0 in the view; None: the whole panel, `width_px` wide.
     model, crosstalk, seed
-        Lens model; whether neighbouring elemental images are visible or black; seed of the sample points.
+        Lens model; whether neighbouring elemental images are visible or black; seed of
+        the sample points.
     device
         "llvm" (CPU), "cuda" (GPU) or "auto".
     """
@@ -310,13 +324,15 @@ def view(
     path
         The page, .html; None: a temporary file, which a browser opens.
     scene
-        Mitsuba XML, or what `load_scene` returned: the page gets direct views of this scene.
+        Mitsuba XML, or what `load_scene` returned: the page gets direct views of this
+        scene.
     later, frames_per_second
         The further frames of a film whose first frame is `image`; the page plays them.
     placement, arrange
         See `render`.
     seed, device
-        Seed of the direct views' random numbers, and their device: "llvm" (CPU), "cuda" (GPU) or "auto".
+        Seed of the direct views' random numbers, and their device: "llvm" (CPU), "cuda"
+        (GPU) or "auto".
     """
     target = Path(tempfile.mkdtemp(prefix="lippmann-")) / "view.html" if path is None else path
     target = check_output(target, PAGE_SUFFIXES)

@@ -34,22 +34,25 @@ def trace(
 ) -> Rays:
     """Trace rays from the panel through the lenslets.
 
-    Raises InputError for wrong shapes, values that are not finite or beyond `FARTHEST_LENSLETS`, an unknown model,
-    engine or device, or a display that the formats of twin and rtl cannot hold; MissingLibraryError when a library or
-    tool of an engine is missing.
+    Raises InputError for wrong shapes, values that are not finite or beyond
+    `FARTHEST_LENSLETS`, an unknown model, engine or device, or a display that the
+    formats of twin and rtl cannot hold; MissingLibraryError when a library or tool of
+    an engine is missing.
 
     Parameters
     ----------
     display, pixels
-        A display file, or what `load_display` returned. (N, 2) pixel coordinates, also beyond the panel;
-        (c + 0.5, r + 0.5) is the centre of pixel (c, r).
+        A display file, or what `load_display` returned. (N, 2) pixel coordinates, also
+        beyond the panel; (c + 0.5, r + 0.5) is the centre of pixel (c, r).
     aperture
-        (N, 2) aperture points that the rays aim at, lens-local, mm, array's axes; None: chief rays.
+        (N, 2) aperture points that the rays aim at, lens-local, mm, array's axes; None:
+        chief rays.
     model, engine
-        "pinhole", "thin", "paraxial" or "exact". "golden", "fast", "twin" (the RTL's fixed point in integers) or "rtl"
-        (the RTL itself, simulated).
+        "pinhole", "thin", "paraxial" or "exact". "golden", "fast", "twin" (the RTL's
+        fixed point in integers) or "rtl" (the RTL itself, simulated).
     device, fraction_bits
-        For fast: "llvm" (CPU), "cuda" (GPU) or "auto", the GPU if there is one. For twin and rtl: F, 14 to 23.
+        For fast: "llvm" (CPU), "cuda" (GPU) or "auto", the GPU if there is one. For
+        twin and rtl: F, 14 to 23.
     """
     if engine in ("twin", "rtl"):
         from lippmann.simulation.harness import rtl_pipeline  # not at the top: a render without it starts sooner

@@ -55,7 +55,8 @@ class NoSpaceError(LippmannError):
 class LippmannWarning(UserWarning):
     """A warning of a valid but perhaps unwanted result; the command line shows it as "note: text".
 
-    Reports of what a command does go to `logging.getLogger("lippmann")` at level INFO instead.
+    Reports of what a command does go to `logging.getLogger("lippmann")` at level INFO
+    instead.
     """
 
 

@@ -47,7 +47,8 @@ def animation_bytes(
 
     frames = [Image.fromarray(encoded_values(view, "srgb", 8)) for view in views]
     if kind == "GIF":
-        # One palette and no dither: parts that do not move take no space and do not flicker.
+        # One palette and no dither: parts that do not move take no space and do not
+        # flicker.
         palette = _common_palette(frames)
         frames = [frame.quantize(palette=palette, dither=Image.Dither.NONE) for frame in frames]
     if there_and_back:

@@ -1,7 +1,8 @@
 """Files and folders that appear complete or not at all, also after a signal, a full disk or a power cut.
 
-A file is written under a temporary name in the same folder, synced and renamed. The temporary name holds its process:
-the next command removes the partial files of a killed process.
+A file is written under a temporary name in the same folder, synced and renamed. The
+temporary name holds its process: the next command removes the partial files of a killed
+process.
 """
 
 from __future__ import annotations
@@ -44,7 +45,8 @@ STEM_BYTES = 180
 OWN_FLAGS = getattr(os, "O_NOFOLLOW", 0) | getattr(os, "O_CLOEXEC", 0)
 #: Numbers of partial files: two threads that write the same file use different ones.
 numbers = itertools.count()
-#: Name of a partial file: stem, number, machine, process, hash of the process's start, suffix.
+#: Name of a partial file: stem, number, machine, process, hash of the process's start,
+#: suffix.
 PARTIAL = re.compile(r"\..*\.([0-9a-f]{8})-([0-9]+)-([0-9a-f]{8})\.partial(\.[^.]*)?", re.DOTALL)
 
 
@@ -171,7 +173,8 @@ def sync(path: Path) -> None:
 def replacing(path: Path) -> Iterator[Path]:
     """Provide a temporary file name; rename the file to `path` on success, remove it on failure.
 
-    A power cut leaves the old file or the new one. Raises NoSpaceError for a full disk, InputError for another refusal.
+    A power cut leaves the old file or the new one. Raises NoSpaceError for a full disk,
+    InputError for another refusal.
     """
     remove_stale_once(path.parent.absolute())
     partial = path.with_name(partial_name(path.name))

@@ -22,7 +22,8 @@ if TYPE_CHECKING:
 
 Pixels = npt.NDArray[np.uint8]
 
-#: SDL drivers without a visible screen; SDL chooses them on a machine without a desktop.
+#: SDL drivers without a visible screen; SDL chooses them on a machine without a
+#: desktop.
 BLIND_DRIVERS = ("dummy", "evdev", "offscreen")
 #: Pause between two queries of the keyboard, s.
 LOOK_S = 0.05
@@ -58,9 +59,10 @@ def window_size(size: tuple[int, int], desktop: tuple[int, int]) -> tuple[int, i
 def full_screen(size: tuple[int, int], monitor: int) -> Iterator[Callable[..., Pixels]]:
     """Provide a function that shows an image (height, width, 3) uint8 on a complete monitor, counted from 0.
 
-    It takes the image and a duration, s (None: until Escape or q), and returns the screen's pixels. Raises InputError
-    for a missing monitor or one of another size, whose scaled pixels would not match the lenslets; DeviceError without
-    a desktop or full screen.
+    It takes the image and a duration, s (None: until Escape or q), and returns the
+    screen's pixels. Raises InputError for a missing monitor or one of another size,
+    whose scaled pixels would not match the lenslets; DeviceError without a desktop or
+    full screen.
     """
     check_monitor(monitors(), monitor, size)
     width, height = size
@@ -81,7 +83,8 @@ def full_screen(size: tuple[int, int], monitor: int) -> Iterator[Callable[..., P
 def show_frames(frames: Sequence[Pixels], seconds: float | None, frame_s: float = LOOK_S) -> None:
     """Repeat frames (height, width, 3) uint8 in a window, for some seconds or until Escape, q or the close button.
 
-    Frames larger than the desktop are scaled down. Raises DeviceError without a desktop.
+    Frames larger than the desktop are scaled down. Raises DeviceError without a
+    desktop.
     """
     height, width = frames[0].shape[:2]
     size = window_size((width, height), monitors()[0])

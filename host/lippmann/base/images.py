@@ -41,7 +41,8 @@ MAX_CHANNELS = 4
 MAX_TEXT_BYTES = 1 << 18
 #: OpenImageIO's names of the transfer curves; it writes a gamma chunk for each of them.
 COLOUR_SPACES = {"srgb": "sRGB", "gamma2.2": "Gamma2.2", "linear": "Linear"}
-#: Without row filters, integral images are as small and are written in a third of the time.
+#: Without row filters, integral images are as small and are written in a third of the
+#: time.
 PNG_SETTINGS = {"png:filter": 0x08, "png:compressionLevel": 2}
 #: Prefix of our metadata keys in a file.
 PREFIX = "lippmann:"
@@ -62,7 +63,8 @@ class Picture(NamedTuple):
 def check_output(path: str | Path, suffixes: tuple[str, ...] = SUFFIXES) -> Path:
     """Check that a file can be written, and return its path.
 
-    Raises InputError for an unknown extension, a missing or read-only folder, or a folder as path; NoSpaceError.
+    Raises InputError for an unknown extension, a missing or read-only folder, or a
+    folder as path; NoSpaceError.
     """
     path = path_of(path, "an image file")
     if len(os.fsencode(path.name)) > MAX_NAME_BYTES:
@@ -112,8 +114,8 @@ def write_picture(
 ) -> None:
     """Write linear radiance (height, width, 3) and metadata (keys without prefix) as an image file.
 
-    .exr (half float) and .tif (float) are linear; .png has panel values (`encoded_values`). Raises InputError when the
-    file cannot be written.
+    .exr (half float) and .tif (float) are linear; .png has panel values
+    (`encoded_values`). Raises InputError when the file cannot be written.
     """
     path = check_output(path)
     suffix = path.suffix.lower()
@@ -188,8 +190,9 @@ def _write_bands(out: OpenImageIO.ImageOutput, firsts: range, file_values: Calla
 def read_picture(path: str | Path, limit: tuple[int, int] | None = None, accept: Accept | None = None) -> Picture:
     """Read an image file as linear radiance; a PNG by the transfer curve in its metadata, or as sRGB.
 
-    `limit` is the required (width, height); `accept` is called before the pixels are read. Raises InputError when the
-    file is missing, broken, of another size, or not a flat image.
+    `limit` is the required (width, height); `accept` is called before the pixels are
+    read. Raises InputError when the file is missing, broken, of another size, or not a
+    flat image.
     """
     with StoredRows(path, limit, accept) as rows:
         return Picture(np.array(rows, copy=None), rows.metadata)
@@ -382,8 +385,8 @@ FORMATS = ("PNG", "JPEG", "TIFF", "BMP")
 def read_numbers(path: Path, max_pixels: int, what: str, remedy: str) -> Numbers:
     """Return an image, (height, width) or (height, width, BGR or BGRA), in the file's type of numbers.
 
-    Raises InputError for more than `max_pixels` pixels, and, with `what` and `remedy`, for a broken file or one not of
-    `FORMATS`.
+    Raises InputError for more than `max_pixels` pixels, and, with `what` and `remedy`,
+    for a broken file or one not of `FORMATS`.
     """
     import cv2
 

@@ -20,7 +20,8 @@ from lippmann.base.machine import free_memory_mb
 from lippmann.base.tones import Numbers
 from lippmann.errors import InputError, input_error, reason
 
-#: Maximum bytes of a TOML file, of a scene's XML, and of a text table of pixels or words.
+#: Maximum bytes of a TOML file, of a scene's XML, and of a text table of pixels or
+#: words.
 MAX_TOML_BYTES, MAX_XML_BYTES, MAX_TABLE_BYTES = 1 << 20, 1 << 26, 1 << 28
 #: Maximum bytes of a bitstream: three times that of the largest ECP5.
 MAX_BITSTREAM_BYTES = 1 << 23
@@ -60,8 +61,9 @@ def load_arrays(
 ) -> tuple[dict[str, Numbers], set[str]]:
     """Return the arrays of an .npz file that are in `names`, and all its names; for None, of an .npy file.
 
-    The array of an .npy file is called "". `bytes_a_ray` is the caller's memory for each row. Raises InputError for a
-    broken file, arrays not of real numbers, more than `MAX_RAYS` rows, or too little free memory.
+    The array of an .npy file is called "". `bytes_a_ray` is the caller's memory for
+    each row. Raises InputError for a broken file, arrays not of real numbers, more than
+    `MAX_RAYS` rows, or too little free memory.
     """
     try:
         if names is None:

@@ -10,8 +10,8 @@ import time
 from collections.abc import Iterator
 from pathlib import Path
 
-#: For each version of control groups: folders below the root; files of the limit and the use, bytes; entries of
-#: memory.stat for pages of files, which the kernel can drop.
+#: For each version of control groups: folders below the root; files of the limit and
+#: the use, bytes; entries of memory.stat for pages of files, which the kernel can drop.
 VERSIONS = {
     1: (("memory",), "memory.limit_in_bytes", "memory.usage_in_bytes", r"total_(?:in)?active_file"),
     2: (("", "unified"), "memory.max", "memory.current", r"(?:in)?active_file"),
@@ -30,7 +30,8 @@ def free_memory_mb() -> float:
 def group_memory_mb(root: Path = Path("/sys/fs/cgroup"), own: Path = Path("/proc/self/cgroup")) -> Iterator[float]:
     """Yield the free memory, MB, of each limited control group of this process (cgroups(7), versions 1 and 2).
 
-    Containers and batch systems set these limits; /proc/meminfo ignores them. `own` lists the groups below `root`.
+    Containers and batch systems set these limits; /proc/meminfo ignores them. `own`
+    lists the groups below `root`.
     """
     for line in _text(own).splitlines():
         _, controllers, path = line.split(":", 2)
@@ -38,7 +39,8 @@ def group_memory_mb(root: Path = Path("/sys/fs/cgroup"), own: Path = Path("/proc
             continue
         names, limit, used, dropped = VERSIONS[1 if controllers else 2]
         for top in (root / name for name in names):
-            # In a container the path may be that outside; the container's own group is then the top.
+            # In a container the path may be that outside; the container's own group is
+            # then the top.
             group = top / path.lstrip("/")
             for folder in [top] if ".." in group.parts else [group, *group.parents]:
                 if folder.is_relative_to(top):
@@ -80,7 +82,8 @@ def process_seconds() -> float:
     status = _text(Path("/proc/self/stat"))
     if not status or not hasattr(os, "sysconf"):
         return 0.0
-    # The 22nd field; the second is the program's name in brackets, which may hold spaces.
+    # The 22nd field; the second is the program's name in brackets, which may hold
+    # spaces.
     ticks = int(status.rpartition(")")[2].split()[19])
     return time.clock_gettime(time.CLOCK_BOOTTIME) - ticks / os.sysconf("SC_CLK_TCK")
 

@@ -42,8 +42,8 @@ def run_program(
 ) -> subprocess.CompletedProcess[str]:
     """Run a program without input; return its exit code and output, with undecodable bytes replaced.
 
-    A signal ends the program's process group first. Raises OSError when it cannot be run, subprocess.TimeoutExpired
-    after `timeout_s`.
+    A signal ends the program's process group first. Raises OSError when it cannot be
+    run, subprocess.TimeoutExpired after `timeout_s`.
     """
     until = None if timeout_s is None else time.monotonic() + timeout_s
     with interrupts.hold_signals() as came:

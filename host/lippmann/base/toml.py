@@ -1,7 +1,8 @@
 """TOML files from declarations: a dataclass declares a table, `key` describes each of its keys.
 
-It gives the reader (`read`), the JSON Schema for editors (`schema`), the key tables of the reference pages
-(`tools.generate_tables`), and the checks of values from Python code (`check_fields`).
+It gives the reader (`read`), the JSON Schema for editors (`schema`), the key tables of
+the reference pages (`tools.generate_tables`), and the checks of values from Python code
+(`check_fields`).
 """
 
 from __future__ import annotations
@@ -25,7 +26,8 @@ import tomli_w
 from lippmann.base.limits import MAX_TOML_BYTES, read_limited
 from lippmann.errors import InputError, input_error, likely_file, reason
 
-#: Maximum parts of a dotted key: Python's parser takes the square of their number in time.
+#: Maximum parts of a dotted key: Python's parser takes the square of their number in
+#: time.
 MAX_KEY_PARTS = 32
 #: Maximum bytes of a part of a path, and characters of a path.
 MAX_NAME_BYTES, MAX_PATH = 255, 4000
@@ -79,9 +81,10 @@ def key(
 ) -> msgspec.Meta:
     """Describe a key: `name: Annotated[type, key(...)]`.
 
-    `above` is an open lower bound, `low` and `high` are closed bounds. `default` is the default in words. This key
-    replaces the key `instead_of`: a file has exactly one of them, at most one if that key has a `default`. `shape` is a
-    list in words, "a list of ..."; `lengths` are the minimum and maximum number of its entries.
+    `above` is an open lower bound, `low` and `high` are closed bounds. `default` is the
+    default in words. This key replaces the key `instead_of`: a file has exactly one of
+    them, at most one if that key has a `default`. `shape` is a list in words, "a list
+    of ..."; `lengths` are the minimum and maximum number of its entries.
     """
     texts = ("x-default", default), ("x-instead-of", instead_of), ("x-shape", shape)
     extra = {name: text for name, text in texts if text}
@@ -228,7 +231,8 @@ def read(form: Callable[..., Form], raw: Mapping[str, Value], source: str) -> Fo
     except InputError as error:  # from a __post_init__
         raise InputError(f"{source}: {error}") from None
     except msgspec.ValidationError as error:
-        # msgspec ends its messages with the place, such as "at `$.object[0].keys[1].frame`".
+        # msgspec ends its messages with the place, such as "at
+        # `$.object[0].keys[1].frame`".
         place = re.search(r" - at `\$\.?(.*)`$", str(error))
         name = place[1] if place else ""
         missing = re.match(r"Object missing required field `(.*?)`", str(error))

@@ -16,7 +16,8 @@ from lippmann.errors import InputError
 Numbers = npt.NDArray[Any]
 #: Pairs (panel value, light), both rising from 0 to 1, with linear interpolation.
 Curve = tuple[tuple[float, float], ...]
-#: A curve's name, a measured curve, or the text of a measured curve in an image's metadata.
+#: A curve's name, a measured curve, or the text of a measured curve in an image's
+#: metadata.
 Transfer = str | Curve
 
 #: Rows of a band of a file: a multiple of 16, the rows of an EXR block.

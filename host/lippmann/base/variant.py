@@ -11,7 +11,8 @@ from typing import Any, TypeAlias
 from lippmann.base import interrupts
 from lippmann.errors import InputError, MissingLibraryError, missing_library
 
-#: A value or object of Dr.Jit or Mitsuba, such as an array, a ray or a BSDF. Its type depends on the variant.
+#: A value or object of Dr.Jit or Mitsuba, such as an array, a ray or a BSDF. Its type
+#: depends on the variant.
 Jit: TypeAlias = Any
 
 VARIANTS = {"llvm": "llvm_ad_rgb", "cuda": "cuda_ad_rgb"}
@@ -26,7 +27,8 @@ def check_device(device: str) -> None:
 def available_device(device: str = "auto") -> str:
     """Return "llvm" or "cuda" for a device; "auto" is the GPU if there is one.
 
-    Raises InputError for an unknown device; MissingLibraryError without Dr.Jit, libLLVM or the CUDA driver.
+    Raises InputError for an unknown device; MissingLibraryError without Dr.Jit, libLLVM
+    or the CUDA driver.
     """
     check_device(device)
     try:
@@ -45,8 +47,8 @@ def available_device(device: str = "auto") -> str:
 def start_mitsuba(device: str = "auto") -> str:
     """Set Mitsuba's variant for a device, and return "llvm" or "cuda".
 
-    A scene works only with the variant that it was made with. Raises as `available_device`, and MissingLibraryError
-    without Mitsuba.
+    A scene works only with the variant that it was made with. Raises as
+    `available_device`, and MissingLibraryError without Mitsuba.
     """
     check_device(device)
     mi = _loaded()
@@ -74,7 +76,8 @@ def own_variant(device: str = "auto") -> Iterator[str]:
 def mitsuba() -> ModuleType:
     """Return the module `mitsuba`, with the variant for "auto" if none is set.
 
-    Raises InputError when the variant is not ours; MissingLibraryError as `start_mitsuba`.
+    Raises InputError when the variant is not ours; MissingLibraryError as
+    `start_mitsuba`.
     """
     mi = _loaded()
     variant = mi.variant()

@@ -1,8 +1,9 @@
 """Bitstreams: the header of an ECP5 bitstream (.bit), and the load into a board by openFPGALoader.
 
-A file begins with FF 00, texts that each end with 00, then FF; `make bitstream` writes one text. The preamble
-FF FF BD B3 precedes the configuration: commands of one byte, three bytes of options, and data. VERIFY_ID (E2) holds
-the device's JTAG identity. The last command is PROGRAM_DONE (5E), which FF may follow.
+A file begins with FF 00, texts that each end with 00, then FF; `make bitstream` writes
+one text. The preamble FF FF BD B3 precedes the configuration: commands of one byte,
+three bytes of options, and data. VERIFY_ID (E2) holds the device's JTAG identity. The
+last command is PROGRAM_DONE (5E), which FF may follow.
 """
 
 from __future__ import annotations
@@ -25,7 +26,8 @@ logger = logging.getLogger(__name__)
 PREAMBLE = b"\xff\xff\xbd\xb3"
 VERIFY_ID = b"\xe2\x00\x00\x00"
 PROGRAM_DONE = b"\x5e\x00\x00\x00"
-#: Commands that may come before VERIFY_ID, without data: nothing, and the reset of the checksum.
+#: Commands that may come before VERIFY_ID, without data: nothing, and the reset of the
+#: checksum.
 NO_OPERATION, RESET_CRC = 0xFF, 0x3B
 #: JTAG identities of the family.
 DEVICES = {
@@ -61,7 +63,8 @@ class BitFile:
 
 #: The digest in the text before it is known.
 NO_DIGEST = b"0" * 64
-#: The text that `make bitstream` writes; a file with one of `WORDS`, but without the whole text, is damaged.
+#: The text that `make bitstream` writes; a file with one of `WORDS`, but without the
+#: whole text, is damaged.
 TEXT = re.compile(
     rb"Lippmann board=(\S+) display=([^\0]+?) identity=([0-9a-f]{16}) design=(\w+) seed=\d+ sha256=([0-9a-f]{64})\0"
 )
@@ -113,13 +116,15 @@ def read_bitfile(path: Path) -> BitFile:
 
 
 LOADER = Tool("openFPGALoader", "writes bitstreams into FPGA boards", "run sudo apt-get install -y openfpgaloader")
-#: Longest time of a load, s: it takes a quarter of a minute, into the flash memory some minutes.
+#: Longest time of a load, s: it takes a quarter of a minute, into the flash memory some
+#: minutes.
 LOAD_SECONDS = 600.0
 CONNECT = "connect its USB socket US1, and switch it on"
 REPLUG = "plug the board in again, then run it again"
 #: Linux's list of USB devices.
 USB_DEVICES = Path("/sys/bus/usb/devices")
-#: Patterns in openFPGALoader's output, in small letters, with cause and remedy; the first that matches counts.
+#: Patterns in openFPGALoader's output, in small letters, with cause and remedy; the
+#: first that matches counts.
 CAUSES = (
     (
         r"permission denied|access denied|usb_open\(\) failed",
@@ -166,7 +171,8 @@ def on_usb(usb: Usb) -> list[Adapter] | None:
 def choose_adapter(board: FpgaBoard, adapters: list[Adapter] | None, serial: str | None) -> str | None:
     """Return the serial number of the adapter to use; None for the only one, or where they are not listed.
 
-    `serial` may name an adapter with another text, as new chips have. Raises DeviceError unless one remains.
+    `serial` may name an adapter with another text, as new chips have. Raises
+    DeviceError unless one remains.
     """
     if adapters is None:
         return serial
@@ -209,9 +215,10 @@ def board_of(path: Path, file: BitFile, name: str | None) -> FpgaBoard:
 def program(path: Path, name: str | None = None, serial: str | None = None, flash: bool = False) -> FpgaBoard:
     """Load a bitstream into a board's FPGA, or into its flash memory; return the board.
 
-    `name` is the board, for a bitstream that names none. `serial` is the serial number of the USB adapter; None means
-    the only board. Raises InputError for a wrong file, MissingLibraryError without a working openFPGALoader, and
-    DeviceError unless there is one board and the loader succeeds.
+    `name` is the board, for a bitstream that names none. `serial` is the serial number
+    of the USB adapter; None means the only board. Raises InputError for a wrong file,
+    MissingLibraryError without a working openFPGALoader, and DeviceError unless there
+    is one board and the loader succeeds.
     """
     file = read_bitfile(path)
     board = board_of(path, file, name)

@@ -39,7 +39,8 @@ FRAME_SECONDS = 120.0
 QUERY_S = 0.02
 #: Clocks for each ray of a SIGN: nine words, and a reserve.
 SIGN_CLOCKS = 10
-#: Clocks for each tile of a RESET: two entries, in a table whose size is a power of two.
+#: Clocks for each tile of a RESET: two entries, in a table whose size is a power of
+#: two.
 RESET_CLOCKS = 8
 #: Maximum of rays in a TRACE request.
 MAX_RAYS = 64
@@ -120,11 +121,12 @@ class Board(Session):
     def show(self, image: IntegralImage, progress: Progress | None = None, force: bool = False) -> Sent:
         """Show an image on the panel, with the transfer curve and bits of its display; return the transfer's counts.
 
-        The panel keeps its frame until the new one is complete, with the right CRC-32. A board that draws a scene only
-        stores the frame; a LippmannWarning says so. `progress` counts tiles.
+        The panel keeps its frame until the new one is complete, with the right CRC-32.
+        A board that draws a scene only stores the frame; a LippmannWarning says so.
+        `progress` counts tiles.
 
-        Raises InputError as `image_frame`, and DeviceError when the board does not answer, shows a test pattern, or
-        refuses the frame.
+        Raises InputError as `image_frame`, and DeviceError when the board does not
+        answer, shows a test pattern, or refuses the frame.
         """
         self.check_panel()
         return send_frame(self, image_frame(image, self.info, force), progress)
@@ -134,7 +136,8 @@ class Board(Session):
     ) -> Sent:
         """Render a plan and show it: the tiles of each band are sent before the next band is taken.
 
-        `progress` counts rows. Raises as `show` and `executor`; the panel then keeps its frame.
+        `progress` counts rows. Raises as `show` and `executor`; the panel then keeps
+        its frame.
         """
         self.check_panel()
         sink = BoardSink(self, plan, force)
@@ -206,8 +209,9 @@ class Check:
 def check_rays(board: Board, display: Display, columns: tuple[int, int], rows: tuple[int, int]) -> Check:
     """Write a display's optics into the board and compare the chief rays of a region's pixels with the twin's.
 
-    `columns` and `rows` are the region's first and last, from the panel's top left. Raises InputError for a region off
-    the panel, and for a display that the board's optics do not support.
+    `columns` and `rows` are the region's first and last, from the panel's top left.
+    Raises InputError for a region off the panel, and for a display that the board's
+    optics do not support.
     """
     panel = display.panel
     frame = Raster(panel.width_px, panel.height_px, columns, rows)
@@ -247,8 +251,9 @@ def find_board(
 ) -> str:
     """Return the port of the one board that answers; raise DeviceError unless exactly one does.
 
-    A device that is not a board may act on the bytes of a search. So without `urls`, known USB adapters and this user's
-    virtual boards are tried; and if none answers, other ports, if `allowed`, called with them, returns True.
+    A device that is not a board may act on the bytes of a search. So without `urls`,
+    known USB adapters and this user's virtual boards are tried; and if none answers,
+    other ports, if `allowed`, called with them, returns True.
     """
     first_urls = [*adapter_ports(), *own_boards()] if urls is None else list(urls)
     other_urls = [url for url in ports() if url not in first_urls] if urls is None else []

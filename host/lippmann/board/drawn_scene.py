@@ -102,10 +102,12 @@ class SceneBoard:
     ) -> Loaded:
         """Load slots; blocks that the board holds are not sent, so an interrupted load continues.
 
-        `contents` holds the bytes of each slot: texels row by row, then the palette (`slot_bytes`); slot 15 has the
-        panel's curve. `progress` counts blocks. `loaded` receives the counts, also when a load fails.
+        `contents` holds the bytes of each slot: texels row by row, then the palette
+        (`slot_bytes`); slot 15 has the panel's curve. `progress` counts blocks.
+        `loaded` receives the counts, also when a load fails.
 
-        Raises InputError for contents that do not fit; DeviceError when a slot is shown, or the board does not answer.
+        Raises InputError for contents that do not fit; DeviceError when a slot is
+        shown, or the board does not answer.
         """
         # The low 8 bits of an item are the block's number, the others the slot's.
         blocks = {
@@ -162,7 +164,8 @@ class SceneBoard:
         busy = self.status().slots
         crcs = {slot: self.crcs(slot) for slot in range(self.build.slots_built)}
         requested = [list(map(zlib.crc32, _cut(content))) for content in contents]
-        # Shown slots, which cannot be written, come first; then those with the most equal blocks.
+        # Shown slots, which cannot be written, come first; then those with the most
+        # equal blocks.
         slots: dict[int, int] = {}
         alike = sorted(
             (slot not in busy, -sum(a == b and a != 0 for a, b in zip(crcs[slot], one, strict=True)), slot, k)
@@ -181,8 +184,9 @@ class SceneBoard:
     def set_stack(self, display: Display, stack: LayerStack, slots: Sequence[int] | None = None) -> int:
         """Write the layers' registers that have changed, in one request; return the number of its words.
 
-        The panel changes between two frames. Layers of the build behind the stack's are hidden. The texture of layer k
-        is in slot k, or `slots[k]`. Raises InputError for layers at or behind the eyes, and for values out of range.
+        The panel changes between two frames. Layers of the build behind the stack's are
+        hidden. The texture of layer k is in slot k, or `slots[k]`. Raises InputError
+        for layers at or behind the eyes, and for values out of range.
         """
         return self._write_layers(self._scene_words(display, stack, slots))
 

@@ -35,9 +35,10 @@ def load_textures(
 ) -> tuple[Loaded, list[int]]:
     """Load a film's textures into free slots, and the panel's curve; return the counts, and the slot of each layer.
 
-    A scene that is shown stays, unless it has another curve. `progress` counts blocks. Before anything is sent, raises
-    InputError, with `where` and the frame, for layers that do not fit the build and for motion beyond a register's
-    range. Raises DeviceError when too few slots are free, and as `SceneBoard.load`.
+    A scene that is shown stays, unless it has another curve. `progress` counts blocks.
+    Before anything is sent, raises InputError, with `where` and the frame, for layers
+    that do not fit the build and for motion beyond a register's range. Raises
+    DeviceError when too few slots are free, and as `SceneBoard.load`.
     """
     contents = []
     for name, layer in zip(film.names, film.stack.layers, strict=True):
@@ -72,11 +73,12 @@ def play_film(
 ) -> Played:
     """Play a film `repeat` times, 0 without end; its last frame stays on the panel.
 
-    `slots` are those of `load_textures`. Frames are written at the film's speed, or with `every_frame` when the panel
-    shows the one before. `progress` counts frames, unless the film has no end. `played` receives the counts, also after
-    Ctrl-C.
+    `slots` are those of `load_textures`. Frames are written at the film's speed, or
+    with `every_frame` when the panel shows the one before. `progress` counts frames,
+    unless the film has no end. `played` receives the counts, also after Ctrl-C.
 
-    Raises DeviceError when the board refuses a write, its panel does not change, or it shows no scene at the end.
+    Raises DeviceError when the board refuses a write, its panel does not change, or it
+    shows no scene at the end.
     """
     played = Played() if played is None else played
     line = scene.board.line

@@ -51,8 +51,8 @@ def panel_values(radiance: npt.NDArray[np.float32], transfer: Transfer, bits: in
 def image_frame(image: IntegralImage, target: Hello | Target, force: bool = False) -> Pixels:
     """Return the frame (height, width, 3) uint8 for an image's display.
 
-    Raises InputError for another display, size, transfer curve or number of bits; `force` accepts another display of
-    the same size.
+    Raises InputError for another display, size, transfer curve or number of bits;
+    `force` accepts another display of the same size.
     """
     check_image(image)
     name = check_shape(image.radiance.shape, image.display, target, force)
@@ -64,8 +64,9 @@ def image_frame(image: IntegralImage, target: Hello | Target, force: bool = Fals
 class FrameFile(NamedTuple):
     """An image file whose header fits a panel.
 
-    `pixels` reads its frame (height, width, 3) uint8, and raises InputError for a broken file. `assumption` is empty,
-    or a sentence about tones that nothing names or confirms.
+    `pixels` reads its frame (height, width, 3) uint8, and raises InputError for a
+    broken file. `assumption` is empty, or a sentence about tones that nothing names or
+    confirms.
     """
 
     pixels: Callable[[], Pixels]
@@ -91,11 +92,13 @@ def check_frame(
 ) -> FrameFile:
     """Check the header and the last row of an image file that is to become a frame for a panel.
 
-    The file holds linear radiance (.exr, .tif) or panel values (.png). Its metadata name the panel's transfer curve and
-    bits; `transfer` and `panel` confirm them, or supply what the file does not name. The defaults are sRGB and 8 bits.
+    The file holds linear radiance (.exr, .tif) or panel values (.png). Its metadata
+    name the panel's transfer curve and bits; `transfer` and `panel` confirm them, or
+    supply what the file does not name. The defaults are sRGB and 8 bits.
 
-    Raises InputError when the file is missing, cut, not an image, or made for another size, transfer curve or number of
-    bits; without `force` also when it names another display, or none.
+    Raises InputError when the file is missing, cut, not an image, or made for another
+    size, transfer curve or number of bits; without `force` also when it names another
+    display, or none.
     """
     path = Path(path)
     suffix = path.suffix.lower()

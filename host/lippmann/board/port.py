@@ -1,6 +1,7 @@
 """Ports of boards, opened by a URL, and packets over them: serial devices, Unix sockets and TCP.
 
-unix://PATH is a socket on this machine, socket://HOST:PORT one over TCP; pyserial opens the other URLs.
+unix://PATH is a socket on this machine, socket://HOST:PORT one over TCP; pyserial opens
+the other URLs.
 """
 
 from __future__ import annotations
@@ -45,8 +46,9 @@ ADAPTER_VENDORS = (0x0403, 0x10C4, 0x1A86, 0x067B)
 def open_port(url: str, baud: int = DEFAULT_BAUD) -> serial.Serial | socket.SocketIO:
     """Open a port for this program alone; reads and writes do not block.
 
-    Raises InputError for an invalid URL or baud rate, NoBoardError when the port is missing, busy, not permitted or
-    refuses the connection, and DeviceError when it does not support the baud rate.
+    Raises InputError for an invalid URL or baud rate, NoBoardError when the port is
+    missing, busy, not permitted or refuses the connection, and DeviceError when it does
+    not support the baud rate.
     """
     address: object = url
     if not (isinstance(address, str) and address):

@@ -21,13 +21,15 @@ if TYPE_CHECKING:
 FIRST_S = 0.25
 SHORTEST_S = 0.05
 LONGEST_S = 5.0
-#: Factor of a time-out after each missing reply. TCP doubles it for congestion; here, losses mean noise.
+#: Factor of a time-out after each missing reply. TCP doubles it for congestion; here,
+#: losses mean noise.
 GROWTH = 1.5
 
 #: Maximum of rounds of a frame or a load.
 MAX_ROUNDS = 8
 
-#: Causes in a busy board's reply: a frame by a register write, this SIGN, or a drawn scene runs; or a slot is shown.
+#: Causes in a busy board's reply: a frame by a register write, this SIGN, or a drawn
+#: scene runs; or a slot is shown.
 FRAME_RUNS, THIS_RUNS, SCENE_RUNS, SLOT_SHOWN = 1, 3, 4, 5
 BUSY_REPLY = struct.Struct("<BI")
 
@@ -52,7 +54,8 @@ REFUSALS = {
     ),
     ReplyStatus.OPTICS_REFUSED: ("its optics block refuses the window", "write the raster's registers first"),
 }
-#: Cause and remedy of STALE_EPOCH for a request in `ONCE`: its number is older than the last one's.
+#: Cause and remedy of STALE_EPOCH for a request in `ONCE`: its number is older than the
+#: last one's.
 OLD_NUMBER = ("another program has used it since the connection", "connect again, and let one program at a time use it")
 #: Requests that are executed once, in the order of their numbers.
 ONCE = (Kind.WRITE, Kind.SIGN, Kind.ABORT, Kind.RESET)
@@ -126,15 +129,17 @@ class Flight(NamedTuple):
     time: float
 
 
-#: Returns whether an item has arrived, by its request's body, the reply's status and the rest of the reply.
+#: Returns whether an item has arrived, by its request's body, the reply's status and
+#: the rest of the reply.
 Judge = Callable[[int, bytes, ReplyStatus, bytes], bool]
 
 
 class Window:
     """Sends items that a board lacks, each in a request of its own, until the board has them.
 
-    Each packet has a new sequence number, so a reply identifies its packet. The line keeps the order: when a reply
-    comes, earlier packets without one are lost, or their replies are.
+    Each packet has a new sequence number, so a reply identifies its packet. The line
+    keeps the order: when a reply comes, earlier packets without one are lost, or their
+    replies are.
     """
 
     def __init__(
@@ -144,7 +149,8 @@ class Window:
         self._body, self._judge = body, judge
         self.arrived: set[int] = set()
         self._queue: deque[int] = deque()
-        # By sequence number, in the order of sending: unanswered, and given up (a late reply may come).
+        # By sequence number, in the order of sending: unanswered, and given up (a late
+        # reply may come).
         self._flights: dict[int, Flight] = {}
         self._lost: dict[int, Flight] = {}
         self._bytes = 0
@@ -155,7 +161,8 @@ class Window:
     ) -> ReplyStatus:
         """Send items until the board has them, and return OK; or return `ends` when the board answers that.
 
-        `progress` counts items of `total` that the board has. Raises NoBoardError when none arrives for `patience_s`.
+        `progress` counts items of `total` that the board has. Raises NoBoardError when
+        none arrives for `patience_s`.
         """
         self._queue.extend(items)
         line = self.session.line

@@ -21,7 +21,8 @@ from lippmann.fixed.registers import BOARD_REGISTERS, OPTICS_REGISTERS, SCENE_RE
 
 #: Longest silence of a board before a request fails, s.
 PATIENCE_S = 10.0
-#: Clock of the slowest, simulated board, Hz, for the time of requests that process a frame.
+#: Clock of the slowest, simulated board, Hz, for the time of requests that process a
+#: frame.
 SLOWEST_HZ = 3e5
 #: Clocks for each pixel of a PRESENT: CRC and buffer swap, doubled for safety.
 PRESENT_CLOCKS = 4
@@ -80,8 +81,9 @@ class TileTable(NamedTuple):
 class Session:
     """The open line to a board; a `with` block closes it. `info` is the latest reply to HELLO.
 
-    A request is repeated until its reply arrives. It raises DeviceError when the board refuses it, and NoBoardError
-    when the board does not answer for `patience_s` seconds.
+    A request is repeated until its reply arrives. It raises DeviceError when the board
+    refuses it, and NoBoardError when the board does not answer for `patience_s`
+    seconds.
     """
 
     def __init__(self, line: Line, patience_s: float = PATIENCE_S) -> None:
@@ -135,8 +137,9 @@ class Session:
     def request(self, kind: Kind, body: bytes, work_s: float = 0.0, seq: int | None = None) -> tuple[int, bytes]:
         """Send a request until its reply arrives; return the reply's status and the rest of its body.
 
-        Repetitions have one sequence number, by default a new one: the board executes them once. Raises NoBoardError
-        `patience_s` after the time of the board's work; a line that accepts no bytes adds `SEND_S`.
+        Repetitions have one sequence number, by default a new one: the board executes
+        them once. Raises NoBoardError `patience_s` after the time of the board's work;
+        a line that accepts no bytes adds `SEND_S`.
         """
         seq = self.next_seq() if seq is None else seq
         packet = packed(kind, seq, body)

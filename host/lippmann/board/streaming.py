@@ -78,11 +78,11 @@ def send_frame(
 ) -> Sent:
     """Send a frame (height, width, 3) uint8 to the board and show it on the panel; `progress` counts tiles.
 
-    Tiles that the board holds are not sent: after a lost connection, call again with the same frame. Each call adds to
-    `counts`, also when it fails.
+    Tiles that the board holds are not sent: after a lost connection, call again with
+    the same frame. Each call adds to `counts`, also when it fails.
 
-    Raises InputError for a frame of another size; NoBoardError without connection or answer; DeviceError when the board
-    refuses tiles, or another board took its place.
+    Raises InputError for a frame of another size; NoBoardError without connection or
+    answer; DeviceError when the board refuses tiles, or another board took its place.
     """
     grid = session.info.grid
     if frame.shape != (grid.height, grid.width, 3) or frame.dtype != np.uint8:
@@ -129,7 +129,8 @@ def _show(session: Session, frame: Pixels, counts: Sent, progress: Progress | No
             return
         missing = np.flatnonzero((back.crcs != crcs) | (crcs == 0))
         if status == ReplyStatus.FRAME_CRC_DIFFERS and not len(missing):
-            # Every tile has the right CRC but not the frame: two contents of a tile share a CRC.
+            # Every tile has the right CRC but not the frame: two contents of a tile
+            # share a CRC.
             missing = np.arange(counts.tiles)
             in_front[:] = False
         status = _send_tiles(session, frame, front.epoch, missing.tolist(), in_front, counts, progress, window_bytes)

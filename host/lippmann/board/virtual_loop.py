@@ -24,8 +24,8 @@ PATIENCE_S = 300.0
 class CapturedBoard:
     """An open virtual board.
 
-    When it has ended, `frames` are those scanned out, (height, width, 3) uint8, without repetitions, and `counts` those
-    of `RunningBoard.stop`.
+    When it has ended, `frames` are those scanned out, (height, width, 3) uint8, without
+    repetitions, and `counts` those of `RunningBoard.stop`.
     """
 
     board: Board

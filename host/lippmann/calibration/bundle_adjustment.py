@@ -4,10 +4,12 @@ The camera is a pinhole with radial distortion, the same for all positions. A po
 x = R (X - C) from the camera: x to the right, y down, z forward. With (a, b) = (x, y) / z and r^2 = a^2 + b^2 its pixel
 is (cx, cy) + f (1 + k1 r^2 + k2 r^4) (a, b).
 
-Each lenslet that a position sees gives two points: the panel point that it shows, and its middle in the photograph,
-between its seams. Both are fitted at once, weighted by their scatter. Weak priors hold what the data leave open; a
-parameter whose uncertainty is that of its prior was not determined. The covariance is a sandwich estimate over blocks
-of lenslets, because the errors of neighbours are correlated, and contains `SmoothErrors`.
+Each lenslet that a position sees gives two points: the panel point that it shows, and
+its middle in the photograph, between its seams. Both are fitted at once, weighted by
+their scatter. Weak priors hold what the data leave open; a parameter whose uncertainty
+is that of its prior was not determined. The covariance is a sandwich estimate over
+blocks of lenslets, because the errors of neighbours are correlated, and contains
+`SmoothErrors`.
 """
 
 from __future__ import annotations
@@ -33,13 +35,16 @@ from lippmann.optics.rays import Floats
 #: The array's parameters, and the step of each for differences: mm, radians, fractions.
 ARRAY = {"pitch_x": 1e-5, "pitch_y": 1e-5, "shear": 1e-6, "rotation": 1e-6, "offset_x": 1e-4, "offset_y": 1e-4}
 GAP = {"gap": 1e-4}
-#: Coefficients of the array's height over its mean, mm; places are in half widths and half heights of the panel.
+#: Coefficients of the array's height over its mean, mm; places are in half widths and
+#: half heights of the panel.
 BOW = {"tilt_x": 1e-4, "tilt_y": 1e-4, "bow_xx": 1e-4, "bow_yy": 1e-4, "bow_xy": 1e-4}
-#: Degrees of the polynomial in the slope by which blur moves seams, pitches at the steepest slope.
+#: Degrees of the polynomial in the slope by which blur moves seams, pitches at the
+#: steepest slope.
 SEAMS = range(3, 10)
 LENS = {"focal": 1e-2, "middle_x": 1e-2, "middle_y": 1e-2, "k1": 1e-5, "k2": 1e-5}
 POSE = {"turn_x": 1e-6, "turn_y": 1e-6, "turn_z": 1e-6, "place_x": 1e-2, "place_y": 1e-2, "place_z": 1e-2}
-#: Prefixes of parameters that change where a photograph shows a point, but not which rays it sees.
+#: Prefixes of parameters that change where a photograph shows a point, but not which
+#: rays it sees.
 STILL = "seams_", "turn_", "zoom_", *LENS
 #: Prefixes of parameters that change their own view only.
 OWN_VIEW = "turn_", "place_", "zoom_"
@@ -73,7 +78,8 @@ def projected(points_mm: Floats, lens: Floats, turn: Floats, place_mm: Floats) -
 class SmoothErrors:
     """Errors of a position that are smooth over the array: residual distortion, aberrations and seams.
 
-    For each of the four columns of residuals (panel points, photograph), scaled to scatter 1, the model is
+    For each of the four columns of residuals (panel points, photograph), scaled to
+    scatter 1, the model is
 
         e = n + t B m,   n and m normal with deviation 1,
 
@@ -84,7 +90,8 @@ class SmoothErrors:
 
     makes the covariance of W e the unit matrix, as generalised least squares needs.
 
-    The fields, for N lenslets: B (N, 6), t (4,), U (N, 6), and 1 - 1/sqrt(...) for each column, (4, 6).
+    The fields, for N lenslets: B (N, 6), t (4,), U (N, 6), and 1 - 1/sqrt(...) for each
+    column, (4, 6).
     """
 
     modes: Floats
@@ -229,7 +236,8 @@ class Problem:
         display, size = self.display, np.array(self.views[0].shape[::-1])
         depth, longer = display.aperture_distance_mm, float(size.max())
         focal, *middle = self.part(x, "lens")[:3]
-        # Each divisor is a standard deviation: pitches relative to the file's, lengths as fractions of D.
+        # Each divisor is a standard deviation: pitches relative to the file's, lengths
+        # as fractions of D.
         parts: list[npt.ArrayLike] = [
             (x[:2] / display.array.pitches_mm - 1.0) / 0.01,
             (self.part(x, "gap") - display.gap_mm) / (0.3 * depth),

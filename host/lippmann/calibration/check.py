@@ -1,10 +1,12 @@
 """Pictures that prove a calibration by eye, and the judgement of their photographs.
 
-`1-white` is white for an eye at X and black elsewhere; `2-dark` is its opposite. A camera at X sees the first white and
-the second black, or the opposite where the array is not as described.
+`1-white` is white for an eye at X and black elsewhere; `2-dark` is its opposite. A
+camera at X sees the first white and the second black, or the opposite where the array
+is not as described.
 
-`3-rings` gives each lenslet one colour, by its distance from the panel's middle: from a place without crosstalk, smooth
-concentric rings, broken where a pixel has the wrong owner.
+`3-rings` gives each lenslet one colour, by its distance from the panel's middle: from a
+place without crosstalk, smooth concentric rings, broken where a pixel has the wrong
+owner.
 """
 
 from __future__ import annotations
@@ -24,7 +26,8 @@ from lippmann.optics.lattice import Lattice
 from lippmann.rendering.integral_image import IntegralImage
 
 NAMES = ("1-white", "2-dark", "3-rings")
-#: Diameter of the pupil for which the picture is white, in steps between neighbouring views.
+#: Diameter of the pupil for which the picture is white, in steps between neighbouring
+#: views.
 VIEWS = 4.0
 
 
@@ -36,8 +39,8 @@ def rings(display: Display) -> Light:
     for row in range(panel.height_px):
         places = Pixels(display, columns, np.array([[row]]), (0, 0), None).places
         x, y = lattice.centre(places.i, places.j)
-        # No lenslet's middle lies on the edge of a ring: lattices have no distances 2.5, 5.5, ...
-        # Rings are 3 lenslets wide.
+        # No lenslet's middle lies on the edge of a ring: lattices have no distances
+        # 2.5, 5.5, ... Rings are 3 lenslets wide.
         ring = np.floor((np.hypot(x, y) / display.array.coarsest_mm + 0.5) / 3.0) % 2
         light[row] = ((ring == 0) & places.present)[0, :, None]
     return light
@@ -57,8 +60,8 @@ def pictures(display: Display, eye_mm: tuple[float, float, float]) -> dict[str, 
 class Verdict:
     """Whether photographs of white and dark are right, and fractions.
 
-    `right_share` of the blocks are white. The dark shares are dark's light in a block, as a fraction of both pictures':
-    median and 95th percentile.
+    `right_share` of the blocks are white. The dark shares are dark's light in a block,
+    as a fraction of both pictures': median and 95th percentile.
     """
 
     right: bool

@@ -1,13 +1,16 @@
 """The pictures that tell a camera which point of the panel it sees: Gray code and phase shift, in both directions.
 
-Light at the coordinate u (column or row, pixel centres at 1/2) of the phase picture n of N, for the period T:
+Light at the coordinate u (column or row, pixel centres at 1/2) of the phase picture n
+of N, for the period T:
 
     I = 1/2 + 1/2 cos(2 pi (u / T - n / N)).
 
-The Gray code numbers the half periods floor(u / (T/2)). Phase and half period give u, also when the half period is
-misread next to its edge. With N = 8, the harmonics of a camera's tone curve up to the sixth do not change the phase.
+The Gray code numbers the half periods floor(u / (T/2)). Phase and half period give u,
+also when the half period is misread next to its edge. With N = 8, the harmonics of a
+camera's tone curve up to the sixth do not change the phase.
 
-The first and the last picture show marks for aiming; their photographs are equal if the camera stood still.
+The first and the last picture show marks for aiming; their photographs are equal if the
+camera stood still.
 """
 
 from __future__ import annotations

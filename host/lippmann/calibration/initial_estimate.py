@@ -1,8 +1,8 @@
 """One numbering of the lenslets for all positions, and the first values of the least squares.
 
-Each position numbers the lenslets from its own start. The panel point that a lenslet shows is off its centre by the
-slope to the camera times about the gap. Gaps around the nominal one are tried: with the true numbering, the positions
-agree.
+Each position numbers the lenslets from its own start. The panel point that a lenslet
+shows is off its centre by the slope to the camera times about the gap. Gaps around the
+nominal one are tried: with the true numbering, the positions agree.
 """
 
 from __future__ import annotations
@@ -83,7 +83,8 @@ def starts(
         moved = projection.traced(np.tile(aside / place[2], (len(gaps), 1)), gaps, ())[1]
         grown = projection.traced(np.tile([-1e-3, 0.0], (len(gaps), 1)), gaps, ())[1][:, :1] / 1e-3 / place[2] + 1.0
         zero = one.origin - moved
-        # The camera is as far from the lenslet's centre as from the point seen, divided by the lattice's growth.
+        # The camera is as far from the lenslet's centre as from the point seen, divided
+        # by the lattice's growth.
         true_place = np.hstack([zero + aside / grown, place[2] / grown])
         lattices.append((zero, one.basis / grown[..., None], true_place))
     zeros, bases, true_places = (np.stack(part, axis=1) for part in zip(*lattices, strict=True))

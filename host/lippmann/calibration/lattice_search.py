@@ -1,8 +1,9 @@
 """The lattice of the points that a camera sees on the panel: the lenslets' centres, seen from one position.
 
-The paraxial point seen through the lenslet at L from C is P = L (1 + D/Cz) - C D/Cz: an affine image of the array's
-lattice. Rotations and scales of the nominal lattice are tried by the sum of exp(2 pi i k . P) over points near the
-panel's middle; the best is followed outwards by least squares.
+The paraxial point seen through the lenslet at L from C is P = L (1 + D/Cz) - C D/Cz: an
+affine image of the array's lattice. Rotations and scales of the nominal lattice are
+tried by the sum of exp(2 pi i k . P) over points near the panel's middle; the best is
+followed outwards by least squares.
 """
 
 from __future__ import annotations
@@ -75,7 +76,8 @@ def steps_of(display: Display) -> Floats:
 def find_lattice(name: str, points_mm: Floats, display: Display) -> SeenLattice:
     """Find the lattice of the points (N, 2) of a position, mm; refuse one far from the nominal display's."""
     nominal = steps_of(display)
-    # The lattice appears enlarged by D over the distance, which is at least 1.5 widths of the panel.
+    # The lattice appears enlarged by D over the distance, which is at least 1.5 widths
+    # of the panel.
     growth = min(0.5, display.aperture_distance_mm / (1.5 * display.panel.width_mm))
     pitch = display.array.coarsest_mm
     best: tuple[float, SeenLattice] | None = None

@@ -7,7 +7,8 @@ are sums of few powers. With s = x + i y along the array's axes, s* = x - i y, a
 
     c(s) = sum of c_jk s^j (s*)^k,   w(s) = -sum of (a_jk + gap b_jk) s^j (s*)^k,   j - k = 1, 1 - n, 1 + n, ...
 
-They are fitted to exact rays (Snell's law at each face), and so contain what a paraxial D lacks.
+They are fitted to exact rays (Snell's law at each face), and so contain what a paraxial
+D lacks.
 """
 
 from __future__ import annotations
@@ -35,7 +36,8 @@ SEAM = {"square": 2.0 / 3.0, "hex": 5.0 / 6.0}
 FOLDS = {"square": 4, "hex": 6}
 #: Degrees j + k of the sums, for steep lenslets too.
 DEGREES = range(1, 12)
-#: Rays across the inner cell; directions of slopes, a prime number, so that no symmetry repeats one.
+#: Rays across the inner cell; directions of slopes, a prime number, so that no symmetry
+#: repeats one.
 ACROSS, DIRECTIONS = 13, 17
 #: Points on the edge of an outline.
 EDGE_POINTS = 96
@@ -138,7 +140,8 @@ def movement(display: Display, slopes: Floats, distance_mm: float) -> float:
 def inner_rays(display: Display, slopes: Floats, distance_mm: float) -> tuple[Floats, Floats, npt.NDArray[np.bool_]]:
     """Trace rays through a lenslet's inner cell from cameras in directions of slopes (N, 2).
 
-    Return places in the cell (M, 2) and on the panel (N, M, 2), mm along its axes, and which rays arrive.
+    Return places in the cell (M, 2) and on the panel (N, M, 2), mm along its axes, and
+    which rays arrive.
     """
     plain, height = _plain(display), outline_mm(display)
     axes = axes_at(display.array.rotation_deg)
@@ -159,7 +162,8 @@ def _plain(display: Display) -> Display:
 def _middles(display: Display, slopes: Floats, height_mm: float, distance_mm: float) -> Floats:
     """Return the middles of the outline for slopes (N, 2), (N, 2) mm.
 
-    They are means over the points that `measure_lenslets` assigns to the lenslet, not to a neighbour.
+    They are means over the points that `measure_lenslets` assigns to the lenslet, not
+    to a neighbour.
     """
     lattice = Lattice.of(display.array)
     axes = np.array([lattice.centre(1.0, 0.0), lattice.centre(0.0, 1.0)])
@@ -214,7 +218,8 @@ def _traced(
 ) -> tuple[npt.NDArray[np.bool_], Floats]:
     """Trace rays from cameras through points (N, M, 2) of the plane of outlines.
 
-    Return which pass lenslet (0, 0), (N, M), and where they meet the panel, (N, M, 2) mm.
+    Return which pass lenslet (0, 0), (N, M), and where they meet the panel, (N, M, 2)
+    mm.
     """
     camera = np.column_stack([slopes * distance_mm, np.full(len(slopes), height_mm + distance_mm)])[:, None]
     to = np.concatenate([through, np.full((*through.shape[:2], 1), height_mm)], axis=2)

@@ -1,8 +1,9 @@
 """The panel point that a position sees through each lenslet, and where in the photograph the lenslet is.
 
-A pixel that sees the panel point of lenslet (i, j) lies in the outline of that lenslet. A map from the photograph to
-the lattice of pitch 1 is fitted to these pixels, a homography after a radial correction. It gives each pixel's place in
-its cell, also where the panel is dark or a decoded point is wrong.
+A pixel that sees the panel point of lenslet (i, j) lies in the outline of that lenslet.
+A map from the photograph to the lattice of pitch 1 is fitted to these pixels, a
+homography after a radial correction. It gives each pixel's place in its cell, also
+where the panel is dark or a decoded point is wrong.
 """
 
 from __future__ import annotations
@@ -111,13 +112,15 @@ def _check_agreement(name: str, share: float) -> None:
         raise input_error(name, what, "check that all photographs are of one position, and of this display's patterns")
 
 
-#: Part of a cell whose pixels count: beyond it, a camera pixel sees through two lenslets.
+#: Part of a cell whose pixels count: beyond it, a camera pixel sees through two
+#: lenslets.
 INNER = 0.7
 #: Part of a cell in which points move evenly.
 MIDDLE = 0.7
 #: Maximum of readings of a position: 30 for each of 100,000 lenslets.
 MAX_READINGS, SEED = 3_000_000, 1914
-#: Minimum pixels of a complete lenslet's neighbours, where the map is fitted, as a fraction of the largest one's.
+#: Minimum pixels of a complete lenslet's neighbours, where the map is fitted, as a
+#: fraction of the largest one's.
 NEIGHBOURS = 0.8
 
 
@@ -134,8 +137,9 @@ class Readings:
 class Lenslets:
     """What a position sees through N lenslets (i, j), `index` (N, 2).
 
-    `photo_px` (N, 2) are their middles in the photograph, `panel_mm` (N, 2) the panel points seen through their inner
-    cells, known within `half_px` (N, 2) pixels of the panel.
+    `photo_px` (N, 2) are their middles in the photograph, `panel_mm` (N, 2) the panel
+    points seen through their inner cells, known within `half_px` (N, 2) pixels of the
+    panel.
     """
 
     name: str
@@ -144,8 +148,9 @@ class Lenslets:
     photo_px: Floats
     panel_mm: Floats
     half_px: Floats
-    #: Pixels of the cells' middles, to which the panel points belong, (N, 2); size of a pixel in the cell of pitch 1,
-    #: (2, 2); movement of the panel points over the cell, (N, 2, 2), and its mean, (2, 2), mm per pitch.
+    #: Pixels of the cells' middles, to which the panel points belong, (N, 2); size of a
+    #: pixel in the cell of pitch 1, (2, 2); movement of the panel points over the cell,
+    #: (N, 2, 2), and its mean, (2, 2), mm per pitch.
     cell_px: Floats
     steps: Floats
     moves: Floats
@@ -161,13 +166,14 @@ def _match_pixels(
 ) -> tuple[Outline, Indices, npt.NDArray[np.bool_]]:
     """Return the outlines in the photograph, the lenslets (i, j) of the pixels, and which pixels see their lenslet.
 
-    The panel point that a pixel q sees through lenslet l is l + B (q - l), in steps of the lattice; in focus, B is 0.
-    Each round improves the outlines and B.
+    The panel point that a pixel q sees through lenslet l is l + B (q - l), in steps of
+    the lattice; in focus, B is 0. Each round improves the outlines and B.
     """
     panel_steps = lattice.steps(points_mm)
     index, near = lattice.near(points_mm)
     for _ in range(3):  # rounds
-        # At the panel's edges and at dust, a lenslet is partly dark: its middle is not that of its pixels.
+        # At the panel's edges and at dust, a lenslet is partly dark: its middle is not
+        # that of its pixels.
         names, groups = number_lenslets(index[near])
         complete = np.flatnonzero(near)[are_complete(names, np.bincount(groups), NEIGHBOURS)[groups]]
         outline = fit_outline(decoded.name, grid, decoded.photo_px[complete], index[complete], decoded.shape)
@@ -205,8 +211,8 @@ def measure_lenslets(decoded: Decoded, lattice: SeenLattice, display: Display) -
     at, middle, spread = _averages(points, local, good, groups, len(names))
     number = np.bincount(groups[good], minlength=len(names))
     usual = np.median(number[number > 0]) if (number > 0).any() else 0.0
-    # A neighbour with a dark side would move the seam, and with it the lenslet's middle.
-    # A lenslet needs a third of the usual number of pixels.
+    # A neighbour with a dark side would move the seam, and with it the lenslet's
+    # middle. A lenslet needs a third of the usual number of pixels.
     valid = (number >= max(2.0, 0.35 * usual)) & are_complete(names, counts, 0.9)
     _check_steady(decoded.name, names, counts, outline.agree)
     if valid.sum() < 30:
@@ -253,8 +259,8 @@ def _check_steady(name: str, index: Indices, counts: Indices, agree: float) -> N
     least = 0.3 * float(np.median(counts[counts > 0])) if (counts > 0).any() else 0.0
     inside = _surrounded(*_table(index, counts), least)
     share = float((are_complete(index, counts, NEIGHBOURS) & inside).sum() / max(1, inside.sum()))
-    # Good photographs have 0.79 and 0.98, with a tenth wrong 0.69 and 0.93, blurred by 3 pixels 0.39 and 0.99, moved by
-    # 3 pixels 0.25 and 0.85.
+    # Good photographs have 0.79 and 0.98, with a tenth wrong 0.69 and 0.93, blurred by
+    # 3 pixels 0.39 and 0.99, moved by 3 pixels 0.25 and 0.85.
     if share < 0.45 and agree < 0.96:
         what = f"the photographs do not fit together: only {100.0 * share:.0f} % of the lenslets are the same in all"
         raise input_error(name, what, "focus on the array, fix camera and display, and take the position again")

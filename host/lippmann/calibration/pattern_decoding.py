@@ -1,8 +1,8 @@
 """The panel point that each pixel of a camera sees, from the photographs of the patterns.
 
-The phase of a pixel's light gives the point within a period, its Gray code the period. A pixel counts if its light
-changes enough between black and white, is not clipped, follows the phase pictures' cosine, and has at most one doubtful
-bit in each direction.
+The phase of a pixel's light gives the point within a period, its Gray code the period.
+A pixel counts if its light changes enough between black and white, is not clipped,
+follows the phase pictures' cosine, and has at most one doubtful bit in each direction.
 """
 
 from __future__ import annotations
@@ -31,7 +31,8 @@ SAMPLES, SEED = 8000, 1908
 class Decoded:
     """The panel points `panel_px` (N, 2) that the pixels `photo_px` (N, 2) of a position's camera see.
 
-    `shape` is the photographs' (height, width); `modulation` is the median amplitude of the phase pictures.
+    `shape` is the photographs' (height, width); `modulation` is the median amplitude of
+    the phase pictures.
     """
 
     name: str
@@ -54,8 +55,9 @@ def decode_position(
 ) -> Decoded:
     """Decode the photographs of one position; `pitch_px` is the lenslets' pitch in pixels of the panel.
 
-    Raises InputError, with the photograph and a remedy, for different sizes, another order, wrong exposure, blur, a
-    moved camera, a panel partly out of view, or other patterns.
+    Raises InputError, with the photograph and a remedy, for different sizes, another
+    order, wrong exposure, blur, a moved camera, a panel partly out of view, or other
+    patterns.
     """
 
     def read(pattern: Pattern) -> Photograph:

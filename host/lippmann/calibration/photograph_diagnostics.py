@@ -14,7 +14,8 @@ from lippmann.calibration.coded_patterns import AxisCode, Pattern, PatternSet
 from lippmann.calibration.photographs import Light, Position
 from lippmann.errors import input_error
 
-#: Maximum residual of a phase photograph to the cosine through all, as a fraction of the amplitude.
+#: Maximum residual of a phase photograph to the cosine through all, as a fraction of
+#: the amplitude.
 MAX_RESIDUAL = 0.35
 #: Minimum fraction of points on the plane as which a camera sees the panel.
 MIN_ON_PLANE = 0.6

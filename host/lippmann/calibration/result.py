@@ -20,7 +20,8 @@ from lippmann.display.description import Array, Display, check_radius, display_t
 from lippmann.errors import InputError, LippmannError, input_error, reason
 from lippmann.optics.rays import Floats
 
-#: Maximum uncertainties of determined parameters: fractions of the pitch, of D (gap) and of the radius; degrees.
+#: Maximum uncertainties of determined parameters: fractions of the pitch, of D (gap)
+#: and of the radius; degrees.
 OPEN = {"pitch_x": 2e-4, "pitch_y": 2e-4, "gap": 0.02, "offset": 0.02, "rotation": 0.01, "radius": 0.02}
 #: Positions of the camera that determine all parameters.
 ENOUGH_POSITIONS = 3
@@ -77,7 +78,8 @@ class Calibration(Findings):
 
     display: Display
     nominal: Display
-    #: A row for each lenslet of each position: position, i, j, centre x and y, mm, residual right and down, px, inlier.
+    #: A row for each lenslet of each position: position, i, j, centre x and y, mm,
+    #: residual right and down, px, inlier.
     field: Floats
 
     def summary(self) -> dict[str, Any]:
@@ -165,7 +167,8 @@ def parameters_of(nominal: Display, solution: Solution) -> tuple[Parameter, ...]
     """Return the array's numbers with 95 % intervals."""
     array, factor = nominal.array, float(students_t.ppf(0.975, 60))
     (px, py), depth, degree = array.pitches_mm, nominal.aperture_distance_mm, math.degrees(1.0)
-    # Unit and its size, the file's value, and the maximum uncertainty of a determined parameter.
+    # Unit and its size, the file's value, and the maximum uncertainty of a determined
+    # parameter.
     rows = {
         "pitch_x": ("mm", 1.0, px, OPEN["pitch_x"] * px),
         "pitch_y": ("mm", 1.0, py, OPEN["pitch_y"] * py),

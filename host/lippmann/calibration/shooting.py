@@ -45,10 +45,12 @@ def open_webcam(number: int) -> Iterator[cv2.VideoCapture]:
 
 def fix_settings(camera: cv2.VideoCapture) -> list[str]:
     """Set the largest size, switch automatic settings off, and return the names of refused ones."""
-    # The size comes first, as it may reset other settings. The driver lowers it to its largest.
+    # The size comes first, as it may reset other settings. The driver lowers it to its
+    # largest.
     sizes = [camera.set(side, 10_000) for side in SIZE]
     refused = [] if all(sizes) else ["the size"]
-    # "Manual" is 1 in V4L2's enumeration, where 0.25 is rounded to 0, which is automatic; other drivers take 0.25.
+    # "Manual" is 1 in V4L2's enumeration, where 0.25 is rounded to 0, which is
+    # automatic; other drivers take 0.25.
     manual = 1.0 if camera.getBackendName() in ("V4L", "V4L2") else 0.25
     settings = {
         "exposure": (cv2.CAP_PROP_AUTO_EXPOSURE, manual),

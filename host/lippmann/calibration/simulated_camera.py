@@ -28,9 +28,10 @@ CameraValues = npt.NDArray[np.unsignedinteger]
 class Camera:
     """A camera: mm in the display's frame, pixels in the photograph; the middle of pixel (0, 0) is (0.5, 0.5).
 
-    `principal_px` defaults to the picture's middle. `pupil_mm` is the diameter of the entrance pupil, `focus_mm` the
-    distance in focus along the axis, by default the point looked at. `blur_px` is the deviation of a Gaussian blur.
-    `vignetting` is the fraction of light that the corners lose beyond the cosine to the fourth power.
+    `principal_px` defaults to the picture's middle. `pupil_mm` is the diameter of the
+    entrance pupil, `focus_mm` the distance in focus along the axis, by default the
+    point looked at. `blur_px` is the deviation of a Gaussian blur. `vignetting` is the
+    fraction of light that the corners lose beyond the cosine to the fourth power.
     """
 
     position_mm: Point
@@ -53,7 +54,8 @@ class Camera:
             raise InputError(f"camera: z {self.position_mm[2]:g} mm is behind the display; give z > 0")
         if not self.focal_px > 0.0:
             raise InputError(f"camera: focal length {self.focal_px:g} px is not positive; give it in pixels")
-        # Newton's method does not return to a point of the border that the lens cannot show.
+        # Newton's method does not return to a point of the border that the lens cannot
+        # show.
         border = self.border()
         u, v = self.pixel(*self.slopes(*border))
         if not max(np.abs(u - border[0]).max(), np.abs(v - border[1]).max()) < 1e-6:

@@ -1,7 +1,7 @@
 """Photographs of patterns on a display, computed as a camera takes them.
 
-Rays from all camera pixels are traced once, against the light. They give a sparse matrix from panel to camera pixels,
-with which each photograph is one multiplication.
+Rays from all camera pixels are traced once, against the light. They give a sparse
+matrix from panel to camera pixels, with which each photograph is one multiplication.
 """
 
 from __future__ import annotations
@@ -33,8 +33,8 @@ CHUNK_RAYS = 1 << 20
 COLOURS = 3
 #: Traces origins (N, 3) and unit directions (N, 3) to the panel.
 Tracer = Callable[[Floats, Floats], Hits]
-#: Samples of rows of a picture: first and last camera pixel of the rows, then each sample's camera pixel, panel
-#: coordinates (N, 2), and whether it sees the panel.
+#: Samples of rows of a picture: first and last camera pixel of the rows, then each
+#: sample's camera pixel, panel coordinates (N, 2), and whether it sees the panel.
 Band = tuple[int, int, Indices, Floats, npt.NDArray[np.bool_]]
 
 
@@ -68,7 +68,8 @@ def collect_projection(display: Display, camera: Camera, bands: Iterator[Band]) 
         weights = [share] if layout is None else [np.zeros_like(share) for _ in range(COLOURS)]
         if layout is not None:
             for k, gain, inside in layout.emitters(NumpyBackend(), place[:, 0], place[:, 1]):
-                # A white sub-pixel, which shows the common part of the colours, stays dark.
+                # A white sub-pixel, which shows the common part of the colours, stays
+                # dark.
                 if k < COLOURS:
                     weights[k] += np.where(inside, gain * share, 0.0)
         for part, weight in zip(parts, weights, strict=True):
@@ -139,10 +140,12 @@ def photograph_folder(
 ) -> list[Path]:
     """Photograph a folder of patterns on a display as built; return the photographs in the patterns' order.
 
-    `patterns` holds PNG files of the panel's size; the photographs have their names. `samples` is the number of rays
-    across each camera pixel, and down. `seed` is for rays, noise and disturbances.
+    `patterns` holds PNG files of the panel's size; the photographs have their names.
+    `samples` is the number of rays across each camera pixel, and down. `seed` is for
+    rays, noise and disturbances.
 
-    Raises InputError without patterns, for one of another size, and for a photograph that cannot be written.
+    Raises InputError without patterns, for one of another size, and for a photograph
+    that cannot be written.
     """
     output = Path(output)
     names = sorted(Path(patterns).glob("*.png"))

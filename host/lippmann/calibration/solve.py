@@ -60,7 +60,8 @@ def _of_position(display: Display, solution: Solution, k: int, view: Lenslets) -
     some = np.random.default_rng(1913).permutation(len(centres))[:48]
     slopes = (place[:2] - centres[some]) / place[2]
     old = display.array.radius_mm
-    # The movement of panel points over the aperture, mm per mm, is the same in both directions.
+    # The movement of panel points over the aperture, mm per mm, is the same in both
+    # directions.
     across = np.trace(view.spread @ axes_at(display.array.rotation_deg)) / 2.0
     measured = float(across / np.mean(display.array.pitches_mm))
 
@@ -78,8 +79,8 @@ def _of_position(display: Display, solution: Solution, k: int, view: Lenslets) -
 
 
 logger = logging.getLogger("lippmann")
-#: Maximum scatter of the panel points of a valid result, the larger of pixels and pitches, and maximum of outliers.
-#: Random displays scatter by up to 0.3 px.
+#: Maximum scatter of the panel points of a valid result, the larger of pixels and
+#: pitches, and maximum of outliers. Random displays scatter by up to 0.3 px.
 MAX_SCATTER_PX, MAX_SCATTER, MAX_OUTLIERS = 0.5, 0.03, 0.35
 
 
@@ -88,10 +89,11 @@ def calibrate(
 ) -> Calibration:
     """Return the calibration of a nominal display by a folder of photographs.
 
-    With `bow` and `radius`, tilts and curvatures of the array and the lenslets' radius are fitted too.
+    With `bow` and `radius`, tilts and curvatures of the array and the lenslets' radius
+    are fitted too.
 
-    Raises InputError for unusable photographs, with the photograph and a remedy; ContradictionError when they
-    contradict each other or the display file.
+    Raises InputError for unusable photographs, with the photograph and a remedy;
+    ContradictionError when they contradict each other or the display file.
     """
     patterns = pattern_set(folder, nominal)
     pitch_px = nominal.array.coarsest_mm / min(nominal.panel.pitches_mm)
@@ -216,7 +218,8 @@ def _check_zoom(solution: Solution) -> None:
     problem = solution.problem.freeing("zoom")
     zoomed = solve(problem, solution.x)
     zooms = {name: zoomed.value(name) for name in problem.blocks["zoom"]}
-    # Unchanged lenses differed by 1 standard deviation, lenses changed by half a per cent by 5 and more.
+    # Unchanged lenses differed by 1 standard deviation, lenses changed by half a per
+    # cent by 5 and more.
     limits = {name: max(4.0 * zoomed.deviation(name), 0.002) for name in zooms}
     sure = [name for name, zoom in zooms.items() if abs(zoom) > limits[name]]
     if not sure:

@@ -1,7 +1,8 @@
 """Intervals, finer than the panel's pixels, for the point that a lenslet shows.
 
-A reading is the middle of the panel's pixel that a camera pixel sees. With the mean point t of a lenslet, and the
-movement s(p) of the point over its cell, the camera's pixels p of the lenslet read on average
+A reading is the middle of the panel's pixel that a camera pixel sees. With the mean
+point t of a lenslet, and the movement s(p) of the point over its cell, the camera's
+pixels p of the lenslet read on average
 
     f(t) = mean of S(t + s(p) + 1/2 a^2 L(p), b(p)),   S(u, b) = mean of floor(v) + 1/2
 
@@ -9,9 +10,10 @@ over normal v with mean u and deviation b: it grows with t in blurred steps. The
 in the cell, and the camera's pupil adds c on the panel: b(p)^2 = a^2 |s'(p)|^2 + c^2. L is the sum of the second
 derivatives of s. For each position, a and c are those whose S is nearest to the readings.
 
-So a mean that was read gives an interval of t: short where points move by a pixel or more over the cell, a pixel wide
-in focus. The middle of a wide interval is no measurement: its error is alike for many neighbours. The movement is that
-of exact rays through the array of a first solution.
+So a mean that was read gives an interval of t: short where points move by a pixel or
+more over the cell, a pixel wide in focus. The middle of a wide interval is no
+measurement: its error is alike for many neighbours. The movement is that of exact rays
+through the array of a first solution.
 """
 
 from __future__ import annotations
@@ -39,7 +41,8 @@ Blur = tuple[float, float]
 TOLERANCE = 0.02
 #: Lenslets of a view that are sampled.
 SAMPLED, SEED = 60, 1912
-#: Powers of the place in the cell and of the slope, for the aberrations of steep lenslets.
+#: Powers of the place in the cell and of the slope, for the aberrations of steep
+#: lenslets.
 PLACE = [(a, b) for a in range(8) for b in range(8 - a)]
 SLOPE = [(a, b) for a in range(4) for b in range(4 - a)]
 
@@ -139,7 +142,8 @@ def movement_of(display: Display, slopes: Floats, distance_mm: float) -> Movemen
 def refined(view: Lenslets, display: Display, slopes: Floats, aside: Floats, movement: Movement) -> Lenslets:
     """Return the view with the middles and half widths of the intervals that its readings give.
 
-    The cells that were read are `aside` (N, 2) pitches from the movement's. Half widths leave out the tolerance.
+    The cells that were read are `aside` (N, 2) pitches from the movement's. Half widths
+    leave out the tolerance.
     """
     readings, frame = view.readings, PanelFrame.of(display)
     assert readings is not None

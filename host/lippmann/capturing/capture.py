@@ -1,24 +1,28 @@
 """Renders what a camera or sensor captures of a scene through imaging lens and microlens array.
 
-**The depth at which the display shows a captured point**, to first order, with distances along the axis (mm):
+**The depth at which the display shows a captured point**, to first order, with
+distances along the axis (mm):
 
 1. The imaging lens: 1/s' = 1/f - 1/s, heights times m = -s'/s (Hecht, Optics, section 5.2).
 2. The point's image is at z = a - s' before the array, which is a from the lens; z < 0 when the array intercepts the
    light before it converges.
 3. Each lenslet images the camera's pinhole, L from the array, to v before the array: 1/v = 1/f' - 1/L. The pixel at u
-   from the lenslet's centre c shows the ray with slope c/L - u/v through c + u. On a pickup at D behind the array it
-   shows the ray with slope -u/D through c.
+   from the lenslet's centre c shows the ray with slope c/L - u/v through c + u. On a
+   pickup at D behind the array it shows the ray with slope -u/D through c.
 4. The display emits the pixel with slope -u/g through c, or +u/g when rotated. g is its aperture distance.
 
-The rays of all lenslets meet at z' = (g/v) (z - v) L / (L + z), x' = x L / (L + z) for a camera, and at z' = (g/D) z,
-x' = x for a pickup. Rotation inverts the sign of z'. v is negative for concave lenslets.
+The rays of all lenslets meet at z' = (g/v) (z - v) L / (L + z), x' = x L / (L + z) for
+a camera, and at z' = (g/D) z, x' = x for a pickup. Rotation inverts the sign of z'. v
+is negative for concave lenslets.
 
-If the elemental images converge on an eye at E, u is 1 + g/E times as large, and a lenslet's rays lean towards the eye
-by c/E: 1/z'' = (1 + g/E)/z' + 1/E. The rays to a pickup lean in the same way: as captured, z'' = z'. Rotated they lean
-the other way: 1/z'' = 1/z' + 2/E.
+If the elemental images converge on an eye at E, u is 1 + g/E times as large, and a
+lenslet's rays lean towards the eye by c/E: 1/z'' = (1 + g/E)/z' + 1/E. The rays to a
+pickup lean in the same way: as captured, z'' = z'. Rotated they lean the other way:
+1/z'' = 1/z' + 2/E.
 
-**Rays** are traced against the light. Before the lens x is right and y up as the camera sees them, and z runs to the
-lens. The formulas hold in this left-handed frame, because lenslets and lenses are symmetric.
+**Rays** are traced against the light. Before the lens x is right and y up as the camera
+sees them, and z runs to the lens. The formulas hold in this left-handed frame, because
+lenslets and lenses are symmetric.
 """
 
 from __future__ import annotations
@@ -63,7 +67,8 @@ def check_placement(scene: Scene, setup: Setup) -> None:
     image = setup.image_distance([far, near])
     to_camera = setup.camera_distance_mm
     if lens is not None and to_camera is not None:
-        # The image distance grows with the scene's nearness, to infinity at the focal length.
+        # The image distance grows with the scene's nearness, to infinity at the focal
+        # length.
         at_infinity = far < subject.distance_mm - lens.focal_length_mm <= near
         camera_mm = setup.array_distance_mm + to_camera
         if at_infinity or camera_mm <= image.max():
@@ -72,7 +77,8 @@ def check_placement(scene: Scene, setup: Setup) -> None:
                 f"set-up '{setup.name}': camera.distance_mm: the scene's image reaches the camera, {camera_mm:.4g} mm "
                 f"behind the lens: it extends from {image[0]:.4g} mm to {reaches}; move the camera or the object away"
             )
-    # Beyond this depth the light of a point comes from the whole display: an object is not recognisable.
+    # Beyond this depth the light of a point comes from the whole display: an object is
+    # not recognisable.
     panel, side = setup.display.panel, setup.display.array.finest_mm
     width_mm = max(panel.width_mm, panel.height_mm)
     reach = setup.display.aperture_distance_mm * width_mm / side
@@ -99,8 +105,9 @@ def placement_before(setup: Setup, path: Path, setup_path: str | Path | None = N
 def capture(scene: Scene, setup: Setup, settings: Settings, rotate: bool, progress: Progress | None = None) -> Rendered:
     """Render the image that a set-up captures of a scene, placed by `placement_before`.
 
-    `settings.aperture` is for a pickup. `rotate` is whether elemental images are rotated. `lost_percent` are those of
-    the lens and of the array. Raises InputError as `check_placement`, and when no light passes the array or the lens.
+    `settings.aperture` is for a pickup. `rotate` is whether elemental images are
+    rotated. `lost_percent` are those of the lens and of the array. Raises InputError as
+    `check_placement`, and when no light passes the array or the lens.
     """
     check_placement(scene, setup)
     with ThreadPoolExecutor(1) as thread:
@@ -166,15 +173,17 @@ def rays_from_picture(
 ) -> CapturedRays:
     """Trace rays from the image's pixel coordinates u, v (double) to the object space.
 
-    `aperture` is for a pickup: where rays pass the aperture, mm from its centre, array's axes; None: the centre.
+    `aperture` is for a pickup: where rays pass the aperture, mm from its centre,
+    array's axes; None: the centre.
     """
     system = system_of(setup)
     frame = system.frame
     if isinstance(setup.pickup, Pickup):
         i, j, x, y = system.locate(b, u, v)
     else:
-        # The camera, on the axis at the distance L, sees this point of the aperture plane, the array's first principal
-        # plane. Its picture is as large as the display's elemental images ask for.
+        # The camera, on the axis at the distance L, sees this point of the aperture
+        # plane, the array's first principal plane. Its picture is as large as the
+        # display's elemental images ask for.
         point = system.convergence.towards_eye(*frame.array_from_panel(*frame.panel_from_pixel(u, v)))
         i, j, x, y = system.lattice.locate(b, *point)
         px, py = frame.panel_from_array(*point)
@@ -191,7 +200,8 @@ def rays_from_picture(
     cx, cy = system.lattice.centre(i, j)
     px, py = frame.panel_from_array(cx + b.double(out.ray.x), cy + b.double(out.ray.y))
     dx, dy = frame.turn(out.ray.dx, out.ray.dy)
-    # From the plane of the array's vertices through the lens to the object's frame, in the engine's own format.
+    # From the plane of the array's vertices through the lens to the object's frame, in
+    # the engine's own format.
     ray = Ray(b.real(px), b.real(py), out.ray.z, dx, dy, out.ray.dz)
     lens = setup.lens
     object_z = setup.subject.distance_mm

@@ -1,6 +1,7 @@
 """The set-up file (docs/reference/setup-file.md): object, imaging lens, microlens array and camera on one axis.
 
-Image distances are counted from the lens's image-side principal plane, object distances from its object-side one.
+Image distances are counted from the lens's image-side principal plane, object distances
+from its object-side one.
 """
 
 from __future__ import annotations
@@ -121,7 +122,8 @@ class Setup:
         """Distance from the array's first principal plane to the camera's pinhole, mm; None for a pickup."""
         if isinstance(self.pickup, Pickup):
             return None
-        # The vertices' plane, seen through the substrate where the flat face looks at the camera.
+        # The vertices' plane, seen through the substrate where the flat face looks at
+        # the camera.
         lifted = self.array.thickness_mm * (1.0 - 1.0 / self.array.index) if self.plano_to_camera else 0.0
         return self.pickup.distance_mm - self.array_distance_mm - lifted
 

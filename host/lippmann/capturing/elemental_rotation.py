@@ -1,15 +1,18 @@
 """Rotates elemental images by 180 degrees in whole pixels, which corrects the depth of a captured scene.
 
-**The rule.** The pixels of a cell are those whose centres the lattice assigns to one lenslet. The rotation takes pixel
-(c, r) to pixel (m - c, n - r), with integers m and n. For a centre at pixel coordinates (u, v) they should be 2u - 1
-and 2v - 1, which are rarely integers. Of the integer pairs within 1 of these, each cell takes the pair that brings most
-of its pixels onto its own pixels; of equally good pairs, the nearest. Pixels at the rim that would leave the cell stay.
+**The rule.** The pixels of a cell are those whose centres the lattice assigns to one
+lenslet. The rotation takes pixel (c, r) to pixel (m - c, n - r), with integers m and n.
+For a centre at pixel coordinates (u, v) they should be 2u - 1 and 2v - 1, which are
+rarely integers. Of the integer pairs within 1 of these, each cell takes the pair that
+brings most of its pixels onto its own pixels; of equally good pairs, the nearest.
+Pixels at the rim that would leave the cell stay.
 
-So the centre of rotation is at most half a pixel off the lenslet's in x and in y. On a square lattice that is not
-rotated, all of a cell inside the image is rotated.
+So the centre of rotation is at most half a pixel off the lenslet's in x and in y. On a
+square lattice that is not rotated, all of a cell inside the image is rotated.
 
-**Speed.** Only pixels nearer to their cell's boundary than a pixel's diagonal can leave the cell and are tried with
-every pair. On upright square cells m and n are found from one row and one column of pixels.
+**Speed.** Only pixels nearer to their cell's boundary than a pixel's diagonal can leave
+the cell and are tried with every pair. On upright square cells m and n are found from
+one row and one column of pixels.
 """
 
 from __future__ import annotations
@@ -77,7 +80,8 @@ def rotation_map(display: Display) -> Indices:
         return table.ravel()
     cells = cells_of(display)
     pairs, fixed = _pairs(display, cells, width, height)
-    # Pixel (c, r) is number r width + c, so its partner is number n width + m minus its own.
+    # Pixel (c, r) is number r width + c, so its partner is number n width + m minus its
+    # own.
     partner: Indices = (pairs[:, 0] + pairs[:, 1] * width)[cells.cell]
     partner -= np.arange(width * height)
     partner[fixed] = fixed
@@ -90,7 +94,8 @@ def _pairs(display: Display, cells: Cells, width: int, height: int) -> tuple[Ind
     size = np.array([width, height])
     exact = 2.0 * centre - 1.0
     nearest = np.rint(exact)
-    # Pixels at a cell's rim may leave it, and all pixels of cells that the image's edge may cut.
+    # Pixels at a cell's rim may leave it, and all pixels of cells that the image's edge
+    # may cut.
     reach = display.array.half_diagonal_mm * (1.0 + display.convergence) / min(display.panel.pitches_mm) + 2.0
     cut = (np.abs(centre - size / 2.0) - size / 2.0).max(axis=1) > -reach
     pixel = np.flatnonzero(rim | cut[cell])
@@ -102,7 +107,8 @@ def _pairs(display: Display, cells: Cells, width: int, height: int) -> tuple[Ind
     stays = np.zeros(len(pixel), bool)
     for step in itertools.product((0, -1, 1), repeat=2):
         far = np.abs(nearest + step - exact)
-        # The first pair is the nearest: if it brings all pixels onto their cell, no other is better.
+        # The first pair is the nearest: if it brings all pixels onto their cell, no
+        # other is better.
         candidates = (far.max(axis=1) <= 1.0 + ROUNDING) & (count < cell_size)
         if not candidates.any():
             continue

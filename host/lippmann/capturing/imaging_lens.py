@@ -1,7 +1,8 @@
 """The imaging lens: two thick plano-convex lenses whose four faces are traced, or an ideal thin lens.
 
-**Frame.** Rays go from the array to the scene: z runs along the axis towards the object, from 0 in the image-side
-principal plane H'. The object-side one is H. A face of curvature c has its centre of curvature at z + 1/c.
+**Frame.** Rays go from the array to the scene: z runs along the axis towards the
+object, from 0 in the image-side principal plane H'. The object-side one is H. A face of
+curvature c has its centre of curvature at z + 1/c.
 """
 
 from __future__ import annotations
@@ -18,7 +19,8 @@ from lippmann.optics.faces import Dome, Ray, cap, refract_dome, refract_flat, tr
 from lippmann.optics.lattice import Lattice
 from lippmann.optics.rays import Floats
 
-#: Where the domes of a pair face: each other, away from each other, both the image, or both the object.
+#: Where the domes of a pair face: each other, away from each other, both the image, or
+#: both the object.
 Convex = Literal["in", "out", "image", "object"]
 
 
@@ -45,8 +47,8 @@ class ThinLens:
     def trace(self, b: Backend, ray: Ray) -> tuple[Ray, Arr]:
         """Trace rays in the lens's frame, towards the object (dz > 0).
 
-        Returns the rays from the last face, and which passed: inside the aperture at every face, without total internal
-        reflection. The others are finite.
+        Returns the rays from the last face, and which passed: inside the aperture at
+        every face, without total internal reflection. The others are finite.
         """
         x, y = ray.x - ray.z * (ray.dx / ray.dz), ray.y - ray.z * (ray.dy / ray.dz)
         power = 1.0 / self.focal_length_mm

@@ -1,7 +1,8 @@
 """Mitsuba's sensor plugin `integral`: plain Mitsuba, and its XML files, render a display's integral image.
 
-Import this module after `mitsuba.set_variant`: it registers the plugin for the current variant, `llvm_ad_rgb` or
-`cuda_ad_rgb`. Call `register` after a change of variant. Parameters: docs/reference/mitsuba-sensor.md.
+Import this module after `mitsuba.set_variant`: it registers the plugin for the current
+variant, `llvm_ad_rgb` or `cuda_ad_rgb`. Call `register` after a change of variant.
+Parameters: docs/reference/mitsuba-sensor.md.
 """
 
 from __future__ import annotations

@@ -57,7 +57,8 @@ class View:
 def write_folder(scene: Scene, view: View, folder: Path) -> Exported:
     """Write all files at once to `folder`, which is made when missing.
 
-    Raises InputError when POV-Ray cannot express a part of the scene, or the folder cannot be written.
+    Raises InputError when POV-Ray cannot express a part of the scene, or the folder
+    cannot be written.
     """
     make_folder(folder.parent)
     name = plain(scene.path.stem)
@@ -94,8 +95,9 @@ def write_folder(scene: Scene, view: View, folder: Path) -> Exported:
 def export_display(scene: Scene, display: Display, model: Model, folder: Path) -> Exported:
     """Write the scene with a display's lines of sight, one for each pixel, from the golden engine.
 
-    POV-Ray traces them from in front of the scene towards the display. Raises InputError for sub-pixels, too many
-    pixels, and parts of the scene that POV-Ray cannot express.
+    POV-Ray traces them from in front of the scene towards the display. Raises
+    InputError for sub-pixels, too many pixels, and parts of the scene that POV-Ray
+    cannot express.
     """
     panel, name = display.panel, f"display '{display.name}'"
     if panel.subpixels != "none":

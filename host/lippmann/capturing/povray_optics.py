@@ -22,8 +22,9 @@ from lippmann.optics.system import PanelFrame
 SPARE_LENSLETS = 2
 #: Faces that a ray may meet in the array, the walls to a neighbour included.
 ARRAY_FACES = 6
-#: Share of a lenslet's width by which neighbours overlap. POV-Ray reflects rays at walls between solids that only
-#: touch. At 2e-5 its single precision loses some of the overlap; much more makes steps between the domes.
+#: Share of a lenslet's width by which neighbours overlap. POV-Ray reflects rays at
+#: walls between solids that only touch. At 2e-5 its single precision loses some of the
+#: overlap; much more makes steps between the domes.
 OVERLAP = 3e-5
 #: Radius of the stops' discs, mm.
 STOP_MM = 1e5
@@ -80,7 +81,8 @@ def _plano_convex(pair: LensPair, faces: tuple[Face, ...], origin_mm: float) -> 
 def array_solids(display: Display, vertex_mm: float, side: float, concave: bool = False) -> str:
     """Return one lenslet of a display, and a loop that repeats it.
 
-    The vertices are in the plane z = `vertex_mm`, the glass towards +z for `side` +1, towards -z for -1.
+    The vertices are in the plane z = `vertex_mm`, the glass towards +z for `side` +1,
+    towards -z for -1.
     """
     array, depth = display.array, display.array.thickness_mm
     # The rims of a concave lenslet protrude beyond its centre.
@@ -88,7 +90,8 @@ def array_solids(display: Display, vertex_mm: float, side: float, concave: bool 
     cell = _prism(array, side * front, side * depth)
     sphere = f"sphere {{ {vector((0, 0, side * centre))}, {number(array.radius_mm)} }}"
     if depth > array.radius_mm and not concave:
-        # The sphere's far side would cut the substrate, so the prism is solid beyond the centre.
+        # The sphere's far side would cut the substrate, so the prism is solid beyond
+        # the centre.
         beyond = f"plane {{ {vector((0, 0, -side))}, {number(-array.radius_mm)} }}"
         sphere = f"merge {{ {sphere} {beyond} }}"
     body = f"difference {{ {cell} {sphere}" if concave else f"intersection {{ {sphere} {cell}"

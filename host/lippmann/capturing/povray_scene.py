@@ -4,9 +4,9 @@
 Mitsuba. In POV-Ray it is 2 a c cos / (1 + (d / f)^2), for a light of colour c with `fade_power 2` and
 `fade_distance f`. With c = I / (2 pi f^2) both agree to a relative f^2 / d^2: a millionth at 1 mm.
 
-The diffuse part of a smooth plastic is a (1 - F(i)) (1 - F(o)) / (eta^2 (1 - Fdr)) in Mitsuba, with the Fresnel
-reflectances F of both directions. Here F is that of normal incidence: accurate to 2 % up to 50 degrees, too bright
-beyond.
+The diffuse part of a smooth plastic is a (1 - F(i)) (1 - F(o)) / (eta^2 (1 - Fdr)) in
+Mitsuba, with the Fresnel reflectances F of both directions. Here F is that of normal
+incidence: accurate to 2 % up to 50 degrees, too bright beyond.
 """
 
 from __future__ import annotations
@@ -202,7 +202,8 @@ def _light(item: Item, placement: Placement) -> str:
     if item.plugin != "point":
         raise item.refusal("has no counterpart in POV-Ray", "use point lights")
     *position, _ = placement.display_from_scene @ item.matrix() @ np.array([*item.triple("position", ORIGIN), 1.0])
-    # The irradiance I / d^2 is per square scene unit; in mm, I and d^2 grow by the square of the scale.
+    # The irradiance I / d^2 is per square scene unit; in mm, I and d^2 grow by the
+    # square of the scale.
     intensity = placement.scale**2 * np.array(item.triple("intensity", (1.0, 1.0, 1.0)))
     item.refuse_leftovers()
     fade = f"fade_distance {number(FADE_MM)} fade_power 2"
@@ -235,7 +236,8 @@ def _shape(item: Item, materials: Materials, placement: Placement, place: int) -
         look += f" interior {{ ior {material.index:.9g} }}"
     if not material.clear:
         return [geometry.replace("@", look)]
-    # Glass blocks Mitsuba's point lights, but not POV-Ray's: a separate object casts its shadow.
+    # Glass blocks Mitsuba's point lights, but not POV-Ray's: a separate object casts
+    # its shadow.
     shadow = geometry.replace("@", block("pigment", "rgb 0") + " no_image no_reflection").split("\n")[-1]
     return [geometry.replace("@", f"{look} no_shadow"), shadow]
 
@@ -248,7 +250,8 @@ def _sphere(item: Item, placement: Placement) -> str:
     size = np.linalg.svd(to_world[:3, :3], compute_uv=False)
     if size[0] - size[2] > 1e-3 * size[0]:
         raise item.refusal("is not a sphere after its transform", "scale it equally in all directions")
-    # Mitsuba inverts a sphere's normals for flip_normals, a negative radius, and a transform that mirrors.
+    # Mitsuba inverts a sphere's normals for flip_normals, a negative radius, and a
+    # transform that mirrors.
     if (np.linalg.det(to_world[:3, :3]) < 0.0) != item.value("flip_normals", False):
         raise item.refusal("has normals that point inwards", "flip them; POV-Ray's spheres face outwards")
     return f"sphere {{ 0, 1 @ {matrix(placement.display_from_scene @ to_world)} }}"
@@ -287,7 +290,8 @@ def _mesh(item: Item, material: Material, placement: Placement, folder: Path, pl
 def _outside(mesh: Any, points: Array, faces: Array) -> npt.NDArray[np.bool_]:
     """Tell which faces' vertices are counter-clockwise seen from the front."""
     mi, dr = mitsuba(), drjit()
-    # Mitsuba's normal points to the front. It depends on winding, vertex normals, flip_normals and mirroring.
+    # Mitsuba's normal points to the front. It depends on winding, vertex normals,
+    # flip_normals and mirroring.
     centre = dr.zeros(mi.PreliminaryIntersection3f, len(faces))
     centre.t = 1.0
     centre.prim_index = dr.arange(mi.UInt32, len(faces))
@@ -313,7 +317,8 @@ def _check_closed(item: Item, points: Array, faces: Array) -> None:
     _, faces_there = np.unique(edges[edges[:, 0] != edges[:, 1]], axis=0, return_counts=True)
     if (faces_there % 2).any():
         raise item.refusal("encloses no glass", "use closed shapes for dielectrics")
-    # Six times the signed volume, positive if the faces' fronts (vertices clockwise) face inwards.
+    # Six times the signed volume, positive if the faces' fronts (vertices clockwise)
+    # face inwards.
     if ((points[faces[:, 0]] - points[0]) * _area(points, faces)).sum() > 0.0:
         raise item.refusal("has normals that point inwards", "flip them: glass is behind a surface")
 

@@ -1,6 +1,7 @@
 """A scene file as Mitsuba parses it: its objects with their properties, references resolved.
 
-The caller reads the properties that it supports; the remaining ones are errors that name property, file and line.
+The caller reads the properties that it supports; the remaining ones are errors that
+name property, file and line.
 """
 
 from __future__ import annotations

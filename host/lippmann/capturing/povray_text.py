@@ -1,7 +1,8 @@
 """Numbers, vectors, blocks and cameras as POV-Ray's scene language writes them.
 
-POV-Ray's frame is left-handed by convention only: the camera defines its own right, so that points are written
-unchanged and images are not mirrored. Its rays go through the pixels' centres.
+POV-Ray's frame is left-handed by convention only: the camera defines its own right, so
+that points are written unchanged and images are not mirrored. Its rays go through the
+pixels' centres.
 """
 
 from __future__ import annotations
@@ -20,10 +21,11 @@ from lippmann.scenes.placement import Triple
 
 #: Longest part of a name, characters: file systems allow 255 bytes.
 MAX_NAME = 100
-#: Size of the triangles that define rays, mm: float32 corners, as POV-Ray's, 100 mm from the origin rotate the normal
-#: of a triangle of 10 mm by a microradian.
+#: Size of the triangles that define rays, mm: float32 corners, as POV-Ray's, 100 mm
+#: from the origin rotate the normal of a triangle of 10 mm by a microradian.
 FACE_MM = 10.0
-#: POV-Ray 3.7 renders each row of a camera of single rays one row too low, and the first row twice.
+#: POV-Ray 3.7 renders each row of a camera of single rays one row too low, and the
+#: first row twice.
 SPARE_ROWS = 1
 
 
@@ -78,7 +80,8 @@ def pinhole(position_mm: Triple, to_window: Triple, width_mm: float, height_mm: 
 
 def write_rays(path: Path, origin_mm: Floats, direction: Floats) -> None:
     """Write a camera of rays, row by row from the top left: origins and unit directions (N, 3), a triangle for each."""
-    # Two unit vectors perpendicular to each ray, the first also to the axis that is most perpendicular to it.
+    # Two unit vectors perpendicular to each ray, the first also to the axis that is
+    # most perpendicular to it.
     across = np.cross(direction, np.eye(3)[np.abs(direction).argmin(axis=1)])
     across /= np.linalg.norm(across, axis=1, keepdims=True)
     other = np.cross(direction, across)

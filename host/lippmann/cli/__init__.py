@@ -71,8 +71,9 @@ class _Commands(click.Group):
 def cli() -> None:
     """Integral photography: describe a display, trace its lenslets, render for it, look at it.
 
-    Exit codes: 0 done; 1 device failed; 2 bad usage or input; 3 library or disk space missing; 4 wrong rays or display;
-    70 a fault of Lippmann's, please report it; 130, 143, 129 ended by Ctrl-C, SIGTERM, loss of the terminal.
+    Exit codes: 0 done; 1 device failed; 2 bad usage or input; 3 library or disk space
+    missing; 4 wrong rays or display; 70 a fault of Lippmann's, please report it; 130,
+    143, 129 ended by Ctrl-C, SIGTERM, loss of the terminal.
 
     Example: lippmann inspect scenes/displays/paper-square.toml
     """

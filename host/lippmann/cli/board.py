@@ -22,7 +22,8 @@ from lippmann.errors import InputError, device_error, did_you_mean, input_error
 from lippmann.fixed.registers import BOARD_REGISTERS, Field, Register
 
 WORD = Field(0, 32)
-#: Bytes of the scene's registers; addresses of the layers' looks; the field of a layer's slot.
+#: Bytes of the scene's registers; addresses of the layers' looks; the field of a
+#: layer's slot.
 SCENE_BYTES = 0x400
 LOOKS = {register.address for name, register in REGISTERS.items() if name.endswith("_look")}
 LOOK_SLOT = REGISTERS["scene.layer_0_look"].fields["slot"]
@@ -161,7 +162,8 @@ def read_command(
 ) -> None:
     """Read COUNT registers from a name or an address on.
 
-    Names of the optics block (address 0x200) begin with `optics.`, those of the scene (0x400) with `scene.`.
+    Names of the optics block (address 0x200) begin with `optics.`, those of the scene
+    (0x400) with `scene.`.
 
     Example: lippmann board read display
     """
@@ -191,7 +193,8 @@ def write_command(
 ) -> None:
     """Write registers, by name or address.
 
-    VALUES are words for this register and the next ones, or fields of this one: FIELD=VALUE.
+    VALUES are words for this register and the next ones, or fields of this one:
+    FIELD=VALUE.
 
     Example: lippmann board write display pattern=4
     """

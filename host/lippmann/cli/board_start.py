@@ -73,9 +73,11 @@ def start_command(
 ) -> None:
     """Run a virtual board until Ctrl-C.
 
-    Verilator simulates its RTL. The port is a Unix socket that only you may open, TCP on loopback, or a pty.
+    Verilator simulates its RTL. The port is a Unix socket that only you may open, TCP
+    on loopback, or a pty.
 
-    Example: lippmann board start --display scenes/displays/paper-square.toml --capture out
+    Example: lippmann board start --display scenes/displays/paper-square.toml --capture
+    out
     """
     if line in ("pty", "unix") and tcp_port is not None:
         kind = "a pty" if line == "pty" else "a Unix socket"

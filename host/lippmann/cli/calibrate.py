@@ -60,7 +60,8 @@ def patterns_command(
 ) -> None:
     """Draw the patterns for a camera: Gray code, phase shift, white, black, marks.
 
-    Show them one after the other, full-screen and unscaled, or let a board show them with --port.
+    Show them one after the other, full-screen and unscaled, or let a board show them
+    with --port.
 
     Example: lippmann calibrate patterns scenes/displays/vga-square.toml -o out/patterns
     """
@@ -108,7 +109,8 @@ def shoot_command(
 
     Run it once for each position of the camera, which must not move meanwhile.
 
-    Example: lippmann calibrate shoot mine.toml -o photos/position-1 --camera 0 --monitor 1
+    Example: lippmann calibrate shoot mine.toml -o photos/position-1 --camera 0
+    --monitor 1
     """
     patterns = PatternSet.of(display)
     if simulated is not None or place is not None:
@@ -149,7 +151,8 @@ def solve_command(
 ) -> None:
     """Solve photographs for the array's rotation, pitches, shear, offset and gap, with uncertainties.
 
-    PHOTOS holds a folder for each camera position, position-1 and so on; a photograph has the name of its pattern.
+    PHOTOS holds a folder for each camera position, position-1 and so on; a photograph
+    has the name of its pattern.
 
     Example: lippmann calibrate solve photos --display mine.toml -o calibrated.toml
     """
@@ -191,8 +194,8 @@ def check_command(
 ) -> int:
     """Draw pictures that prove a calibration, or judge photographs of them.
 
-    1-white is white for the eye, else black; 2-dark is its opposite; 3-rings shows rings to every eye. Photograph them
-    from the eye's position.
+    1-white is white for the eye, else black; 2-dark is its opposite; 3-rings shows
+    rings to every eye. Photograph them from the eye's position.
 
     Exit code 0: right; 4: a part of the panel is wrong.
 

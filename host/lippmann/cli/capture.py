@@ -48,7 +48,8 @@ def command(
 ) -> None:
     """Capture a scene through an imaging lens and a microlens array, as an integral image for a display.
 
-    Example: lippmann capture scenes/fish/fish.xml --setup scenes/setups/fig8a.toml -o fish.exr
+    Example: lippmann capture scenes/fish/fish.xml --setup scenes/setups/fig8a.toml -o
+    fish.exr
     """
     path, setup = check_output(output), load_setup(setup_path)
     setup = setup if size is None else setup.resized(size)

@@ -65,7 +65,8 @@ def command(
 ) -> None:
     """Run the main steps once: render, stream, draw, observe.
 
-    Streams the rendered fish to a virtual board; a second board draws layers by itself; an eye sees both panels.
+    Streams the rendered fish to a virtual board; a second board draws layers by itself;
+    an eye sees both panels.
 
     Example: lippmann demo
     """

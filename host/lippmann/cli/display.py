@@ -27,7 +27,8 @@ def command(
 ) -> None:
     """Show an image full-screen and unscaled on a monitor, the panel behind the microlens array.
 
-    Example: lippmann display out/fish.png --display scenes/displays/uhd-4k.toml --monitor 1
+    Example: lippmann display out/fish.png --display scenes/displays/uhd-4k.toml
+    --monitor 1
     """
     check_input(image)
     if display is None and port is None:

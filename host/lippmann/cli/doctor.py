@@ -35,8 +35,9 @@ def command(
 ) -> int:
     """Check libraries, rendering, the RTL's tools and serial ports.
 
-    Exit code 3: something required is missing; with --port, 1: no board answers. Only simulation (`trace --engine rtl`,
-    the virtual board), synthesis and proofs require the RTL's tools.
+    Exit code 3: something required is missing; with --port, 1: no board answers. Only
+    simulation (`trace --engine rtl`, the virtual board), synthesis and proofs require
+    the RTL's tools.
 
     Example: lippmann doctor
     """

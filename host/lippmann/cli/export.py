@@ -42,7 +42,8 @@ from lippmann.scenes.window_views import EYES, eyes_note, eyes_text, quilt_path,
 def command() -> None:
     """Write scenes and pictures in the formats of other tools.
 
-    Example: lippmann export quilt scenes/fish/fish.xml --display scenes/displays/vga-square.toml -o fish.png
+    Example: lippmann export quilt scenes/fish/fish.xml --display
+    scenes/displays/vga-square.toml -o fish.png
     """
 
 
@@ -57,12 +58,13 @@ def povray(
 ) -> None:
     """Write files that POV-Ray 3.7 renders to linear images.
 
-    With a set-up, its optics are objects in POV-Ray's scene: the image of `lippmann capture --no-rotate`. With a
-    display, POV-Ray traces one ray for each pixel.
+    With a set-up, its optics are objects in POV-Ray's scene: the image of `lippmann
+    capture --no-rotate`. With a display, POV-Ray traces one ray for each pixel.
 
     docs/reference/povray.md lists what a scene may contain; anything else is an error.
 
-    Example: lippmann export povray scenes/fish/fish.xml --setup scenes/setups/fig8a.toml -o out/pov
+    Example: lippmann export povray scenes/fish/fish.xml --setup
+    scenes/setups/fig8a.toml -o out/pov
     """
     if (display is None) == (setup_path is None):
         raise InputError("give one of --display and --setup")
@@ -154,9 +156,11 @@ def quilt(
 ) -> None:
     """Write a quilt for Looking Glass displays and their tools: NAME_qs8x6a0.75.png.
 
-    SOURCE is a scene, or an integral image seen through the lenslets. The leftmost eye's view is at the bottom left.
+    SOURCE is a scene, or an integral image seen through the lenslets. The leftmost
+    eye's view is at the bottom left.
 
-    Example: lippmann export quilt scenes/fish/fish.xml --display scenes/displays/vga-square.toml -o fish.png
+    Example: lippmann export quilt scenes/fish/fish.xml --display
+    scenes/displays/vga-square.toml -o fish.png
     """
     window = subject.window
     aspect = window.width_px / window.height_px
@@ -195,7 +199,8 @@ def views(
 ) -> None:
     """Write the views of a scene or an integral image, a file each, and views.json with their eyes.
 
-    Example: lippmann export views fish.exr --display scenes/displays/paper-square.toml -o out/views
+    Example: lippmann export views fish.exr --display scenes/displays/paper-square.toml
+    -o out/views
     """
     places, window = eyes_of(subject.display, across, down, cone, distance), subject.window
     names = _write_folder(subject, [Eye(place) for place in places], output, "view", linear)
@@ -218,7 +223,8 @@ def focal_stack(
 ) -> None:
     """Write what an eye with a wide pupil sees, focused at one depth after the other, a file each.
 
-    Example: lippmann export focal-stack scenes/fish/fish.xml --display scenes/displays/vga-square.toml -o out/focus
+    Example: lippmann export focal-stack scenes/fish/fish.xml --display
+    scenes/displays/vga-square.toml -o out/focus
     """
     at = subject.place(eye)
     if depths is not None:
@@ -244,7 +250,8 @@ def depth(
 
     Pixels without a surface get the farthest depth.
 
-    Example: lippmann export depth scenes/fish/fish.xml --display scenes/displays/vga-square.toml -o depth.tif
+    Example: lippmann export depth scenes/fish/fish.xml --display
+    scenes/displays/vga-square.toml -o depth.tif
     """
     path = check_output(output, (".tif", ".tiff", ".png"))
     if subject.scene is None:

@@ -1,8 +1,9 @@
 """Makes a command of a function whose parameters have options and arguments as defaults.
 
-Type and flag follow from the parameter unless stated: `scene_path` is --scene, `wait_s` --wait, `output` -o. Flags, and
-options that may be None, need no default. A function or class as default is a group: `scene: Scene = _scene` has the
-options of `_scene` and gets its result; its parameters without default get the command's values.
+Type and flag follow from the parameter unless stated: `scene_path` is --scene, `wait_s`
+--wait, `output` -o. Flags, and options that may be None, need no default. A function or
+class as default is a group: `scene: Scene = _scene` has the options of `_scene` and
+gets its result; its parameters without default get the command's values.
 """
 
 from __future__ import annotations

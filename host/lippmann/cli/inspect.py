@@ -63,7 +63,8 @@ def command(
 ) -> None:
     """Print the properties of a display file, with units and warnings, and what eyes will see.
 
-    With --schema print the JSON Schema with which an editor checks TOML files, and read no display.
+    With --schema print the JSON Schema with which an editor checks TOML files, and read
+    no display.
 
     Example: lippmann inspect scenes/displays/paper-square.toml
     """

@@ -62,9 +62,11 @@ def command(
 ) -> None:
     """Cut a scene into layers that a board draws by itself.
 
-    SCENE is a Mitsuba scene, or a folder with pictures.toml: pictures with opacity, and their depths.
+    SCENE is a Mitsuba scene, or a folder with pictures.toml: pictures with opacity, and
+    their depths.
 
-    Example: lippmann layers scenes/chart/chart.xml --display scenes/displays/vga-square.toml --scale 0.25 -o out/chart
+    Example: lippmann layers scenes/chart/chart.xml --display
+    scenes/displays/vga-square.toml --scale 0.25 -o out/chart
     """
     table = None if costs is None else check_output(costs, (".csv",))
     cuts: list[tuple[Cut, list[float]]]

@@ -59,11 +59,13 @@ def command(
 ) -> None:
     """Show a scene on a display, and move it by hand.
 
-    Drag to turn, with the right button to shift, scroll to scale; arrow keys turn, with Shift they shift, PageUp brings
-    nearer, + and - scale, r resets, q or Escape ends. At rest the picture becomes finer. A film plays; Space stops it,
-    comma and full stop step.
+    Drag to turn, with the right button to shift, scroll to scale; arrow keys turn, with
+    Shift they shift, PageUp brings nearer, + and - scale, r resets, q or Escape ends.
+    At rest the picture becomes finer. A film plays; Space stops it, comma and full stop
+    step.
 
-    Example: lippmann live scenes/fish/fish.xml --display scenes/displays/vga-square.toml --eye 0,0,600
+    Example: lippmann live scenes/fish/fish.xml --display
+    scenes/displays/vga-square.toml --eye 0,0,600
     """
     film = _load_film(scene_path)
     path = check_scene_file(scene_path if film is None else film.scene)

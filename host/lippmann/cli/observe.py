@@ -57,7 +57,8 @@ def command(
 
     The -error options and --pitch-scale misalign the array.
 
-    Example: lippmann observe fish.exr --display scenes/displays/paper-square.toml --eye 50,0,600 -o view.png
+    Example: lippmann observe fish.exr --display scenes/displays/paper-square.toml --eye
+    50,0,600 -o view.png
     """
     path = _check_files(image_path, output, sheet, frames, sweep is not None)
     xs = [eye[0]] if sweep is None else np.linspace(*sweep, frames or SWEEP_FRAMES).tolist()

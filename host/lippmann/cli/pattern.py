@@ -29,7 +29,8 @@ def command(
 ) -> None:
     """Draw a test pattern for a display's panel.
 
-    Example: lippmann pattern view-numbers --display scenes/displays/vga-square.toml -o views.png
+    Example: lippmann pattern view-numbers --display scenes/displays/vga-square.toml -o
+    views.png
     """
     path = check_output(output)
     panel = display.panel

@@ -31,10 +31,11 @@ def command(
 ) -> int:
     """Play a film of layers, or show a folder of layers, on a board that draws.
 
-    FILM is a film file of layers, or a folder of lippmann layers. Textures that the board lacks are sent first. The
-    last frame stays on the panel.
+    FILM is a film file of layers, or a folder of lippmann layers. Textures that the
+    board lacks are sent first. The last frame stays on the panel.
 
-    Example: lippmann play scenes/films/swim-layers.toml --display scenes/displays/vga-square.toml
+    Example: lippmann play scenes/films/swim-layers.toml --display
+    scenes/displays/vga-square.toml
     """
     film = load_layer_film(film_path)
     check_for_display(film.stack, display, film_path)

@@ -44,12 +44,13 @@ def command(
 ) -> int:
     """Check the rays of another ray tracer or RTL design.
 
-    Numbers are compared with golden; the tolerances grow by the effect of rounding the inputs to float32. Words must
-    equal the RTL's twin's. The first wrong step is named.
+    Numbers are compared with golden; the tolerances grow by the effect of rounding the
+    inputs to float32. Words must equal the RTL's twin's. The first wrong step is named.
 
     Exit code 0: every ray is right; 4: some are wrong.
 
-    Example: lippmann regress --display scenes/displays/paper-square.toml --rays rays.npz
+    Example: lippmann regress --display scenes/displays/paper-square.toml --rays
+    rays.npz
     """
     bounds = _read_bounds(bounds_path, tolerance_urad, tolerance_nm)
     output = _Output(junit, report)
@@ -136,7 +137,8 @@ def _judge_stream(bounds: Bounds, output: _Output) -> int:
     reader = StreamReader(bounded_lines(sys.stdin.buffer))
     try:
         for name, foreign in reader.sets():
-            # A search for two faults takes ten seconds: it is repeated only for more rays.
+            # A search for two faults takes ten seconds: it is repeated only for more
+            # rays.
             search = not any(one.searched and one.rays >= len(foreign.inputs.pixels) for _, one in verdicts)
             verdict = output.judge(foreign, bounds, search)
             verdicts.append((name, verdict))

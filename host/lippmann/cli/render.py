@@ -46,13 +46,15 @@ def command(
 ) -> None:
     """Render the integral image of a scene, or of a folder of layers, for a display.
 
-    SCENE is Mitsuba's .xml, a mesh, splats, a quilt, a folder of views, or a .toml of a picture and its depths. Layers
-    take --engine golden (default), twin or rtl, --samples 1, 2 or 4, --scale and --offset.
+    SCENE is Mitsuba's .xml, a mesh, splats, a quilt, a folder of views, or a .toml of a
+    picture and its depths. Layers take --engine golden (default), twin or rtl,
+    --samples 1, 2 or 4, --scale and --offset.
 
-    A large or long render, or one by workers, keeps its bands in OUT.bands: after an interruption the command
-    continues.
+    A large or long render, or one by workers, keeps its bands in OUT.bands: after an
+    interruption the command continues.
 
-    Example: lippmann render scenes/fish/fish.xml --display scenes/displays/paper-square.toml -o fish.exr
+    Example: lippmann render scenes/fish/fish.xml --display
+    scenes/displays/paper-square.toml -o fish.exr
     """
     path = check_output(output)
     start_seconds, started = process_seconds(), time.perf_counter()

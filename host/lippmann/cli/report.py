@@ -46,7 +46,8 @@ def command(
 ) -> None:
     """Measure speed and error of each engine and lens model on displays, and write a report.
 
-    It also lists changes since an earlier run. Run it in the project's top folder on an idle machine.
+    It also lists changes since an earlier run. Run it in the project's top folder on an
+    idle machine.
 
     Example: lippmann report -o out/report
     """
@@ -68,8 +69,8 @@ def write_report(
 ) -> None:
     """Write a report of some tables, and print what changed.
 
-    `measure` gets the folder of scenes and the earlier run. Raises InputError before, for an invalid run or an output
-    that cannot be written.
+    `measure` gets the folder of scenes and the earlier run. Raises InputError before,
+    for an invalid run or an output that cannot be written.
     """
     from lippmann.conformance.engine_report import PAGE
     from lippmann.conformance.figures import read_stored

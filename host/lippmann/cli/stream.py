@@ -38,8 +38,9 @@ def command(
 ) -> None:
     """Stream images to the panel of a board.
 
-    Several images make an animation. The panel keeps a frame until the next has arrived and its CRC-32 is right. Tiles
-    that the board holds are not sent: after an interruption, run the command again.
+    Several images make an animation. The panel keeps a frame until the next has arrived
+    and its CRC-32 is right. Tiles that the board holds are not sent: after an
+    interruption, run the command again.
 
     Example: lippmann stream out/fish.exr --verify
     """

@@ -49,9 +49,11 @@ def command(
 ) -> None:
     """Trace rays from pixels through the lenslets.
 
-    Status in the .npz: 0 ok, 1 missed surface, 2 total internal reflection, 3 blocked, 4 crosstalk.
+    Status in the .npz: 0 ok, 1 missed surface, 2 total internal reflection, 3 blocked,
+    4 crosstalk.
 
-    Example: lippmann trace --display scenes/displays/paper-square.toml --pixels 1000 -o rays.npz
+    Example: lippmann trace --display scenes/displays/paper-square.toml --pixels 1000 -o
+    rays.npz
     """
     if engine != "fast" and device == "cuda":
         raise click.UsageError(f"--device cuda belongs to the engine fast; leave it out with {engine}")

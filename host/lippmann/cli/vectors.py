@@ -35,8 +35,9 @@ def command(
 ) -> None:
     """Write test vectors: rays that are hard to compute.
 
-    Each set holds rays with 50-digit results (.npz), and as words of the RTL (.csv, $readmemh). For lines instead:
-    lippmann vectors --stream | YOUR PROGRAM | lippmann regress --stream.
+    Each set holds rays with 50-digit results (.npz), and as words of the RTL (.csv,
+    $readmemh). For lines instead: lippmann vectors --stream | YOUR PROGRAM | lippmann
+    regress --stream.
 
     Example: lippmann vectors --display scenes/displays/paper-square.toml -o vectors
     """

@@ -52,10 +52,11 @@ def command(
 ) -> None:
     """Make a browser page that shows an integral image.
 
-    It shows what an eye sees through the lenslets. It is one file, and needs WebGL 2 but no network. IMAGE may be a
-    folder of lippmann animate, which it plays.
+    It shows what an eye sees through the lenslets. It is one file, and needs WebGL 2
+    but no network. IMAGE may be a folder of lippmann animate, which it plays.
 
-    Example: lippmann view fish.png --display scenes/displays/paper-square.toml -o fish.html
+    Example: lippmann view fish.png --display scenes/displays/paper-square.toml -o
+    fish.html
     """
     if moved.changes and scene_path is None:
         raise InputError(f"{flag_of(next(iter(moved.changes)))} belongs to --scene; give both or neither")

@@ -25,7 +25,8 @@ Step = Literal["panel_mm", "start_mm", "near_mm", "centre_mm", "local_mm", "orig
 
 #: Arrays of integers.
 INTEGERS = ("home", "lenslet", "status")
-#: Directions of displacements: to find edges, and with `SHARES` to reach all sides of an edge.
+#: Directions of displacements: to find edges, and with `SHARES` to reach all sides of
+#: an edge.
 AXES = np.array([[1.0, 0.0], [0.0, 1.0], [-1.0, 0.0], [0.0, -1.0]])
 AROUND = np.concatenate([AXES, AXES @ [[1.0, 1.0], [-1.0, 1.0]]])
 SHARES = (1.0, 0.5, 0.25, 0.0625)
@@ -110,8 +111,9 @@ class FieldSummary:
 class Comparison:
     """N foreign rays and golden's.
 
-    `limits` (N,) are the differences allowed in each array. `edge` (N,) marks rays on an edge, `excused` those of them
-    that equal golden's on some side. Of rays in `alone` only the status is compared.
+    `limits` (N,) are the differences allowed in each array. `edge` (N,) marks rays on
+    an edge, `excused` those of them that equal golden's on some side. Of rays in
+    `alone` only the status is compared.
     """
 
     inputs: PanelRays
@@ -180,8 +182,9 @@ def compare(
 ) -> Comparison:
     """Compare arrays with golden's.
 
-    Each ray may be off by its bound plus the effect of moving panel point and aim by `moves_mm`, (N, 2) each; by
-    default the `roundings`. Without `every`, only rays beyond their bounds are moved.
+    Each ray may be off by its bound plus the effect of moving panel point and aim by
+    `moves_mm`, (N, 2) each; by default the `roundings`. Without `every`, only rays
+    beyond their bounds are moved.
     """
     inputs = foreign.inputs
     rays, n = golden(inputs), len(inputs.pixels)

@@ -65,7 +65,8 @@ class Plan:
     displays: tuple[str, ...] = ("paper-square", "paper-hex", "uhd-8k", "uhd-4k")
     #: Display files that replace the shipped displays.
     display_files: tuple[str, ...] = ()
-    #: Rays of each error; of a timed run of golden, twin or RTL, and of the fast engine; compared with 50 digits.
+    #: Rays of each error; of a timed run of golden, twin or RTL, and of the fast
+    #: engine; compared with 50 digits.
     rays: int = 400_000
     timed_rays: int = 300_000
     fast_rays: int = 1 << 24
@@ -103,8 +104,9 @@ QUICK = Plan(
 def errors(truth: Rays, rays: Rays, depths_mm: Pair) -> dict[str, float]:
     """Return the `max_` and `rms_` distances of rays from the true ones of the same pixels.
 
-    `urad` is the angle between directions, `nm` the distance in the plane of the lenslets' vertices, `mm` the larger
-    distance at two depths z. `other_fates` counts rays of another status or lenslet, which are not compared.
+    `urad` is the angle between directions, `nm` the distance in the plane of the
+    lenslets' vertices, `mm` the larger distance at two depths z. `other_fates` counts
+    rays of another status or lenslet, which are not compared.
     """
     same = (truth.status == rays.status) & (truth.lenslet == rays.lenslet).all(axis=1)
     same |= ~gets_through(truth.status) & ~gets_through(rays.status)

@@ -48,7 +48,8 @@ FITTED = {
     "array.offset_mm[1]": "panel",
 }
 
-#: Candidates of a fit: differences relative to the display's number (to a pitch, for 0 or an offset).
+#: Candidates of a fit: differences relative to the display's number (to a pitch, for 0
+#: or an offset).
 LOOKED = (-0.5, -0.3, -0.2, -0.1, -0.05, -0.02, -0.01, 0.01, 0.02, 0.05, 0.1, 0.2, 0.3, 0.5)
 
 
@@ -140,7 +141,8 @@ def _fit_number(name: str, value: float, inputs: PanelRays, direction: Floats) -
             return math.inf
         return float(np.median(np.linalg.norm(rays.direction - direction, axis=1)))
 
-    # On a panel of many lenslets, steps between `LOOKED` lead to other lenslets: these move its corner by 1/4 pitch.
+    # On a panel of many lenslets, steps between `LOOKED` lead to other lenslets: these
+    # move its corner by 1/4 pitch.
     panel = inputs.display.panel
     step = 0.25 * inputs.display.array.finest_mm / (0.5 * math.hypot(panel.width_mm, panel.height_mm))
     near = step * np.arange(-int(0.02 / step), int(0.02 / step) + 1, dtype=np.float64)
@@ -149,7 +151,8 @@ def _fit_number(name: str, value: float, inputs: PanelRays, direction: Floats) -
         candidates += [*map(float, range(-180, 180)), *(value + math.degrees(turn) for turn in near)]
     elif name == "array.shear" or "pitch_mm" in name:
         candidates += [value + share * (1.0 if name == "array.shear" else unit) for share in near]
-    # Rotations by 60 or 180 degrees give the same lattice within rounding error: take the nearest.
+    # Rotations by 60 or 180 degrees give the same lattice within rounding error: take
+    # the nearest.
     best = min(candidates, key=lambda candidate: (round(loss(candidate), 9), abs(candidate - value)))
     width = 0.02 * abs(unit)
     for _ in range(48):

@@ -1,7 +1,8 @@
 """Rays in 50 digits, and their condition: the effect of one rounding of each input.
 
-The distance between golden and these rays is golden's rounding error, because both share the formulas: that these are
-right is shown by an independent tracer (tests/host/truth.py). docs/reference/stability.md has the engines' promises.
+The distance between golden and these rays is golden's rounding error, because both
+share the formulas: that these are right is shown by an independent tracer
+(tests/host/truth.py). docs/reference/stability.md has the engines' promises.
 """
 
 from __future__ import annotations
@@ -28,7 +29,8 @@ mp.dps = 50
 #: Arrays of mpf, or one mpf; mpmath ships no types.
 Digits = Any
 
-#: Relative step for a condition: far below the last place of a float64, far above that of 50 digits.
+#: Relative step for a condition: far below the last place of a float64, far above that
+#: of 50 digits.
 STEP = mp.mpf(10) ** -24
 
 _convert_number = mp.npconvert
@@ -64,7 +66,8 @@ class FiftyDigits(NumpyBackend):
 def exact_inputs(rays: PanelRays | WorldRays) -> dict[str, Digits]:
     """Return rays' exact inputs: columns (N,) of their arrays, and the display's numbers, mm and degrees.
 
-    The columns are `u`, `v` and, of aperture points, `a`, `b`; of rays from the world, `x` to `z` and `dx` to `dz`.
+    The columns are `u`, `v` and, of aperture points, `a`, `b`; of rays from the world,
+    `x` to `z` and `dx` to `dz`.
     """
     display = rays.display
     panel, array = display.panel, display.array
@@ -184,7 +187,8 @@ def movable_inputs(rays: PanelRays | WorldRays) -> list[tuple[str, Digits, Float
 
 def _slopes(rays: PanelRays | WorldRays, true: Rays | Hits, name: str, value: Digits) -> list[Floats]:
     """Return how far rays move (see `apart`) per unit of an input."""
-    # Where a step changes lenslet or status, the opposite step counts; where both do, the slope is 0.
+    # Where a step changes lenslet or status, the opposite step counts; where both do,
+    # the slope is 0.
     step = STEP if isinstance(value, np.ndarray) else STEP * abs(value)
     ahead = truth(rays, **{name: value + step})
     other, slopes = has_other_fate(ahead, true), apart(ahead, true)
@@ -201,7 +205,8 @@ class Condition(NamedTuple):
 
     #: Radians. For rays from the world: the shift over the array's pitch.
     turn: Floats
-    #: Of the exit point, with the unit of pitch or thickness. For rays from the world: of the point on the panel.
+    #: Of the exit point, with the unit of pitch or thickness. For rays from the world:
+    #: of the point on the panel.
     shift_mm: Floats
     #: Radians for one mm at start and aperture point. For rays from the world: 0.
     start: Floats

@@ -96,7 +96,8 @@ class Stored:
 def read_stored(folder: Path, names: Sequence[str]) -> Stored | None:
     """Read the tables of a run from a folder; None when there are none.
 
-    Raises InputError for a file that is not such a table, or is of another run than the others.
+    Raises InputError for a file that is not such a table, or is of another run than the
+    others.
     """
     paths = [path for path in (folder / f"{name}.csv" for name in names) if path.exists()]
     read = [read_figures(path) for path in paths]
@@ -136,7 +137,8 @@ def _measured(row: Row, column: str) -> Measured | None:
 def read_csv(path: Path) -> tuple[dict[str, str], list[dict[str, Value]]]:
     """Read a report's CSV: origin (lines `# key: value`) and rows, with empty cells as None.
 
-    Raises InputError for an unreadable file, or a row of another length than the heading.
+    Raises InputError for an unreadable file, or a row of another length than the
+    heading.
     """
     try:
         lines = path.read_text(encoding="utf-8").splitlines()

@@ -1,8 +1,9 @@
 """`fit`: the cheapest model, number of samples and build of the RTL within a tolerance, for a display's chief rays.
 
-All errors are in pixels of the reconstructed view (docs/models.md). Along each axis the light of a panel pixel spreads
-to w = |z| q / D at depth z, which is w / max(p, w) reconstructed pixels. The error of n samples is their `gap` in a
-rectangle of these sides, largest at the farthest depth.
+All errors are in pixels of the reconstructed view (docs/models.md). Along each axis the
+light of a panel pixel spreads to w = |z| q / D at depth z, which is w / max(p, w)
+reconstructed pixels. The error of n samples is their `gap` in a rectangle of these
+sides, largest at the farthest depth.
 """
 
 from __future__ import annotations
@@ -39,11 +40,13 @@ from lippmann.optics.sample_points import R2_STEPS, pixel_steps
 from lippmann.optics.system import System
 
 MOST_SAMPLES = 1024
-#: Candidates: each is one more than the one before, or up to 5 % more; 1024^(1/142) is 1.05.
+#: Candidates: each is one more than the one before, or up to 5 % more; 1024^(1/142) is
+#: 1.05.
 TRIED_SAMPLES = sorted({round(MOST_SAMPLES ** (k / 142)) for k in range(143)})
 #: Extent of a build's probe in the cell: beyond, rounding may choose the neighbour.
 INSIDE = 0.97
-#: Rays of a build's second test, on the panel and in corners of cells; margin for the roundings of other rays.
+#: Rays of a build's second test, on the panel and in corners of cells; margin for the
+#: roundings of other rays.
 SPREAD_RAYS, ROUNDING_MARGIN = 200_000, 0.05
 
 

@@ -29,13 +29,16 @@ SAMPLE, FIT_SAMPLE = 1500, 300
 FEW = 90
 #: Minimum share of the rays that the diagnosed fault must match.
 EXPLAINED = 0.97
-#: Maximum distance of a fault: relative to golden's in wrong arrays, beyond golden's in others.
+#: Maximum distance of a fault: relative to golden's in wrong arrays, beyond golden's in
+#: others.
 NEARER, SAME = 0.5, 1e-9
-#: Maximum difference of right words from golden, in units of the last place of the widest aims.
+#: Maximum difference of right words from golden, in units of the last place of the
+#: widest aims.
 WORD_UNITS = 64.0
 #: Maximum difference from the twin's words that another rounding explains.
 ROUNDING_WORDS = 8
-#: Delays of outputs, in rays, and the minimum number of rays that shows one, or two faults.
+#: Delays of outputs, in rays, and the minimum number of rays that shows one, or two
+#: faults.
 LAGS, MANY = (1, -1, 2, -2, 3, -3), 8
 
 
@@ -51,7 +54,8 @@ class Finding(NamedTuple):
 class Verdict:
     """The verdict on foreign rays: counts of them, the index of the first wrong one, and the `Finding`.
 
-    Rays `on_edge` are beyond the bounds, but on an edge. `covered` are the counts at `coverage_points.POINTS`.
+    Rays `on_edge` are beyond the bounds, but on an edge. `covered` are the counts at
+    `coverage_points.POINTS`.
     """
 
     rays: int
@@ -100,7 +104,8 @@ class Verdict:
 def judge(foreign: ForeignRays, bounds: Bounds = USUAL, two_faults: bool = True) -> Verdict:
     """Judge foreign rays: numbers by golden and `bounds`, words by the twin, bit for bit.
 
-    With `two_faults`, a pair is looked for when no single fault explains the rays, for some ten seconds.
+    With `two_faults`, a pair is looked for when no single fault explains the rays, for
+    some ten seconds.
     """
     if foreign.words is None:
         comparison = compare(foreign, bounds, every=False)

@@ -16,7 +16,8 @@ def write_junit(
 ) -> None:
     """Write a test case for each set of rays, and an error for a stream that `ended` early.
 
-    `about` are the suite's properties. Raises InputError for a file that cannot be written.
+    `about` are the suite's properties. Raises InputError for a file that cannot be
+    written.
     """
     wrong = [None if one.right else ("failure", one.stage or "", one.headline, one.lines) for _, one in verdicts]
     cases = [(name, problem) for (name, _), problem in zip(verdicts, wrong, strict=True)]

@@ -65,8 +65,9 @@ class PanelRays:
     def steps(self) -> dict[str, Floats]:
         """Return golden's intermediate values, (N, 2) each.
 
-        `panel_mm` is the pixel's point, panel frame; `home` the indices of the lenslet that owns it. `start_mm` is the
-        point, `near_mm` the crossing of the array's near plane, both from that lenslet's centre, array's axes.
+        `panel_mm` is the pixel's point, panel frame; `home` the indices of the lenslet
+        that owns it. `start_mm` is the point, `near_mm` the crossing of the array's
+        near plane, both from that lenslet's centre, array's axes.
         """
         panel = np.stack(PanelFrame.of(self.display).panel_from_pixel(*self.pixels.T), axis=1)
         home, start = located(self.display, self.pixels)
@@ -134,7 +135,8 @@ def edge_points(display: Display, random: Random, count: int, vertices: float = 
 def pixels_at(display: Display, local_mm: Floats, lenslet: tuple[int, int] = (0, 0)) -> tuple[Floats, Floats]:
     """Return the pixel coordinates (N, 2) of points from a lenslet's centre, in the array's axes.
 
-    The second array (N, 2) is the centre of each point's own cell, from which its aims are measured, mm.
+    The second array (N, 2) is the centre of each point's own cell, from which its aims
+    are measured, mm.
     """
     lattice = System.of(display).lattice
     i, j, _, _ = lattice.locate(NumpyBackend(), local_mm[:, 0], local_mm[:, 1])
@@ -143,7 +145,8 @@ def pixels_at(display: Display, local_mm: Floats, lenslet: tuple[int, int] = (0,
 
 def cell_steps(display: Display, between: Floats) -> Floats:
     """Return the steps between neighbours for differences of indices (N, 2), (N,)."""
-    # On a square grid a step may be diagonal. Rows of hexagons lean: (1, 1) is two steps, (1, -1) one.
+    # On a square grid a step may be diagonal. Rows of hexagons lean: (1, 1) is two
+    # steps, (1, -1) one.
     i, j = np.abs(between).T
     steps = np.maximum(i, j)
     return np.asarray(np.maximum(steps, np.abs(between.sum(axis=1))) if display.array.grid == "hex" else steps)
@@ -246,7 +249,8 @@ class FixedCase:
 def fixed_words(rays: PanelRays, fraction_bits: int, max_cell_steps: int | None = None) -> tuple[FixedCase | None, str]:
     """Return a set in words, None when no ray fits, and the reason of the last refusal.
 
-    Without aims beyond the words and, if the registers refuse them, without aims outside their cell.
+    Without aims beyond the words and, if the registers refuse them, without aims
+    outside their cell.
     """
     display, array, aims = rays.display, rays.display.array, rays.aims
     build = Build.of(display, rays.model, fraction_bits, True, max_cell_steps)
@@ -269,7 +273,8 @@ def fixed_words(rays: PanelRays, fraction_bits: int, max_cell_steps: int | None 
 class ForeignRays:
     """N foreign rays: their inputs, and `fields`, some arrays of `faults.FIELDS`.
 
-    `words` are those of inputs and rays, if any. `alone` (N,) marks rays of which only the status is known.
+    `words` are those of inputs and rays, if any. `alone` (N,) marks rays of which only
+    the status is known.
     """
 
     inputs: PanelRays

@@ -28,8 +28,9 @@ REACH = 0.6
 class ErrorMap:
     """The errors of one array, in microradian or nm.
 
-    `panel` and `lenslet` (CELLS, CELLS) are the largest error in each cell, -1 without a ray. Rows go down the panel,
-    and up the lenslet. `counts` are the numbers of rays: exact, in each bin of `edges()`, above.
+    `panel` and `lenslet` (CELLS, CELLS) are the largest error in each cell, -1 without
+    a ray. Rows go down the panel, and up the lenslet. `counts` are the numbers of rays:
+    exact, in each bin of `edges()`, above.
     """
 
     unit: str
@@ -56,7 +57,8 @@ class ErrorMaps(dict[str, ErrorMap]):
     def add(self, foreign: ForeignRays, bounds: Bounds) -> None:
         """Count the errors of a set, without rays on an edge or with only their status.
 
-        A unit of the last place is that of a float32 of the vector's largest component, or a word's.
+        A unit of the last place is that of a float32 of the vector's largest component,
+        or a word's.
         """
         inputs, fields = foreign.inputs, foreign.fields
         judged = np.ones(len(inputs.pixels), bool)

@@ -75,7 +75,8 @@ def write_vectors(
 ) -> list[Entry]:
     """Write sets into a new or empty folder, completely or not at all; return the entries of `vectors.json`.
 
-    Rays from the world are written for the model `exact` only. Raises InputError for a folder with files.
+    Rays from the world are written for the model `exact` only. Raises InputError for a
+    folder with files.
     """
     if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
         raise input_error(str(folder), "exists already", "give a new folder")
@@ -171,7 +172,8 @@ def read_foreign(
 ) -> ForeignRays:
     """Read `.npz` (arrays of `lippmann trace`), `.csv` (as `words.csv`) or `.mem` (as `expected.mem`).
 
-    `inputs` is the `.mem` of the inputs, by default `inputs.mem` in the same folder. Raises InputError for wrong files.
+    `inputs` is the `.mem` of the inputs, by default `inputs.mem` in the same folder.
+    Raises InputError for wrong files.
     """
     if not path.is_file():
         raise input_error(str(path), not_there(path), "give a .npz, .csv or .mem file of rays")

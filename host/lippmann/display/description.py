@@ -193,8 +193,9 @@ class Array(Checked):
     def half_steps(self) -> tuple[int, int] | None:
         """The maximum half steps of lenslets within the extent, or None.
 
-        Those of lenslet (i, j) are 2 i, hexagonal 2 i + j, along the rows and 2 j across them. An extent that ends on a
-        centre, within rounding error, includes that lenslet.
+        Those of lenslet (i, j) are 2 i, hexagonal 2 i + j, along the rows and 2 j
+        across them. An extent that ends on a centre, within rounding error, includes
+        that lenslet.
         """
         if self.extent_mm is None:
             return None

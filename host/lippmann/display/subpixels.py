@@ -14,7 +14,8 @@ Colour = Literal["red", "green", "blue", "white"]
 #: An array of numpy or Dr.Jit, or that library.
 Numbers = Any
 COLOURS: tuple[Colour, ...] = ("red", "green", "blue", "white")
-#: Colour; centre, to the right and upward from the first pixel's centre; width and height; all in pixels.
+#: Colour; centre, to the right and upward from the first pixel's centre; width and
+#: height; all in pixels.
 Subpixel = tuple[Colour, float, float, float, float]
 #: Maximum period of a layout along x and y, pixels.
 MAX_PERIOD = 16
@@ -29,7 +30,8 @@ def _row(order: str, column: int = 0, row: int = 0) -> tuple[Subpixel, ...]:
     return tuple((names[letter], x, -float(row), 1.0 / n, 1.0) for letter, x in zip(order, places, strict=True))
 
 
-#: Layouts by name. In pentile, pixels of red and green alternate with pixels of blue and green.
+#: Layouts by name. In pentile, pixels of red and green alternate with pixels of blue
+#: and green.
 LAYOUTS: dict[str, tuple[Subpixel, ...]] = {
     **{order: _row(order) for order in ("rgb", "bgr", "rgbw")},
     "pentile": (*_row("rg"), *_row("bg", 1), *_row("bg", 0, 1), *_row("rg", 1, 1)),

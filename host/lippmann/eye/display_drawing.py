@@ -25,7 +25,8 @@ if TYPE_CHECKING:
 
 #: Colours of Okabe and Ito, distinct for all kinds of colour vision.
 GLASS, LENSLET, IMAGE, RAY = "#56b4e9", "#0072b2", "#d55e00", "#e69f00"
-#: Lenslets across a close-up, marks of lenslets across the panel, and maximum of pixels drawn across a close-up.
+#: Lenslets across a close-up, marks of lenslets across the panel, and maximum of pixels
+#: drawn across a close-up.
 CLOSE, MARKS, MAX_PIXELS = 4.0, 30.0, 150
 #: Heights in the zones' picture, viewing distances; places across; rays of each eye.
 HEIGHTS = np.linspace(0.2, 3.0, 15)

@@ -56,8 +56,9 @@ def eyes_of(
 ) -> list[tuple[float, float, float]]:
     """Return eyes (mm) in equal steps, from left to right, row by row from the bottom, at one distance.
 
-    From the display's middle, the rows and the columns span a cone, by default the viewing zone without crosstalk. The
-    distance is by default the viewing distance. Raises InputError for a cone or distance out of range.
+    From the display's middle, the rows and the columns span a cone, by default the
+    viewing zone without crosstalk. The distance is by default the viewing distance.
+    Raises InputError for a cone or distance out of range.
     """
     distance = viewing_distance(display) if distance_mm is None else distance_mm
     if not 0.0 < distance < math.inf:

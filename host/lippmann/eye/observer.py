@@ -1,7 +1,8 @@
 """The observer: what an eye sees of a panel that shows an integral image, through the real lenslets.
 
-Rays are traced against the light, as by `trace_to_panel`: from the eye through the view's window (plane z = 0) and the
-lenslets to the panel's pixel or sub-pixel. A ray that ends in a neighbour's cell sees the neighbour's pixel: crosstalk.
+Rays are traced against the light, as by `trace_to_panel`: from the eye through the
+view's window (plane z = 0) and the lenslets to the panel's pixel or sub-pixel. A ray
+that ends in a neighbour's cell sees the neighbour's pixel: crosstalk.
 """
 
 from __future__ import annotations
@@ -37,7 +38,8 @@ CHUNK_RAYS = 1 << 21
 STORED_BYTES = 1 << 27
 #: Linear light (height, width, 3).
 Light = npt.NDArray[np.floating]
-#: Returns an image's three colours where rays see it, at columns and rows, for their hits on the panel.
+#: Returns an image's three colours where rays see it, at columns and rows, for their
+#: hits on the panel.
 LookUp = Callable[[Arr, Arr, Arr, PixelHits], list[Arr]]
 
 
@@ -109,10 +111,11 @@ def observe(
 ) -> View:
     """Return what an eye sees of a display, perhaps a misaligned one, whose panel shows `radiance`.
 
-    `radiance` is (height, width, 3), linear; from disk (`StoredRows`), memory holds only rows that a part of the view
-    sees. The view covers the window, with `samples` rays for each pixel. Without `crosstalk`, rays that end in a
-    neighbour's cell see black. Raises InputError when the image does not have the panel's size, the model is unknown,
-    or samples is out of range.
+    `radiance` is (height, width, 3), linear; from disk (`StoredRows`), memory holds
+    only rows that a part of the view sees. The view covers the window, with `samples`
+    rays for each pixel. Without `crosstalk`, rays that end in a neighbour's cell see
+    black. Raises InputError when the image does not have the panel's size, the model is
+    unknown, or samples is out of range.
     """
     mi, dr = mitsuba(), drjit()
     panel = display.panel
@@ -215,7 +218,8 @@ def eye_rays(
     if eye.pupil_mm > 0.0:
         p, q = points_in_square(pixel, sample, seed)
         disk = mi.warp.square_to_uniform_disk_concentric(mi.Point2f(p, q))
-        # A pixel shows its point in the plane in focus, on the line through the pupil's centre.
+        # A pixel shows its point in the plane in focus, on the line through the pupil's
+        # centre.
         reach = (ez - focus) / ez
         fx, fy = ex + (x - ex) * reach, ey + (y - ey) * reach
         ex = ex + b.double(disk.x) * radius

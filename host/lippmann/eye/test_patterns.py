@@ -1,7 +1,8 @@
 """Test patterns for a panel: those of a board's register `display.pattern`, and others.
 
-Each pixel has a point in its lenslet's cell, where the line from the pixel's centre to the eye crosses the aperture
-plane (`optics.convergence`). Without a viewing distance the point is the pixel's centre.
+Each pixel has a point in its lenslet's cell, where the line from the pixel's centre to
+the eye crosses the aperture plane (`optics.convergence`). Without a viewing distance
+the point is the pixel's centre.
 """
 
 from __future__ import annotations
@@ -51,7 +52,8 @@ class Places(NamedTuple):
     centre: npt.NDArray[np.bool_]
     right: npt.NDArray[np.number]
     up: npt.NDArray[np.number]
-    #: Whether the lenslet exists: beside the array the mount is opaque and pixels stay black.
+    #: Whether the lenslet exists: beside the array the mount is opaque and pixels stay
+    #: black.
     present: npt.NDArray[np.bool_]
 
 
@@ -177,9 +179,10 @@ def draw(
 ) -> IntegralImage:
     """Return a test pattern for a display.
 
-    `eye` is the eye of "white-for-eye", which needs one. `lens` is the lenslet (i, j) of "single-lens", by default
-    (0, 0). `fraction_bits` computes the pattern in a board's words instead of float64. Raises InputError for an option
-    of another pattern, and for a display that does not fit a board's registers.
+    `eye` is the eye of "white-for-eye", which needs one. `lens` is the lenslet (i, j)
+    of "single-lens", by default (0, 0). `fraction_bits` computes the pattern in a
+    board's words instead of float64. Raises InputError for an option of another
+    pattern, and for a display that does not fit a board's registers.
     """
     if kind not in get_args(Kind):
         raise InputError(f"unknown pattern '{kind}'; choose from {', '.join(get_args(Kind))}")

@@ -1,6 +1,7 @@
 """Assembles the viewer page, one text with all that the browser needs.
 
-Its parts, text files of this package, have holes for values, `@@name@@`, and includes in the shaders.
+Its parts, text files of this package, have holes for values, `@@name@@`, and includes
+in the shaders.
 """
 
 from __future__ import annotations
@@ -184,9 +185,9 @@ def page_html(
 ) -> str:
     """Return the viewer page of an integral image, with direct renders beside the view.
 
-    `radiance` is (height, width, 3), linear; the page stores it as 8 bits sRGB, clipped at 1. `later` are further
-    frames of a film. Raises InputError when an image does not have the panel's size, or a direct render does not have
-    the panel's aspect ratio.
+    `radiance` is (height, width, 3), linear; the page stores it as 8 bits sRGB, clipped
+    at 1. `later` are further frames of a film. Raises InputError when an image does not
+    have the panel's size, or a direct render does not have the panel's aspect ratio.
     """
     panel, array = display.panel, display.array
     frames = [radiance, *later]

@@ -61,8 +61,8 @@ class Build:
     ) -> Build:
         """Return the build that traces a display with a model.
 
-        By default, `max_cell_steps` is 2 where rays can leave their cell, else 0; `converge` and `shear` are what the
-        display needs.
+        By default, `max_cell_steps` is 2 where rays can leave their cell, else 0;
+        `converge` and `shear` are what the display needs.
         """
         viewer, exact = display.array.plano_side == "viewer", model == "exact"
         hardware: HardwareModel = "paraxial" if model == "thin" else model
@@ -116,8 +116,8 @@ def shift_mm(display: Display) -> float:
 def _chief_rays_stray(display: Display) -> bool:
     """Tell whether a chief ray may leave its lenslet's cell before the dome, where elemental images converge on an eye.
 
-    Snell's law refracts a steep ray less than the thin lens of the definition does. With the plano side to the viewer,
-    the ray meets the dome near its vertex.
+    Snell's law refracts a steep ray less than the thin lens of the definition does.
+    With the plano side to the viewer, the ray meets the dome near its vertex.
     """
     array, shift = display.array, shift_mm(display)
     if not shift or array.plano_side == "viewer":

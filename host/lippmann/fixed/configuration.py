@@ -22,17 +22,20 @@ from lippmann.optics.system import System
 MAX_SLOPE_SQUARE = 3.0
 #: Largest distance from the axis of a ray on the first face, radii.
 MAX_POINT = 4.0
-#: Largest distance of a pixel from its lenslet's centre in a build with `converge`, pitches or rows.
+#: Largest distance of a pixel from its lenslet's centre in a build with `converge`,
+#: pitches or rows.
 MAX_LOCAL = 8.0
-#: Range of the index: the bend at a dome stays below 2, and a ray in the glass steeper than 60 degrees is totally
-#: reflected at the flat face.
+#: Range of the index: the bend at a dome stays below 2, and a ray in the glass steeper
+#: than 60 degrees is totally reflected at the flat face.
 INDEX_LIMITS = (1.16, 2.2)
-#: Least half of a cell, units of the last place. The measured error of an exit point where no ray grazes the dome is at
-#: most (5 + 1.2 (T/R)^2) R 2^-(F + 1): a thousandth of the pitch at T <= 1.5 R.
+#: Least half of a cell, units of the last place. The measured error of an exit point
+#: where no ray grazes the dome is at most (5 + 1.2 (T/R)^2) R 2^-(F + 1): a thousandth
+#: of the pitch at T <= 1.5 R.
 LEAST_HALF = 1 << 12
 #: Values of `extent_i` and `extent_j` with which the array has every lenslet.
 EVERYWHERE = (1 << (words.INDEX_BITS + 1)) - 1, (1 << words.INDEX_BITS) - 1
-#: Lenslets between a ray's first and last one: aims of 1.5 pitches, and four cell steps.
+#: Lenslets between a ray's first and last one: aims of 1.5 pitches, and four cell
+#: steps.
 MAX_ASTRAY = 8
 
 _PITCHES = "(array.pitch_mm, panel.pixel_pitch_mm)"
@@ -173,8 +176,9 @@ def in_words(config: Configuration, build: Build) -> tuple[Configuration, words.
 def configuration(display: Display, build: Build, model: Model, reach_mm: float | None = None) -> Configuration:
     """Return the registers with which a build traces a display.
 
-    `reach_mm` is the largest distance of an aperture point from its lenslet's centre, by default that of a cell's
-    corner. Raises InputError when the build does not fit this display, or a value does not fit its register.
+    `reach_mm` is the largest distance of an aperture point from its lenslet's centre,
+    by default that of a cell's corner. Raises InputError when the build does not fit
+    this display, or a value does not fit its register.
     """
     _check_build(display, build, model)
     _check_panel(display)
@@ -220,7 +224,8 @@ def _lens_numbers(
     """Return the registers of a ray in its lenslet, as numbers in pitches, rows or radii."""
     array, f, exact = display.array, build.fraction_bits, build.model == "exact"
     (p, tall), row, R, lean = array.pitches_mm, array.row_pitch_mm, array.radius_mm, array.shear
-    # Other models do not read these registers: any thickness and index that fit will do.
+    # Other models do not read these registers: any thickness and index that fit will
+    # do.
     T, n = (array.thickness_mm, array.index) if exact else (R, 1.5)
     flat_exit, square = model in ("paraxial", "exact") and array.plano_side == "viewer", array.grid == "square"
     # On a converged display the registers' local points are 1 - share of their length.
@@ -262,7 +267,8 @@ def _lens_numbers(
 def _sums(display: Display, build: Build, model: Model) -> tuple[tuple[float, float], tuple[float, float]]:
     """Return (k, l) of the slope k x + l a, and of the point k x + l a (mm) in the plane of the first face.
 
-    x is the pixel's point, a the aperture point. Without `converge` the slope of an exact ray is k (a - x).
+    x is the pixel's point, a the aperture point. Without `converge` the slope of an
+    exact ray is k (a - x).
     """
     D = display.aperture_distance_mm
     share = display.gap_mm / D
@@ -306,7 +312,8 @@ def _check_panel(display: Display) -> None:
             f"register raster_panel: a panel of {panel.width_px} x {panel.height_px} is outside its range, 1 to "
             f"{limit - 1} either way; lower panel.width_px and panel.height_px"
         )
-    # The panel's corners in lenslets; on a hexagonal lattice the index i counts along an oblique axis.
+    # The panel's corners in lenslets; on a hexagonal lattice the index i counts along
+    # an oblique axis.
     system = System.of(display)
     x, y = system.convergence.towards_eye(*np.array(system.frame.corners).T)
     x, y = (x - array.shear * y) / array.pitches_mm[0], y / array.row_pitch_mm
@@ -368,7 +375,8 @@ def _check_reach(
 def _check_lens(display: Display, build: Build) -> None:
     """Refuse a dome so flat that its cell, in radii, has too few significant bits.
 
-    In exact builds, refuse an index out of range, and a substrate in which rays are too long for a far word, 8 radii.
+    In exact builds, refuse an index out of range, and a substrate in which rays are too
+    long for a far word, 8 radii.
     """
     array, f, widest = display.array, build.fraction_bits, words.FRACTIONS[-1]
     half, least = 0.5 * array.finest_mm / array.radius_mm, math.ldexp(LEAST_HALF, -f - 1)

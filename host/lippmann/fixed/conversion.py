@@ -15,8 +15,8 @@ from lippmann.optics.system import System
 def words_of_pixels(display: Display, pixels: Floats) -> tuple[Ints, Ints]:
     """Return pixel coordinates (N, 2) as words from the panel's centre, rounded to 1/16 pixel.
 
-    Raises InputError for pixels that do not fit the words, and for pixels outside a panel whose elemental images
-    converge on an eye: their rays may be too slanted.
+    Raises InputError for pixels that do not fit the words, and for pixels outside a
+    panel whose elemental images converge on an eye: their rays may be too slanted.
     """
     scale, half = 1 << PIXEL_FRACTION, 0.5 * np.array([display.panel.width_px, display.panel.height_px])
     words = np.floor((pixels - half) * (scale, -scale) + 0.5)
@@ -43,7 +43,8 @@ def pixels_of_words(display: Display, u: Ints, v: Ints) -> Floats:
 def words_of_aims(display: Display, aperture_mm: Floats, fraction_bits: int) -> tuple[Ints, Ints]:
     """Return aperture points (N, 2), lens-local mm, as wide words in pitches and rows along the lattice.
 
-    Raises InputError for points more than 1.5 pitches from the centre, which may not fit.
+    Raises InputError for points more than 1.5 pitches from the centre, which may not
+    fit.
     """
     array = display.array
     x, y = aperture_mm.T

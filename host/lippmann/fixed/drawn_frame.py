@@ -22,7 +22,8 @@ if TYPE_CHECKING:
     from lippmann.layers.stack import LayerStack
 
 
-#: Places of a pixel's samples from its centre, to the right and upward, words of pixels.
+#: Places of a pixel's samples from its centre, to the right and upward, words of
+#: pixels.
 SAMPLE_OFFSETS: dict[int, tuple[tuple[int, int], ...]] = {
     1: ((0, 0),),
     2: ((-4, 4), (4, -4)),
@@ -47,9 +48,10 @@ def draw(
 ) -> Bytes:
     """Return the pixels (rows, width, 3) that a build of the optics and one of the drawing show of a stack.
 
-    `model` is the lens model, by default the build's; `rows` are rows of the panel, by default all. `pipeline` traces
-    the rays and `shade` draws them, by default the twin; several threads call them. Raises InputError when the display
-    or the stack does not fit the builds.
+    `model` is the lens model, by default the build's; `rows` are rows of the panel, by
+    default all. `pipeline` traces the rays and `shade` draws them, by default the twin;
+    several threads call them. Raises InputError when the display or the stack does not
+    fit the builds.
     """
     panel, f = display.panel, build.fraction_bits
     rows = range(panel.height_px) if rows is None else rows

@@ -1,7 +1,8 @@
 """Steps 4 to 6 (rtl/optics): a ray enters the glass of a lenslet, meets its dome and leaves the glass.
 
-In the glass, dx and dy are near words with E = `extra_bits` more bits, and dz has 3 E more. Squared sines and cosines
-have F + 3 fraction bits. A ray overflows where a word does not fit, or is out of range by more than rounding error.
+In the glass, dx and dy are near words with E = `extra_bits` more bits, and dz has 3 E
+more. Squared sines and cosines have F + 3 fraction bits. A ray overflows where a word
+does not fit, or is out of range by more than rounding error.
 """
 
 from __future__ import annotations
@@ -46,8 +47,9 @@ def meet_dome(
 ) -> Meeting:
     """Intersect rays from (hx, hy, zc) with the unit sphere around the origin.
 
-    Upward, zc is `depth` and `depth_rest` is 1 - zc^2. Downward, zc is 1, and products of `dz`, which is |dz|, are cut
-    before they are subtracted; a ray that misses goes on for half a radius from its point nearest to the centre.
+    Upward, zc is `depth` and `depth_rest` is 1 - zc^2. Downward, zc is 1, and products
+    of `dz`, which is |dz|, are cut before they are subtracted; a ray that misses goes
+    on for half a radius from its point nearest to the centre.
 
         b    = ((hx dx >> F-4+E) + (hy dy >> F-4+E) + (zc dz >> F-4+3E) + 1) >> 1
         C    = (1 - zc^2) - (hx hx >> F-3) - (hy hy >> F-3) + (b b >> F+5)
@@ -56,9 +58,10 @@ def meet_dome(
         N_x  = saturate(((hx << 4) + (l dx >> F-3+E) + 4) >> 3),  N_y likewise
         N_z  = saturate(((zc << 4) + (l dz >> F-3+3E) + 4) >> 3)
 
-    dx and dy are near words with E = `extra_bits` more fraction bits, dz has 3 E more. b has F + 4 fraction bits, C and
-    s have F + 3, l has F. Missed: C < 0. Beyond: b or l outside its word, C above 1
-    or, unless missed, a coordinate of N outside [-1, 1], by more than rounding errors.
+    dx and dy are near words with E = `extra_bits` more fraction bits, dz has 3 E more.
+    b has F + 4 fraction bits, C and s have F + 3, l has F. Missed: C < 0. Beyond: b or
+    l outside its word, C above 1 or, unless missed, a coordinate of N outside [-1, 1],
+    by more than rounding errors.
     """
     near, wide, far, foot = f + 2, f + 3, f + 4, f + 8
     extra = extra_bits(f)
@@ -101,10 +104,11 @@ def cell_step(
 ) -> tuple[Ints, Ints, Bools]:
     """Return the step (di, dj) to the next cell to try, and a mask of the points inside their own cell.
 
-    `half` is px / (2 R) and `half_y` is py / (2 R), near words. `lean` is the shear s, a wide word. `rise` is
-    h = (sqrt(3)/2) px / py - s / 2, W + 2 bits, F + 1 of them fraction bits. q0 is nx, with `shear` nx - s ny; q1 is ny
-    on the square grid, nx / 2 + h ny on the hexagonal one. Hexagonal: the step crosses the flat with the largest of
-    |q0|, |q1|, |q2|, where q2 = q1 - q0, and |q| is ~q below 0:
+    `half` is px / (2 R) and `half_y` is py / (2 R), near words. `lean` is the shear s,
+    a wide word. `rise` is h = (sqrt(3)/2) px / py - s / 2, W + 2 bits, F + 1 of them
+    fraction bits. q0 is nx, with `shear` nx - s ny; q1 is ny on the square grid, nx / 2
+    + h ny on the hexagonal one. Hexagonal: the step crosses the flat with the largest
+    of |q0|, |q1|, |q2|, where q2 = q1 - q0, and |q| is ~q below 0:
 
         q0   = ((nx << 3) - (ny s >> F-3) + 4) >> 3
         q1   = ((ny m >> F-2) + (nx << 2) + (n ny << 3) + 4) >> 3,  h = n 2^(F+1) + m
@@ -150,7 +154,8 @@ def enter_flat(ex: Ints, ey: Ints, index_inverse: int, f: int) -> tuple[Ints, In
         g    = max((t_x t_x >> F-3+2E) + (t_y t_y >> F-3+2E), 0) >> 2
         dz   = sqrt(M - g)
 
-    i is 1/n, g has F + 3 fraction bits, dz has 3 E bits more. Steeper than 60 degrees: M - g < 1/4.
+    i is 1/n, g has F + 3 fraction bits, dz has 3 E bits more. Steeper than 60 degrees:
+    M - g < 1/4.
     """
     word, extra = f + 2, extra_bits(f)
     tx = guarded(multiplier(ex, index_inverse, word + extra, word, f + 1 - GUARD))

@@ -127,7 +127,8 @@ def _through_lenslet(
 ) -> tuple[FixedRays, Bools, Bools, Bools]:
     """Trace exact rays through both faces; `air` is their direction in the air.
 
-    Returns them, all with the status ok, and masks of the missed, the reflected and the overflowing ones.
+    Returns them, all with the status ok, and masks of the missed, the reflected and the
+    overflowing ones.
     """
     f, grid = build.fraction_bits, build.grid
     ex, ey, ez = air

@@ -32,7 +32,8 @@ LOW_BITS = SLOPE_BITS - MUL_BITS
 def pixel_to_lattice(u: Ints, v: Ints, from_u: int, from_v: int, offset: int, f: int) -> tuple[Ints, Bools]:
     """Return one lattice coordinate, F fraction bits, of pixels (u, v), words from the panel's centre.
 
-    Each coefficient is split after its lowest 17 bits, so that both products fit a multiplier.
+    Each coefficient is split after its lowest 17 bits, so that both products fit a
+    multiplier.
     """
     mask = (1 << LOW_BITS) - 1
     hi = u * (from_u >> LOW_BITS) + v * (from_v >> LOW_BITS) + (offset >> LOW_BITS)
@@ -102,10 +103,11 @@ def converge(
 ) -> tuple[Ints, Ints, Bools]:
     """Return the pixels' points from their lenslets' centres, F + 4 bits, where elemental images converge on an eye.
 
-    (x, y) is where the line from pixel to eye crosses the lenslet's cell. `share` has F + 11 fraction bits.
+    (x, y) is where the line from pixel to eye crosses the lenslet's cell. `share` has F
+    + 11 fraction bits.
 
-    C is the lenslet's centre, A the point in front of the eye. In half pitches and half rows C is (2 i + j, 2 j), on
-    the square grid (2 i, 2 j):
+    C is the lenslet's centre, A the point in front of the eye. In half pitches and half
+    rows C is (2 i + j, 2 j), on the square grid (2 i, 2 j):
 
         t_x  = (x << 2) + (16 C_x s >> 14) + o_x + 2,   x' = t_x >> 2,   y' likewise
 
@@ -154,8 +156,8 @@ def blend(
 def unit_slope(mx: Ints, my: Ints, f: int, extra: int = 0) -> tuple[Ints, Ints, Ints, Bools]:
     """Return (m_x, m_y, 1) / sqrt(1 + m^2), near words, of a slope in wide words; they have `extra` more bits.
 
-    Slopes of 60 degrees and more, m^2 >= 3, overflow: x and e_x keep their lowest bits, as the registers do. All words
-    have E = `extra` more fraction bits:
+    Slopes of 60 degrees and more, m^2 >= 3, overflow: x and e_x keep their lowest bits,
+    as the registers do. All words have E = `extra` more fraction bits:
 
         x    = ((m_x m_x >> F-4+2E) + (m_y m_y >> F-4+2E) + 2^(F+4) + 4) >> 3
         e_z  = min(rsqrt(x), 2^(F+1+E) - 1)

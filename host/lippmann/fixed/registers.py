@@ -26,8 +26,8 @@ from lippmann.fixed.words import Ints
 class Field:
     """Bits `low` to `low + width - 1` of a register; `reset` is None where the hardware drives the value.
 
-    `fraction` is the number of fraction bits, or its formula in F, the build's. Where only some values have a meaning,
-    `names` holds them with their names.
+    `fraction` is the number of fraction bits, or its formula in F, the build's. Where
+    only some values have a meaning, `names` holds them with their names.
     """
 
     low: int
@@ -84,7 +84,8 @@ def _load(name: str) -> dict[str, Register]:
     return msgspec.convert(items["registers"], dict[str, Register])
 
 
-#: Registers by name, which begins with that of their group; byte addresses from the block's base.
+#: Registers by name, which begins with that of their group; byte addresses from the
+#: block's base.
 OPTICS_REGISTERS = _load("optics.json")
 BOARD_REGISTERS = _load("board.json")
 SCENE_REGISTERS = _load("scene.json")

@@ -35,9 +35,11 @@ if TYPE_CHECKING:
 
 #: Largest distance of a ray at z = 0, and of a texture, from the array's origin, radii.
 MAX_PLACE = 2048.0
-#: Factor of a sky's slopes: the largest power of two that keeps all slopes that draw, below 4, in range.
+#: Factor of a sky's slopes: the largest power of two that keeps all slopes that draw,
+#: below 4, in range.
 SKY_DEPTH = 512.0
-#: Largest distance of an exit from its pixel along x or y, radii: 8 pitches of 2 radii to the lenslet, and 4 radii.
+#: Largest distance of an exit from its pixel along x or y, radii: 8 pitches of 2 radii
+#: to the lenslet, and 4 radii.
 EXIT_RADII = 20.0
 
 
@@ -50,9 +52,10 @@ def scene_words(
 ) -> SceneWords:
     """Return the registers with which a build draws a stack on a display.
 
-    `slots` are the slots of the layers' textures; by default layer k is in slot k. `names` are the layers' names in
-    errors, by default their numbers. Raises InputError when the build has fewer layers or slots, and when a value does
-    not fit its register.
+    `slots` are the slots of the layers' textures; by default layer k is in slot k.
+    `names` are the layers' names in errors, by default their numbers. Raises InputError
+    when the build has fewer layers or slots, and when a value does not fit its
+    register.
     """
     if len(stack.layers) > build.layers:
         raise InputError(
@@ -84,8 +87,9 @@ def scene_words(
 def layer_words(display: Display, layer: Layer, number: int | str, slot: int) -> LayerWords:
     """Return the registers of a layer whose texture is in a slot; `number` is its number or name in errors.
 
-    (X, Y) are in the array's frame, in radii: (x, y) = turn(X, Y) R + offset. At the layer's plane s = s0 + a X' + b Y'
-    where (a, b) = R (m00, m01) turn and s0 = m02 + (m00, m01) offset. A sky has slopes for x and y, and no offset.
+    (X, Y) are in the array's frame, in radii: (x, y) = turn(X, Y) R + offset. At the
+    layer's plane s = s0 + a X' + b Y' where (a, b) = R (m00, m01) turn and s0 = m02 +
+    (m00, m01) offset. A sky has slopes for x and y, and no offset.
     """
     frame = System.of(display).frame
     radius, (ox, oy) = display.array.radius_mm, frame.offset_mm
@@ -99,7 +103,8 @@ def layer_words(display: Display, layer: Layer, number: int | str, slot: int) ->
 
     name = f"layer {number}, register"
     nearer = "bring the layer nearer, or take a lenslet of larger array.radius_mm"
-    # Units in errors, as in the layers' file: mm, texels, and texels per mm or per slope of 1.
+    # Units in errors, as in the layers' file: mm, texels, and texels per mm or per
+    # slope of 1.
     share, unit = (SKY_DEPTH, " texels a slope of 1") if layer.sky else (1.0 / radius, " texels/mm")
     words = {"depth": nearest_word(depth, 32, DEPTH_FRACTION, f"{name} depth", nearer, radius, " mm")}
     for register, value in zip("abcd", linear.ravel().tolist(), strict=True):

@@ -81,7 +81,8 @@ class SceneWords:
         return word
 
 
-#: Fraction bits of the lattice's words, and of a lenslet's index on its way to the multiplier.
+#: Fraction bits of the lattice's words, and of a lenslet's index on its way to the
+#: multiplier.
 LATTICE_FRACTION = 30
 _INDEX_SHIFT = 6
 
@@ -99,7 +100,8 @@ class Lines(NamedTuple):
 def exit_line(rays: FixedRays, xi: int, xj: int, yj: int, f: int) -> Lines:
     """Return the lines of exit rays; `xi`, `xj` and `yj` are the lattice's words, 30 fraction bits.
 
-    A ray draws when it has an exit, dz is 1/4 or more, and x_o and y_o are in [-2048, 2048).
+    A ray draws when it has an exit, dz is 1/4 or more, and x_o and y_o are in [-2048,
+    2048).
 
     With q the reciprocal root of 4 dz:
 
@@ -131,7 +133,8 @@ def exit_line(rays: FixedRays, xi: int, xj: int, yj: int, f: int) -> Lines:
 
 #: Bits of a coordinate.
 COORDINATE_BITS = 20
-#: Shift of bilinear coordinates, 16 fraction bits: half a unit of the coordinate less half a texel.
+#: Shift of bilinear coordinates, 16 fraction bits: half a unit of the coordinate less
+#: half a texel.
 _BILINEAR = (1 << 7) - (1 << 15)
 
 
@@ -176,8 +179,9 @@ WHOLE = 1 << 16
 def texel_fetch(s: Ints, t: Ints, hidden: Bools, slot: Bytes | None, build: SceneBuild) -> tuple[Ints, Ints]:
     """Return the colours (N, taps, 4) of the texels at coordinates (N,), and their weights (N, taps).
 
-    `slot` is the content of the layer's slot (`slot_bytes`), or `None`. Bilinear builds take four texels, each in tap
-    2 (row & 1) + (column & 1). Hidden rays, and texels outside the texture, have the weight 0 and the colour 0.
+    `slot` is the content of the layer's slot (`slot_bytes`), or `None`. Bilinear builds
+    take four texels, each in tap 2 (row & 1) + (column & 1). Hidden rays, and texels
+    outside the texture, have the weight 0 and the colour 0.
     """
     i, j = s >> 8, t >> 8
     if not build.bilinear:
@@ -203,7 +207,8 @@ def texel_fetch(s: Ints, t: Ints, hidden: Bools, slot: Bytes | None, build: Scen
 def texel_blend(colours: Ints, weights: Ints) -> tuple[Ints, Ints]:
     """Return the premultiplied light (N, 3) and the opacity (N,) of texels (N, taps, 4) with weights (N, taps).
 
-    With the opacity A = a + [a >= 128], the bytes r, g, b of texel n and its weight w_n (N, taps):
+    With the opacity A = a + [a >= 128], the bytes r, g, b of texel n and its weight w_n
+    (N, taps):
 
         share_n = (w_n A + 2^7) >> 8        16 fraction bits
         light_o = (sum over n of (share_n r^2 >> 8) + 2^7) >> 8,  g and b likewise
@@ -220,7 +225,8 @@ def composite(
 ) -> Ints:
     """Return the light (N, 3) of rays through layers and of the background (3,); 0 for rays that do not draw.
 
-    Each layer, from front to back, has a premultiplied light P (N, 3), an opacity A (N,) and a brightness B, at most
+    Each layer, from front to back, has a premultiplied light P (N, 3), an opacity A
+    (N,) and a brightness B, at most
     256. From C_0 = 0, T_0 = 65536:
 
         G_k     = (T_k B_k + 2^7) >> 8
@@ -279,8 +285,9 @@ def scene(
 ) -> Bytes:
     """Return the pixels (N, 3) of exit rays of an optics build with F fraction bits.
 
-    The `build.samples` rays of a pixel follow each other. `slots` holds the contents of slots (`slot_bytes`) by number;
-    other slots hold zeros. `table` is the panel's curve, 8192 bytes. Layers beyond those of the build are not read.
+    The `build.samples` rays of a pixel follow each other. `slots` holds the contents of
+    slots (`slot_bytes`) by number; other slots hold zeros. `table` is the panel's
+    curve, 8192 bytes. Layers beyond those of the build are not read.
     """
     return curve_table(sample_mean(scene_light(rays, words, slots, build, f), build.samples_bits), table)
 

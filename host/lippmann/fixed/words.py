@@ -1,7 +1,8 @@
 """Formats of the fixed-point words, integer operations that all steps share, and the roots.
 
-F is a build's number of fraction bits and W = F + 2 the bits of its words. `near` words have F + 1 fraction bits and
-span [-1, 1); `wide` words have F and span [-2, 2). `far` words have W + 2 bits, F of them fraction bits: [-8, 8).
+F is a build's number of fraction bits and W = F + 2 the bits of its words. `near` words
+have F + 1 fraction bits and span [-1, 1); `wide` words have F and span [-2, 2). `far`
+words have W + 2 bits, F of them fraction bits: [-8, 8).
 """
 
 from __future__ import annotations
@@ -32,7 +33,8 @@ INDEX_BITS = 12
 MUL_BITS = 18
 #: Bits kept below the last place until a step's final rounding.
 GUARD = 3
-#: Units by which rounding may move a saturated word, or a clamped square, out of its range.
+#: Units by which rounding may move a saturated word, or a clamped square, out of its
+#: range.
 SLACK, SQUARE_SLACK = 1 << 6, 1 << 9
 #: Fraction bits that the RTL can be built with.
 FRACTIONS = range(14, 24)
@@ -110,7 +112,8 @@ Root = Literal["reciprocal", "square"]
 class RootTable:
     """Coefficients of a root's segments in both octaves.
 
-    c0 has F + 4 fraction bits, c1 `slope_fraction` and c2 two more; a place in a segment has `place_bits` bits.
+    c0 has F + 4 fraction bits, c1 `slope_fraction` and c2 two more; a place in a
+    segment has `place_bits` bits.
     """
 
     segment_bits: int
@@ -175,7 +178,8 @@ def rsqrt(x: Ints, f: int, extra: int = 0) -> Ints:
 def sqrt(x: Ints, f: int, normalise: bool = True, extra: int = 0) -> Ints:
     """Return sqrt(x), a near word with `extra` more bits (up to 3), of x in [0, 1) with F + 3 fraction bits.
 
-    Without `normalise`, x must be in [1/4, 1). With it, the root of 4^k x in [1/4, 1) is shifted back by k, at most 15.
+    Without `normalise`, x must be in [1/4, 1). With it, the root of 4^k x in [1/4, 1)
+    is shifted back by k, at most 15.
 
     With K = `extra` and the root q of 4^k x from `quadratic`; 0 gives 0:
 

@@ -35,7 +35,8 @@ CURVE_BYTES = 8192
 EXIT_LINE, LAYER_COORDINATE, TEXEL_BLEND, COMPOSITE, BACKGROUND = 10, 6, 3, 4, 3
 #: Places of a moving eye, as shares of the reach, and rays for each pixel of its view.
 EYES, EYE_SAMPLES = (-0.8, -0.4, 0.0, 0.4, 0.8), 64
-#: Samples for each pixel of the full render: above `MAX_SAMPLES`, so that no pixel uses its neighbours'.
+#: Samples for each pixel of the full render: above `MAX_SAMPLES`, so that no pixel uses
+#: its neighbours'.
 FULL_SAMPLES = MAX_SAMPLES + 1
 
 
@@ -90,8 +91,8 @@ def decibels(light: npt.NDArray[np.floating], display: Display, full: Sequence[R
 def streamed(scene: Scene, display: Display, full: Sequence[Radiance], settings: Settings) -> tuple[Bytes, list[float]]:
     """Return a frame (height, width, 3) as a host streams it, and the decibels of the moving eye's views of it.
 
-    It is a full render of one sample more, because other seeds share a part of the error. Its decibels are those of
-    both renders' noise and the panel's bits.
+    It is a full render of one sample more, because other seeds share a part of the
+    error. Its decibels are those of both renders' noise and the panel's bits.
     """
     again = replace(settings, samples=FULL_SAMPLES + 1, seed=(settings.seed + 1) % 2**32)
     frame = panel_bytes(display, render_integral(scene, display, "exact", again).radiance)
@@ -110,7 +111,8 @@ def measured_cuts(
 ) -> Iterator[tuple[Cut, list[float]]]:
     """Yield the cut of a scene into each number of layers, and with a filter the views' decibels.
 
-    `parts` are what is cut by depths, and what becomes a layer of its own (see `cut_scene`).
+    `parts` are what is cut by depths, and what becomes a layer of its own (see
+    `cut_scene`).
     """
     full = [] if filter is None else full_views(scene, display, settings)
     for count in report_each(counts, progress):
@@ -128,12 +130,13 @@ def row_of(cut: Cut, views_db: Sequence[float], slot: Size, filter: Filter) -> R
 TOLERANCE_DB = 25.0
 #: Default slots, texels across and down.
 SLOTS = ((64, 48), (128, 96), (256, 192), (512, 384))
-#: Block RAMs and multipliers that a board leaves of an ECP5-85: the optics of compact-square take 43 multipliers, the
-#: patterns 14.
+#: Block RAMs and multipliers that a board leaves of an ECP5-85: the optics of
+#: compact-square take 43 multipliers, the patterns 14.
 BLOCK_RAMS, MULTIPLIERS = 208 - 47, 156 - 57
 
 Limit = Literal["render", "hardware", "depths", "sizes"]
-#: Cost and decibels of layers by name (`row_of`); those of candidates have `filter` and `slot`, too.
+#: Cost and decibels of layers by name (`row_of`); those of candidates have `filter` and
+#: `slot`, too.
 Row = dict[str, Any]
 
 
@@ -167,8 +170,9 @@ def choose_layers(
 ) -> LayerChoice:
     """Choose the cheapest layers of a placed scene whose views by a moving eye are all within the tolerance.
 
-    The cost is block RAMs first, then bytes, then multipliers. Raises InputError for a tolerance that is not positive
-    and finite, slots that no board has, too little hardware for a layer, and a scene of which no eye sees anything.
+    The cost is block RAMs first, then bytes, then multipliers. Raises InputError for a
+    tolerance that is not positive and finite, slots that no board has, too little
+    hardware for a layer, and a scene of which no eye sees anything.
     """
     if not 0.0 < tolerance_db < math.inf:
         raise InputError(f"tolerance {tolerance_db:g} dB is not positive and finite; give dB, such as {TOLERANCE_DB:g}")

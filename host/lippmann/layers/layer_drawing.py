@@ -1,7 +1,8 @@
 """Draws layers in float64: the golden form of what an FPGA draws.
 
-A pixel's exit ray meets the plane of each layer; the texels there are composited from front to back in linear light,
-the pixel's samples are averaged, and the panel's curve is applied once. A ray without an exit is black.
+A pixel's exit ray meets the plane of each layer; the texels there are composited from
+front to back in linear light, the pixel's samples are averaged, and the panel's curve
+is applied once. A ray without an exit is black.
 """
 
 from __future__ import annotations
@@ -73,8 +74,9 @@ def draw_golden(
 ) -> Floats:
     """Return the linear light (height, width, 3) of layers for a display, whatever its sub-pixels.
 
-    `lines` are its exit rays (`exit_lines`) or those of some rows, which alone are drawn then. Raises InputError for an
-    unknown filter, or a number of samples that a board does not have.
+    `lines` are its exit rays (`exit_lines`) or those of some rows, which alone are
+    drawn then. Raises InputError for an unknown filter, or a number of samples that a
+    board does not have.
     """
     check_options(filter, samples)
     lines = exit_lines(display, samples, model) if lines is None else lines
@@ -209,8 +211,8 @@ class LayerPlan(Plan):
     def render(self, number: int, report_rows: Callable[[int], None] | None = None) -> tuple[Radiance, list[int]]:
         """Return the radiance (rows, width, 3) of a band; no sample is lost.
 
-        For "twin", the RTL's integers, and "rtl", the RTL simulated, it is that of the panel's bytes. Raises InputError
-        for what their registers cannot hold.
+        For "twin", the RTL's integers, and "rtl", the RTL simulated, it is that of the
+        panel's bytes. Raises InputError for what their registers cannot hold.
         """
         display, options, rows, model = self.display, self.options, self.bands[number], self.options.model
         assert model != "auto"
@@ -241,8 +243,9 @@ def plan_layers(
 ) -> LayerPlan:
     """Return the plan of a picture of layers for a display; `where` names the layers in messages.
 
-    `fraction_bits` is the optics' word length, by default the widest. Raises InputError for an engine, filter, model or
-    number of samples that does not draw layers, and for layers at or behind the display's eyes.
+    `fraction_bits` is the optics' word length, by default the widest. Raises InputError
+    for an engine, filter, model or number of samples that does not draw layers, and for
+    layers at or behind the display's eyes.
     """
     check_for_display(stack, display, where)
     check_options(filter, samples)

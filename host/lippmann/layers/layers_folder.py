@@ -1,7 +1,7 @@
 """Folders of layers, and of pictures that become layers (docs/reference/layers-file.md).
 
-The PNG of a layer holds the bytes that a board stores. Its gamma chunk says that light is the square of a palette's
-colour, so that any viewer shows the right colours.
+The PNG of a layer holds the bytes that a board stores. Its gamma chunk says that light
+is the square of a palette's colour, so that any viewer shows the right colours.
 """
 
 from __future__ import annotations
@@ -39,7 +39,8 @@ if TYPE_CHECKING:
 FILE, PICTURES_FILE = "layers.toml", "pictures.toml"
 #: Names of layers that are files' names on every system.
 NAME = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_-]{0,63}")
-#: Exponent between a palette's colour and light in PNG's gamma chunk: 1/2 in steps of 10^-5.
+#: Exponent between a palette's colour and light in PNG's gamma chunk: 1/2 in steps of
+#: 10^-5.
 GAMMA = 50_000
 #: Side of a layer, texels, below which its size and place are in doubt.
 FEW_TEXELS = 4
@@ -84,7 +85,8 @@ def is_layers(path: str | Path, file: str = FILE) -> bool:
 def load_named_layers(path: str | Path) -> tuple[LayerStack, tuple[str, ...]]:
     """Read a folder of layers, or its `layers.toml`; return the stack, and the names of its layers.
 
-    Raises InputError, with file, key and remedy, for bad keys, and pictures that are not 8-bit PNGs with a palette.
+    Raises InputError, with file, key and remedy, for bad keys, and pictures that are
+    not 8-bit PNGs with a palette.
     """
     folder = path_of(path, "a folder of layers")
     file = folder / FILE if folder.is_dir() else folder
@@ -111,10 +113,12 @@ def load_named_layers(path: str | Path) -> tuple[LayerStack, tuple[str, ...]]:
 def save_layers(path: str | Path, stack: LayerStack, names: Sequence[str] = ()) -> Path:
     """Write a stack as a folder, which is made when missing; return the path of its `layers.toml`.
 
-    `names` are those of the layers, by default layer_0, layer_1, ... from front to back. Pictures that this function
-    wrote for the folder's former layers are removed; no other file is replaced.
+    `names` are those of the layers, by default layer_0, layer_1, ... from front to
+    back. Pictures that this function wrote for the folder's former layers are removed;
+    no other file is replaced.
 
-    Raises InputError for names that are not files' names or are those of other pictures, and when writing fails.
+    Raises InputError for names that are not files' names or are those of other
+    pictures, and when writing fails.
     """
     names = tuple(names) or tuple(f"layer_{place}" for place in range(len(stack.layers)))
     used_names = {name.casefold() for name in names}
@@ -291,7 +295,8 @@ def is_pictures(path: str | Path) -> bool:
 def cut_pictures(path: str | Path, display: Display, slot: Size = SLOT) -> tuple[Cut, tuple[str, ...]]:
     """Return the layers of a folder of pictures for a display, from front to back, and their names.
 
-    Raises InputError, with file, key and remedy, for bad keys and pictures, and for depths at or behind the eyes.
+    Raises InputError, with file, key and remedy, for bad keys and pictures, and for
+    depths at or behind the eyes.
     """
     check_slot(slot)
     file = Path(path) / PICTURES_FILE if Path(path).is_dir() else Path(path)

@@ -1,13 +1,16 @@
 """Cuts a Mitsuba scene into layers for a display.
 
-Depths come from what eyes see (`slabs_of`). Each slab is rendered by itself from the middle eye (`peel`): rays start
-at the slab's front, so that a layer holds what nearer layers hide. Where a surface crosses from one slab to the next,
-the farther layer continues it underneath the nearer one, as far as a moving eye looks behind that layer's edge.
+Depths come from what eyes see (`slabs_of`). Each slab is rendered by itself from the
+middle eye (`peel`): rays start at the slab's front, so that a layer holds what nearer
+layers hide. Where a surface crosses from one slab to the next, the farther layer
+continues it underneath the nearer one, as far as a moving eye looks behind that layer's
+edge.
 
-A layer shows all of its slab at one depth. A point at depth z has the disparity u = z / (E - z) for eyes at the
-distance E: it moves u mm across the display for each mm of the eye. To first order the error of a view is the
-difference of two disparities times the picture's gradient. The slabs have the least mean square of it over all points
-that are seen (`partition`).
+A layer shows all of its slab at one depth. A point at depth z has the disparity u = z /
+(E - z) for eyes at the distance E: it moves u mm across the display for each mm of the
+eye. To first order the error of a view is the difference of two disparities times the
+picture's gradient. The slabs have the least mean square of it over all points that are
+seen (`partition`).
 """
 
 from __future__ import annotations
@@ -38,9 +41,11 @@ from lippmann.scenes.scene import Scene
 
 #: Default slot.
 SLOT = (256, 192)
-#: Lenslets at each edge of the panel, and places along it, whose rays `reach_of` traces.
+#: Lenslets at each edge of the panel, and places along it, whose rays `reach_of`
+#: traces.
 EDGE_LENSLETS, REACH_RAYS = 2.0, 101
-#: Rays across and down for a scene's depths, and for the part of an area that a slab covers.
+#: Rays across and down for a scene's depths, and for the part of an area that a slab
+#: covers.
 DEPTH_RAYS, TRIAL_RAYS, TRIAL_SAMPLES = (256, 192), (128, 96), 4
 #: Least texels that a layer continues underneath a nearer one.
 EDGE_TEXELS = 2.0
@@ -113,10 +118,11 @@ def cut_scene(
 ) -> Cut:
     """Cut a placed scene into at most `count` layers for a display; a scene of fewer depths gives fewer.
 
-    `slot` is the most texels of a layer, across and down. `apart` is a scene of what moves by itself: it becomes one of
-    the layers, at its own depth.
+    `slot` is the most texels of a layer, across and down. `apart` is a scene of what
+    moves by itself: it becomes one of the layers, at its own depth.
 
-    Raises InputError for counts and sizes out of range, and a scene of which no eye sees anything.
+    Raises InputError for counts and sizes out of range, and a scene of which no eye
+    sees anything.
     """
     count = whole_number("count", count, 1 if apart is None else 2, MAX_LAYERS)
     check_slot(slot)
@@ -164,7 +170,8 @@ def _picture(
 ) -> tuple[Area, Floats, Floats] | None:
     """Return the area that a slab covers, its light and its opacity; None when rays meet nothing."""
     depth = math.inf if math.isinf(slab.depth_mm) else slab.depth_mm
-    # A texel more on each side: no ray meets the half texel where a bilinear texture fades out.
+    # A texel more on each side: no ray meets the half texel where a bilinear texture
+    # fades out.
     reached = reach.area(depth)
     texel = max(finest_texel(depth, display), *np.divide(reached.size, slot).tolist())
     reached = Area(depth, reached.x0 - texel, reached.y0 - texel, reached.x1 + texel, reached.y1 + texel)
@@ -175,7 +182,8 @@ def _picture(
         return None
     hidden = 0.0
     if before is not None and not math.isinf(depth):
-        # How far the outermost eye looks behind the nearer layer's edge, and the texels covered in part.
+        # How far the outermost eye looks behind the nearer layer's edge, and the texels
+        # covered in part.
         hidden = reach.aside_mm * (before.depth_mm - depth) / (reach.eye_mm[2] - before.depth_mm)
         hidden += EDGE_TEXELS * texel
     area = reached.cells(mask, hidden)
@@ -296,8 +304,8 @@ def peel(
 def seen_depths(scene: Scene, area: Area, eye_mm: Point, size: Size, settings: Settings) -> tuple[Floats, Floats]:
     """Return the depths (N,) of what an eye sees in an area, -infinity for surroundings, and its detail (N,).
 
-    Detail is the squared difference of neighbouring texels. It counts for the nearer one, whose surface hides what is
-    behind its edge.
+    Detail is the squared difference of neighbouring texels. It counts for the nearer
+    one, whose surface hides what is behind its edge.
     """
     front, (width, height) = min(scene.depth_range_mm[1], eye_mm[2]), size
     index = dr.arange(mi.UInt32, width * height)
@@ -338,7 +346,8 @@ def _lines(area: Area, eye_mm: Point, size: Size, texel: Arr, sample: Arr, setti
 BINS = 512
 #: Weight of a point without any detail, in mean details.
 PLAIN = 0.05
-#: Least width of a bin: 0.001 mm for an eye that moves 100 mm. Rounding does not make two depths of one.
+#: Least width of a bin: 0.001 mm for an eye that moves 100 mm. Rounding does not make
+#: two depths of one.
 FINEST = 1e-5
 #: Disparity at infinity.
 SKY = -1.0
@@ -368,8 +377,9 @@ def depth_of(u: float, eye_mm: float) -> float:
 def slabs_of(z_mm: Floats, detail: Floats, count: int, eye_mm: float, front_mm: float) -> list[Slab]:
     """Return at most `count` slabs, from front to back, for the depths (N,) that eyes at a distance see.
 
-    `detail` (N,) is the squared gradient of the picture there. Depths of -infinity, of a scene's surroundings, have a
-    slab of their own or share the last one. The first slab starts at `front_mm`; the last one has no back.
+    `detail` (N,) is the squared gradient of the picture there. Depths of -infinity, of
+    a scene's surroundings, have a slab of their own or share the last one. The first
+    slab starts at `front_mm`; the last one has no back.
     """
     u = disparity(z_mm, eye_mm)
     near = u[u > SKY]

@@ -1,8 +1,9 @@
 """A scene as a stack of layers: textures of palette colours, each in a plane at a depth, with one background behind.
 
-Golden, twin and RTL draw from the bytes that a board stores. Pillow chooses the first palette of a picture; Lloyd's
-steps then move each colour to the mean of its texels. Distances are those of what is seen: of the square roots of
-light times the opacity, and of the opacity.
+Golden, twin and RTL draw from the bytes that a board stores. Pillow chooses the first
+palette of a picture; Lloyd's steps then move each colour to the mean of its texels.
+Distances are those of what is seen: of the square roots of light times the opacity, and
+of the opacity.
 """
 
 from __future__ import annotations
@@ -63,9 +64,10 @@ class Layer:
     depth_mm
         z of the plane, mm; more than 0 is in front of the array. `math.inf`: a sky.
     matrix
-        (2, 3) float64: a ray that meets the plane at (x, y), mm, sees texel (s, t) = matrix @ (x, y, 1); of a sky
-        matrix @ (dx/dz, dy/dz, 1). s runs to the right and t downwards; texel (0, 0) covers 0 to 1 of both.
-        A layer is transparent outside of its texture.
+        (2, 3) float64: a ray that meets the plane at (x, y), mm, sees texel (s, t) =
+        matrix @ (x, y, 1); of a sky matrix @ (dx/dz, dy/dz, 1). s runs to the right and
+        t downwards; texel (0, 0) covers 0 to 1 of both. A layer is transparent outside
+        of its texture.
     brightness
         Factor on the light, 0 to 1; the opacity stays.
     visible
@@ -128,7 +130,8 @@ class Layer:
     def padded(self, width: int, height: int) -> Bytes:
         """Return the texels (height, width) of a slot: the texture at its top left, transparent beside it.
 
-        Raises InputError for a larger texture, and for a smaller one without a transparent colour in its palette.
+        Raises InputError for a larger texture, and for a smaller one without a
+        transparent colour in its palette.
         """
         size = f"layer: the texture of {self.width} x {self.height} texels"
         if self.width > width or self.height > height:
@@ -222,8 +225,9 @@ def rgba_of(light: Floats, opacity: Floats) -> Bytes:
 def quantise(rgba: Bytes) -> tuple[Bytes, Bytes, float]:
     """Quantise a picture (height, width, 4), bytes as in a palette, to 256 colours.
 
-    Returns texels, palette, and the PSNR, dB. Colour 0 is transparent, so that a smaller texture can fill a slot. A
-    picture of at most 255 other colours keeps them all. Opaque texels stay opaque.
+    Returns texels, palette, and the PSNR, dB. Colour 0 is transparent, so that a
+    smaller texture can fill a slot. A picture of at most 255 other colours keeps them
+    all. Opaque texels stay opaque.
     """
     height, width = rgba.shape[:2]
     flat = np.where(rgba[..., 3:] > 0, rgba, 0).reshape(-1, 4)

@@ -47,8 +47,9 @@ class Key:
 class MotionPath:
     """Keys, and the interpolation between them; nothing moves before the first key and after the last.
 
-    "smooth" interpolates each component by cubics that never go beyond a key (F. Fritsch, J. Butland, "A method for
-    constructing local monotone piecewise cubic interpolants", 1984). None means the film's `motion`, or else "smooth".
+    "smooth" interpolates each component by cubics that never go beyond a key (F.
+    Fritsch, J. Butland, "A method for constructing local monotone piecewise cubic
+    interpolants", 1984). None means the film's `motion`, or else "smooth".
     """
 
     keys: Annotated[tuple[Key, ...], key("positions at some frames; at least one"), Meta(min_length=1)]

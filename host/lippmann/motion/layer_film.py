@@ -144,7 +144,8 @@ def _moved(layer: Layer, moving: MovingLayer, frame: int, motion: Motion) -> Lay
     angle = np.deg2rad(turn)
     rotation = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
     from_rest = scale * rotation @ np.array([[1.0, shear], [0.0, 1.0]])
-    # A point p at rest goes to pivot + from_rest (p - pivot) + shift; texels are those of p.
+    # A point p at rest goes to pivot + from_rest (p - pivot) + shift; texels are those
+    # of p.
     pivot = np.array(moving.pivot_mm)
     linear = layer.matrix[:, :2] @ np.linalg.inv(from_rest)
     zero = layer.matrix[:, 2] + layer.matrix[:, :2] @ pivot - linear @ (pivot + np.array([x, y]))

@@ -72,7 +72,8 @@ class Encoder:
         return np.asarray(values).reshape(self._shape)
 
 
-#: Maximum seconds of a moving picture; if it takes longer, blocks of pixels get one ray.
+#: Maximum seconds of a moving picture; if it takes longer, blocks of pixels get one
+#: ray.
 QUICK_S = 0.06
 #: Pictures that are timed; another program may disturb one.
 TRIALS = 3
@@ -265,7 +266,8 @@ class LiveShow:
     _drawn: Moment | None = None
     #: Pictures of a film's frames, as long as the hand does not move.
     _cache: dict[Moment, list[Pixels]] = field(default_factory=dict)
-    #: Time of the first picture (time.perf_counter), number of further ones, and their seconds.
+    #: Time of the first picture (time.perf_counter), number of further ones, and their
+    #: seconds.
     _first: float = 0.0
     _frames: int = 0
     _times: deque[float] = field(default_factory=lambda: deque(maxlen=1000))
@@ -281,8 +283,9 @@ class LiveShow:
     ) -> Played:
         """Run the loop until the user ends it, or for `seconds`, but not before the picture has all `samples`.
 
-        The scene rotates `turn_deg` degrees a second, or the film plays, for `moving_s` seconds (None: to the end).
-        `opened` is the time when the window was opened (time.perf_counter).
+        The scene rotates `turn_deg` degrees a second, or the film plays, for `moving_s`
+        seconds (None: to the end). `opened` is the time when the window was opened
+        (time.perf_counter).
         """
         began = last = time.perf_counter()
         picture, reel = self.picture, self.reel

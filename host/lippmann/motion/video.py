@@ -19,7 +19,8 @@ from lippmann.errors import MissingLibraryError, to_install
 from lippmann.rendering.sampling import Window
 
 Values = npt.NDArray[np.uint8]
-#: Lossless RGB: a codec that blurs colours would mix the images of neighbouring lenslets.
+#: Lossless RGB: a codec that blurs colours would mix the images of neighbouring
+#: lenslets.
 LOSSLESS_SUFFIXES = (".mkv",)
 #: Compressed; colour has half the resolution, so both sides must be even.
 VIEW_SUFFIXES = (".mp4",)
@@ -56,7 +57,8 @@ def write_video(
         place = f"file:{partial}"  # ffmpeg reads a name with a colon as a protocol's, one with a dash as an option
         command = [ffmpeg, "-y", "-v", "quiet", *source, *codec, place]
         try:
-            # A process group of its own: Ctrl-C ends the command, and ffmpeg at the end of its frames.
+            # A process group of its own: Ctrl-C ends the command, and ffmpeg at the end
+            # of its frames.
             with subprocess.Popen(command, stdin=subprocess.PIPE, process_group=0) as encoder:
                 assert encoder.stdin is not None
                 for frame in frames:

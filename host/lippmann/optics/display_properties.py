@@ -18,7 +18,8 @@ from lippmann.optics.zones import Zone, middle_eye, remedy, sees_all, status_sha
 
 #: Distances of the eyes in the table of views, in viewing distances.
 DISTANCES = (0.5, 0.75, 1.0, 1.5, 2.0, 3.0)
-#: A beat between lenslets and pixels is visible as moire if it is longer than this many lenslets ...
+#: A beat between lenslets and pixels is visible as moire if it is longer than this many
+#: lenslets ...
 MOIRE_FROM_LENSLETS = 4.0
 #: ... and an elemental image has fewer pixels than this, for enough contrast.
 MOIRE_BELOW_PIXELS = 60.0
@@ -167,7 +168,8 @@ def _lenslets(display: Display) -> Lenslets:
         return across, down, across * down
     along, rows = array.half_steps
     down = min(down, 2 * (rows // 2) + 1)
-    # The middle row has a lenslet in the middle, the next rows of a hexagonal lattice one on each side of it.
+    # The middle row has a lenslet in the middle, the next rows of a hexagonal lattice
+    # one on each side of it.
     own, other = (min(across, count) for count in (2 * (along // 2) + 1, 2 * ((along + 1) // 2)))
     others = (down + 1) // 4 * 2 if array.grid == "hex" else 0
     return max(own, other) if others else own, down, own * (down - others) + other * others
@@ -176,10 +178,12 @@ def _lenslets(display: Display) -> Lenslets:
 def beats_in_lenslets(display: Display, distance_mm: float = math.inf) -> tuple[float, float]:
     """Return the periods of the beats of pixel columns and of pixel rows with the lenslets, in lenslet pitches.
 
-    An eye at a distance z looks through neighbouring lenslets at points 1 + D/z pitches apart. The phase of the pixel
-    columns, of frequency k = (1/p, 0), advances by k . a cycles along a lattice vector a. The eye sees the longest wave
-    whose frequency f satisfies f . a = k . a modulo 1 for both lattice vectors: |f| is the distance of k from the
-    reciprocal lattice. The period is infinite if each lenslet has the same phase.
+    An eye at a distance z looks through neighbouring lenslets at points 1 + D/z pitches
+    apart. The phase of the pixel columns, of frequency k = (1/p, 0), advances by k . a
+    cycles along a lattice vector a. The eye sees the longest wave whose frequency f
+    satisfies f . a = k . a modulo 1 for both lattice vectors: |f| is the distance of k
+    from the reciprocal lattice. The period is infinite if each lenslet has the same
+    phase.
     """
     lattice, frame = System.of(display).lattice, PanelFrame.of(display)
     pitch_mm = lattice.pitches_mm[0]
@@ -231,7 +235,8 @@ def _warnings(display: Display, half_field_deg: float, zone: Zone | None) -> lis
             f"moire: to an eye at {distance:g} mm, pixels and lenslets beat every {moire * px:.3g} mm; change the "
             "pitch of either, or the angle of the array by some degrees"
         )
-    # Stripes are along or across a row of lenslets every 90 degrees, on a hexagonal lattice every 30.
+    # Stripes are along or across a row of lenslets every 90 degrees, on a hexagonal
+    # lattice every 30.
     symmetry_deg = 30.0 if array.grid == "hex" else 90.0
     if panel.subpixels != "none" and abs(math.remainder(array.rotation_deg, symmetry_deg)) <= PARALLEL_DEG:
         kind = "stripes" if panel.subpixels in ("rgb", "bgr") else "sub-pixels"

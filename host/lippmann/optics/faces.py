@@ -1,7 +1,7 @@
 """Steps 4 and 5 of a ray: refraction at the flat face and at the domes.
 
-Snell's law at a plane keeps the tangential part of n d: with k = d_tangential n1/n2 the new direction is
-(k, sqrt(1 - |k|^2)); |k| > 1 is total internal reflection.
+Snell's law at a plane keeps the tangential part of n d: with k = d_tangential n1/n2 the
+new direction is (k, sqrt(1 - |k|^2)); |k| > 1 is total internal reflection.
 
 **Domes** are lens-local with the vertex at the origin, the dome bulging to +z, glass below:
 curvature c = 1/R, sphere c (x^2 + y^2 + z^2) + 2 z = 0.
@@ -10,9 +10,10 @@ curvature c = 1/R, sphere c (x^2 + y^2 + z^2) + 2 z = 0.
 Q . d = 0. With F = c |Q|^2 + 2 Q_z the ray meets the sphere where c t^2 + 2 d_z t + F = 0. The cosine between ray and
 normal is sqrt(d_z^2 - c F). No term grows with the ray's distance or with R; a flat face is c = 0.
 
-**The height field.** The array's face has a cap over each cell. A ray meets the cap of its cell, or steps to the next
-cell. Neighbouring caps have equal heights at their common side, so no ray passes between them. On a sheared lattice,
-and on a hexagonal one of two pitches, there is a wall between them; a ray that meets it is lost.
+**The height field.** The array's face has a cap over each cell. A ray meets the cap of
+its cell, or steps to the next cell. Neighbouring caps have equal heights at their
+common side, so no ray passes between them. On a sheared lattice, and on a hexagonal one
+of two pitches, there is a wall between them; a ray that meets it is lost.
 """
 
 from __future__ import annotations
@@ -55,7 +56,8 @@ def mirrored(ray: Ray) -> Ray:
 def refract_flat(b: Backend, ray: Ray, ratio: float) -> tuple[Ray, Arr]:
     """Refract rays at the planes z = constant through their points; `ratio` is n1 / n2.
 
-    Return the rays and the squared cosine behind the face, not positive for total internal reflection.
+    Return the rays and the squared cosine behind the face, not positive for total
+    internal reflection.
     """
     kx, ky = ray.dx * ratio, ray.dy * ratio
     k = b.sqrt(kx * kx + ky * ky)
@@ -124,8 +126,8 @@ def cap(b: Backend, dome: Dome, ray: Ray, upward: bool) -> tuple[Arr, Arr, Ray, 
 def meet(b: Backend, dome: Dome, ray: Ray, upward: bool) -> Crossing:
     """Find where rays first meet the height field, from below through the glass (`upward`) or from above through air.
 
-    A ray is local to the lenslet of its point's cell. It starts in glass at the rims' plane or lower, in air at the
-    vertices' plane or higher.
+    A ray is local to the lenslet of its point's cell. It starts in glass at the rims'
+    plane or lower, in air at the vertices' plane or higher.
     """
     hit, _, at, cosine = cap(b, dome, ray, upward)
     zero = 0.0 * ray.x
@@ -135,7 +137,8 @@ def meet(b: Backend, dome: Dome, ray: Ray, upward: bool) -> Crossing:
         return ~state[0] & (state[1] < MAX_CELLS)
 
     def step(settled: Arr, steps: Arr, di: Arr, dj: Arr, *tail: Arr) -> tuple[Arr, ...]:
-        # `tail`: the ray in its present cell, then the point on the dome and the cosine there.
+        # `tail`: the ray in its present cell, then the point on the dome and the cosine
+        # there.
         local = Ray(*tail[:6])
         hit, t, at, cosine = cap(b, dome, local, upward)
         t_flat, (step_i, step_j), (to_x, to_y) = dome.lattice.leave(b, local.x, local.y, local.dx, local.dy)
@@ -187,14 +190,15 @@ def blocked_above(b: Backend, dome: Dome, ray: Ray, suspect: Arr) -> Arr:
     """Tell which `suspect` rays, leaving their dome upward into the air, meet a neighbour's dome."""
 
     def meets_cap(steps: Arr, local: Ray, t: Arr, t_flat: Arr, t_top: Arr) -> Arr:
-        # A cap met from the side: both roots are behind the vertex's foot, without cancellation.
-        # Step 0 is the dome just left, which cannot be met again.
+        # A cap met from the side: both roots are behind the vertex's foot, without
+        # cancellation. Step 0 is the dome just left, which cannot be met again.
         hit, _, _, cosine = cap(b, dome, local, upward=True)
         foot = local.x * local.dx + local.y * local.dy + local.z * local.dz
         t_cap = -(local.dz + cosine) * dome.radius_mm - foot
         return (steps > 0) & hit & (t_cap > t) & (t_cap <= b.minimum(t_flat, t_top))
 
-    # Clear if still above its own cell at the vertices' plane: a dome cannot be met twice from outside.
+    # Clear if still above its own cell at the vertices' plane: a dome cannot be met
+    # twice from outside.
     return _blocked(b, dome, ray, suspect, 0.0, 1.0, meets_cap)
 
 
@@ -205,15 +209,17 @@ def blocked_below(b: Backend, dome: Dome, ray: Ray, suspect: Arr) -> Arr:
         x, y, z = local.x + t_flat * local.dx, local.y + t_flat * local.dy, local.z + t_flat * local.dz
         return (t_flat < t_rim) & (dome.height(x, y, z) > 0.0)
 
-    # Clear if still inside its own cell at the rims' plane: a chord of one sphere is in the glass.
+    # Clear if still inside its own cell at the rims' plane: a chord of one sphere is in
+    # the glass.
     return _blocked(b, dome, ray, suspect, -dome.sag_mm, -1.0, leaves_glass)
 
 
 def _blocked(b: Backend, dome: Dome, ray: Ray, suspect: Arr, plane: float, up: float, meets: Operation) -> Arr:
     """Follow rays to the plane at height `plane`, above (`up` = 1) or below (-1); tell which are blocked on the way.
 
-    A ray that reaches the plane in its own cell is clear, one that goes away from it is blocked. The others step from
-    cell to cell until `meets(steps, ray, t of the cell's near side, t of its far side, t of the plane)`.
+    A ray that reaches the plane in its own cell is clear, one that goes away from it is
+    blocked. The others step from cell to cell until `meets(steps, ray, t of the cell's
+    near side, t of its far side, t of the plane)`.
     """
     away = up * ray.dz <= 0.0
     t_plane = (plane - ray.z) / (up * b.maximum(up * ray.dz, 1e-30))

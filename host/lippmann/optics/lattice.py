@@ -1,8 +1,9 @@
 """Step 2 of a ray: the lenslet of a point, and the point's position inside that lenslet.
 
-On the regular lattice of pitch 1, the centre of lenslet (i, j) is at (X, Y) = (i, j), hexagonal (i + j/2, j sqrt(3)/2).
-A cell is half-open, -1/2 <= q < 1/2 along each of its axes, so that each point belongs to exactly one lenslet. The
-array's lattice is an affine image of it, cells included:
+On the regular lattice of pitch 1, the centre of lenslet (i, j) is at (X, Y) = (i, j),
+hexagonal (i + j/2, j sqrt(3)/2). A cell is half-open, -1/2 <= q < 1/2 along each of its
+axes, so that each point belongs to exactly one lenslet. The array's lattice is an
+affine image of it, cells included:
 
     y = py Y,   x = px X + shear y.
 """
@@ -62,7 +63,8 @@ class Lattice:
     def axes(self) -> tuple[Pair, ...]:
         """Vectors a perpendicular to the sides of a cell, of length 1 for a regular lattice.
 
-        A point q from the centre is in the cell when each product a . q is in [-px/2, px/2).
+        A point q from the centre is in the cell when each product a . q is in [-px/2,
+        px/2).
         """
         regular: tuple[Pair, ...] = (1.0, 0.0), (0.0, 1.0)
         if self.grid == "hex":
@@ -116,14 +118,16 @@ class Lattice:
             i = b.floor(along * (1.0 / px) + 0.5)
             j = b.floor(y * (1.0 / py) + 0.5)
         else:
-            # First a corner of the point's lattice parallelogram, then the nearest of the four corners, whose bisectors
-            # are q = 1/2 and q = 1 along the cell's axes.
+            # First a corner of the point's lattice parallelogram, then the nearest of
+            # the four corners, whose bisectors are q = 1/2 and q = 1 along the cell's
+            # axes.
             t = y * (1.0 / (self.half_sqrt3 * py))
             u = along * (1.0 / px)
             s = u - 0.5 * t
             i, j = b.floor(s), b.floor(t)
             s, t = s - i, t - j
-            # q0 from u, not s + t/2: a column of pixels on an upright edge stays in one lenslet.
+            # q0 from u, not s + t/2: a column of pixels on an upright edge stays in one
+            # lenslet.
             q0, q1 = u - (i + 0.5 * j), 0.5 * s + t
             near = (q0 < 0.5) & (q1 < 0.5)
             far = (q0 >= 1.0) & (q1 >= 1.0)
@@ -147,8 +151,8 @@ class Lattice:
     def leave(self, b: Backend, x: Arr, y: Arr, dx: Arr, dy: Arr) -> tuple[Arr, Point, Point]:
         """Follow the line (x, y) + t (dx, dy) out of the cell around the origin.
 
-        Return t at the cell's side (infinite if dx = dy = 0), the step (di, dj) to the neighbour there, in x's format,
-        and the neighbour's centre from this one's, mm.
+        Return t at the cell's side (infinite if dx = dy = 0), the step (di, dj) to the
+        neighbour there, in x's format, and the neighbour's centre from this one's, mm.
         """
         nearest: tuple[Arr, ...] = ()
         for q, v, (si, sj) in zip(self.across(x, y), self.across(dx, dy), STEPS[self.grid], strict=True):

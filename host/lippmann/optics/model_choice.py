@@ -1,7 +1,8 @@
 """`auto`: the cheapest lens model within a tolerance, for this display and this scene's depths.
 
-The error of a model is the maximum distance of its rays from those of `exact` over the scene's depths, in pixels of the
-reconstructed view: the lenslet pitch or, where this is larger, the spread of a panel pixel at that depth.
+The error of a model is the maximum distance of its rays from those of `exact` over the
+scene's depths, in pixels of the reconstructed view: the lenslet pitch or, where this is
+larger, the spread of a panel pixel at that depth.
 """
 
 from __future__ import annotations
@@ -26,10 +27,12 @@ TOLERANCE = 0.25
 #: Probed cells along each side of the panel, and points along each side of a cell.
 PROBE_CELLS = 5
 PROBE_POINTS = 9
-#: Scale of a cell's corners, where errors are largest; a point on the corner itself may belong to a neighbour.
+#: Scale of a cell's corners, where errors are largest; a point on the corner itself may
+#: belong to a neighbour.
 INSIDE = 1.0 - 1e-6
-#: Scale of the cell's rim that rays aim at, and number of aims along each side. Beyond RIM, up to 1 - RIM of the rays
-#: leave through a neighbour's dome that faces the panel, even with a weak lens.
+#: Scale of the cell's rim that rays aim at, and number of aims along each side. Beyond
+#: RIM, up to 1 - RIM of the rays leave through a neighbour's dome that faces the panel,
+#: even with a weak lens.
 RIM, RIM_POINTS = 0.995, 4
 
 
@@ -58,8 +61,8 @@ def choose_model(
 ) -> Choice:
     """Choose the cheapest model within a tolerance, in pixels of the reconstructed view.
 
-    `depth_range_mm` is (far, near) z of the scene; `aperture` is "chief" or "full". Raises InputError for a bad
-    tolerance.
+    `depth_range_mm` is (far, near) z of the scene; `aperture` is "chief" or "full".
+    Raises InputError for a bad tolerance.
     """
     if not (isinstance(tolerance, Real) and 0.0 < tolerance < math.inf):
         raise InputError(f"tolerance {tolerance!r} is not positive and finite; give pixels, such as {TOLERANCE}")
@@ -78,13 +81,15 @@ def choose_model(
 def probe(display: Display, aperture: str, inside: float = INSIDE) -> tuple[Floats, Floats | None]:
     """Return pixel coordinates (N, 2) and aperture points (N, 2) in mm, or None for chief rays.
 
-    The points are spread over a few cells, as the models treat all cells alike; `inside` scales the cells' corners.
+    The points are spread over a few cells, as the models treat all cells alike;
+    `inside` scales the cells' corners.
     """
     array, size = display.array, panel_size(display)
     steps = np.linspace(0.05, 0.95, PROBE_CELLS)
     cells, _ = located(display, np.stack(np.meshgrid(*np.outer(size, steps)), axis=-1).reshape(-1, 2))
     corners = corners_mm(array)
-    # Points over the cell's bounding square; points outside a hexagon belong to neighbours.
+    # Points over the cell's bounding square; points outside a hexagon belong to
+    # neighbours.
     side, (px, py) = np.linspace(-0.49, 0.49, PROBE_POINTS), array.pitches_mm
     over = np.stack(Lattice.of(array).sheared(*np.meshgrid(side * px, side * py)), axis=-1).reshape(-1, 2)
     local = np.concatenate([over, inside * corners])
@@ -134,7 +139,8 @@ def on_panel(display: Display, pixels: Floats) -> Floats:
 
 def corners_mm(array: Array) -> Floats:
     """Return the corners of a lenslet's cell, counter-clockwise, (4, 2) or (6, 2) mm, from its centre."""
-    # Not `Lattice.corners`: the published sets of rays (docs/reference/stream.md) depend on the last bits.
+    # Not `Lattice.corners`: the published sets of rays (docs/reference/stream.md)
+    # depend on the last bits.
     angles = np.radians([45, 135, 225, 315] if array.grid == "square" else [30, 90, 150, 210, 270, 330])
     x, y = (pitch / math.sqrt(2.0 if array.grid == "square" else 3.0) for pitch in array.pitches_mm)
     return np.stack(Lattice.of(array).sheared(x * np.cos(angles), y * np.sin(angles)), axis=1)
@@ -157,7 +163,8 @@ def model_error_px(display: Display, truth: Rays, rays: Rays, depth_range_mm: Pa
     slope = np.subtract(*(direction[:, :2] / direction[:, 2:] for _, direction in lines))
     worst = 0.0
     far, near = depth_range_mm
-    # From this depth on a pixel is wider than the lenslet; the error has no peak between these depths.
+    # From this depth on a pixel is wider than the lenslet; the error has no peak
+    # between these depths.
     kink = display.array.finest_mm * display.aperture_distance_mm / min(display.panel.pitches_mm)
     for z in (far, near, *(z for z in (-kink, kink) if far < z < near)):
         apart = float(np.linalg.norm(place + z * slope, axis=1).max())

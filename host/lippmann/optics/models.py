@@ -1,9 +1,10 @@
 """A ray through a lenslet by one of the four models.
 
-The models `pinhole`, `thin` and `paraxial` have slopes (tangents of angles in the x and y sections) and lens-local
-heights, mm. The model `exact` obeys Snell's law at both faces. Rays are mirrored where needed so that domes bulge to
-+z: they pass upward out of the glass through a dome, or downward into it. In plano-concave lenslets they pass downward
-with glass and air exchanged.
+The models `pinhole`, `thin` and `paraxial` have slopes (tangents of angles in the x and
+y sections) and lens-local heights, mm. The model `exact` obeys Snell's law at both
+faces. Rays are mirrored where needed so that domes bulge to +z: they pass upward out of
+the glass through a dome, or downward into it. In plano-concave lenslets they pass
+downward with glass and air exchanged.
 """
 
 from __future__ import annotations
@@ -16,15 +17,17 @@ from lippmann.optics.faces import Crossing, Ray, mirrored, refract_flat, transpo
 from lippmann.optics.rays import Floats, Model, Status, gets_through
 from lippmann.optics.system import Exit, Landing, System
 
-#: Squared cosine below which the fast engine traces a ray in double precision: float32 rotates it by about 0.2
-#: microradian over its cosine to the normal, so by less than 1 microradian above this limit.
+#: Squared cosine below which the fast engine traces a ray in double precision: float32
+#: rotates it by about 0.2 microradian over its cosine to the normal, so by less than 1
+#: microradian above this limit.
 GRAZING_SQUARE = 0.15
 
 
 def ray_matrix(system: System) -> Floats:
     """Return the ABCD matrix (2, 2) from the panel to the last face's vertex plane, for (height mm, slope in air).
 
-    Translations by gap and thickness / n, refraction with power 1/f at the dome (Hecht, Optics, section 6.2).
+    Translations by gap and thickness / n, refraction with power 1/f at the dome (Hecht,
+    Optics, section 6.2).
     """
     gap = np.array([[1.0, system.gap_mm], [0.0, 1.0]])
     glass = np.array([[1.0, system.thickness_mm / system.index], [0.0, 1.0]])
@@ -36,8 +39,8 @@ def ray_matrix(system: System) -> Floats:
 def leave_panel(b: Backend, system: System, x: Arr, y: Arr, aperture: Point | None, model: Model) -> Exit:
     """Trace rays from the panel to the world; rays that graze a face, in double precision.
 
-    The panel points (x, y; double) and the aperture points (None: chief rays) are local to the pixel's lenslet, array's
-    axes, mm.
+    The panel points (x, y; double) and the aperture points (None: chief rays) are local
+    to the pixel's lenslet, array's axes, mm.
     """
 
     def traced(b: Backend, x: Arr, y: Arr, *aim: Arr) -> tuple[Arr, ...]:
@@ -84,8 +87,9 @@ def _leave(b: Backend, system: System, x: Arr, y: Arr, aperture: Point | None, m
 def reach_panel(b: Backend, system: System, ray: Ray, model: Model) -> Landing:
     """Trace rays from the world to the panel.
 
-    `ray` is local to the lenslet of its point's cell, array's axes. The point lies in the vertices' plane for `pinhole`
-    and `thin`, in `System.last_face_mm` for the others.
+    `ray` is local to the lenslet of its point's cell, array's axes. The point lies in
+    the vertices' plane for `pinhole` and `thin`, in `System.last_face_mm` for the
+    others.
     """
     if model == "exact":
         return _reach_exact(b, system, ray)
@@ -109,8 +113,9 @@ def _leave_exact(b: Backend, system: System, x: Arr, y: Arr, aperture: Point | N
     towards_x, towards_y = aim_x - x, aim_y - y
     depth = system.aperture_distance_mm
     dx, dy, dz = unit(b, towards_x, towards_y, depth)
-    # Point on the array's near plane, the flat face or the domes' vertices. With a near eye, a pixel may be far aside:
-    # the nearer end gives the smaller rounding error. Other displays keep their results to the last bit.
+    # Point on the array's near plane, the flat face or the domes' vertices. With a near
+    # eye, a pixel may be far aside: the nearer end gives the smaller rounding error.
+    # Other displays keep their results to the last bit.
     share, other = system.gap_mm / depth, (depth - system.gap_mm) / depth
     if system.convergence.share == 0.0 or share < 0.5:
         near_x, near_y = x + share * towards_x, y + share * towards_y

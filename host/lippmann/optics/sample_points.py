@@ -1,6 +1,7 @@
 """Low-discrepancy sample points in a pixel, a lenslet's cell and a pupil.
 
-They depend on the numbers of pixel and sample and on the seed, but not on the chunks of a render.
+They depend on the numbers of pixel and sample and on the seed, but not on the chunks of
+a render.
 """
 
 from __future__ import annotations
@@ -9,20 +10,21 @@ from lippmann.base.variant import dr, mi
 from lippmann.optics.backend import Arr, Backend, Point
 from lippmann.optics.lattice import Lattice
 
-#: Steps 1/g and 1/g^2 of the R2 sequence, g the real root of g^3 = g + 1 (M. Roberts, "The unreasonable effectiveness
-#: of quasirandom sequences", 2018).
+#: Steps 1/g and 1/g^2 of the R2 sequence, g the real root of g^3 = g + 1 (M. Roberts,
+#: "The unreasonable effectiveness of quasirandom sequences", 2018).
 R2_STEPS = (0.7548776662466927, 0.5698402909980532)
 #: Fractional part of the golden ratio, in units of 2^-32.
 GOLDEN_STEP = 0x9E3779B9
-#: Rounds of the Tiny Encryption Algorithm. With Mitsuba's four, neighbouring pixels are correlated for some seeds.
+#: Rounds of the Tiny Encryption Algorithm. With Mitsuba's four, neighbouring pixels are
+#: correlated for some seeds.
 HASH_ROUNDS = 6
 
 
 def pixel_steps(samples: int) -> tuple[tuple[int, int], tuple[int, int]]:
     """Return (first, step) of a pixel's samples along each side, in units of 2^-32, modulo 1.
 
-    Sample k of N is at 1/2 + c (1/N, (sqrt(5) - 1) / 2) with c = k - (N - 1) / 2: Hammersley's points with golden steps
-    instead of van der Corput's sequence.
+    Sample k of N is at 1/2 + c (1/N, (sqrt(5) - 1) / 2) with c = k - (N - 1) / 2:
+    Hammersley's points with golden steps instead of van der Corput's sequence.
     """
     across = (1 << 32) // samples & 0xFFFFFFFF
     return (across >> 1, across), ((1 << 31) - (samples - 1) * GOLDEN_STEP // 2 & 0xFFFFFFFF, GOLDEN_STEP)
@@ -31,10 +33,11 @@ def pixel_steps(samples: int) -> tuple[tuple[int, int], tuple[int, int]]:
 def points_in_pixel(pixel: Arr, sample: Arr, samples: int, seed: Arr, number: Arr = 0) -> Point:
     """Return points in the unit square for numbers of pixels and samples (UInt32), see `pixel_steps`.
 
-    A hash of pixel and seed mirrors a pixel's points or exchanges their axes, so that pixels have different errors, and
-    pictures of different seeds share a part of them. A random shift would make the error at a straight edge 1.1 to 1.4
-    times as large. In further passes over a picture (`number`) the golden steps continue, and each point moves by
-    golden steps within its N-th part of the width.
+    A hash of pixel and seed mirrors a pixel's points or exchanges their axes, so that
+    pixels have different errors, and pictures of different seeds share a part of them.
+    A random shift would make the error at a straight edge 1.1 to 1.4 times as large. In
+    further passes over a picture (`number`) the golden steps continue, and each point
+    moves by golden steps within its N-th part of the width.
     """
     if samples == 1:
         return mi.Float(0.5), mi.Float(0.5)
@@ -48,7 +51,8 @@ def points_in_pixel(pixel: Arr, sample: Arr, samples: int, seed: Arr, number: Ar
     def along(axis: int, mirrored: Arr) -> Arr:
         first, step = pixel_steps(samples)[axis]
         place = (first + sample * step + moves[axis]) ^ dr.select(mirrored, mi.UInt32(0xFFFFFFFF), 0)
-        # 24 bits: rounding must not move a point onto the far edge, which belongs to the next pixel.
+        # 24 bits: rounding must not move a point onto the far edge, which belongs to
+        # the next pixel.
         return mi.Float(place >> 8) * 2.0**-24
 
     x, y = along(0, (turn & 1) != 0), along(1, (turn & 2) != 0)
@@ -59,8 +63,8 @@ def points_in_pixel(pixel: Arr, sample: Arr, samples: int, seed: Arr, number: Ar
 def points_in_square(pixel: Arr, sample: Arr, seed: Arr, stream: int = 1) -> Point:
     """Return points (s, t) in the unit square for a cell or a pupil, from numbers of pixel and sample (UInt32).
 
-    They are the R2 sequence, shifted modulo 1 by a hash of pixel and seed. Stream 0, independent of stream 1, is for an
-    eye's view, as in viewer/shaders/sampling.glsl.
+    They are the R2 sequence, shifted modulo 1 by a hash of pixel and seed. Stream 0,
+    independent of stream 1, is for an eye's view, as in viewer/shaders/sampling.glsl.
     """
     # Rounding must not move a point onto the far edge, which belongs to the next cell.
     below_one = 1.0 - 2.0**-24
@@ -80,7 +84,8 @@ def square_to_cell(b: Backend, s: Arr, t: Arr, lattice: Lattice) -> Point:
     px, py = lattice.pitches_mm
     if lattice.grid == "square":
         return lattice.sheared((s - 0.5) * px, (t - 0.5) * py)
-    # A hexagon is three rhombi around its centre, each between two of its corner vectors.
+    # A hexagon is three rhombi around its centre, each between two of its corner
+    # vectors.
     corners = lattice.corners[::2]
     rhombus = b.minimum(b.floor(3.0 * s), 2.0)
     s = 3.0 * s - rhombus

@@ -1,10 +1,11 @@
 """The optical system of a display. Step 1 of a ray: from pixel coordinates to the array's frame, and back.
 
-A pixel belongs to the lenslet through which the eye sees it. The eye is in front of the axis point a, at the distance E
-from the aperture plane, which is at the distance D from the panel. The line from the eye to the pixel's point x crosses
-this plane at q = x - (x - a) s with s = D / (D + E), and the pixel belongs to the lenslet whose cell contains q. The
-elemental image of the lenslet at c is its cell, scaled by 1 + D/E around c + (c - a) D/E. Without a viewing distance,
-s is 0.
+A pixel belongs to the lenslet through which the eye sees it. The eye is in front of the
+axis point a, at the distance E from the aperture plane, which is at the distance D from
+the panel. The line from the eye to the pixel's point x crosses this plane at q = x - (x
+- a) s with s = D / (D + E), and the pixel belongs to the lenslet whose cell contains q.
+The elemental image of the lenslet at c is its cell, scaled by 1 + D/E around c + (c -
+a) D/E. Without a viewing distance, s is 0.
 """
 
 from __future__ import annotations
@@ -115,8 +116,8 @@ class Convergence:
 class System:
     """The optical system of a display.
 
-    `concave`: plano-concave lenslets of a capture, flat face to the panel, `thickness_mm` thick at the vertex; only for
-    `exact` rays from the panel.
+    `concave`: plano-concave lenslets of a capture, flat face to the panel,
+    `thickness_mm` thick at the vertex; only for `exact` rays from the panel.
     """
 
     frame: PanelFrame
@@ -181,8 +182,8 @@ class System:
 class Exit(NamedTuple):
     """A ray after the lenslet, in the array's axes, local to the lenslet (di, dj) steps from the pixel's own.
 
-    `grazing` is the minimum squared cosine to a face's normal, in air: rounding rotates the ray by about epsilon over
-    its root.
+    `grazing` is the minimum squared cosine to a face's normal, in air: rounding rotates
+    the ray by about epsilon over its root.
     """
 
     ray: Ray

@@ -1,7 +1,8 @@
 """The crosstalk that eyes see, and the zone of eyes without it, from rays through exact lenslets.
 
-At the distance z the paraxial zone is as wide as a cell's image, (1 + k) p z / D with k = D/E, less the panel's width
-times |1 - z/E|. The real zone, found by bisection, is narrower: thick lenslets refract steep rays differently.
+At the distance z the paraxial zone is as wide as a cell's image, (1 + k) p z / D with k
+= D/E, less the panel's width times |1 - z/E|. The real zone, found by bisection, is
+narrower: thick lenslets refract steep rays differently.
 """
 
 from __future__ import annotations
@@ -27,15 +28,18 @@ VIEWING_DISTANCE_MM = 600.0
 FARTHEST_EYE_MM = 1e9
 #: Number of rays from an eye that measure its crosstalk.
 SHARE_RAYS = 1 << 13
-#: Lenslets across and down that are tested for crosstalk, and the rays' points in each: fractions of the way to the
-#: cell's corners and sides, and of the rims' height.
+#: Lenslets across and down that are tested for crosstalk, and the rays' points in each:
+#: fractions of the way to the cell's corners and sides, and of the rims' height.
 LENSLETS = (5, 3)
 POINTS = ((0.6, 0.0), (0.95, 0.0), (0.95, 1.0), (0.99, 0.0), (0.99, 1.0))
-#: The search for an end of a zone: range in paraxial half widths, and number of bisections.
+#: The search for an end of a zone: range in paraxial half widths, and number of
+#: bisections.
 FARTHEST, BISECTIONS = 2.0, 11
-#: The search for a better display: factor on viewing distance, focal length or pitch, and number of steps.
+#: The search for a better display: factor on viewing distance, focal length or pitch,
+#: and number of steps.
 FACTOR, STEPS = 1.1, 24
-#: A better display has no crosstalk up to this fraction of a lenslet's own zone, to both sides.
+#: A better display has no crosstalk up to this fraction of a lenslet's own zone, to
+#: both sides.
 WORTH = 0.25
 
 
@@ -84,8 +88,9 @@ def sees_all(display: Display, eyes_mm: Floats) -> npt.NDArray[np.bool_]:
     system, panel = System.of(display), display.panel
     across, down = (np.linspace(-0.5, 0.5, count) for count in LENSLETS)
     grid = np.stack(np.meshgrid(across * panel.width_mm, down * panel.height_mm), axis=-1).reshape(-1, 2)
-    # The lenslets through which each eye sees the points of this grid, on a panel without edges: crosstalk beyond an
-    # edge appears inside the panel in the next lenslet.
+    # The lenslets through which each eye sees the points of this grid, on a panel
+    # without edges: crosstalk beyond an edge appears inside the panel in the next
+    # lenslet.
     lift = display.aperture_distance_mm / eyes_mm[:, None, 2:]
     x, y = np.moveaxis((grid + lift * eyes_mm[:, None, :2]) / (1.0 + lift), -1, 0)
     place = system.lattice.nearest_within(*system.frame.array_from_panel(x, y))
@@ -180,7 +185,8 @@ def _rounded(value: float, digits: int) -> float:
 def _statuses(display: Display, eyes_mm: Floats, points_mm: Floats, inside: bool = True) -> npt.NDArray[np.uint8]:
     """Return the status (N, M) of rays from eyes (N, 3) to points, (N, M, 3) or (M, 3), mm.
 
-    Points `inside` lie in the glass: the rays reach them after refraction at a flat front face.
+    Points `inside` lie in the glass: the rays reach them after refraction at a flat
+    front face.
     """
     place, z = eyes_mm[:, None, :2], eyes_mm[:, None, 2:]
     slope = (points_mm[..., :2] - place) / (z - points_mm[..., 2:])

@@ -40,7 +40,8 @@ def bands_of(width_px: int, height_px: int, rays: int, device: str | None = None
 
 def memory_mb(width_px: int, height_px: int, shading: Shading, samples: int, colours: int) -> float:
     """Return the memory, MB, of an image or a band; `samples` is for each colour of a pixel."""
-    # Radiance in float32 three times: as planes, as an image, and rotated for a capture.
+    # Radiance in float32 three times: as planes, as an image, and rotated for a
+    # capture.
     pixels = width_px * height_px
     needed = BASE_MEMORY_MB + 3.0 * pixels * 3 * 4 / 1e6
     if is_filter_allowed(samples, colours):

@@ -25,7 +25,8 @@ logger = logging.getLogger("lippmann")
 SIZE_RANGE = (0.02, 1000.0)
 #: Width of the trial view, pixels; one ray each.
 TRIAL_PX = 96
-#: Minimum fraction of the view in the depth range, and maximum noise over the mean light, without warning.
+#: Minimum fraction of the view in the depth range, and maximum noise over the mean
+#: light, without warning.
 MIN_SHARP, MAX_NOISE = 0.1, 0.1
 
 
@@ -86,7 +87,8 @@ def _warn_of_depths(
     scene: Scene, display: Display, trial: Settings, eye: tuple[float, float, float], window: Window
 ) -> None:
     """Warn of a scene that is invisible, or mostly outside the depth range."""
-    # Distances from the plane near_mm to the first surface, scene units; 0 without a surface.
+    # Distances from the plane near_mm to the first surface, scene units; 0 without a
+    # surface.
     length = render_view(scene, eye, window, replace(trial, integrator="depth")).radiance[:, :, 0].astype(np.float64)
     y, x = np.mgrid[: window.height_px, : window.width_px] + 0.5
     steep = eye[2] / np.sqrt(eye[2] ** 2 + sum(c**2 for c in window.point(x, y)))

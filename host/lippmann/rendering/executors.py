@@ -114,8 +114,9 @@ def render_on_cluster(
 ) -> Iterator[RenderedBand]:
     """Render bands on a scheduler's workers, which read the scene from the same path; yield each as it arrives.
 
-    Raises InputError without a scheduler or a worker, and for a worker with another scene or version; DeviceError if
-    the scheduler is lost, or a band crashes workers; MissingLibraryError without Dask, or Lippmann on a worker.
+    Raises InputError without a scheduler or a worker, and for a worker with another
+    scene or version; DeviceError if the scheduler is lost, or a band crashes workers;
+    MissingLibraryError without Dask, or Lippmann on a worker.
     """
     if not bands:
         return
@@ -194,7 +195,8 @@ def _give_up_stopped_workers(client: Client, heartbeats: dict[str, tuple[float, 
 @contextlib.contextmanager
 def local_workers(count: int) -> Iterator[tuple[str, Security]]:
     """Start workers on this machine; yield their scheduler's address and `Security`."""
-    # Dask runs any program that it is sent: so on loopback, by TLS with a key of these processes.
+    # Dask runs any program that it is sent: so on loopback, by TLS with a key of these
+    # processes.
     try:
         import dask
         from distributed import LocalCluster, Security

@@ -37,7 +37,8 @@ class Showable:
     def show(self, seconds: float | None = None) -> None:
         """Show the image below a notebook's cell, or in a window, for some seconds or until Escape or q.
 
-        Without a desktop (a server, a batch job) a line on stderr says so, and the program continues.
+        Without a desktop (a server, a batch job) a line on stderr says so, and the
+        program continues.
         """
         if in_notebook():
             import_module("IPython.display").display(self)
@@ -66,11 +67,13 @@ class IntegralImage(Showable):
     Attributes
     ----------
     radiance
-        (height, width, 3) float32 of the panel's pixels, linear; `StoredRows` if loaded with `stored`.
+        (height, width, 3) float32 of the panel's pixels, linear; `StoredRows` if loaded
+        with `stored`.
     display
         The display that it was made for.
     metadata
-        Display, identity, the panel's transfer curve and bits, model, samples, seed, versions, ...
+        Display, identity, the panel's transfer curve and bits, model, samples, seed,
+        versions, ...
     measured
         Figures such as `seconds`, and a capture's losses; not saved.
     """
@@ -120,14 +123,16 @@ class IntegralImage(Showable):
         display
             A display file, or what `load_display` returned.
         force
-            Accept an image for another display, or without an identity; it keeps its file's identity.
+            Accept an image for another display, or without an identity; it keeps its
+            file's identity.
         stored
             Leave the pixels in the file: `observe` reads only the rows that it needs.
 
         Raises
         ------
         InputError
-            For a file that is missing, broken, of another size, for another display, or a PNG for other tones.
+            For a file that is missing, broken, of another size, for another display, or
+            a PNG for other tones.
         """
         built = display_at(display)
 

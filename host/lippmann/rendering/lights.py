@@ -1,8 +1,9 @@
 """Integrator `lights`, the founding paper's: sums all lights at each hit, so that point lights cause no noise.
 
-At each hit *every* emitter gets a shadow ray, the smooth part of the BSDF reflects its light, and mirror reflection and
-refraction are followed up to `max_depth`. Area lights and environments get one random sample each. Light between
-diffuse surfaces is left out; Mitsuba's `path` includes it. Splats (3D Gaussians) have their own colours.
+At each hit *every* emitter gets a shadow ray, the smooth part of the BSDF reflects its
+light, and mirror reflection and refraction are followed up to `max_depth`. Area lights
+and environments get one random sample each. Light between diffuse surfaces is left out;
+Mitsuba's `path` includes it. Splats (3D Gaussians) have their own colours.
 """
 
 from __future__ import annotations
@@ -27,7 +28,8 @@ def has_splats(scene: Jit) -> bool:
 
 def needs_chance(scene: Jit) -> bool:
     """Tell whether `lights` may use random numbers for a scene, and so have noise."""
-    # Not with points, spots and directions, if each surface only scatters or only mirrors.
+    # Not with points, spots and directions, if each surface only scatters or only
+    # mirrors.
     if not all(mi.has_flag(lamp.flags(), mi.EmitterFlags.Delta) for lamp in scene.emitters()):
         return True
     for surface in scene.shapes():
@@ -45,8 +47,8 @@ def needs_chance(scene: Jit) -> bool:
 def register_lights() -> None:
     """Register the integrator plugin `lights` for Mitsuba's current variant.
 
-    Parameters of the plugin: `max_depth` (integer, surfaces that a ray may meet, default 4); `shadows` (boolean,
-    default true; false is for measurements).
+    Parameters of the plugin: `max_depth` (integer, surfaces that a ray may meet,
+    default 4); `shadows` (boolean, default true; false is for measurements).
     """
     base: Jit = mi.SamplingIntegrator
 

@@ -19,11 +19,13 @@ MAX_SAMPLES = 65536
 class Settings:
     """How to render."""
 
-    #: Samples for each pixel or sub-pixel. One is at the centre; more are spread over the area.
+    #: Samples for each pixel or sub-pixel. One is at the centre; more are spread over
+    #: the area.
     samples: int = 1
     #: "chief": rays through the lenslet's centre; "full": spread over its cell.
     aperture: Aperture = "chief"
-    #: "lights" (ours), a Mitsuba integrator ("direct", "path", ...), or "scene": the file's own.
+    #: "lights" (ours), a Mitsuba integrator ("direct", "path", ...), or "scene": the
+    #: file's own.
     integrator: str = "lights"
     #: Surfaces that a ray may meet.
     max_depth: int = 4
@@ -31,7 +33,8 @@ class Settings:
     seed: int = 0
     #: Memory limit, MB. None means 80 % of the free memory.
     memory_mb: float | None = None
-    #: "shared": diffuse light from an irradiance cache; "each": from each ray; "auto": what is faster.
+    #: "shared": diffuse light from an irradiance cache; "each": from each ray; "auto":
+    #: what is faster.
     shading: Shading = "auto"
     #: Maximum points of the cache. None: its capacity, and with "auto" fewer than rays.
     light_points: int | None = None
@@ -58,7 +61,8 @@ MODEL_OPTIONS: tuple[ModelOption, ...] = ("auto", *MODELS)
 class RenderOptions:
     """Lens model, engine and settings of a render."""
 
-    #: "auto": the cheapest whose error stays below `tolerance` (`lippmann.optics.model_choice`).
+    #: "auto": the cheapest whose error stays below `tolerance`
+    #: (`lippmann.optics.model_choice`).
     model: ModelOption = "auto"
     #: Error that "auto" allows, pixels of the reconstructed view.
     tolerance: float = TOLERANCE

@@ -1,7 +1,8 @@
 """The pixels' filter: a sample near a pixel's edge counts for the neighbour too, if both belong to the same lenslet.
 
-A pixel is a weighted mean of its samples and its four neighbours'. The weight at x, y from the pixel's centre is
-f(x) f(y), with f(d) = (1/2 + s - |d|) / 2s clipped to 0 and 1: its box, blurred by one of 2 s pixels (`softness`).
+A pixel is a weighted mean of its samples and its four neighbours'. The weight at x, y
+from the pixel's centre is f(x) f(y), with f(d) = (1/2 + s - |d|) / 2s clipped to 0 and
+1: its box, blurred by one of 2 s pixels (`softness`).
 """
 
 from __future__ import annotations
@@ -16,11 +17,13 @@ from lippmann.rendering.sampling import RaySource, Seeds
 
 #: Maximum samples of a filtered pixel: with more, the plain mean is as good.
 MAX_SAMPLES = 4
-#: Weights fall from half the samples' distance to a pixel's edge: the least noise of straight edges.
+#: Weights fall from half the samples' distance to a pixel's edge: the least noise of
+#: straight edges.
 SOFTNESS = 0.5
 #: The four neighbours: columns to the right, and rows down.
 SIDES = ((-1, 0), (1, 0), (0, -1), (0, 1))
-#: Bytes for each pixel of a band: four numbers for itself and each neighbour, and its owner.
+#: Bytes for each pixel of a band: four numbers for itself and each neighbour, and its
+#: owner.
 BYTES_A_PIXEL = 4 * 4 * (1 + len(SIDES)) + 4
 
 
@@ -93,7 +96,8 @@ class PixelFilter:
         column = mi.Int32(pixel) - row * width
         total = dr.gather(mi.Vector4f, self._sums[0], pixel)
         for plane, (dx, dy) in zip(self._sums[1:], SIDES, strict=True):
-            # The opposite neighbour has summed for this pixel, but not across multiples of `BAND_ROWS`.
+            # The opposite neighbour has summed for this pixel, but not across multiples
+            # of `BAND_ROWS`.
             x, y = column - dx, row - dy
             there = (x >= 0) & (x < width) & (y >= 0) & (y < height) & (y // BAND_ROWS == row // BAND_ROWS)
             neighbour = mi.UInt32(y * width + x)

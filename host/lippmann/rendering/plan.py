@@ -35,7 +35,8 @@ if TYPE_CHECKING:
     import mitsuba as mi
 
 logger = logging.getLogger("lippmann")
-#: A path, a result of `lippmann.load_scene`, a `mitsuba.Scene`, or a dictionary for `mitsuba.load_dict`.
+#: A path, a result of `lippmann.load_scene`, a `mitsuba.Scene`, or a dictionary for
+#: `mitsuba.load_dict`.
 SceneSource: TypeAlias = "str | Path | Scene | dict[str, Any] | mi.Scene"
 
 

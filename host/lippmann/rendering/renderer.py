@@ -1,8 +1,9 @@
 """Renders an integral image, or a plain perspective view, chunk by chunk.
 
-**One pass for both sides of the display.** A panel pixel's refracted ray is the line along which a viewer sees the
-pixel. The renderer follows it *towards* the display, from in front of the nearest object: the first surface that it
-meets hides the others, before the display (real image) or behind it (virtual image).
+**One pass for both sides of the display.** A panel pixel's refracted ray is the line
+along which a viewer sees the pixel. The renderer follows it *towards* the display, from
+in front of the nearest object: the first surface that it meets hides the others, before
+the display (real image) or behind it (virtual image).
 """
 
 from __future__ import annotations
@@ -39,12 +40,15 @@ logger = logging.getLogger("lippmann")
 CHUNK_SLACK = 0.1
 #: A sample with the irradiance cache needs more memory: its chunks are smaller.
 CACHE_CHUNK_DIVISOR = 2
-#: For "auto": minimum PSNR by the irradiance cache, and minimum rays for each of its points.
+#: For "auto": minimum PSNR by the irradiance cache, and minimum rays for each of its
+#: points.
 CACHE_DB, RAYS_A_POINT = 45.0, 4
-#: One lamp's shadow rays take as long as the trial (stages.csv, shading.csv in docs/generated).
+#: One lamp's shadow rays take as long as the trial (stages.csv, shading.csv in
+#: docs/generated).
 MIN_LAMPS = 2
-#: The trial: parts of the image each way, rays of a colour in all parts, and maximum samples of a pixel. Not 2^18 rays:
-#: with a texture of as many values they would be another recording.
+#: The trial: parts of the image each way, rays of a colour in all parts, and maximum
+#: samples of a pixel. Not 2^18 rays: with a texture of as many values they would be
+#: another recording.
 TRIAL_PARTS, TRIAL_RAYS, TRIAL_SAMPLES = 4, 28 * 28 * 256, 4
 #: Seed of the trial's places, which are the same for each seed of a render.
 TRIAL_SEED = 1
@@ -98,7 +102,8 @@ def make_integrator(scene: Scene, settings: Settings) -> Jit:
                 raise InputError(
                     f"integrator '{settings.integrator}' does not load ({reason}); choose lights, direct, path or scene"
                 ) from None
-    # Differentiable integrators (prb, ...) are SamplingIntegrators, but need more than a ray.
+    # Differentiable integrators (prb, ...) are SamplingIntegrators, but need more than
+    # a ray.
     differentiable = ".ad." in type(integrator).__module__
     if differentiable or not isinstance(integrator, mi.SamplingIntegrator):
         raise InputError(
@@ -132,7 +137,8 @@ class Renderer:
         self.bands = bands or bands_of(self._width, self._height, self.rays)
         rows = self._height if in_memory else max(len(rows) for rows in self.bands)
         started = time.perf_counter()
-        #: The settings without "auto", by which every process has the same shapes in the cache.
+        #: The settings without "auto", by which every process has the same shapes in
+        #: the cache.
         self.settings = replace(settings, shading="each", light_points=None)
         self.cache_report: str | None = None
         if settings.shading != "each":
@@ -219,7 +225,8 @@ class Renderer:
         # The least of the `TRIAL_PARTS` x `TRIAL_PARTS` parts of the image.
         tiles = self._trial_tiles()
         side, rays, samples = math.isqrt(len(tiles)), TILE_PX * TILE_PX * self.rays, min(self._samples, TRIAL_SAMPLES)
-        # All at once if the samples' indices have 31 bits, as the programs need, else tile by tile.
+        # All at once if the samples' indices have 31 bits, as the programs need, else
+        # tile by tile.
         together = (tiles.max() + 1) * rays < 1 << 31
         # Two variables, as in `_run`: one would be another recording.
         seeds = Seeds(*(dr.opaque(mi.UInt32, value) for value in (self._seed, self._pass)))

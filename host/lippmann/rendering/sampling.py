@@ -48,8 +48,9 @@ class RaySource:
 
     width_px: int
     height_px: int
-    #: Returns the lines of sight. Arguments: a backend, pixel coordinates u and v (double), and for each of them a
-    #: random point of the unit square (two Floats) for the lenslet's aperture.
+    #: Returns the lines of sight. Arguments: a backend, pixel coordinates u and v
+    #: (double), and for each of them a random point of the unit square (two Floats) for
+    #: the lenslet's aperture.
     lines: Callable[[DrJitBackend, Jit, Jit, tuple[Jit, Jit]], Lines]
     #: Sub-pixels; None if a pixel emits its three colours from the same place.
     layout: Layout | None = None
@@ -57,8 +58,9 @@ class RaySource:
     recordable: bool = True
     #: Finest visible detail, mm: the lenslets' pitch; None without lenslets.
     detail_mm: float | None = None
-    #: Returns a number (UInt32) of the lenslet at each point; arguments as the first three of `lines`.
-    #: Neighbours with the same owner share samples (`PixelFilter`); with None, none do.
+    #: Returns a number (UInt32) of the lenslet at each point; arguments as the first
+    #: three of `lines`. Neighbours with the same owner share samples (`PixelFilter`);
+    #: with None, none do.
     owner: Callable[[DrJitBackend, Jit, Jit], Jit] | None = None
 
     @property
@@ -95,8 +97,9 @@ def display_source(
 ) -> RaySource:
     """Return the rays of a display's pixels, traced by an engine; `fraction_bits` is for "twin" and "rtl".
 
-    "fast" traces inside the renderer's program, and places several samples anywhere in a pixel; the others trace chunk
-    by chunk, and place them on sixteenths of a pixel, which the RTL's words can hold.
+    "fast" traces inside the renderer's program, and places several samples anywhere in
+    a pixel; the others trace chunk by chunk, and place them on sixteenths of a pixel,
+    which the RTL's words can hold.
     """
     panel = display.panel
 

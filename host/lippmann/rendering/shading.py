@@ -32,15 +32,16 @@ from lippmann.scenes.scene import Scene
 
 #: Dr.Jit's words for a function that it cannot record or replay.
 NOT_RECORDED = re.compile(r"record|frozen|freez|replay")
-#: A lamp with a picture, in Mitsuba's text: Dr.Jit 1.5 crashes when it replays one on a GPU.
+#: A lamp with a picture, in Mitsuba's text: Dr.Jit 1.5 crashes when it replays one on a
+#: GPU.
 PICTURE_LAMP = re.compile(r"BitmapTexture|EnvironmentMap")
 
 
 class Recorded:
     """A function of Dr.Jit values and a scene, recorded at its first call (`drjit.freeze`).
 
-    All that changes between calls must be an argument: other numbers become part of the recording. A function that
-    Dr.Jit cannot record is traced at every call.
+    All that changes between calls must be an argument: other numbers become part of the
+    recording. A function that Dr.Jit cannot record is traced at every call.
     """
 
     def __init__(self, function: Callable[..., Jit], scene: Scene) -> None:
@@ -51,7 +52,8 @@ class Recorded:
 
         frozen: Jit = dr.freeze(call, state_fn=lambda *_: references.scene.mitsuba)
         self._function, self._frozen = function, frozen
-        # Made now: objects made in the first call would make the second another recording.
+        # Made now: objects made in the first call would make the second another
+        # recording.
         self._parts = lamps, _ = scene.mitsuba.emitters(), scene.mitsuba.shapes()
         self._recordable = current_device() != "cuda" or not any(PICTURE_LAMP.search(str(lamp)) for lamp in lamps)
         weakref.finalize(self, references.release, frozen)
@@ -74,7 +76,8 @@ class Recorded:
 class _References:
     """The function and the scene of a frozen function, which must not refer to them."""
 
-    # Dr.Jit's object waits for the garbage collector; a scene must not, or programs contain it.
+    # Dr.Jit's object waits for the garbage collector; a scene must not, or programs
+    # contain it.
 
     def __init__(self, function: Callable[..., Jit], scene: Scene) -> None:
         self.function, self.scene = function, scene
@@ -98,7 +101,8 @@ def garbage_kept() -> Iterator[None]:
             gc.enable()
 
 
-#: Bit of a lamp mask for "irradiance is computed"; each other bit means that the point sees a lamp.
+#: Bit of a lamp mask for "irradiance is computed"; each other bit means that the point
+#: sees a lamp.
 COMPUTED = 1 << 31
 MAX_LAMPS = 31
 #: A spot's picture, in Mitsuba's text; a spot without one has a uniform spectrum there.
@@ -205,7 +209,8 @@ def _light_at(
     return light * (1.0 / math.pi), lamps
 
 
-#: Follows rays. Arguments: samples' indices, a sampler, rays, which of them exist, and others.
+#: Follows rays. Arguments: samples' indices, a sampler, rays, which of them exist, and
+#: others.
 Follow = Callable[..., tuple[Jit, ...]]
 #: The fate of a sample: black, in the irradiance cache, or left to the integrator.
 BLACK, CACHED, UNCACHED = 0, 1, 2

@@ -217,7 +217,8 @@ class KeptBands:
 
     def _read(self, number: int, warn: bool = False) -> Radiance | None:
         """Return a band, or None if it is missing or damaged."""
-        # The header must be the one that numpy would write. The checksum is compared once.
+        # The header must be the one that numpy would write. The checksum is compared
+        # once.
         shape = (len(self.plan.bands[number]), *self.shape[1:])
         header = io.BytesIO()
         np.lib.format.write_array_header_1_0(header, {"descr": "<f4", "fortran_order": False, "shape": shape})

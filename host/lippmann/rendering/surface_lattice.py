@@ -1,7 +1,8 @@
 """Lattices of points over a scene's surfaces, for the irradiance cache.
 
-A triangle has rows of points along a side, shorter towards the corner. A slender triangle has equal rows along its
-shortest side, up to the apex opposite. A sphere has those of an octahedron. Each place lies between three points.
+A triangle has rows of points along a side, shorter towards the corner. A slender
+triangle has equal rows along its shortest side, up to the apex opposite. A sphere has
+those of an octahedron. Each place lies between three points.
 """
 
 from __future__ import annotations
@@ -19,8 +20,8 @@ ONE_SIDED = re.compile(r"SmoothDiffuse\[")
 TWO_SIDED = re.compile(r"TwoSided\[\s*brdf\[0\] = SmoothDiffuse\[.*?brdf\[1\] = SmoothDiffuse\[", re.DOTALL)
 #: The number of a shape without a lattice.
 NONE = 0xFFFFFFFF
-#: Steps of a lattice: a sphere's minimum keeps the light linear between points to 1 in 1,000; with the maximum, a place
-#: in float32 is exact to a thousandth of a step.
+#: Steps of a lattice: a sphere's minimum keeps the light linear between points to 1 in
+#: 1,000; with the maximum, a place in float32 is exact to a thousandth of a step.
 MIN_STEPS, MIN_SPHERE_STEPS, MAX_STEPS = 1, 32, 1 << 14
 #: Maximum points of all lattices; each side of a surface has its own irradiance.
 MAX_POINTS = 1 << 22
@@ -32,7 +33,8 @@ class Lattices:
 
     #: The first lattice of each shape, by its pointer's number, or NONE.
     of_shape: Jit
-    #: Of each lattice: first point, steps along a row and between rows, shape, triangle, kind (bits).
+    #: Of each lattice: first point, steps along a row and between rows, shape,
+    #: triangle, kind (bits).
     first: Jit
     steps: Jit
     row_steps: Jit
@@ -43,8 +45,8 @@ class Lattices:
     radius: Jit
 
 
-#: Bits of a lattice's kind: sphere; two-sided surface; slender triangle, whose apex is corner 0, or corner 1 or 2 with
-#: one of the last bits.
+#: Bits of a lattice's kind: sphere; two-sided surface; slender triangle, whose apex is
+#: corner 0, or corner 1 or 2 with one of the last bits.
 SPHERE, TWO, FAN, APEX_1, APEX_2 = 1, 2, 4, 8, 16
 #: Kinds whose rows all have the same number of points.
 EVEN = SPHERE | FAN

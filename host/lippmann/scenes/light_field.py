@@ -1,7 +1,8 @@
 """Emitter `light_field`: a surface that shows another picture to each eye; it lights no other surface.
 
-Each view is a picture of the surface. A point's radiance is its colour in the view from where the line of sight meets
-the plane of the eyes: linear between the two or four nearest eyes, constant beyond them.
+Each view is a picture of the surface. A point's radiance is its colour in the view from
+where the line of sight meets the plane of the eyes: linear between the two or four
+nearest eyes, constant beyond them.
 """
 
 from __future__ import annotations
@@ -21,9 +22,10 @@ if TYPE_CHECKING:
 def register_light_field() -> None:
     """Register the emitter plugin `light_field` for Mitsuba's current variant.
 
-    Parameter of the plugin: `filename`, of an .npz with `views` (rows, columns, height, width, 3), linear, of eyes from
-    below and from the left; `x_mm` (columns,), `y_mm` (rows,) and `distance_mm`, the eyes' places before the window's
-    centre; `size_mm`, its width and height.
+    Parameter of the plugin: `filename`, of an .npz with `views` (rows, columns, height,
+    width, 3), linear, of eyes from below and from the left; `x_mm` (columns,), `y_mm`
+    (rows,) and `distance_mm`, the eyes' places before the window's centre; `size_mm`,
+    its width and height.
     """
 
     class LightField(mi.Emitter):  # type: ignore[misc]

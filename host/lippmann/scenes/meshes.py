@@ -1,7 +1,8 @@
 """Meshes with materials and textures (GLB, glTF, OBJ, PLY, STL; read by trimesh) as a Mitsuba scene.
 
-`mitsuba_xml.LIGHTS` are added. Materials of glTF become Mitsuba's `principled`, others `diffuse`. Colours of textures
-and vertices are sRGB, except glTF's of vertices; numbers of materials are linear.
+`mitsuba_xml.LIGHTS` are added. Materials of glTF become Mitsuba's `principled`, others
+`diffuse`. Colours of textures and vertices are sRGB, except glTF's of vertices; numbers
+of materials are linear.
 """
 
 from __future__ import annotations
@@ -44,7 +45,8 @@ MAX_PIXELS, PART_ROWS = 1 << 25, 256
 PLAIN = (0.6, 0.6, 0.6)
 #: glTF's default of metallic and roughness.
 DEFAULT_FACTOR = 1.0
-#: glTF's number of float32; prefix of material extensions (looks only); ignored extensions.
+#: glTF's number of float32; prefix of material extensions (looks only); ignored
+#: extensions.
 FLOAT32, MATERIALS = 5126, "KHR_materials_"
 LEFT_OUT = (
     "KHR_texture_transform",
@@ -70,7 +72,8 @@ REMEDY = "export it again, or as .glb"
 def write_scene(path: Path, folder: Path, scene_from_display: Floats, notes: list[str]) -> Path:
     """Write a file's scene, meshes and textures into an empty folder; return the scene's path, or raise InputError.
 
-    `scene_from_display` (3, 3) rotates the lights; `notes` get lines on what is not shown.
+    `scene_from_display` (3, 3) rotates the lights; `notes` get lines on what is not
+    shown.
     """
     scene = new_scene()
     add_lights(scene, scene_from_display)

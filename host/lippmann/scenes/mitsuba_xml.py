@@ -31,8 +31,9 @@ def value(parent: Element, tag: str, name: str, content: npt.ArrayLike) -> None:
     SubElement(parent, tag, {"name": name, **values})
 
 
-#: Directions towards the lights, in the display's frame, and the fraction of the light that each gives a surface that
-#: faces the viewer: one at the viewer's head, so that nothing visible is black; the key light; a weak one.
+#: Directions towards the lights, in the display's frame, and the fraction of the light
+#: that each gives a surface that faces the viewer: one at the viewer's head, so that
+#: nothing visible is black; the key light; a weak one.
 LIGHTS = (((0.0, 0.0, 1.0), 0.35), ((-0.5, 0.7, 1.0), 0.5), ((0.8, -0.3, 0.5), 0.15))
 
 

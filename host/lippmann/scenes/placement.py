@@ -22,8 +22,8 @@ Matrix = npt.NDArray[np.float64]
 Number = Annotated[float, key("", low=-1e9, high=1e9)]
 Triple = tuple[Number, Number, Number]
 ORIGIN = (0.0, 0.0, 0.0)
-#: "fit": scaled and moved into the depth range; "camera": as the camera in the scene's file sees it; "fill": a picture
-#: in the panel's plane, as large as the panel.
+#: "fit": scaled and moved into the depth range; "camera": as the camera in the scene's
+#: file sees it; "fill": a picture in the panel's plane, as large as the panel.
 Arrange = Literal["fit", "camera", "fill"]
 #: Range of scales for float32 scenes.
 SCALE_RANGE = (1e-9, 1e9)

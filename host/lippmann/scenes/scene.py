@@ -32,9 +32,11 @@ if TYPE_CHECKING:
 
 #: The lowest and the highest corner (3,).
 Box = tuple[Matrix, Matrix]
-#: A shape so many times larger than all others, in each direction, is their surroundings.
+#: A shape so many times larger than all others, in each direction, is their
+#: surroundings.
 SURROUNDS = 3.0
-#: Percentiles of splats, a margin in parts of their distance, and a splat's extent in sigmas.
+#: Percentiles of splats, a margin in parts of their distance, and a splat's extent in
+#: sigmas.
 STRAY_PERCENT, STRAY_REACH, SIGMAS = (5.0, 95.0), 0.25, 3.0
 LISTED_IDS = 8
 #: Maximum numbers of a lamp's property; larger ones are pictures.
@@ -165,7 +167,8 @@ def load_scene(
 ) -> Scene:
     """Load a scene file, or a part of it, with shapes moved in order. A placement of None means `placement_beside`.
 
-    Raises InputError for a bad file, a move that matches no shape, and a part that matches none or all.
+    Raises InputError for a bad file, a move that matches no shape, and a part that
+    matches none or all.
     """
     path = check_scene_file(path)
     usual, notes = None, list[str]()
@@ -360,7 +363,8 @@ def fitting(low: Matrix, high: Matrix, display: Display) -> Placement:
     far, near = display_properties(display).depth_range_mm
     middle = 0.5 * (far + near)
     x, y, z = (float(side) for side in high - low)
-    # The box's front, at z = middle + scale z / 2, must be in the pyramid from the eye to the panel.
+    # The box's front, at z = middle + scale z / 2, must be in the pyramid from the eye
+    # to the panel.
     widths = ((side, panel_side) for side, panel_side in ((x, panel.width_mm), (y, panel.height_mm)))
     scales = [full * (1.0 - middle / eye) / (side + 0.5 * full * z / eye) for side, full in widths if side + z > 0.0]
     scale = min([*scales, (near - far) / z] if z > 0.0 else scales)

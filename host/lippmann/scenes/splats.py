@@ -1,7 +1,8 @@
 """3D Gaussian splats (.ply, as their trainers write it) as a Mitsuba scene with the shape `ellipsoids`.
 
-A splat has a centre, the logarithms of three scales, a quaternion, the logit of its opacity, and spherical harmonics of
-its sRGB colour: f_dc_0..2, and f_rest_*, first red's, then green's, then blue's.
+A splat has a centre, the logarithms of three scales, a quaternion, the logit of its
+opacity, and spherical harmonics of its sRGB colour: f_dc_0..2, and f_rest_*, first
+red's, then green's, then blue's.
 """
 
 from __future__ import annotations

@@ -1,10 +1,11 @@
 """Views of one window, as a folder or as a quilt, and the Mitsuba scene that shows each eye its view.
 
-The eyes are in a row or a grid before the window. A point in the window's plane is at the same place in all views.
+The eyes are in a row or a grid before the window. A point in the window's plane is at
+the same place in all views.
 
-A quilt has the views as tiles, by Looking Glass' rules: from the leftmost eye's at the bottom left to the right, then
-upward. Its name holds tiling and aspect: `NAME_qs8x6a0.75.png` has 8 columns and 6 rows of views 0.75 times as wide as
-high.
+A quilt has the views as tiles, by Looking Glass' rules: from the leftmost eye's at the
+bottom left to the right, then upward. Its name holds tiling and aspect:
+`NAME_qs8x6a0.75.png` has 8 columns and 6 rows of views 0.75 times as wide as high.
 """
 
 from __future__ import annotations

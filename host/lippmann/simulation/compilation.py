@@ -1,6 +1,7 @@
 """Verilator builds: RTL to a program or a library, compiled once and shared by all processes.
 
-The compiler reads Verilator's C++ as one file: this is faster, and the optimiser sees the complete model.
+The compiler reads Verilator's C++ as one file: this is faster, and the optimiser sees
+the complete model.
 """
 
 from __future__ import annotations
@@ -18,7 +19,8 @@ from lippmann.base.programs import run_program
 from lippmann.errors import LippmannError, input_error, to_install
 from lippmann.simulation.toolchain import build_folder, hardware, verilator_environment, verilator_version
 
-#: Compiler flags for speed on this processor. Hidden names let the compiler inline the model.
+#: Compiler flags for speed on this processor. Hidden names let the compiler inline the
+#: model.
 FAST = ("-O3", "-march=native", "-fvisibility=hidden")
 #: Compiler flags for a simulation that is shorter than its compilation.
 SHORT = ("-O1",)
@@ -27,7 +29,8 @@ UNCHECKED = ("--x-assign", "fast", "--x-initial", "fast", "--noassert")
 #: Verilator's options for a netlist: many short functions, which compile fast.
 NETLIST = ("--output-split-cfuncs", "1000")
 
-#: Environment variables: the folder for covered lines (sim/coverage/), and whether toggles count.
+#: Environment variables: the folder for covered lines (sim/coverage/), and whether
+#: toggles count.
 COVERAGE, TOGGLES = "LIPPMANN_COVERAGE", "LIPPMANN_TOGGLES"
 
 #: Includes of every model.
@@ -49,8 +52,9 @@ class RtlError(LippmannError):
 def cached_file(path: Path, inputs: Iterable[Path | str], make: Callable[[Path], None], suffix: str = "") -> Path:
     """Return a file made from inputs; `make` writes it, complete or not at all, unless it is there.
 
-    One process makes the file and the others wait. A hash follows the name in `path`, then the suffix: of the inputs
-    (texts, and contents of files), of this processor, and of Verilator's version.
+    One process makes the file and the others wait. A hash follows the name in `path`,
+    then the suffix: of the inputs (texts, and contents of files), of this processor,
+    and of Verilator's version.
     """
     always = " ".join(sorted(features())) + verilator_version()
     key = hashlib.sha256(always.encode() + Path(__file__).read_bytes())
@@ -91,9 +95,11 @@ def verilated(
 ) -> None:
     """Compile RTL, and C++ that drives it, to a program, or to a library when the output's name ends in .so.
 
-    `sources` are SystemVerilog files, packages first, and Verilator's control files. The C++ files `main` use the
-    model's class `Vtop` of Vtop.h. `options`, `flags` and `link` are for Verilator, the compiler and the linker. Raises
-    MissingLibraryError when a tool is missing; RtlError, with the first error, when Verilator or the compiler fails.
+    `sources` are SystemVerilog files, packages first, and Verilator's control files.
+    The C++ files `main` use the model's class `Vtop` of Vtop.h. `options`, `flags` and
+    `link` are for Verilator, the compiler and the linker. Raises MissingLibraryError
+    when a tool is missing; RtlError, with the first error, when Verilator or the
+    compiler fails.
     """
     with partial_folder(output) as work:
         if _counters():
@@ -140,7 +146,8 @@ def _runtime(source: Path, flags: Sequence[str]) -> Path:
 def _precompiled(flags: Sequence[str]) -> Path:
     """Return the file to include first, Verilator's headers: most of what the compiler of a small model reads.
 
-    Only its precompiled form exists; the compiler uses that when the flags are the same.
+    Only its precompiled form exists; the compiler uses that when the flags are the
+    same.
     """
 
     def make(path: Path) -> None:

