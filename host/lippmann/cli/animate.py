@@ -53,11 +53,9 @@ def command(
 ) -> None:
     """Render a film, frame by frame, for a display.
 
-    Frames that are up to date are kept: after an interruption the same command
-    continues.
+    Frames that are up to date are kept: after an interruption the same command continues.
 
-    Example: lippmann animate scenes/films/swim.toml --display
-    scenes/displays/paper-square.toml -o out/swim
+    Example: lippmann animate scenes/films/swim.toml --display scenes/displays/paper-square.toml -o out/swim
     """
     if (view is None) != (eye is None):
         raise InputError("--view and --eye belong together; give both or neither")

@@ -64,8 +64,7 @@ def command(
     At rest the picture becomes finer. A film plays; Space stops it, comma and full stop
     step.
 
-    Example: lippmann live scenes/fish/fish.xml --display
-    scenes/displays/vga-square.toml --eye 0,0,600
+    Example: lippmann live scenes/fish/fish.xml --display scenes/displays/vga-square.toml --eye 0,0,600
     """
     film = _load_film(scene_path)
     path = check_scene_file(scene_path if film is None else film.scene)
