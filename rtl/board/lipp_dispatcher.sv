@@ -169,7 +169,7 @@ module lipp_dispatcher #(
     endcase
   end
 
-  // ---- may it be executed? The request stands still from two clocks before Judge ----
+  // ---- may it be executed? The request is stable from two clocks before Judge ----
   logic no_block;  // no such slot, or block of it
   logic no_tile, version, no_block_q, no_tile_q, version_q;
   // the slot is drawn, or will be: a slot becomes one by a WRITE only, which is over by now
@@ -357,7 +357,7 @@ module lipp_dispatcher #(
       endcase
     end
   end
-  // The head stands still while it is sent.
+  // The head is stable while it is sent.
   always_ff @(posedge clk_i) begin
     if (reply_ready) {head_q, head_bytes_q, words_q} <= {head, head_bytes, words};
   end

@@ -57,7 +57,7 @@ module lipp_register_access #(
   assign {bus_write_o, bus_at_o, bus_word_o} = {write_q, address, word_i};
   assign word_valid_o = state_q == Word;
 
-  // The range stands still from two clocks before the start.
+  // The range is stable from two clocks before the start.
   logic [16:0] behind_q;
   logic aligned_q, high_q, top_q;
   always_ff @(posedge clk_i) begin

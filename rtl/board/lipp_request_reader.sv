@@ -33,7 +33,7 @@ module lipp_request_reader #(
   input  logic [7:0]                   word_at_i,
   output logic [31:0]                  word_o,  // the word there, two clocks later
 
-  output logic               tile_start_o,  // its number and coding are in request_o
+  output logic               tile_start_o,  // pulse: a tile starts; see request_o
   output logic               tile_empty_o,  // with tile_start_o: no data follow
   output logic               tile_valid_o,
   input  logic               tile_ready_i,

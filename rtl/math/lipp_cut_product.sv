@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 `default_nettype none
 
-/// Product of two signed words from their parts, cut below a given place; without a register.
+/// Product of two signed words from their parts, truncated below a given bit; without a register.
 ///
 /// A word is split, a = ah 2^la + al, where la is the number of its bits beyond 18; b likewise:
 ///
@@ -12,7 +12,7 @@
 module lipp_cut_product #(
   parameter int Wa = 18,       // bits of a
   parameter int Wb = 18,       // bits of b
-  parameter int Drop = 0,      // places cut off
+  parameter int Drop = 0,      // truncated bits
   parameter bit Square = 1'b0, // b is a: one cross term, doubled
   localparam int Wp = Wa + Wb - Drop
 ) (

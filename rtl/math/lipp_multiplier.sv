@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 `default_nettype none
 
-/// Product of two signed words from one hardware multiplier, cut below a given place.
+/// Multiplies two signed words in one hardware multiplier; truncates the product below a given bit.
 ///
 /// A word is split into its upper 18 bits and the rest, a = ah 2^la + al with 0 <= al < 2^la. A
 /// multiplier cell makes the product of the upper parts. The cross terms are made in logic or, with
@@ -15,7 +15,7 @@
 module lipp_multiplier #(
   parameter int Wa = 18,       // bits of a
   parameter int Wb = 18,       // bits of b
-  parameter int Drop = 0,      // places cut off
+  parameter int Drop = 0,      // truncated bits
   parameter bit Square = 1'b0, // b is a: one cross term, doubled
   parameter bit CrossCells = 1'b0, // cross terms in multiplier cells instead of logic
   localparam int Wp = Wa + Wb - Drop

@@ -11,7 +11,7 @@
 module lipp_row_multiplier #(
   parameter int Wa = 18,       // bits of a, 3 to 32
   parameter int Wb = 18,       // bits of b, 3 to 32
-  parameter int Drop = 0,      // places cut off
+  parameter int Drop = 0,      // truncated bits
   parameter bit Square = 1'b0, // b is a: one cross term, doubled
   localparam int Wp = Wa + Wb - Drop
 ) (

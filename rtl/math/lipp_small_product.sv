@@ -12,7 +12,7 @@
 /// retiming replaces this module (rtl/ecp5/). Latency lipp_math_pkg::small_latency().
 module lipp_small_product #(
   parameter int Wa = 17,   // bits of a, 3 to 17
-  parameter int Drop = 0,  // places cut off, 0 or 8
+  parameter int Drop = 0,  // truncated bits, 0 or 8
   localparam int Wp = Wa + 9 - Drop
 ) (
   input  logic          clk_i,

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 `default_nettype none
 
-/// Product of two signed words, made from multiplier cells only, cut below a given place.
+/// Product of two signed words, made from multiplier cells only, truncated below a given bit.
 ///
 /// Gives the same result as `lipp_multiplier` with its cross terms in logic: the sum that
 /// `lipp_cut_product` forms. The products come first and all registers follow them: a simulator
@@ -11,7 +11,7 @@
 module lipp_wide_product #(
   parameter int Wa = 18,       // bits of a
   parameter int Wb = 18,       // bits of b
-  parameter int Drop = 0,      // places cut off
+  parameter int Drop = 0,      // truncated bits
   parameter bit Square = 1'b0, // b is a: one cross term, doubled
   localparam int Wp = Wa + Wb - Drop
 ) (

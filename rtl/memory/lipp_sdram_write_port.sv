@@ -101,7 +101,7 @@ module lipp_sdram_write_port
     .in_data_i(pair), .out_clk_i(mem_clk_i), .out_rst_ni(mem_rst_ni),
     .out_valid_o(mem_pair_valid), .out_ready_i(mem_pair_ready), .out_data_o(mem_pair)
   );
-  // The path from the controller to the FIFO's counts is cut here.
+  // A register here splits the timing path from the controller to the FIFO's counts.
   lipp_skid_buffer #(.Width(48)) i_next (
     .clk_i(mem_clk_i), .rst_ni(mem_rst_ni), .clear_i(1'b0), .in_valid_i(mem_pair_valid),
     .in_ready_o(mem_pair_ready), .in_data_i(mem_pair), .out_valid_o(next_valid),

@@ -4,7 +4,7 @@
 /// Sum of two products, one coordinate of a point or slope in the aperture plane:
 /// y = k x + l a.
 ///
-/// Words as integers, a b >> k the product that `lipp_multiplier` cuts by k places:
+/// Words as integers, a b >> k the product that `lipp_multiplier` truncates by k bits:
 ///
 ///   y    = ((k x >> F-3) + (l a >> F-3) + 4) >> 3
 ///

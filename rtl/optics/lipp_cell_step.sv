@@ -19,7 +19,8 @@
 ///   q0   = ((nx << 3) - (ny s >> F-3) + 4) >> 3
 ///   q1   = ((ny m >> F-2) + (nx << 2) + (n ny << 3) + 4) >> 3,  h = n 2^(F+1) + m
 ///
-/// as integers with 0 <= m < 2^(F+1), a b >> k the product that `lipp_multiplier` cuts by k places.
+/// as integers with 0 <= m < 2^(F+1); a b >> k is the product that `lipp_multiplier` truncates by k
+/// bits.
 /// Words: near; s wide; h has F + 1 fraction bits. Latency cell_step_latency(Grid, F, Shear).
 module lipp_cell_step #(
   parameter int F = 23,
@@ -64,7 +65,7 @@ module lipp_cell_step #(
       .clk_i, .a_i(ny_i), .b_i(shear_i), .p_o(lean)
     );
     lipp_delay #(.Width(W), .Cycles(MulLatency)) i_nx (.clk_i, .d_i(nx_i), .q_o(nx_late));
-    // nx << 3 has three clear places; the rounding's half is set in the first of them.
+    // nx << 3 has three zero bits; the rounding constant, half a unit, is set in the first.
     always_ff @(posedge clk_i) sum_q <= ((Wt'(nx_late) <<< Guard) | Wt'(4)) - Wt'(lean);
     assign q0_d = Wq'(sum_q >>> Guard);
   end else begin : gen_upright
@@ -88,7 +89,7 @@ module lipp_cell_step #(
         constant, sum_q;
     assign ny = Wt'(ny_i) <<< Guard;
     always_ff @(posedge clk_i) begin
-      half_nx_q <= (Wt'(nx_i) <<< (Guard - 1)) + Wt'(4);  // with the rounding's half
+      half_nx_q <= (Wt'(nx_i) <<< (Guard - 1)) + Wt'(4);  // with the rounding constant
       once_q <= (rise_i[F+1] ? ny : '0) + (rise_i[F+2] ? ny <<< 1 : '0);
       fourth_q <= rise_i[F+3] ? ny <<< 2 : '0;
       offset_q <= once_q - fourth_q;

@@ -11,7 +11,7 @@
 ///   t_x  = (x << 2) + (16 C_x s >> 14) + o_x + 2,   x' = t_x >> 2,   y' likewise
 ///
 /// is 1 - s times the pixel's point; the coefficients of slope and point contain 1 / (1 - s).
-/// As integers, where a b >> k is the product that `lipp_multiplier` cuts by k places; C in half
+/// As integers, where a b >> k is the product that `lipp_multiplier` truncates by k bits; C in half
 /// pitches and half rows: (2 i + j, 2 j) (square: (2 i, 2 j)). s has F + 11 fraction bits, o = -s A
 /// has F + 2.
 ///
@@ -70,7 +70,7 @@ module lipp_converge #(
     lipp_multiplier #(.CrossCells(CrossCells), .Wa(MulBits), .Wb(Ws), .Drop(Drop)) i_product (
       .clk_i, .a_i({centre, 4'b0}), .b_i(share_i), .p_o(product)
     );
-    // x << 2 has two clear places below F; the rounding's half is set in the first of them.
+    // x << 2 has two zero bits below F; the rounding constant, half a unit, is set in the first.
     logic signed [Ws:0] sum_q, sum_late;
     always_ff @(posedge clk_i) sum_q <= ((Ws + 1)'(point) <<< 2 | (Ws + 1)'(2)) + (Ws + 1)'(offset);
     lipp_delay #(.Width(Ws + 1), .Cycles(mul_latency(MulBits, Ws) - 1)) i_sum_match (

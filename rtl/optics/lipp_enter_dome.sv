@@ -6,7 +6,7 @@
 /// d' = e/n - (cos' - cos/n) N. Only d'_x and d'_y are computed: leave_flat gets d'_z from the unit
 /// length.
 ///
-/// Words as integers, a b >> k the product that `lipp_multiplier` cuts by k places,
+/// Words as integers, a b >> k the product that `lipp_multiplier` truncates by k bits,
 /// M = 2^(F+3) - 1:
 ///
 ///   C'   = 2^(F+3) - (s i2 >> F)

@@ -5,7 +5,7 @@
 ///
 /// The tangential part of n d is kept: t = e / n, and dz = sqrt(1 - t_x^2 - t_y^2).
 ///
-/// Words as integers, a b >> k the product that `lipp_multiplier` cuts by k places,
+/// Words as integers, a b >> k the product that `lipp_multiplier` truncates by k bits,
 /// M = 2^(F+3) - 1:
 ///
 ///   t_x  = ((e_x i >> F-2) + 4) >> 3,  t_y likewise

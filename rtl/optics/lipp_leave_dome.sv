@@ -5,7 +5,7 @@
 ///
 /// d' = n d + (cos' - n cos) N. At the flat face n d kept the tangential part of the air's e:
 ///
-/// Words as integers, a b >> k the product that `lipp_multiplier` cuts by k places,
+/// Words as integers, a b >> k the product that `lipp_multiplier` truncates by k bits,
 /// M = 2^(F+3) - 1:
 ///
 ///   C'   = 2^(F+3) - (s n2 >> F)

@@ -6,7 +6,7 @@
 /// The ray goes from the point N on the dome (z = N_z - 1; mirrored, vertices at z = 0) along d to
 /// z = -T.
 ///
-/// Words as integers, a b >> k the product that `lipp_multiplier` cuts by k places,
+/// Words as integers, a b >> k the product that `lipp_multiplier` truncates by k bits,
 /// M = 2^(F+3) - 1:
 ///
 ///   g    = max((dx dx >> F-3) + (dy dy >> F-3), 0) >> 2

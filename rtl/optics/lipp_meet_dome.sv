@@ -8,7 +8,7 @@
 /// normal at the intersection is cos = sqrt(1 - |V|^2 + b^2). The length to it is cos - b (upward,
 /// out of the glass) or -b - cos (downward, into it). The intersection *is* the unit normal N.
 ///
-/// Words as integers, a b >> k the product that `lipp_multiplier` cuts by k places,
+/// Words as integers, a b >> k the product that `lipp_multiplier` truncates by k bits,
 /// M = 2^(F+3) - 1:
 ///
 ///   b    = ((hx dx >> F-4+E) + (hy dy >> F-4+E) + (zc dz >> F-4+3E) + 1) >> 1
@@ -210,7 +210,7 @@ module lipp_meet_dome #(
   lipp_delay #(.Width(2 * Wn), .Cycles(axial_latency(F) - mul_latency(Wf, Wt))) i_lxy (
     .clk_i, .d_i({lx_early, ly_early}), .q_o({lx, ly})
   );
-  // V << 4 has four clear places below F; the rounding's half is set in the third of them.
+  // V << 4 has four zero bits below F; the rounding constant, half a unit, is set in the third.
   localparam logic signed [Wn-1:0] One = Wn'(1) <<< (F + 4);
   always_ff @(posedge clk_i) begin
     nx_q <= ((Wn'(hx_late) <<< 4) | Wn'(4)) + lx;

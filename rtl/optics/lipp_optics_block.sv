@@ -46,7 +46,7 @@ module lipp_optics_block #(
 
   output logic                                         exit_valid_o,
   input  logic                                         exit_ready_i,
-  output logic signed [lipp_optics_pkg::IndexBits-1:0] exit_i_o,  // lenslet that it leaves through
+  output logic signed [lipp_optics_pkg::IndexBits-1:0] exit_i_o,  // i of the exit's lenslet
   output logic signed [lipp_optics_pkg::IndexBits-1:0] exit_j_o,
   output logic signed [F+3:0]                          exit_x_o,  // origin from its centre, radii
   output logic signed [F+3:0]                          exit_y_o,  // F + 1 fraction bits

@@ -9,7 +9,7 @@
 ///
 ///   x'   = ((x << 3) + (y g >> F-3) + 4) >> 3
 ///
-/// as integers, y g >> k the product that `lipp_multiplier` cuts by k places. All words have F
+/// as integers, y g >> k the product that `lipp_multiplier` truncates by k bits. All words have F
 /// fraction bits. Output: W + 2 bits, [-8, 8). beyond_o: x' is outside that range.
 /// Latency shear_latency(F).
 module lipp_shear #(
@@ -46,7 +46,7 @@ module lipp_shear #(
   lipp_delay #(.Width(Wx), .Cycles(mul_latency(Wx, Wo))) i_x_match (.clk_i, .d_i(x_i),
       .q_o(x_late));
 
-  // x << 3 has three clear places below F; the rounding's half is set in the first of them.
+  // x << 3 has three zero bits below F; the rounding constant, half a unit, is set in the first.
   logic signed [Wt-1:0] total_q;
   logic signed [Wt-Guard-1:0] total;
   assign total = (Wt - Guard)'(total_q >>> Guard);

@@ -3,7 +3,7 @@
 
 /// Step 3: the unit direction of a slope, (m_x, m_y, 1) / sqrt(1 + m_x^2 + m_y^2).
 ///
-/// Words as integers, a b >> k the product that `lipp_multiplier` cuts by k places:
+/// Words as integers, a b >> k the product that `lipp_multiplier` truncates by k bits:
 ///
 ///   x    = ((m_x m_x >> F-4+2E) + (m_y m_y >> F-4+2E) + 2^(F+4) + 4) >> 3
 ///   e_z  = min(rsqrt(x), 2^(F+1+E) - 1)

@@ -22,8 +22,8 @@ module lipp_composite #(
   input  logic [Layers-1:0][2:0][lipp_scene_pkg::LightBits-1:0] light_i,  // P, [2] red, [0] blue
   input  logic [Layers-1:0][lipp_scene_pkg::ShareBits-1:0]      opacity_i,
   input  logic                                                  draws_i,
-  input  logic [Layers-1:0][lipp_scene_pkg::BrightnessBits-1:0] brightness_i,  // stands still
-  input  logic [2:0][lipp_scene_pkg::LightBits-1:0]             background_i,  // stands still
+  input  logic [Layers-1:0][lipp_scene_pkg::BrightnessBits-1:0] brightness_i,  // stable
+  input  logic [2:0][lipp_scene_pkg::LightBits-1:0]             background_i,  // stable
   output logic [2:0][lipp_scene_pkg::LightBits-1:0]             light_o
 );
   import lipp_math_pkg::*;

@@ -5,7 +5,7 @@
 /// slopes.
 ///
 /// The line is in the array's axes, in radii from the array's origin. Words as integers, a b >> k
-/// the product that `lipp_row_multiplier` cuts by k places, q the reciprocal root of 4 dz that
+/// the product that `lipp_row_multiplier` truncates by k bits, q the reciprocal root of 4 dz that
 /// `lipp_quadratic` gives:
 ///
 ///   r        = q q >> F+2                                    1 / dz, F + 4 fraction bits

@@ -3,7 +3,7 @@
 
 /// The texture coordinate at which a ray's line meets a layer.
 ///
-/// Words as integers, a b >> k the product that `lipp_row_multiplier` cuts by k places, A =
+/// Words as integers, a b >> k the product that `lipp_row_multiplier` truncates by k bits, A =
 /// coefficient_bits(F) the fraction bits that a build reads of the 24 of a, b, c and d, and F - 3
 /// those of the 20 of depth:
 ///

@@ -64,7 +64,7 @@ module lipp_scene_block #(
   // ---- the layers ----
   logic [Words-1:0][31:0] words_q;
   logic [Layers-1:0][31:0] own_word_q;
-  logic [Layers-1:0] addressed_q;  // the layer of the address, which stands still
+  logic [Layers-1:0] addressed_q;  // one-hot: the layer that the address selects
   logic [31:0] layer_word_q;
   always_ff @(posedge clk_i or negedge rst_ni) begin
     if (!rst_ni) begin
