@@ -90,20 +90,20 @@ def read_bitfile(path: Path) -> BitFile:
     """Return the header of a bitstream; raise InputError for another, incomplete or unreadable file."""
     try:
         if path.exists() and not path.is_file():
-            raise input_error(str(path), "cannot be read (it is no file)", REMEDY)
+            raise input_error(path, "cannot be read (it is no file)", REMEDY)
         data = read_limited(path, MAX_BITSTREAM_BYTES, REMEDY)
     except FileNotFoundError:
-        raise input_error(str(path), "no such file", "run make bitstream") from None
+        raise input_error(path, "no such file", "run make bitstream") from None
     except OSError as error:
-        raise input_error(str(path), f"cannot be read ({reason(error)})", REMEDY) from None
+        raise input_error(path, f"cannot be read ({reason(error)})", REMEDY) from None
     start = data.find(PREAMBLE)
     at = start + len(PREAMBLE)
     while start >= 0 and data[at : at + 1] in (bytes([NO_OPERATION]), bytes([RESET_CRC])):
         at += 1 if data[at] == NO_OPERATION else 4
     if start < 0 or data[at : at + 4] != VERIFY_ID or len(data) < at + 8:
-        raise input_error(str(path), "is not an ECP5 bitstream", REMEDY)
+        raise input_error(path, "is not an ECP5 bitstream", REMEDY)
     if not data.rstrip(b"\xff").endswith(PROGRAM_DONE):
-        raise input_error(str(path), "is a bitstream without its end", "copy it again, or run make bitstream")
+        raise input_error(path, "is a bitstream without its end", "copy it again, or run make bitstream")
     header = data[:start]
     text = TEXT.search(header)
     idcode = int.from_bytes(data[at + 4 : at + 8], "big")
@@ -111,7 +111,7 @@ def read_bitfile(path: Path) -> BitFile:
         return BitFile(idcode, "", "", "", "")
     if text is None or text[5] != _digest(data[: text.start(5)] + NO_DIGEST + data[text.end(5) :]):
         why = "its text cannot be read" if text is None else "its digest is another one"
-        raise input_error(str(path), f"is damaged: {why}", "copy it again, or run make bitstream")
+        raise input_error(path, f"is damaged: {why}", "copy it again, or run make bitstream")
     return BitFile(idcode, *(word.decode(errors="replace") for word in text.groups()[:4]))
 
 
@@ -202,13 +202,13 @@ def choose_adapter(board: FpgaBoard, adapters: list[Adapter] | None, serial: str
 def board_of(path: Path, file: BitFile, name: str | None) -> FpgaBoard:
     """Return the board of a bitstream; `name` replaces a missing name. Refuse another board or FPGA."""
     if name is None and not file.board:
-        raise input_error(str(path), "the bitstream names no board", "name it with --board")
+        raise input_error(path, "the bitstream names no board", "name it with --board")
     board = fpga_board(name or file.board)
     if file.board and file.board != board.name:
-        raise input_error(str(path), f"the bitstream is for {file.board}, not {board.name}", "give that board's file")
+        raise input_error(path, f"the bitstream is for {file.board}, not {board.name}", "give that board's file")
     if file.idcode != board.fpga.idcode:
         what = f"the bitstream is for an {file.device}, {board.name} has an {board.fpga.name}"
-        raise input_error(str(path), what, "make one for this board (make bitstream)")
+        raise input_error(path, what, "make one for this board (make bitstream)")
     return board
 
 

@@ -103,7 +103,7 @@ def check_frame(
     path = Path(path)
     suffix = path.suffix.lower()
     if suffix not in SUFFIXES:
-        raise input_error(str(path), f"unknown extension '{path.suffix}'", f"choose from {', '.join(SUFFIXES)}")
+        raise input_error(path, f"unknown extension '{path.suffix}'", f"choose from {', '.join(SUFFIXES)}")
     agreed = Tones()
 
     def accept(metadata: Mapping[str, str]) -> None:

@@ -6,10 +6,10 @@ is (cx, cy) + f (1 + k1 r^2 + k2 r^4) (a, b).
 
 Each lenslet that a position sees gives two points: the panel point that it shows, and
 its middle in the photograph, between its seams. Both are fitted at once, weighted by
-their scatter. Weak priors hold what the data leave open; a parameter whose uncertainty
-is that of its prior was not determined. The covariance is a sandwich estimate over
-blocks of lenslets, because the errors of neighbours are correlated, and contains
-`SmoothErrors`.
+their scatter, of which a fraction is smooth over the array (`SmoothErrors`). Weak
+priors hold what the data leave open; a parameter whose uncertainty is that of its prior
+was not determined. The covariance is a sandwich estimate over blocks of lenslets,
+because the errors of neighbours are correlated.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ from lippmann.base import interrupts
 from lippmann.calibration.lens_projection import FOLDS, LensProjection, powers
 from lippmann.calibration.lenslet_measurement import Lenslets, regular
 from lippmann.display.description import Display
-from lippmann.optics.rays import Floats
+from lippmann.optics.rays import Bools, Floats
 
 #: The array's parameters, and the step of each for differences: mm, radians, fractions.
 ARRAY = {"pitch_x": 1e-5, "pitch_y": 1e-5, "shear": 1e-6, "rotation": 1e-6, "offset_x": 1e-4, "offset_y": 1e-4}
@@ -38,13 +38,11 @@ GAP = {"gap": 1e-4}
 #: Coefficients of the array's height over its mean, mm; places are in half widths and
 #: half heights of the panel.
 BOW = {"tilt_x": 1e-4, "tilt_y": 1e-4, "bow_xx": 1e-4, "bow_yy": 1e-4, "bow_xy": 1e-4}
-#: Degrees of the polynomial in the slope by which blur moves seams, pitches at the
-#: steepest slope.
+#: Degrees of the polynomial of the slope by which blur moves the seams, pitches.
 SEAMS = range(3, 10)
 LENS = {"focal": 1e-2, "middle_x": 1e-2, "middle_y": 1e-2, "k1": 1e-5, "k2": 1e-5}
 POSE = {"turn_x": 1e-6, "turn_y": 1e-6, "turn_z": 1e-6, "place_x": 1e-2, "place_y": 1e-2, "place_z": 1e-2}
-#: Prefixes of parameters that change where a photograph shows a point, but not which
-#: rays it sees.
+#: Prefixes of parameters that move points in a photograph, but change no rays.
 STILL = "seams_", "turn_", "zoom_", *LENS
 #: Prefixes of parameters that change their own view only.
 OWN_VIEW = "turn_", "place_", "zoom_"
@@ -101,7 +99,7 @@ class SmoothErrors:
 
     @classmethod
     def of(cls, places: Floats, shares: Floats) -> SmoothErrors:
-        """Return the smooth errors of lenslets at places (N, 2) on the array, with t (4,) as `shares`."""
+        """Return the smooth errors of lenslets at places (N, 2); `shares` is t (4,)."""
         u, v = (2.0 * spread_out(places) - 1.0).T
         modes = np.stack([np.ones_like(u), u, v, u * u - 1.0 / 3.0, u * v, v * v - 1.0 / 3.0], axis=1)
         basis, values, _ = np.linalg.svd(modes, full_matrices=False)
@@ -121,7 +119,7 @@ def spread_out(places: Floats) -> Floats:
 
 
 class Rays(NamedTuple):
-    """Middles of the outlines (N, 3), panel points (N, 2), mm, and terms of the seams' polynomial (N, 2, M)."""
+    """Outlines' middles (N, 3) and panel points (N, 2), mm; terms of the seams (N, 2, M)."""
 
     middles: Floats
     points: Floats
@@ -130,7 +128,7 @@ class Rays(NamedTuple):
 
 @dataclass(frozen=True)
 class Problem:
-    """A nominal display and the lenslets of each position; the parameters x are a vector of `blocks`."""
+    """A nominal display and each position's lenslets; the parameters x are one vector of `blocks`."""
 
     display: Display
     projections: Sequence[LensProjection]
@@ -208,7 +206,7 @@ class Problem:
         return Rays(np.column_stack([centres + outline, z]), centres + point, seam_terms)
 
     def aside(self, x: Floats, k: int, middles: Floats) -> Floats:
-        """Return places of readings from the outlines' middles (N, 3), in cells of pitch 1."""
+        """Return how far readings are from the outlines' middles (N, 3), in pitches, (N, 2)."""
         return np.asarray((self.views[k].cell_px - projected(middles, *self.pose(x, k))) @ self.views[k].steps)
 
     def predict(self, x: Floats, k: int, rays: Rays | None = None) -> tuple[Floats, Floats]:
@@ -236,8 +234,8 @@ class Problem:
         display, size = self.display, np.array(self.views[0].shape[::-1])
         depth, longer = display.aperture_distance_mm, float(size.max())
         focal, *middle = self.part(x, "lens")[:3]
-        # Each divisor is a standard deviation: pitches relative to the file's, lengths
-        # as fractions of D.
+        # Standard deviations: of relative pitches, gap and bow over D, the logarithm of
+        # the focal length, lengths over the longer side, and seams in pitches.
         parts: list[npt.ArrayLike] = [
             (x[:2] / display.array.pitches_mm - 1.0) / 0.01,
             (self.part(x, "gap") - display.gap_mm) / (0.3 * depth),
@@ -264,7 +262,7 @@ class Weights(NamedTuple):
     """The scatter of both points in each view, and which lenslets count, (N,)."""
 
     scatter: list[tuple[float, float]]
-    inliers: list[npt.NDArray[np.bool_]]
+    inliers: list[Bools]
 
     @classmethod
     def equal(cls, problem: Problem, scatter: tuple[float, float]) -> Weights:
@@ -307,7 +305,7 @@ class Solution:
         return list(self.problem.steps).index(name)
 
     def rms_px(self) -> tuple[float, float]:
-        """Return the root mean squares of the residuals, panel and photograph."""
+        """Return the root mean squares of inliers' residuals, in pixels of panel and photograph."""
         counting = [self.problem.residuals(self.x, k)[inliers] for k, inliers in enumerate(self.weights.inliers)]
         columns, rows, *photo = (np.concatenate(counting) ** 2).mean(axis=0)
         return math.sqrt(columns + rows), math.sqrt(sum(photo))
@@ -395,7 +393,7 @@ def _smooth(problem: Problem, weights: Weights, k: int) -> SmoothErrors:
 
 
 def jacobian(problem: Problem, x: Floats, weights: Weights) -> Floats:
-    """Return the derivatives by the free parameters, as central differences of offsets, which have no kink."""
+    """Return the Jacobian by central differences of the offsets, which have no kink."""
     scatter, inliers = weights
     every = range(len(inliers))
     factors = []

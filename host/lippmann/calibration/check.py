@@ -4,9 +4,8 @@
 camera at X sees the first white and the second black, or the opposite where the array
 is not as described.
 
-`3-rings` gives each lenslet one colour, by its distance from the panel's middle: from a
-place without crosstalk, smooth concentric rings, broken where a pixel has the wrong
-owner.
+`3-rings` gives each lenslet one colour, by its distance from the panel's middle. From a
+place without crosstalk, an eye sees rings, broken where a pixel has a wrong owner.
 """
 
 from __future__ import annotations
@@ -26,9 +25,10 @@ from lippmann.optics.lattice import Lattice
 from lippmann.rendering.integral_image import IntegralImage
 
 NAMES = ("1-white", "2-dark", "3-rings")
-#: Diameter of the pupil for which the picture is white, in steps between neighbouring
-#: views.
+#: Diameter of the pupil that sees white, in steps from one view to the next.
 VIEWS = 4.0
+#: Maximum fraction of dark's light in a right block, and minimum fraction of these.
+MAX_DARK, MIN_RIGHT = 0.3, 0.95
 
 
 def rings(display: Display) -> Light:
@@ -58,10 +58,10 @@ def pictures(display: Display, eye_mm: tuple[float, float, float]) -> dict[str, 
 
 @dataclass(frozen=True)
 class Verdict:
-    """Whether photographs of white and dark are right, and fractions.
+    """The verdict on photographs of white and dark: whether enough blocks are right.
 
-    `right_share` of the blocks are white. The dark shares are dark's light in a block,
-    as a fraction of both pictures': median and 95th percentile.
+    The dark shares are dark's light in a block, as a fraction of both pictures': median
+    and 95th percentile.
     """
 
     right: bool
@@ -71,15 +71,15 @@ class Verdict:
 
 
 def judge_folder(folder: Path) -> Verdict:
-    """Judge the photographs 1-white and 2-dark of a folder."""
+    """Judge the photographs 1-white and 2-dark of a folder, taken from the eye's place."""
     if not folder.is_dir():
-        raise input_error(str(folder), "there is no such folder", "name that of the photographs")
+        raise input_error(folder, "there is no such folder", "name that of the photographs")
     paths = []
     for name in NAMES[:2]:
         files = [one for suffix in SUFFIXES if (one := folder / f"{name}{suffix}").is_file()]
         if not files:
             remedy = f"photograph {name}.png from the eye's place, and put it there as {name}.jpg"
-            raise input_error(str(folder), f"the photograph of {name} is missing", remedy)
+            raise input_error(folder, f"the photograph of {name} is missing", remedy)
         paths.append(files[0])
     white = read_photograph(paths[0]).light
     return judge(white, read_photograph(paths[1], white.shape).light)
@@ -87,7 +87,7 @@ def judge_folder(folder: Path) -> Verdict:
 
 def judge(white: Light, dark: Light) -> Verdict:
     """Judge the light of two photographs, (height, width)."""
-    side = max(2, round(1 / 48 * max(white.shape)))  # of a block
+    side = max(2, round(1 / 48 * max(white.shape)))  # a block's, pixels
     height, width = (side * (length // side) for length in white.shape)
     shape = height // side, side, width // side, side
     means = [one[:height, :width].reshape(shape).mean(axis=(1, 3)) for one in (white, dark)]
@@ -99,5 +99,5 @@ def judge(white: Light, dark: Light) -> Verdict:
     if inside.sum() < 9:
         raise InputError("the photographs show too little of the panel; come nearer")
     share = means[1][inside] / both[inside]
-    right_share = float((share < 0.3).mean())  # more light of dark is wrong
-    return Verdict(right_share >= 0.95, right_share, float(np.median(share)), float(np.percentile(share, 95.0)))
+    right_share = float((share < MAX_DARK).mean())
+    return Verdict(right_share >= MIN_RIGHT, right_share, float(np.median(share)), float(np.percentile(share, 95.0)))

@@ -1,4 +1,4 @@
-"""The pictures that tell a camera which point of the panel it sees: Gray code and phase shift, in both directions.
+"""The pictures that tell a camera which panel point it sees: Gray code and phase shift, in both directions.
 
 Light at the coordinate u (column or row, pixel centres at 1/2) of the phase picture n
 of N, for the period T:
@@ -113,7 +113,7 @@ class PatternSet:
         return tuple(Pattern(place, *one) for place, one in enumerate(kinds))
 
     def level(self, pattern: Pattern, at_px: Floats) -> Floats:
-        """Return the light, 0 to 1, of a coded picture at coordinates."""
+        """Return the light, 0 to 1, of a coded picture at coordinates along its axis."""
         if pattern.kind == "phase":
             turns = at_px / self.period_px - pattern.number / self.steps
             return np.asarray(0.5 + 0.5 * np.cos(2.0 * np.pi * turns))
@@ -132,7 +132,7 @@ class PatternSet:
         return half
 
     def point(self, phase: Floats, half: npt.NDArray[np.integer]) -> npt.NDArray[np.float32]:
-        """Return the coordinates with a phase (radians) nearest to the middles of half periods."""
+        """Return the coordinates, pixels, with a phase (radians) nearest to half periods' middles."""
         fine = (phase * np.float32(self.period_px / (2.0 * np.pi))).astype(np.float32)
         near = (half.astype(np.float32) + np.float32(0.5)) * np.float32(self.half_px)
         periods = np.round((near - fine) * np.float32(1.0 / self.period_px))
@@ -191,7 +191,7 @@ class AxisCode:
     def points(self) -> tuple[npt.NDArray[np.float32], npt.NDArray[np.bool_]]:
         """Return each pixel's coordinate, pixels of the panel, and whether it is reliable."""
         points = self.patterns.point(np.angle(self.wave), self.patterns.half_of(self.code))
-        # At an edge of the code, one bit is doubtful.
+        # A weaker cosine is noise; at an edge of the code, one bit is doubtful.
         good = (self.amplitude > 0.2) & (self.doubtful <= 1)
         return points, good & (points >= 0.0) & (points <= self.patterns.sides_px[self.axis])
 
@@ -208,7 +208,7 @@ def _marks(height: int, width: int) -> npt.NDArray[np.float32]:
 
 
 def write_patterns(patterns: PatternSet, display: Display, folder: Path) -> list[Path]:
-    """Write the pictures and `patterns.toml` into a folder; return the pictures' files."""
+    """Write the pictures and `patterns.toml` into a folder; return the pictures' files. Raises as `make_folder`."""
     make_folder(folder)
     files = [folder / name for name in patterns.files]
     for pattern, file in zip(patterns.patterns, files, strict=True):
@@ -228,7 +228,7 @@ def read_patterns(path: Path, display: Display) -> PatternSet:
             f"the patterns are {raw.width_px} x {raw.height_px} pixels, for '{raw.display}'; the panel of "
             f"'{display.name}' has {panel.width_px} x {panel.height_px}"
         )
-        raise input_error(str(path), what, "name the display file that the patterns were drawn for")
+        raise input_error(path, what, "name the display file that the patterns were drawn for")
     patterns = PatternSet(raw.width_px, raw.height_px, raw.period_px, raw.steps)
     if raw.files != patterns.files:
         raise InputError(f"{path}: files: the list is not that of its code; draw the patterns again")

@@ -27,7 +27,7 @@ FOCALS = (0.4, 8.0)
 
 
 def first_lens(planes_mm: list[Floats], photos_px: list[Floats], shape: tuple[int, int]) -> Floats:
-    """Return a first lens from points (N, 3) of a plane and pixels (N, 2) in each position."""
+    """Return a first lens (f, cx, cy, k1, k2), pixels, from each view's plane points (N, 3) and pixels (N, 2)."""
     size = shape[1], shape[0]
     objects, images = ([one.astype(np.float32) for one in many] for many in (planes_mm, photos_px))
     matrix = cv2.initCameraMatrix2D(objects, images, size, 1.0)
@@ -39,7 +39,7 @@ def first_lens(planes_mm: list[Floats], photos_px: list[Floats], shape: tuple[in
 
 
 def first_pose(plane_mm: Floats, photo_px: Floats, lens: Floats) -> tuple[Floats, Floats]:
-    """Return the rotation vector and place of a camera that sees points (N, 3) at pixels (N, 2)."""
+    """Return the rotation vector and place, mm, of a camera that sees points (N, 3) at pixels (N, 2)."""
     matrix = np.array([[lens[0], 0, lens[1]], [0, lens[0], lens[2]], [0, 0, 1]])
     _, turn, shift = cv2.solvePnP(plane_mm, photo_px, matrix, np.zeros(5), flags=cv2.SOLVEPNP_IPPE)
     vector = np.array(turn, np.float64).ravel()
@@ -51,7 +51,7 @@ GAPS = np.linspace(-0.35, 0.35, 57)
 
 
 def array_of(grid: Grid, steps: Floats, offset: Floats) -> Floats:
-    """Return pitches, shear, rotation (radians) and offset of a lattice, whose steps are columns."""
+    """Return pitches, shear, rotation (radians) and offset of a lattice with its steps in columns."""
     turn = math.atan2(steps[1, 0], steps[0, 0])
     c, s = math.cos(turn), math.sin(turn)
     along, up = np.array([[c, s], [-s, c]]) @ steps[:, 1]
@@ -83,8 +83,7 @@ def starts(
         moved = projection.traced(np.tile(aside / place[2], (len(gaps), 1)), gaps, ())[1]
         grown = projection.traced(np.tile([-1e-3, 0.0], (len(gaps), 1)), gaps, ())[1][:, :1] / 1e-3 / place[2] + 1.0
         zero = one.origin - moved
-        # The camera is as far from the lenslet's centre as from the point seen, divided
-        # by the lattice's growth.
+        # The camera's distance from the lenslet: that from the point seen, over `grown`.
         true_place = np.hstack([zero + aside / grown, place[2] / grown])
         lattices.append((zero, one.basis / grown[..., None], true_place))
     zeros, bases, true_places = (np.stack(part, axis=1) for part in zip(*lattices, strict=True))

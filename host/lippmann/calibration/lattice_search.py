@@ -1,4 +1,4 @@
-"""The lattice of the points that a camera sees on the panel: the lenslets' centres, seen from one position.
+"""The lattice of the panel points that a camera sees: the lenslets' centres, seen from one position.
 
 The paraxial point seen through the lenslet at L from C is P = L (1 + D/Cz) - C D/Cz: an
 affine image of the array's lattice. Rotations and scales of the nominal lattice are
@@ -18,7 +18,7 @@ import numpy.typing as npt
 from lippmann.display.description import Display, Grid
 from lippmann.errors import InputError, input_error
 from lippmann.optics.lattice import Lattice
-from lippmann.optics.rays import Floats
+from lippmann.optics.rays import Bools, Floats
 from lippmann.optics.system import PanelFrame
 
 #: Maximum errors of the nominal file: rotation, degrees, and relative pitch.
@@ -36,7 +36,7 @@ REMEDY = (
 
 @dataclass(frozen=True)
 class SeenLattice:
-    """Points origin + basis @ (i, j), mm in the panel's frame; the basis has the steps as columns."""
+    """Points origin + basis @ (i, j), mm in the panel's frame; the basis' columns are the steps."""
 
     origin: Floats
     basis: Floats
@@ -50,15 +50,15 @@ class SeenLattice:
         """Return the points of steps (N, 2), mm."""
         return np.asarray(self.origin + steps @ self.basis.T)
 
-    def near(self, points_mm: Floats) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.bool_]]:
-        """Return the nearest lattice points (i, j), (N, 2), and which points are near theirs, (N,)."""
+    def near(self, points_mm: Floats) -> tuple[npt.NDArray[np.int64], Bools]:
+        """Return the nearest lattice points (i, j), (N, 2), and which points are near, (N,)."""
         steps = self.steps(points_mm)
         index = np.round(steps)
         return index.astype(np.int64), within(steps - index, self.grid, NEAR)
 
 
-def within(steps: Floats, grid: Grid, share: float) -> npt.NDArray[np.bool_]:
-    """Tell which points (..., 2), in steps from a lattice point, are in its cell scaled by `share`."""
+def within(steps: Floats, grid: Grid, share: float) -> Bools:
+    """Tell which points (..., 2), in steps from a lattice point, are in its scaled cell."""
     i, j = steps[..., 0], steps[..., 1]
     if grid == "square":
         return np.asarray(np.maximum(abs(i), abs(j)) < 0.5 * share)
@@ -74,10 +74,9 @@ def steps_of(display: Display) -> Floats:
 
 
 def find_lattice(name: str, points_mm: Floats, display: Display) -> SeenLattice:
-    """Find the lattice of the points (N, 2) of a position, mm; refuse one far from the nominal display's."""
+    """Find the lattice of a position's points (N, 2), mm; refuse one far from the nominal."""
     nominal = steps_of(display)
-    # The lattice appears enlarged by D over the distance, which is at least 1.5 widths
-    # of the panel.
+    # The lattice is enlarged by D over the distance, at least 1.5 widths of the panel.
     growth = min(0.5, display.aperture_distance_mm / (1.5 * display.panel.width_mm))
     pitch = display.array.coarsest_mm
     best: tuple[float, SeenLattice] | None = None
@@ -110,7 +109,7 @@ def find_lattice(name: str, points_mm: Floats, display: Display) -> SeenLattice:
 def _followed(
     points_mm: Floats, middle: Floats, nominal: Floats, grid: Grid, pitch: float, growth: float
 ) -> tuple[float, SeenLattice] | None:
-    """Follow the lattice outwards from a middle; return the fraction of points near it, and it."""
+    """Follow the lattice outwards; return the fraction of points near it, and the lattice."""
     distance = np.hypot(*(points_mm - middle).T)
     first = points_mm[distance < FIRST_RADIUS * pitch]
     if len(first) < 200:  # some for each lenslet

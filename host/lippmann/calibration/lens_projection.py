@@ -7,8 +7,7 @@ are sums of few powers. With s = x + i y along the array's axes, s* = x - i y, a
 
     c(s) = sum of c_jk s^j (s*)^k,   w(s) = -sum of (a_jk + gap b_jk) s^j (s*)^k,   j - k = 1, 1 - n, 1 + n, ...
 
-They are fitted to exact rays (Snell's law at each face), and so contain what a paraxial
-D lacks.
+They are fitted to exact rays (Snell's law at each face): a paraxial D would lack terms.
 """
 
 from __future__ import annotations
@@ -25,7 +24,7 @@ from lippmann.calibration.lenslet_measurement import INNER, MIDDLE
 from lippmann.display.description import MAX_SIDE_PX, Display
 from lippmann.optics.backend import NumpyBackend
 from lippmann.optics.lattice import Lattice
-from lippmann.optics.rays import Floats, Hits, gets_through
+from lippmann.optics.rays import Bools, Floats, Hits, gets_through
 from lippmann.optics.sample_points import R2_STEPS, square_to_cell
 from lippmann.optics.system import PanelFrame
 from lippmann.optics.trace import trace_to_panel
@@ -36,8 +35,7 @@ SEAM = {"square": 2.0 / 3.0, "hex": 5.0 / 6.0}
 FOLDS = {"square": 4, "hex": 6}
 #: Degrees j + k of the sums, for steep lenslets too.
 DEGREES = range(1, 12)
-#: Rays across the inner cell; directions of slopes, a prime number, so that no symmetry
-#: repeats one.
+#: Rays across the inner cell; directions of slopes, prime: no symmetry repeats one.
 ACROSS, DIRECTIONS = 13, 17
 #: Points on the edge of an outline.
 EDGE_POINTS = 96
@@ -68,7 +66,7 @@ class LensProjection:
     def traced(
         self, slope: Floats, gap_mm: Floats | float, others: Sequence[tuple[int, int]]
     ) -> tuple[Floats, Floats, Floats]:
-        """Return c and w, (N, 2) mm, for slopes (N, 2) and one gap or N, and the terms `others`, (N, 2, M)."""
+        """Return c and w (N, 2), mm, and the terms `others` (N, 2, M), for slopes (N, 2) and one gap or N."""
         every, turn = powers(self.folds, DEGREES), np.exp(1j * np.deg2rad(self.rotation_deg))
         each = turn * terms((slope[:, 0] + 1j * slope[:, 1]) / (self.steepest * turn), every)
         c, fixed, per_gap = (each @ np.stack([self.aside, self.fixed, self.per_gap], axis=1)).T
@@ -117,7 +115,7 @@ def fit_projection(display: Display, steepest: float, distance_mm: float) -> Len
     return LensProjection(fixed, per_gap, aside, folds, display.array.rotation_deg, height, radii[-1])
 
 
-def means(points: Floats, chosen_points: npt.NDArray[np.bool_]) -> Floats:
+def means(points: Floats, chosen_points: Bools) -> Floats:
     """Return the means (N, 2) of the chosen (N, M) of points (N, M, 2)."""
     count = np.maximum(chosen_points.sum(axis=1), 1)[:, None]
     return np.asarray((points * chosen_points[..., None]).sum(axis=1) / count)
@@ -137,11 +135,11 @@ def movement(display: Display, slopes: Floats, distance_mm: float) -> float:
     return 0.5 * float(np.trace(moves))
 
 
-def inner_rays(display: Display, slopes: Floats, distance_mm: float) -> tuple[Floats, Floats, npt.NDArray[np.bool_]]:
+def inner_rays(display: Display, slopes: Floats, distance_mm: float) -> tuple[Floats, Floats, Bools]:
     """Trace rays through a lenslet's inner cell from cameras in directions of slopes (N, 2).
 
     Return places in the cell (M, 2) and on the panel (N, M, 2), mm along its axes, and
-    which rays arrive.
+    which rays arrive, (N, M).
     """
     plain, height = _plain(display), outline_mm(display)
     axes = axes_at(display.array.rotation_deg)
@@ -153,7 +151,7 @@ def inner_rays(display: Display, slopes: Floats, distance_mm: float) -> tuple[Fl
 
 
 def _plain(display: Display) -> Display:
-    """Return the display with lenslet (0, 0) in the middle, unrotated, on the largest panel."""
+    """Return the display with lenslet (0, 0) in the middle, unrotated, on a panel that no ray misses."""
     panel = replace(display.panel, width_px=MAX_SIDE_PX, height_px=MAX_SIDE_PX)
     array = replace(display.array, rotation_deg=0.0, offset_mm=(0.0, 0.0), extent_mm=None)
     return replace(display, panel=panel, array=array, viewing_distance_mm=None, viewing_axis_mm=(0.0, 0.0))
@@ -162,8 +160,7 @@ def _plain(display: Display) -> Display:
 def _middles(display: Display, slopes: Floats, height_mm: float, distance_mm: float) -> Floats:
     """Return the middles of the outline for slopes (N, 2), (N, 2) mm.
 
-    They are means over the points that `measure_lenslets` assigns to the lenslet, not
-    to a neighbour.
+    They are means over the points that `measure_lenslets` assigns to the lenslet.
     """
     lattice = Lattice.of(display.array)
     axes = np.array([lattice.centre(1.0, 0.0), lattice.centre(0.0, 1.0)])
@@ -186,7 +183,7 @@ def _middles(display: Display, slopes: Floats, height_mm: float, distance_mm: fl
             own = (at @ to_steps / grown - centre[:, None] - points @ to_steps @ moves) @ np.linalg.inv(
                 np.eye(2) - moves
             )
-            there = arrives & within(own - shift[:, None], display.array.grid, NEAR)
+            there = arrives & within(own - shift[:, None], display.array.grid, NEAR)  # given to the lenslet
             low, high = np.where(there, half, low), np.where(there, high, half)
         edge = 0.5 * (low + high)
         area = 0.5 * (edge**2).sum(axis=1)
@@ -195,7 +192,7 @@ def _middles(display: Display, slopes: Floats, height_mm: float, distance_mm: fl
 
 
 def _movement(across: Floats, landed: Floats) -> tuple[Floats, Floats, Floats]:
-    """Return the mean place and movement of points, and their mean own place, in steps."""
+    """Return panel points' median, movement across the cell, and mean own place, in steps."""
     if len(across) < 3:
         return np.zeros(2), np.zeros((2, 2)), np.zeros(2)
     centre = np.asarray(np.median(landed, axis=0))
@@ -215,11 +212,10 @@ def _cell(display: Display, share: float, across: int) -> Floats:
 
 def _traced(
     display: Display, slopes: Floats, through: Floats, height_mm: float, distance_mm: float
-) -> tuple[npt.NDArray[np.bool_], Floats]:
+) -> tuple[Bools, Floats]:
     """Trace rays from cameras through points (N, M, 2) of the plane of outlines.
 
-    Return which pass lenslet (0, 0), (N, M), and where they meet the panel, (N, M, 2)
-    mm.
+    Return which pass lenslet (0, 0), (N, M), and their panel points (N, M, 2), mm.
     """
     camera = np.column_stack([slopes * distance_mm, np.full(len(slopes), height_mm + distance_mm)])[:, None]
     to = np.concatenate([through, np.full((*through.shape[:2], 1), height_mm)], axis=2)

@@ -21,7 +21,7 @@ from lippmann.display.description import Display, Grid
 from lippmann.errors import input_error
 from lippmann.optics.backend import NumpyBackend
 from lippmann.optics.lattice import HALF_SQRT3, Lattice, number_lenslets
-from lippmann.optics.rays import Floats, Indices
+from lippmann.optics.rays import Bools, Floats, Indices
 
 Values = npt.NDArray[np.floating]
 #: Distance of a cell's corner from its centre, pitches, with some reserve.
@@ -37,7 +37,7 @@ def regular(grid: Grid, index: npt.NDArray[np.number]) -> Floats:
 
 @dataclass(frozen=True)
 class Outline:
-    """Map of a position to the lattice around `origin`; `size_px` is the photograph's longer side."""
+    """Map of a photograph to the lattice around `origin`; `size_px` is its longer side."""
 
     lattice: Lattice
     middle_px: Floats
@@ -60,7 +60,7 @@ class Outline:
         return np.stack([x, y], axis=1)
 
     def located(self, photo_px: Values) -> tuple[Indices, Floats]:
-        """Return the lenslets (i, j) in whose outlines pixels lie, and places from their centres."""
+        """Return the lenslets (i, j) in whose outlines pixels lie, and places from centres."""
         x, y = self.cells(photo_px).T
         i, j, dx, dy = self.lattice.locate(NumpyBackend(), x, y)
         return np.stack([i, j], axis=1).astype(np.int64), np.stack([dx, dy], axis=1)
@@ -112,15 +112,14 @@ def _check_agreement(name: str, share: float) -> None:
         raise input_error(name, what, "check that all photographs are of one position, and of this display's patterns")
 
 
-#: Part of a cell whose pixels count: beyond it, a camera pixel sees through two
-#: lenslets.
+#: Part of a cell whose pixels count: others see through two lenslets.
 INNER = 0.7
 #: Part of a cell in which points move evenly.
 MIDDLE = 0.7
 #: Maximum of readings of a position: 30 for each of 100,000 lenslets.
 MAX_READINGS, SEED = 3_000_000, 1914
-#: Minimum pixels of a complete lenslet's neighbours, where the map is fitted, as a
-#: fraction of the largest one's.
+#: Minimum pixels of a complete lenslet's neighbours for the map's fit, as a fraction of
+#: the largest one's: by perspective, few, large lenslets differ much.
 NEIGHBOURS = 0.8
 
 
@@ -138,8 +137,7 @@ class Lenslets:
     """What a position sees through N lenslets (i, j), `index` (N, 2).
 
     `photo_px` (N, 2) are their middles in the photograph, `panel_mm` (N, 2) the panel
-    points seen through their inner cells, known within `half_px` (N, 2) pixels of the
-    panel.
+    points seen through their inner cells, within `half_px` (N, 2) pixels of the panel.
     """
 
     name: str
@@ -163,8 +161,8 @@ class Lenslets:
 
 def _match_pixels(
     decoded: Decoded, lattice: SeenLattice, points_mm: Floats, grid: Grid
-) -> tuple[Outline, Indices, npt.NDArray[np.bool_]]:
-    """Return the outlines in the photograph, the lenslets (i, j) of the pixels, and which pixels see their lenslet.
+) -> tuple[Outline, Indices, Bools]:
+    """Return the outlines, the lenslets (i, j) of the pixels, and which pixels see their own.
 
     The panel point that a pixel q sees through lenslet l is l + B (q - l), in steps of
     the lattice; in focus, B is 0. Each round improves the outlines and B.
@@ -244,7 +242,7 @@ def measure_lenslets(decoded: Decoded, lattice: SeenLattice, display: Display) -
     )
 
 
-def _centred(own: Floats, at: Floats, some: npt.NDArray[np.bool_]) -> Floats:
+def _centred(own: Floats, at: Floats, some: Bools) -> Floats:
     """Return the pixels' lattice points without the mean aberration in the middle of their cell."""
     home = np.round(at).astype(np.int64)
     names, groups = number_lenslets(home)
@@ -255,7 +253,7 @@ def _centred(own: Floats, at: Floats, some: npt.NDArray[np.bool_]) -> Floats:
 
 
 def _check_steady(name: str, index: Indices, counts: Indices, agree: float) -> None:
-    """Refuse photographs between which camera or display moved, so that pixels change their lenslet."""
+    """Refuse photographs between which camera or display moved: pixels changed lenslets."""
     least = 0.3 * float(np.median(counts[counts > 0])) if (counts > 0).any() else 0.0
     inside = _surrounded(*_table(index, counts), least)
     share = float((are_complete(index, counts, NEIGHBOURS) & inside).sum() / max(1, inside.sum()))
@@ -275,8 +273,8 @@ def _table(index: Indices, counts: Indices) -> tuple[Floats, Indices]:
     return table, places
 
 
-def _surrounded(table: Floats, places: Indices, least: Floats | float) -> npt.NDArray[np.bool_]:
-    """Tell which lenslets have more than `least` pixels in all four neighbours, or behind a hidden one."""
+def _surrounded(table: Floats, places: Indices, least: Floats | float) -> Bools:
+    """Tell which lenslets have, on each side, more than `least` pixels in one of the next two."""
     i, j = places
     inside = np.ones(len(i), bool)
     for di, dj in ((1, 0), (-1, 0), (0, 1), (0, -1)):
@@ -284,8 +282,8 @@ def _surrounded(table: Floats, places: Indices, least: Floats | float) -> npt.ND
     return inside
 
 
-def are_complete(index: Indices, counts: Indices, neighbours: float) -> npt.NDArray[np.bool_]:
-    """Tell which lenslets (N, 2) are inside the array, and have about as many pixels as their largest neighbour.
+def are_complete(index: Indices, counts: Indices, neighbours: float) -> Bools:
+    """Tell which lenslets (N, 2) are inside, with about as many pixels as their largest neighbour.
 
     The four neighbours must have the fraction `neighbours` of its pixels.
     """
@@ -301,9 +299,7 @@ def _sums(values: Floats, groups: Indices, count: int) -> Floats:
     return np.stack([np.bincount(groups, weights=column, minlength=count) for column in values.T], axis=1)
 
 
-def _averages(
-    points: Floats, local: Floats, good: npt.NDArray[np.bool_], groups: Indices, count: int
-) -> tuple[Floats, Floats, Floats]:
+def _averages(points: Floats, local: Floats, good: Bools, groups: Indices, count: int) -> tuple[Floats, Floats, Floats]:
     """Return means of points and places in the cell (M, 2), and how points move with places."""
     number = np.maximum(np.bincount(groups[good], minlength=count), 1)[:, None]
     at, middle = (_sums(one[good], groups[good], count) / number for one in (points, local))

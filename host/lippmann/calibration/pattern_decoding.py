@@ -20,7 +20,7 @@ from lippmann.calibration.photograph_diagnostics import Samples, check_marks, ch
 from lippmann.calibration.photographs import Light, Photograph, Position, read_photograph
 from lippmann.display.description import Display
 from lippmann.errors import input_error
-from lippmann.optics.rays import Floats
+from lippmann.optics.rays import Bools, Floats
 from lippmann.optics.system import PanelFrame
 
 #: Number of pixels by whose values the photographs are judged.
@@ -29,10 +29,10 @@ SAMPLES, SEED = 8000, 1908
 
 @dataclass(frozen=True)
 class Decoded:
-    """The panel points `panel_px` (N, 2) that the pixels `photo_px` (N, 2) of a position's camera see.
+    """The panel points `panel_px` (N, 2) that a camera's pixels `photo_px` (N, 2) see.
 
-    `shape` is the photographs' (height, width); `modulation` is the median amplitude of
-    the phase pictures.
+    `shape` is the photographs' (height, width), `modulation` the phase pictures' median
+    amplitude as a fraction of the black to white range.
     """
 
     name: str
@@ -53,11 +53,10 @@ def decode_position(
     shape: tuple[int, int] | None = None,
     progress: Progress = lambda *_: None,
 ) -> Decoded:
-    """Decode the photographs of one position; `pitch_px` is the lenslets' pitch in pixels of the panel.
+    """Decode the photographs of a position; `pitch_px` is the lenslets' pitch, panel pixels.
 
-    Raises InputError, with the photograph and a remedy, for different sizes, another
-    order, wrong exposure, blur, a moved camera, a panel partly out of view, or other
-    patterns.
+    Raises InputError, with the photograph and a remedy, for other patterns, sizes or
+    order, wrong exposure, blur, a moved camera, or a panel partly out of view.
     """
 
     def read(pattern: Pattern) -> Photograph:
@@ -96,15 +95,13 @@ def decode_position(
     return Decoded(position.name, shape, photo, panel, modulation)
 
 
-def _find_lit(
-    path: Path, white: Light, black: Light, clipped: npt.NDArray[np.bool_]
-) -> tuple[Light, npt.NDArray[np.bool_]]:
+def _find_lit(path: Path, white: Light, black: Light, clipped: Bools) -> tuple[Light, Bools]:
     """Return white's light over black, and where it suffices; refuse a wrong exposure."""
     span = white - black
     bright = float(np.percentile(span.ravel()[:: max(1, span.size // 200_000)], 95.0))
     if bright < 0.02:  # the maximum is 1
         what = f"is too dark: white is {100.0 * bright:.1f} % brighter than black"
-        raise input_error(str(path), what, "expose longer; all photographs alike, with a fixed exposure")
+        raise input_error(path, what, "expose longer; all photographs alike, with a fixed exposure")
     # Pixels with less contrast do not count.
     lit = span > 0.1 * bright
     clipped_share = float((clipped & lit).sum()) / max(1, int(lit.sum()))
@@ -112,5 +109,5 @@ def _find_lit(
     overall = float(clipped.mean())
     if clipped_share > 0.2 or overall > 0.5:
         what = f"is too bright: {100.0 * max(clipped_share, overall):.0f} % of the panel is clipped"
-        raise input_error(str(path), what, "expose all photographs shorter, so that white stays below the limit")
+        raise input_error(path, what, "expose all photographs shorter, so that white stays below the limit")
     return span, lit & ~clipped

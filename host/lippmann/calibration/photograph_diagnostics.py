@@ -14,8 +14,7 @@ from lippmann.calibration.coded_patterns import AxisCode, Pattern, PatternSet
 from lippmann.calibration.photographs import Light, Position
 from lippmann.errors import input_error
 
-#: Maximum residual of a phase photograph to the cosine through all, as a fraction of
-#: the amplitude.
+#: Maximum residual of a phase photograph to the cosine through all, in amplitudes.
 MAX_RESIDUAL = 0.35
 #: Minimum fraction of points on the plane as which a camera sees the panel.
 MIN_ON_PLANE = 0.6
@@ -23,7 +22,7 @@ MIN_ON_PLANE = 0.6
 
 @dataclass(frozen=True)
 class Samples:
-    """Light of the pixels `at` in the coded photographs, a fraction of the range, 0 in the middle."""
+    """Light of pixels `at` (rows, columns) over the black to white range, 0 in its middle."""
 
     patterns: PatternSet
     position: Position
@@ -89,7 +88,7 @@ def check_samples(samples: Samples, pitch_px: float) -> float:
         path = position.of(next(one for one in patterns.patterns if one.kind == "phase"))
         contrast = f"keep {100.0 * match.modulation:.0f} % of their contrast"
         what = f"is blurred: stripes of {patterns.period_px} panel pixels {contrast}"
-        raise input_error(str(path), what, "focus on the array, stop the lens down, and keep reflections away")
+        raise input_error(path, what, "focus on the array, stop the lens down, and keep reflections away")
     _check_light(samples)
     if residuals[worst] > MAX_RESIDUAL or match.disagree > 0.2 or match.on_plane < MIN_ON_PLANE:
         pair = _exchanged(samples, match, pitch_px)
@@ -100,7 +99,7 @@ def check_samples(samples: Samples, pitch_px: float) -> float:
         if residuals[worst] > MAX_RESIDUAL:
             what = "does not fit the other phase photographs"
             remedy = "take the position again: fixed camera and exposure, and each photograph named as its pattern"
-            raise input_error(str(position.of(worst)), what, remedy)
+            raise input_error(position.of(worst), what, remedy)
         what = "the photographs do not show this set of patterns: neighbouring pixels see points far apart"
         remedy = "use the patterns drawn for this display, each photograph named as its pattern"
         raise input_error(position.name, what, remedy)
@@ -119,7 +118,7 @@ def _check_light(samples: Samples) -> None:
             name, more = samples.position.of(pattern), "brighter" if got > expected else "darker"
             what = f"is {more} than its pattern ({100.0 * got:.0f} % of white, expected {100.0 * expected:.0f} %)"
             remedy = "fix the camera's exposure for all photographs, and name each one as its pattern"
-            raise input_error(str(name), what, remedy)
+            raise input_error(name, what, remedy)
 
 
 def _exchanged(samples: Samples, match: Fit, pitch_px: float) -> tuple[Pattern, Pattern] | None:
@@ -145,7 +144,7 @@ def _check_view(samples: Samples, match: Fit) -> None:
         return
     path = samples.position.of(patterns.patterns[0])
     if np.linalg.det(panel_from_photo[:2, :2]) < 0.0:
-        raise input_error(str(path), "is mirrored", "give the photographs as the camera took them")
+        raise input_error(path, "is mirrored", "give the photographs as the camera took them")
     height, width = samples.shape
     corners = np.array([[0, 0], [1, 0], [1, 1], [0, 1]], np.float64) * patterns.sides_px
     photo = cv2.perspectiveTransform(corners[None], np.linalg.inv(panel_from_photo))[0]
@@ -159,7 +158,7 @@ def _check_view(samples: Samples, match: Fit) -> None:
     sides = [side for side, beyond in outside.items() if beyond.any()]
     if sides:
         what = f"the panel is partly out of view, at the {' and '.join(sides)}"
-        raise input_error(str(path), what, "move the camera back or turn it, so that the whole panel is in view")
+        raise input_error(path, what, "move the camera back or turn it, so that the whole panel is in view")
 
 
 def check_marks(
@@ -170,6 +169,7 @@ def check_marks(
     if len(rows) < 8 or len(columns) < 8:
         return
     part = slice(rows[0], rows[-1] + 1), slice(columns[0], columns[-1] + 1)
+    # Both are blurred by 1.5 pixels before the comparison.
     before, after = (
         np.asarray(cv2.GaussianBlur(np.ascontiguousarray(one[part]), (0, 0), 1.5), np.float32)
         for one in (before, after)
@@ -177,11 +177,11 @@ def check_marks(
     scale = float(after.mean()) / max(1e-9, float(before.mean()))
     if not 0.8 < scale < 1.25:
         what = f"has {100.0 * scale:.0f} % of the light of {position.of(first).name}"
-        raise input_error(str(position.of(last)), what, "fix the camera's exposure, and the room's light")
+        raise input_error(position.of(last), what, "fix the camera's exposure, and the room's light")
     # The shift, by least squares over the gradients.
     down, right = np.gradient(before)
     slopes = np.stack([right.ravel(), down.ravel()], axis=1)
     moved = float(np.hypot(*np.linalg.lstsq(slopes, (before - after).ravel(), rcond=None)[0]))
     if moved > 0.4:  # pixels
         what = f"the camera moved by {moved:.1f} pixels after {position.of(first).name}"
-        raise input_error(str(position.of(last)), what, "fix the camera on a tripod, and take the position again")
+        raise input_error(position.of(last), what, "fix the camera on a tripod, and take the position again")

@@ -46,14 +46,14 @@ def pattern_set(folder: Path, display: Display) -> PatternSet:
     """Return the patterns of a folder: those of its `patterns.toml`, else the usual ones."""
     own = folder / FILE
     if own.exists() and not own.is_file():
-        raise input_error(str(own), not_there(own), "copy the one that lippmann calibrate patterns wrote")
+        raise input_error(own, not_there(own), "copy the one that lippmann calibrate patterns wrote")
     return read_patterns(own, display) if own.is_file() else PatternSet.of(display)
 
 
 def positions(folder: Path, patterns: PatternSet) -> list[Position]:
     """Return the positions in a folder's sub-folders, or in itself; refuse incomplete ones."""
     if not folder.is_dir():
-        raise input_error(str(folder), "no such folder", "give the folder that holds position-1, position-2 and so on")
+        raise input_error(folder, "no such folder", "give the folder that holds position-1, position-2 and so on")
     folders = [one for one in folder.iterdir() if one.is_dir() and _photographs(one)]
     # position-10 after position-9
     folders.sort(key=lambda one: (int("".join(filter(str.isdigit, one.name)) or 0), one.name))
@@ -66,7 +66,7 @@ def _photographs(folder: Path) -> dict[str, Path]:
         if one.suffix.lower() in SUFFIXES:
             if one.stem in photographs:
                 what = f"{photographs[one.stem].name} and {one.name} are photographs of one pattern"
-                raise input_error(str(folder), what, "keep one of them")
+                raise input_error(folder, what, "keep one of them")
             photographs[one.stem] = one
     return photographs
 
@@ -75,21 +75,21 @@ def _position(folder: Path, patterns: PatternSet) -> Position:
     photographs = _photographs(folder)
     if not photographs:
         remedy = f"put one photograph of each pattern there, such as {patterns.patterns[0].stem}.jpg"
-        raise input_error(str(folder), "holds no photographs", remedy)
+        raise input_error(folder, "holds no photographs", remedy)
     stems = [one.stem for one in patterns.patterns]
     absent = [stem for stem in stems if stem not in photographs]
     unknown = [stem for stem in photographs if stem not in stems]
     if absent and unknown:
         what = f"{photographs[unknown[0]].name} belongs to no pattern, and the photograph of {absent[0]} is missing"
         remedy = "name each photograph as its pattern; use the patterns of this display's panel"
-        raise input_error(str(folder), what, remedy)
+        raise input_error(folder, what, remedy)
     if absent:
         more = f" (and {len(absent) - 1} others)" if absent[1:] else ""
-        raise input_error(str(folder), f"the photograph of {absent[0]} is missing{more}", "take it, and name it so")
+        raise input_error(folder, f"the photograph of {absent[0]} is missing{more}", "take it, and name it so")
     if unknown:
         what = f"{photographs[unknown[0]].name} belongs to no pattern"
         remedy = f"draw the patterns again: this panel has {len(stems)}, the last is {stems[-1]}"
-        raise input_error(str(folder), what, remedy)
+        raise input_error(folder, what, remedy)
     return Position(folder.name, tuple(photographs[stem] for stem in stems))
 
 
@@ -107,15 +107,15 @@ def decode_values(values: npt.NDArray[np.integer]) -> Light:
 
 
 def read_photograph(path: Path, shape: tuple[int, int] | None = None) -> Photograph:
-    """Read an sRGB photograph; refuse one of another size than `shape` (height, width)."""
+    """Read an sRGB photograph as its channels' mean light; refuse another `shape` (height, width)."""
     raw = read_numbers(path, MAX_PIXELS, "is not a photograph that can be read", "give a PNG, JPEG or TIFF file")
     if raw.dtype not in _CURVES:
-        raise input_error(str(path), f"holds {raw.dtype} values", "save it with 8 or 16 bits for each colour")
+        raise input_error(path, f"holds {raw.dtype} values", "save it with 8 or 16 bits for each colour")
     if shape is not None and raw.shape[:2] != shape:
         what = f"is {raw.shape[1]} x {raw.shape[0]} pixels, the first photograph {shape[1]} x {shape[0]}"
-        raise input_error(str(path), what, "take all photographs with one camera and one setting, without turning it")
+        raise input_error(path, what, "take all photographs with one camera and one setting, without turning it")
     values = raw[..., :3] if raw.ndim == 3 else raw[..., None]
-    top = int(0.985 * np.iinfo(values.dtype).max)  # clipped
+    top = int(0.985 * np.iinfo(values.dtype).max)  # clipped from here on
     light = np.zeros(values.shape[:2], np.float32)
     clipped = np.zeros(values.shape[:2], np.bool_)
     for channel in range(values.shape[2]):

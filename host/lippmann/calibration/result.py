@@ -129,14 +129,14 @@ def load_calibration(path: Path) -> Calibration:
         identity = summary["identity"]
     except (KeyError, ValueError, RecursionError) as error:
         why = f"it lacks {error}" if isinstance(error, KeyError) else reason(error)
-        raise input_error(str(sidecar), f"cannot be read ({why})", remedy) from None
+        raise input_error(sidecar, f"cannot be read ({why})", remedy) from None
     if identity != display.identity:
-        raise input_error(str(sidecar), "belongs to another display file", "solve again, and keep both files together")
+        raise input_error(sidecar, "belongs to another display file", "solve again, and keep both files together")
     return Calibration(**vars(findings), display=display, nominal=parse_display(nominal, "nominal"), field=field)
 
 
 def display_of(nominal: Display, solution: Solution) -> Display:
-    """Return the display with the fitted array and gap; raise ContradictionError for an impossible one."""
+    """Return the display with the fitted array and gap; ContradictionError if it cannot be built."""
     value, array = solution.value, nominal.array
     pitch_mm, gap = (value("pitch_x"), value("pitch_y")), value("gap")
     extent = array.extent_mm
@@ -167,8 +167,7 @@ def parameters_of(nominal: Display, solution: Solution) -> tuple[Parameter, ...]
     """Return the array's numbers with 95 % intervals."""
     array, factor = nominal.array, float(students_t.ppf(0.975, 60))
     (px, py), depth, degree = array.pitches_mm, nominal.aperture_distance_mm, math.degrees(1.0)
-    # Unit and its size, the file's value, and the maximum uncertainty of a determined
-    # parameter.
+    # Unit and its size, the file's value, the maximum uncertainty if determined.
     rows = {
         "pitch_x": ("mm", 1.0, px, OPEN["pitch_x"] * px),
         "pitch_y": ("mm", 1.0, py, OPEN["pitch_y"] * py),

@@ -27,7 +27,7 @@ logger = logging.getLogger("lippmann")
 
 @contextmanager
 def open_webcam(number: int) -> Iterator[cv2.VideoCapture]:
-    """Open a webcam at its largest size with fixed settings; warn of refused ones. DeviceError without it."""
+    """Open a webcam at its largest size with fixed settings; warn of refused ones. Raises DeviceError."""
     camera = cv2.VideoCapture(number)
     try:
         if not camera.isOpened():
@@ -45,8 +45,7 @@ def open_webcam(number: int) -> Iterator[cv2.VideoCapture]:
 
 def fix_settings(camera: cv2.VideoCapture) -> list[str]:
     """Set the largest size, switch automatic settings off, and return the names of refused ones."""
-    # The size comes first, as it may reset other settings. The driver lowers it to its
-    # largest.
+    # The size, which the driver lowers to its largest, may reset other settings.
     sizes = [camera.set(side, 10_000) for side in SIZE]
     refused = [] if all(sizes) else ["the size"]
     # "Manual" is 1 in V4L2's enumeration, where 0.25 is rounded to 0, which is
@@ -60,7 +59,7 @@ def fix_settings(camera: cv2.VideoCapture) -> list[str]:
         "gain": (cv2.CAP_PROP_GAIN, camera.get(cv2.CAP_PROP_GAIN)),
     }
     for name, (prop, value) in settings.items():
-        if not camera.set(prop, value) or abs(camera.get(prop) - value) > 1e-3:
+        if not camera.set(prop, value) or abs(camera.get(prop) - value) > 1e-3:  # silently
             refused.append(name)
     return refused
 
@@ -75,7 +74,7 @@ def shoot(
     average: int = 1,
     progress: Progress = lambda *_: None,
 ) -> list[Path]:
-    """Show each pattern, wait for `settle_s`, and write the mean of `average` frames; return the files.
+    """Show each pattern, wait, and write the mean of `average` frames; return the files.
 
     Raises DeviceError when the camera gives no picture.
     """

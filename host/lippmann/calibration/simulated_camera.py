@@ -54,8 +54,7 @@ class Camera:
             raise InputError(f"camera: z {self.position_mm[2]:g} mm is behind the display; give z > 0")
         if not self.focal_px > 0.0:
             raise InputError(f"camera: focal length {self.focal_px:g} px is not positive; give it in pixels")
-        # Newton's method does not return to a point of the border that the lens cannot
-        # show.
+        # Newton's method does not return to border points that the lens cannot show.
         border = self.border()
         u, v = self.pixel(*self.slopes(*border))
         if not max(np.abs(u - border[0]).max(), np.abs(v - border[1]).max()) < 1e-6:
@@ -117,7 +116,7 @@ class Camera:
     def rays(
         self, u: npt.ArrayLike, v: npt.ArrayLike, pupil: tuple[npt.ArrayLike, npt.ArrayLike] = (0.0, 0.0)
     ) -> tuple[Floats, Floats]:
-        """Return origins (N, 3), mm, and unit directions (N, 3) for pixels and points of the pupil."""
+        """Return origins (N, 3), mm, and unit directions (N, 3) of pixels; `pupil` is in the unit disc."""
         x, y = self.slopes(u, v)
         axes, radius, focus = self.axes, 0.5 * self.pupil_mm, self.focus_distance_mm
         px, py = (radius * np.asarray(p, np.float64) + 0.0 * x for p in pupil)
@@ -144,7 +143,7 @@ class Camera:
 
 @dataclass(frozen=True)
 class Sensor:
-    """A sensor; `exposure` is a white panel's signal as a fraction of the full well."""
+    """A small camera's sensor; `exposure` is white as a fraction of the full well, which clips."""
 
     exposure: float = 0.8
     full_well_e: float = 10000.0

@@ -12,7 +12,6 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-import numpy.typing as npt
 from PIL import Image
 from scipy import sparse
 
@@ -24,7 +23,7 @@ from lippmann.display.description import Display, Panel
 from lippmann.display.subpixels import layout_of
 from lippmann.errors import input_error
 from lippmann.optics.backend import NumpyBackend
-from lippmann.optics.rays import Floats, Hits, Indices, gets_through
+from lippmann.optics.rays import Bools, Floats, Hits, Indices, gets_through
 from lippmann.optics.trace import trace_to_panel
 
 #: Rays traced at once.
@@ -35,18 +34,18 @@ COLOURS = 3
 Tracer = Callable[[Floats, Floats], Hits]
 #: Samples of rows of a picture: first and last camera pixel of the rows, then each
 #: sample's camera pixel, panel coordinates (N, 2), and whether it sees the panel.
-Band = tuple[int, int, Indices, Floats, npt.NDArray[np.bool_]]
+Band = tuple[int, int, Indices, Floats, Bools]
 
 
 @dataclass(frozen=True)
 class Projection:
-    """Light of panel pixels (columns) in camera pixels (rows), for each colour, and the lens's brightness."""
+    """Fractions of panel pixels' light (columns) that reach camera pixels (rows)."""
 
-    matrices: tuple[sparse.csr_matrix, ...]
-    brightness: Floats
+    matrices: tuple[sparse.csr_matrix, ...]  # one, or one for each colour
+    brightness: Floats  # transmission of the lens (height, width)
 
     def photograph(self, light: Light) -> Light:
-        """Return the picture of a panel's linear light, both (height, width), or (height, width, 3) in colour."""
+        """Return the picture of a panel's linear light, both (height, width) or (height, width, 3)."""
         grey = light.ndim == 2 and len(self.matrices) == 1
         planes = [light]
         if not grey:
@@ -68,8 +67,7 @@ def collect_projection(display: Display, camera: Camera, bands: Iterator[Band]) 
         weights = [share] if layout is None else [np.zeros_like(share) for _ in range(COLOURS)]
         if layout is not None:
             for k, gain, inside in layout.emitters(NumpyBackend(), place[:, 0], place[:, 1]):
-                # A white sub-pixel, which shows the common part of the colours, stays
-                # dark.
+                # A white sub-pixel, the colours' common part, stays dark.
                 if k < COLOURS:
                     weights[k] += np.where(inside, gain * share, 0.0)
         for part, weight in zip(parts, weights, strict=True):
@@ -83,7 +81,7 @@ def collect_projection(display: Display, camera: Camera, bands: Iterator[Band]) 
 def trace_projection(
     display: Display, camera: Camera, samples: int = 3, seed: int = 0, tracer: Tracer | None = None
 ) -> Projection:
-    """Trace what a camera sees of a display, by `samples` x `samples` rays a pixel."""
+    """Trace what a camera sees of a display, by `samples` x `samples` rays a pixel; `tracer` defaults to exact rays."""
     rng = np.random.default_rng((seed, 0x51))
     trace = tracer or (lambda origin, direction: trace_to_panel(display, origin, direction, engine="fast"))
     rows_at_once = max(1, CHUNK_RAYS // (camera.width_px * samples * samples))
@@ -138,19 +136,18 @@ def photograph_folder(
     bench: Bench = UNDISTURBED,
     samples: int = 3,
 ) -> list[Path]:
-    """Photograph a folder of patterns on a display as built; return the photographs in the patterns' order.
+    """Photograph a folder of patterns on a display as built; return the photographs in order.
 
-    `patterns` holds PNG files of the panel's size; the photographs have their names.
-    `samples` is the number of rays across each camera pixel, and down. `seed` is for
-    rays, noise and disturbances.
+    `patterns` holds PNG files of the panel's size, ordered by name; `output`, made if
+    missing, gets photographs of the same names. `samples` is the number of rays across
+    each camera pixel, and down. `seed` is for rays, noise and disturbances.
 
-    Raises InputError without patterns, for one of another size, and for a photograph
-    that cannot be written.
+    Raises InputError without patterns, for another size, or if it cannot write.
     """
     output = Path(output)
     names = sorted(Path(patterns).glob("*.png"))
     if not names:
-        raise input_error(str(patterns), "holds no patterns", "write them: lippmann calibrate patterns")
+        raise input_error(patterns, "holds no patterns", "write them: lippmann calibrate patterns")
     before = after = bench.project(display, camera, samples, seed)
     if bench.move(camera) != camera:
         after = bench.project(display, bench.move(camera), samples, seed)
@@ -175,7 +172,7 @@ def panel_light(path: Path, panel: Panel) -> Light:
         if picture.size != (panel.width_px, panel.height_px):
             width, height = picture.size
             what = f"is {width} x {height} pixels, the panel {panel.width_px} x {panel.height_px}"
-            raise input_error(str(path), what, "write patterns for this display")
+            raise input_error(path, what, "write patterns for this display")
         values = np.asarray(picture if picture.mode in ("L", "RGB") or "I" in picture.mode else picture.convert("RGB"))
     scale = 255.0 if values.dtype == np.uint8 else 65535.0
     if values.ndim == 3 and (values == values[..., :1]).all():

@@ -36,7 +36,7 @@ from lippmann.optics.rays import Floats
 
 
 class Radius(NamedTuple):
-    """A radius and its standard deviation, mm; `effect` is that of the latter on the parameters."""
+    """A radius and its standard deviation, mm; `effect` is the latter's on the parameters."""
 
     value_mm: float
     deviation_mm: float
@@ -60,8 +60,7 @@ def _of_position(display: Display, solution: Solution, k: int, view: Lenslets) -
     some = np.random.default_rng(1913).permutation(len(centres))[:48]
     slopes = (place[:2] - centres[some]) / place[2]
     old = display.array.radius_mm
-    # The movement of panel points over the aperture, mm per mm, is the same in both
-    # directions.
+    # The movement over the aperture, mm per mm, is the same in both directions.
     across = np.trace(view.spread @ axes_at(display.array.rotation_deg)) / 2.0
     measured = float(across / np.mean(display.array.pitches_mm))
 
@@ -70,7 +69,7 @@ def _of_position(display: Display, solution: Solution, k: int, view: Lenslets) -
         array = replace(array, thickness_mm=max(array.thickness_mm, array.sag_mm))
         return movement(replace(display, array=array), slopes, float(place[2])) - measured
 
-    # A dome spans its cell.
+    # The radius is sought from 3/4 to 4/3 of the file's; a dome spans its cell.
     low, high = max(0.75 * old, 1.001 * display.array.half_diagonal_mm), 1.33 * old
     if off(low) * off(high) > 0.0:
         what = f"no radius from {low:.4g} to {high:.4g} mm moves the panel's points as photographed"
@@ -157,7 +156,7 @@ def _refine(problem: Problem, x: Floats) -> tuple[Problem, Solution]:
     for _ in range(3):
         finer = trace_again(solution, problem)
         again = solve(finer, solution.x)
-        if _scatter(again) > 2.0 * _scatter(solution) + 0.02:  # the gap is wrong
+        if _scatter(again) > 2.0 * _scatter(solution) + 0.02:  # px: the gap is wrong
             break
         problem, solution = finer, again
     return problem, solution

@@ -30,7 +30,7 @@ from scipy.special import ndtr
 from lippmann.calibration.lens_projection import axes_at, inner_rays, means
 from lippmann.calibration.lenslet_measurement import Lenslets, Readings
 from lippmann.display.description import Display
-from lippmann.optics.rays import Floats, Indices
+from lippmann.optics.rays import Bools, Floats, Indices
 from lippmann.optics.system import PanelFrame
 
 Values = npt.NDArray[np.floating]
@@ -41,8 +41,7 @@ Blur = tuple[float, float]
 TOLERANCE = 0.02
 #: Lenslets of a view that are sampled.
 SAMPLED, SEED = 60, 1912
-#: Powers of the place in the cell and of the slope, for the aberrations of steep
-#: lenslets.
+#: Powers of the place in the cell and of the slope, for steep lenslets' aberrations.
 PLACE = [(a, b) for a in range(8) for b in range(8 - a)]
 SLOPE = [(a, b) for a in range(4) for b in range(4 - a)]
 
@@ -58,11 +57,11 @@ ALONG = (_derivative(0), _derivative(1))
 
 @dataclass(frozen=True)
 class Movement:
-    """How panel points (pixels) move over the inner cell: polynomial factors in slope and place."""
+    """How panel points (pixels) move over a cell: a polynomial in slope and place."""
 
-    factors: Floats
-    slope: Floats
-    inner: Floats
+    factors: Floats  # (slope powers, place powers, 2)
+    slope: Floats  # the mean, from which slopes count
+    inner: Floats  # places (M, 2) all over the inner cell
 
     def _own(self, slopes: Floats) -> Floats:
         """Return the factors of `PLACE` (N, powers, 2) for slopes (N, 2)."""
@@ -77,7 +76,7 @@ class Movement:
         return np.asarray(np.einsum("dp,npa->nda", ways, own) + half)
 
     def of(self, local: Values, slopes: Floats, aside: Floats, group: Indices) -> Moved:
-        """Return the movement at places (M, 2) of ascending lenslets (M,), from each cell's mean."""
+        """Return the movement from the cells' means at places (M, 2) of ascending lenslets (M,)."""
         own, at = self._own(slopes), np.asarray(local + aside[group], np.float32)
         own[:, 0] -= np.einsum("nd,nda->na", aside, self.over_cell(slopes, aside))
         ways = [one @ own for one in ALONG]
@@ -103,7 +102,7 @@ class Moved:
     change: Singles
     bent: Singles
 
-    def along(self, axis: int, some: npt.NDArray[np.bool_] | slice = slice(None)) -> Moved:
+    def along(self, axis: int, some: Bools | slice = slice(None)) -> Moved:
         """Return those of columns (0) or rows (1), (M,) each."""
         return Moved(*(one[some, axis] for one in (self.shift, self.change, self.bent)))
 
@@ -162,7 +161,7 @@ def read(at: Singles, edge: Singles) -> Singles:
     """Return S of the module's formula, less 1/2, at points (M,) for deviations (M,)."""
     near = np.rint(at)
     mean = near - 1 + ndtr((at - near) / edge)
-    wide = edge > 0.17
+    wide = edge > 0.17  # pixels
     if wide.any():  # several edges: the first terms of the Fourier series
         turn, fade = 2.0 * math.pi * at[wide], -2.0 * np.square(math.pi * edge[wide])
         waves = np.exp(fade) * np.sin(turn) + 0.5 * np.exp(4.0 * fade) * np.sin(2.0 * turn)
@@ -200,7 +199,7 @@ def blur_of(readings: Readings, moved: Moved, count: int) -> Blur:
 
 
 def interval(panel_px: Singles, shift: Singles, edge: Singles, group: Indices, count: int) -> tuple[Floats, Floats]:
-    """Return the minimum and maximum t of each lenslet for its mean reading, with the tolerance."""
+    """Return the minimum and maximum t whose f is a lenslet's mean reading, within the tolerance."""
     number = np.maximum(np.bincount(group, minlength=count), 1)
     mean = np.bincount(group, weights=panel_px, minlength=count) / number
     # Single precision suffices relative to the pixel of the mean.

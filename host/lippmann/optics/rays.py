@@ -21,6 +21,7 @@ ENGINES: tuple[Engine, ...] = get_args(Engine)
 
 Floats = npt.NDArray[np.float64]
 Indices = npt.NDArray[np.int64]
+Bools = npt.NDArray[np.bool_]
 
 
 class Status(IntEnum):
