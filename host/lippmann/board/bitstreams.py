@@ -26,8 +26,7 @@ logger = logging.getLogger(__name__)
 PREAMBLE = b"\xff\xff\xbd\xb3"
 VERIFY_ID = b"\xe2\x00\x00\x00"
 PROGRAM_DONE = b"\x5e\x00\x00\x00"
-#: Commands that may come before VERIFY_ID, without data: nothing, and the reset of the
-#: checksum.
+#: Commands without data before VERIFY_ID: no operation, and the checksum's reset.
 NO_OPERATION, RESET_CRC = 0xFF, 0x3B
 #: JTAG identities of the family.
 DEVICES = {
@@ -53,7 +52,7 @@ class BitFile:
     board: str
     display: str
     identity: str
-    design: str
+    design: str  # hash of all that it was made of
 
     @property
     def device(self) -> str:
@@ -78,7 +77,7 @@ def comment(board: str, display: str, identity: str, design: str, seed: int) -> 
 
 
 def sealed(data: bytes) -> bytes:
-    """Return a bitstream with the digest of the file in its text."""
+    """Return a bitstream with its SHA-256 in its text, taken while the digits there are 0."""
     return data.replace(b"sha256=" + NO_DIGEST, b"sha256=" + _digest(data), 1)
 
 
@@ -87,7 +86,7 @@ def _digest(data: bytes) -> bytes:
 
 
 def read_bitfile(path: Path) -> BitFile:
-    """Return the header of a bitstream; raise InputError for another, incomplete or unreadable file."""
+    """Return a bitstream's header; raise InputError for another, cut or unreadable file."""
     try:
         if path.exists() and not path.is_file():
             raise input_error(path, "cannot be read (it is no file)", REMEDY)
@@ -116,8 +115,7 @@ def read_bitfile(path: Path) -> BitFile:
 
 
 LOADER = Tool("openFPGALoader", "writes bitstreams into FPGA boards", "run sudo apt-get install -y openfpgaloader")
-#: Longest time of a load, s: it takes a quarter of a minute, into the flash memory some
-#: minutes.
+#: Longest time of a load, s: it takes 15 s, into the flash memory some minutes.
 LOAD_SECONDS = 600.0
 CONNECT = "connect its USB socket US1, and switch it on"
 REPLUG = "plug the board in again, then run it again"
@@ -140,7 +138,7 @@ CAUSES = (
     (r"mismatch|id err", "the FPGA is not the bitstream's", "read the chip's print, and make one for it"),
     (r"crc", "the FPGA refuses the bitstream", "make it again (make bitstream)"),
 )
-#: Its words without a board.
+#: openFPGALoader's words when it finds no board.
 NOT_FOUND = ("not found", "no device", "unable to open ftdi", "no cable", "can't find")
 
 
@@ -156,7 +154,7 @@ class Adapter:
 
 
 def on_usb(usb: Usb) -> list[Adapter] | None:
-    """Return the adapters on USB with a board's identity; None where Linux does not list them."""
+    """Return the USB adapters of a board's kind, serial ports or not; None where Linux lists none."""
     if not USB_DEVICES.is_dir():
         return None
     adapters = []
@@ -169,7 +167,7 @@ def on_usb(usb: Usb) -> list[Adapter] | None:
 
 
 def choose_adapter(board: FpgaBoard, adapters: list[Adapter] | None, serial: str | None) -> str | None:
-    """Return the serial number of the adapter to use; None for the only one, or where they are not listed.
+    """Return the serial number of the adapter to use; None for the only one, or without a list.
 
     `serial` may name an adapter with another text, as new chips have. Raises
     DeviceError unless one remains.
@@ -200,7 +198,7 @@ def choose_adapter(board: FpgaBoard, adapters: list[Adapter] | None, serial: str
 
 
 def board_of(path: Path, file: BitFile, name: str | None) -> FpgaBoard:
-    """Return the board of a bitstream; `name` replaces a missing name. Refuse another board or FPGA."""
+    """Return a bitstream's board, `name` if it names none; refuse another board or FPGA."""
     if name is None and not file.board:
         raise input_error(path, "the bitstream names no board", "name it with --board")
     board = fpga_board(name or file.board)
@@ -223,7 +221,7 @@ def program(path: Path, name: str | None = None, serial: str | None = None, flas
     file = read_bitfile(path)
     board = board_of(path, file, name)
     if serial == "":
-        raise input_error("--serial", "is empty", "give a serial number that lippmann doctor lists")
+        raise input_error("--serial", "is empty", "give a number that lippmann doctor or lsusb -v lists")
     loader = LOADER.path()
     serial = choose_adapter(board, on_usb(board.usb), serial)
     logger.info(f"{path}: openFPGALoader writes it, which takes {'some minutes' if flash else 'a quarter of a minute'}")

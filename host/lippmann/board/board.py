@@ -39,8 +39,7 @@ FRAME_SECONDS = 120.0
 QUERY_S = 0.02
 #: Clocks for each ray of a SIGN: nine words, and a reserve.
 SIGN_CLOCKS = 10
-#: Clocks for each tile of a RESET: two entries, in a table whose size is a power of
-#: two.
+#: Clocks for each tile of a RESET: two entries, in a table of a power of two.
 RESET_CLOCKS = 8
 #: Maximum of rays in a TRACE request.
 MAX_RAYS = 64
@@ -78,7 +77,7 @@ class Board(Session):
         return FixedRays(*out.T)
 
     def sign(self, rays: int) -> tuple[int, int]:
-        """Trace a frame of about `rays` rays; return their number and CRC-32. A time-out or Ctrl-C ends it."""
+        """Trace a frame of about `rays` rays, to a time-out or Ctrl-C; return their number and CRC-32."""
         work_s = SIGN_CLOCKS * rays / SLOWEST_HZ
         seq, until = self.next_seq(), time.monotonic() + work_s + self.patience_s
         try:
@@ -99,7 +98,7 @@ class Board(Session):
         raise self.error(what, "write the raster's registers first; the frame was ended")
 
     def frame_runs(self) -> bool:
-        """Return whether the optics trace a frame, or a start waits for a frame's end or the raster."""
+        """Return whether the optics trace a frame, or a start waits for its end or the raster."""
         return bool(self.fields("optics.status")["running"])
 
     def abort(self) -> None:
@@ -119,7 +118,7 @@ class Board(Session):
             raise self.error(what, "update the board, or press its reset button")
 
     def show(self, image: IntegralImage, progress: Progress | None = None, force: bool = False) -> Sent:
-        """Show an image on the panel, with the transfer curve and bits of its display; return the transfer's counts.
+        """Show an image with the transfer curve and bits of its display; return the counts.
 
         The panel keeps its frame until the new one is complete, with the right CRC-32.
         A board that draws a scene only stores the frame; a LippmannWarning says so.
@@ -145,7 +144,7 @@ class Board(Session):
         return sink.finish()
 
     def write_optics(self, display: Display) -> int:
-        """Write and apply a display's optics; return the number of registers. Raises InputError if unsupported."""
+        """Write and apply a display's optics; return the count of registers, or raise InputError."""
         build = self.optics_build()
         writes = optics_writes(configuration(display, build, build.model))
         self.write_all([*writes, write("control", apply=1)])
@@ -170,7 +169,7 @@ class Board(Session):
             warnings.warn(what, LippmannWarning, stacklevel=3)
 
     def panel_crc(self) -> int:
-        """Return the CRC-32 of the next scanned-out frame; raise DeviceError without one."""
+        """Return the CRC-32 of the next complete scanned-out frame; DeviceError without one."""
         first = self.word("frames")
         until = time.monotonic() + FRAME_SECONDS
         # The second frame end completes a frame that began after the call.
@@ -207,7 +206,7 @@ class Check:
 
 
 def check_rays(board: Board, display: Display, columns: tuple[int, int], rows: tuple[int, int]) -> Check:
-    """Write a display's optics into the board and compare the chief rays of a region's pixels with the twin's.
+    """Write a display's optics and compare the chief rays of a region's pixels with the twin's.
 
     `columns` and `rows` are the region's first and last, from the panel's top left.
     Raises InputError for a region off the panel, and for a display that the board's
@@ -232,7 +231,7 @@ def check_rays(board: Board, display: Display, columns: tuple[int, int], rows: t
 def find_boards(
     urls: Iterable[str], baud: int | None = None, patience_s: float = SEARCH_PATIENCE_S
 ) -> tuple[list[str], list[DeviceError]]:
-    """Send HELLO to each port; return the ports of boards, and the errors of the others."""
+    """Send HELLO to ports, without `baud` at `usual_baud`; return boards' ports, and others' errors."""
     boards, errors = [], []
     for url in urls:
         try:
@@ -273,5 +272,5 @@ def find_board(
 
 
 def baud_of_board(url: str) -> int | None:
-    """Return the first baud rate at which a board answers, or None; raise InputError for an invalid URL."""
+    """Return the first baud rate at which a board answers, or None; InputError for an invalid URL."""
     return next((baud for baud in COMMON_BAUDS if find_boards([url], baud)[0]), None)

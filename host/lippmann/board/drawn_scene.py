@@ -44,7 +44,7 @@ class Loaded:
 
 @dataclass(frozen=True)
 class SceneStatus:
-    """Whether the scene is shown, whether registers wait, busy slots, and counts since the reset."""
+    """Whether the scene is shown and registers wait; busy slots; counts since the reset."""
 
     is_shown: bool
     waits: bool
@@ -160,12 +160,11 @@ class SceneBoard:
         return self.crcs(slot) == list(map(zlib.crc32, _cut(content)))
 
     def free_slots(self, contents: Sequence[bytes]) -> list[int]:
-        """Return a slot for each content: one that holds it, or a writable one; DeviceError without enough slots."""
+        """Return a slot for each content, which has it or can be written; DeviceError if too few."""
         busy = self.status().slots
         crcs = {slot: self.crcs(slot) for slot in range(self.build.slots_built)}
         requested = [list(map(zlib.crc32, _cut(content))) for content in contents]
-        # Shown slots, which cannot be written, come first; then those with the most
-        # equal blocks.
+        # Shown slots, which cannot be written, come first; then the most equal blocks.
         slots: dict[int, int] = {}
         alike = sorted(
             (slot not in busy, -sum(a == b and a != 0 for a, b in zip(crcs[slot], one, strict=True)), slot, k)
@@ -182,16 +181,17 @@ class SceneBoard:
         return [slots[k] for k in range(len(contents))]
 
     def set_stack(self, display: Display, stack: LayerStack, slots: Sequence[int] | None = None) -> int:
-        """Write the layers' registers that have changed, in one request; return the number of its words.
+        """Write changed registers of the layers in one request; return the number of its words.
 
         The panel changes between two frames. Layers of the build behind the stack's are
-        hidden. The texture of layer k is in slot k, or `slots[k]`. Raises InputError
-        for layers at or behind the eyes, and for values out of range.
+        hidden. Lattice and background stay. The texture of layer k is in slot k, or
+        `slots[k]`. Raises InputError for layers at or behind the eyes, and for values
+        out of range.
         """
         return self._write_layers(self._scene_words(display, stack, slots))
 
     def prepare(self, display: Display, stack: LayerStack, slots: Sequence[int] | None = None) -> None:
-        """Write optics, lattice, background and layers while no scene is shown; raises as `set_stack`."""
+        """Write optics, lattice, background and layers with no scene shown; raises as `set_stack`."""
         words = self._scene_words(display, stack, slots)
         self.board.write_optics(display)
         self.board.write(_COMMON, _common_words(words))
@@ -223,7 +223,7 @@ class SceneBoard:
         self.wait(scene)
 
     def wait(self, scene: bool | None = None) -> None:
-        """Wait until all written registers and the scene or the stored frame (None: either) are shown."""
+        """Wait for written registers, and scene or stored frame (None: either); else DeviceError."""
         until = time.monotonic() + FRAME_SECONDS
         while (status := self.status()).waits or scene not in (None, status.is_shown):
             if time.monotonic() > until:

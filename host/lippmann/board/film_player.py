@@ -1,4 +1,4 @@
-"""A film of layers on a board that draws: textures go into slots, then each frame is one write of registers."""
+"""A film of layers on a board that draws: textures into slots, then a register write for each frame."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ class Played:
 def load_textures(
     scene: SceneBoard, display: Display, film: LayerFilm, progress: Progress | None = None, where: str = "film"
 ) -> tuple[Loaded, list[int]]:
-    """Load a film's textures into free slots, and the panel's curve; return the counts, and the slot of each layer.
+    """Load a film's textures and the panel's curve; return the counts, and the slot of each layer.
 
     A scene that is shown stays, unless it has another curve. `progress` counts blocks.
     Before anything is sent, raises InputError, with `where` and the frame, for layers

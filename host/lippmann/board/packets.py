@@ -73,7 +73,7 @@ class Packet(NamedTuple):
 
 
 def packed(kind: int, seq: int, body: bytes) -> bytes:
-    """Return a packet's bytes on the line with the delimiter; raise ValueError beyond `MAX_PACKET`."""
+    """Return a packet's bytes on the line, delimited; raise ValueError beyond `MAX_PACKET`."""
     data = HEADER.pack(kind, seq) + body
     data += CRC.pack(zlib.crc32(data))
     if len(data) > MAX_PACKET:

@@ -44,7 +44,7 @@ USUAL_TRANSFER, USUAL_BITS = "srgb", 8
 
 
 def panel_values(radiance: npt.NDArray[np.float32], transfer: Transfer, bits: int) -> Pixels:
-    """Encode linear radiance (height, width, 3) as panel values; fewer than 8 bits span 0 to 255."""
+    """Encode linear radiance (height, width, 3) as values 0 to 255, also for fewer than 8 bits."""
     return encoded_values(radiance, transfer, min(bits, LINK_BITS)).astype(np.uint8)
 
 
@@ -65,8 +65,7 @@ class FrameFile(NamedTuple):
     """An image file whose header fits a panel.
 
     `pixels` reads its frame (height, width, 3) uint8, and raises InputError for a
-    broken file. `assumption` is empty, or a sentence about tones that nothing names or
-    confirms.
+    broken file. `assumption` is a sentence about unconfirmed tones, or empty.
     """
 
     pixels: Callable[[], Pixels]
@@ -74,7 +73,7 @@ class FrameFile(NamedTuple):
 
 
 def check_shape(shape: tuple[int, ...], display: Display, target: Hello | Target, force: bool = False) -> str:
-    """Return an image's name in messages; refuse another shape and, without `force`, another display."""
+    """Return an image's name in messages; refuse a wrong shape and, without `force`, display."""
     name = f"image for display '{display.name}'"
     _check_identity(name, display.identity, target, force)
     panel_shape = (target.height, target.width, 3)
@@ -94,11 +93,10 @@ def check_frame(
 
     The file holds linear radiance (.exr, .tif) or panel values (.png). Its metadata
     name the panel's transfer curve and bits; `transfer` and `panel` confirm them, or
-    supply what the file does not name. The defaults are sRGB and 8 bits.
+    supply what it does not name. The defaults are sRGB and 8 bits.
 
     Raises InputError when the file is missing, cut, not an image, or made for another
-    size, transfer curve or number of bits; without `force` also when it names another
-    display, or none.
+    size, transfer curve or number of bits; without `force` also for another display.
     """
     path = Path(path)
     suffix = path.suffix.lower()
@@ -134,7 +132,7 @@ def load_frame(
     panel: Panel | None = None,
     force: bool = False,
 ) -> Pixels:
-    """Read an image file as a frame (height, width, 3) uint8, as `check_frame`; log its assumption."""
+    """Read an image file as a frame (height, width, 3) uint8, as `check_frame`; log assumptions."""
     file = check_frame(path, target, transfer, panel, force)
     if file.assumption:
         logger.info(file.assumption)
@@ -155,7 +153,7 @@ def _tones_of(panel: Panel) -> Tones:
 
 
 def _tones_in(name: str, metadata: Mapping[str, str], encoded: bool) -> Tones:
-    """Return the tones in an image's metadata. Version 0.1 wrote no bits, and the curve only in PNG files."""
+    """Return the tones in metadata. Version 0.1 wrote no bits, and the curve only in PNG."""
     bits = metadata.get("bits")
     if bits is not None and (len(bits) > 2 or not bits.isdecimal() or not 1 <= int(bits) <= 16):
         raise input_error(name, f"'{bits[:20]}' is not a panel's number of bits", "render it again")

@@ -70,7 +70,7 @@ def open_port(url: str, baud: int = DEFAULT_BAUD) -> serial.Serial | socket.Sock
 
 
 def _connected(url: str) -> socket.SocketIO:
-    """Connect to a socket and send the token; raise ValueError for an invalid URL, else OSError."""
+    """Connect to a socket and send the token; raise ValueError for an invalid URL, OSError if refused."""
     if url.startswith("unix://"):
         connection, address = socket.socket(socket.AF_UNIX), url.removeprefix("unix://")
     else:
@@ -96,7 +96,7 @@ def _address(url: str) -> tuple[str, int]:
 
 
 def token_of(url: str) -> bytes:
-    """Return the first line for a virtual board on TCP: the URL's ?token=, or this user's own token."""
+    """Return the first line for a virtual board on TCP: the URL's ?token=, or this user's."""
     if not url.startswith("socket://"):
         return b""
     host, port = _address(url)
@@ -112,7 +112,7 @@ def token_of(url: str) -> bytes:
 
 
 def own_boards() -> list[str]:
-    """Return the URLs of this user's virtual boards, without connecting: each serves one program."""
+    """Return the URLs of this user's virtual boards; does not connect: each serves one program."""
     if not hasattr(socket, "AF_UNIX"):
         return []
     try:
@@ -198,7 +198,7 @@ def port_trouble(url: str) -> DeviceError | InputError | None:
 
 
 class Line:
-    """Packets over an open port, for one thread; it reads while it writes, to avoid a deadlock."""
+    """Packets over a port, for one thread; reads while it writes, to avoid a deadlock."""
 
     def __init__(self, url: str, baud: int = DEFAULT_BAUD) -> None:
         self.url = url
@@ -237,7 +237,7 @@ class Line:
         return count * BITS_A_BYTE / self.baud
 
     def send(self, packet: bytes, patience_s: float) -> bool:
-        """Write a packet; return False when the port accepts no byte for `patience_s`. Raises as `receive`."""
+        """Write a packet; return False if the port takes no byte for `patience_s`. Raises as `receive`."""
         if self._broken:
             packet = DELIMITER + packet
         self._broken = True
@@ -258,7 +258,7 @@ class Line:
         return True
 
     def receive(self, wait_s: float) -> Packet | None:
-        """Return the next packet, or None after `wait_s`; raise NoBoardError when the connection is lost."""
+        """Return the next packet, or None after `wait_s`; NoBoardError when the connection is lost."""
         end = time.monotonic() + wait_s
         while not self._waiting:
             remaining_s = end - time.monotonic()
@@ -268,12 +268,12 @@ class Line:
         return self._waiting.popleft()
 
     def _wait(self, wait_s: float, write: bool) -> bool:
-        """Wait at most `wait_s` for the port, read its bytes, and return whether it accepts bytes."""
+        """Wait at most `wait_s` for the port, read its bytes; return whether it accepts bytes."""
         if self._closed:
             raise device_error(self.url, "the line to the board is closed", "open it again (Board.open)")
         if self._polled is not None:
             if not self._polled.in_waiting and not write:
-                time.sleep(min(wait_s, 0.001))
+                time.sleep(min(wait_s, 0.001))  # until the next poll
             self._take()
             return write
         self._selector.modify(self._port, selectors.EVENT_READ | selectors.EVENT_WRITE * write)

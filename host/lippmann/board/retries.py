@@ -1,4 +1,4 @@
-"""Requests that are sent again until their replies arrive: the time-out, the refusals, a window of many requests."""
+"""Requests that are repeated until their replies arrive: time-out, refusals, a window of requests."""
 
 from __future__ import annotations
 
@@ -21,8 +21,8 @@ if TYPE_CHECKING:
 FIRST_S = 0.25
 SHORTEST_S = 0.05
 LONGEST_S = 5.0
-#: Factor of a time-out after each missing reply. TCP doubles it for congestion; here,
-#: losses mean noise.
+#: Factor of a time-out after each missing reply. TCP doubles it, as losses there mean
+#: congestion; here they mean noise.
 GROWTH = 1.5
 
 #: Maximum of rounds of a frame or a load.
@@ -54,8 +54,7 @@ REFUSALS = {
     ),
     ReplyStatus.OPTICS_REFUSED: ("its optics block refuses the window", "write the raster's registers first"),
 }
-#: Cause and remedy of STALE_EPOCH for a request in `ONCE`: its number is older than the
-#: last one's.
+#: Cause and remedy of STALE_EPOCH for a request in `ONCE`, whose number is too old.
 OLD_NUMBER = ("another program has used it since the connection", "connect again, and let one program at a time use it")
 #: Requests that are executed once, in the order of their numbers.
 ONCE = (Kind.WRITE, Kind.SIGN, Kind.ABORT, Kind.RESET)
@@ -129,8 +128,8 @@ class Flight(NamedTuple):
     time: float
 
 
-#: Returns whether an item has arrived, by its request's body, the reply's status and
-#: the rest of the reply.
+#: Returns whether an item has arrived (else it is sent again), by its request's body,
+#: the reply's status and the rest of the reply.
 Judge = Callable[[int, bytes, ReplyStatus, bytes], bool]
 
 
@@ -139,7 +138,7 @@ class Window:
 
     Each packet has a new sequence number, so a reply identifies its packet. The line
     keeps the order: when a reply comes, earlier packets without one are lost, or their
-    replies are.
+    replies are. At most `window_bytes` are unacknowledged.
     """
 
     def __init__(
@@ -149,8 +148,7 @@ class Window:
         self._body, self._judge = body, judge
         self.arrived: set[int] = set()
         self._queue: deque[int] = deque()
-        # By sequence number, in the order of sending: unanswered, and given up (a late
-        # reply may come).
+        # By sequence number, in the order of sending: unanswered; given up, maybe late.
         self._flights: dict[int, Flight] = {}
         self._lost: dict[int, Flight] = {}
         self._bytes = 0
@@ -159,7 +157,7 @@ class Window:
     def run(
         self, items: Sequence[int], total: int, progress: Progress | None = None, ends: ReplyStatus | None = None
     ) -> ReplyStatus:
-        """Send items until the board has them, and return OK; or return `ends` when the board answers that.
+        """Send items until the board has them, and return OK; or return `ends` if it answers that.
 
         `progress` counts items of `total` that the board has. Raises NoBoardError when
         none arrives for `patience_s`.
@@ -195,7 +193,7 @@ class Window:
         return ReplyStatus.OK
 
     def _fill(self) -> None:
-        """Send items while the window has room, after the replies that wait: they decide what to send."""
+        """Send items while the window has room, after waiting replies: they decide what to send."""
         line = self.session.line
         while self._queue and (not self._flights or (not line.waiting and self._bytes < self.window_bytes)):
             item = self._queue.popleft()

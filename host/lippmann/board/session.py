@@ -21,8 +21,7 @@ from lippmann.fixed.registers import BOARD_REGISTERS, OPTICS_REGISTERS, SCENE_RE
 
 #: Longest silence of a board before a request fails, s.
 PATIENCE_S = 10.0
-#: Clock of the slowest, simulated board, Hz, for the time of requests that process a
-#: frame.
+#: Clock of the slowest, simulated board, Hz: bounds requests that process a frame.
 SLOWEST_HZ = 3e5
 #: Clocks for each pixel of a PRESENT: CRC and buffer swap, doubled for safety.
 PRESENT_CLOCKS = 4
@@ -82,8 +81,7 @@ class Session:
     """The open line to a board; a `with` block closes it. `info` is the latest reply to HELLO.
 
     A request is repeated until its reply arrives. It raises DeviceError when the board
-    refuses it, and NoBoardError when the board does not answer for `patience_s`
-    seconds.
+    refuses it, and NoBoardError without an answer for `patience_s` seconds.
     """
 
     def __init__(self, line: Line, patience_s: float = PATIENCE_S) -> None:
@@ -95,7 +93,7 @@ class Session:
 
     @classmethod
     def open(cls, url: str, baud: int = DEFAULT_BAUD, patience_s: float = PATIENCE_S) -> Self:
-        """Open a serial device, a pty, unix://PATH or socket://HOST:PORT, and send HELLO to the board there.
+        """Open a serial device, a pty, unix://PATH or socket://HOST:PORT, and send HELLO there.
 
         Raises as `open_port`, and DeviceError when no board with this protocol answers.
         """
@@ -127,7 +125,7 @@ class Session:
         return self.checked(kind, status, answer, size)
 
     def checked(self, kind: Kind, status: int, body: bytes, size: int) -> bytes:
-        """Return a reply's body; raise unless the status is OK and `size` fits."""
+        """Return a reply's body; raise unless the status is OK and the body has `size` bytes."""
         if status != ReplyStatus.OK:
             raise refusal(self.line.url, kind, status, body)
         if len(body) != size:
@@ -135,7 +133,7 @@ class Session:
         return body
 
     def request(self, kind: Kind, body: bytes, work_s: float = 0.0, seq: int | None = None) -> tuple[int, bytes]:
-        """Send a request until its reply arrives; return the reply's status and the rest of its body.
+        """Send a request until its reply arrives; return the status and the rest of the body.
 
         Repetitions have one sequence number, by default a new one: the board executes
         them once. Raises NoBoardError `patience_s` after the time of the board's work;
@@ -181,7 +179,7 @@ class Session:
         return DeviceError.at(self.line.url, what, remedy)
 
     def hello(self) -> Hello:
-        """Send HELLO, check the reply and keep it in `info`; raise DeviceError for an unsuitable board."""
+        """Send HELLO, check the reply, keep it in `info`; DeviceError for an unsuitable board."""
         nonce = secrets.randbits(32)
         for spoken in VERSIONS:
             status, body = self.request(Kind.HELLO, HELLO_REQUEST.pack(spoken, nonce))
@@ -205,7 +203,7 @@ class Session:
             raise self.error("another board answers than before", "stream an image that was rendered for its display")
 
     def read(self, address: int, count: int = 1) -> list[int]:
-        """Return `count` words from a byte address on; raise InputError where there is no register."""
+        """Return `count` words from a byte address on; InputError where there is no register."""
         words: list[int] = []
         for first in range(0, count, MAX_WORDS):
             size = min(MAX_WORDS, count - first)
@@ -222,7 +220,7 @@ class Session:
         return REGISTERS[name].values(self.word(name))
 
     def write(self, address: int, words: Sequence[int]) -> None:
-        """Write 1 to 64 words from a byte address on, all or none; raise InputError for wrong words."""
+        """Write 1 to 64 words from a byte address on, exactly once, all or none; InputError for wrong ones."""
         if not 1 <= len(words) <= MAX_WORDS:
             raise InputError(f"{len(words)} words cannot be written at once; give 1 to {MAX_WORDS}")
         if not all(0 <= word < 1 << 32 for word in words):
@@ -258,7 +256,7 @@ class Session:
         return TileTable(epochs.pop(), crcs)
 
     def present(self, epoch: int, crc: int) -> tuple[ReplyStatus, int]:
-        """Swap the buffers if the back buffer's CRC-32 is `crc`; return the status and the epoch."""
+        """Swap the buffers if the back one's CRC-32 is `crc`; return OK and the new epoch, or a refusal and `epoch`."""
         clocks = PRESENT_CLOCKS * self.info.width * self.info.height
         status, body = self.request(Kind.PRESENT, PRESENT_REQUEST.pack(epoch, crc), clocks / SLOWEST_HZ)
         if status in (ReplyStatus.STALE_EPOCH, ReplyStatus.FRAME_CRC_DIFFERS):

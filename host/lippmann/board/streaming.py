@@ -1,4 +1,4 @@
-"""Streaming of frames: tiles are sent in a window, lost ones again; the panel shows the frame when it is complete."""
+"""Streaming of frames: tiles are sent in a window, lost ones again; the panel shows complete frames."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ TILE_REPLY = struct.Struct("<H")
 @documented
 @dataclass
 class Sent:
-    """Counts of a frame's transfer, and sets of tiles: `known` ones were sent, `arrived` ones arrived."""
+    """Counts of a frame's transfer, and the tiles that were sent (`known`) and have arrived."""
 
     crc: Annotated[int, key("CRC-32 of the frame, as the board confirmed it")] = 0
     epoch: Annotated[int, key("the board's epoch that shows this frame")] = 0
@@ -76,7 +76,7 @@ def send_frame(
     window_bytes: int = WINDOW_BYTES,
     counts: Sent | None = None,
 ) -> Sent:
-    """Send a frame (height, width, 3) uint8 to the board and show it on the panel; `progress` counts tiles.
+    """Send a frame (height, width, 3) uint8 and show it on the panel; `progress` counts tiles.
 
     Tiles that the board holds are not sent: after a lost connection, call again with
     the same frame. Each call adds to `counts`, also when it fails.
@@ -129,8 +129,7 @@ def _show(session: Session, frame: Pixels, counts: Sent, progress: Progress | No
             return
         missing = np.flatnonzero((back.crcs != crcs) | (crcs == 0))
         if status == ReplyStatus.FRAME_CRC_DIFFERS and not len(missing):
-            # Every tile has the right CRC but not the frame: two contents of a tile
-            # share a CRC.
+            # Every tile has the right CRC, the frame not: two contents share a CRC.
             missing = np.arange(counts.tiles)
             in_front[:] = False
         status = _send_tiles(session, frame, front.epoch, missing.tolist(), in_front, counts, progress, window_bytes)
@@ -152,7 +151,7 @@ def _send_tiles(
     progress: Progress | None = None,
     window_bytes: int = WINDOW_BYTES,
 ) -> ReplyStatus:
-    """Send tiles, or have those `in_front` copied; return OK, or STALE_EPOCH after a buffer swap."""
+    """Send tiles, have those `in_front` copied; return OK, or STALE_EPOCH after a swap."""
     grid = session.info.grid
     refused: set[int] = set()
 
@@ -202,7 +201,7 @@ class BoardSink:
         self._sent = Sent()
 
     def add_rows(self, first: int, rows: Pixels) -> None:
-        """Take panel values (rows, width, 3) from row `first` on, and send the complete tiles."""
+        """Take panel values (rows, width, 3) from row `first` on, each once; send complete tiles."""
         last = first + len(rows)
         self._frame[first:last] = rows
         self._missing[first:last] = False
@@ -222,7 +221,7 @@ class BoardSink:
         self._sent.seconds += time.monotonic() - begun
 
     def finish(self) -> Sent:
-        """Send the tiles that the board lacks, show the frame, and return the counts; raises as `send_frame`."""
+        """Send missing tiles, show the frame, and return the counts; raises as `send_frame`."""
         return send_frame(self._session, self._frame, counts=self._sent)
 
     def missing_bands(self) -> Sequence[Band]:
