@@ -1,1 +1,1 @@
-"""A board with a panel: protocol, streaming and checks, the same for real boards and the virtual board."""
+"""Boards with a panel, real or virtual: protocol, streaming and checks."""

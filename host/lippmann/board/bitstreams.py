@@ -1,4 +1,4 @@
-"""Bitstreams: the header of an ECP5 bitstream (.bit), and the load into a board by openFPGALoader.
+"""ECP5 bitstreams (.bit): their header, and the load into a board by openFPGALoader.
 
 A file begins with FF 00, texts that each end with 00, then FF; `make bitstream` writes
 one text. The preamble FF FF BD B3 precedes the configuration: commands of one byte,

@@ -1,4 +1,4 @@
-"""A board with a panel: its images and its rays, which are compared with the twin's; the search for boards."""
+"""A board with a panel: its images, its rays against the twin's, and the search for boards."""
 
 from __future__ import annotations
 
@@ -54,7 +54,7 @@ SIGNATURE = struct.Struct("<II")
 
 
 class Board(Session):
-    """A board with a panel, real or virtual, and the open line to it; requests raise as in `Session`.
+    """A real or virtual board with a panel, over an open line; requests raise as in `Session`.
 
     Examples
     --------
@@ -133,7 +133,7 @@ class Board(Session):
     def show_render(
         self, plan: Plan, executor: Executor = render_here, progress: Progress | None = None, force: bool = False
     ) -> Sent:
-        """Render a plan and show it: the tiles of each band are sent before the next band is taken.
+        """Render a plan and show it; each band's tiles are sent before the next band is taken.
 
         `progress` counts rows. Raises as `show` and `executor`; the panel then keeps
         its frame.
@@ -162,7 +162,7 @@ class Board(Session):
         return self.info.version >= SCENE_VERSION and bool(self.fields("scene.status")["shown"])
 
     def check_panel(self) -> None:
-        """Raise DeviceError while a test pattern is shown; warn while the board draws a scene."""
+        """Raise DeviceError during a test pattern; warn while the board draws a scene."""
         self.check_no_pattern()
         if self.draws_scene():
             what = "the panel shows the scene that the board draws; the frame is stored, and shown when the scene ends"
@@ -193,7 +193,7 @@ class Board(Session):
 
 @dataclass(frozen=True)
 class Check:
-    """The number of a region's rays, and the CRC-32 of their words from board and twin."""
+    """A region's number of rays, and the CRC-32 of their words from board and twin."""
 
     rays: int
     board_crc: int
@@ -248,7 +248,7 @@ def find_board(
     patience_s: float = SEARCH_PATIENCE_S,
     allowed: Callable[[list[str]], bool] = lambda urls: False,
 ) -> str:
-    """Return the port of the one board that answers; raise DeviceError unless exactly one does.
+    """Return the port of the only board that answers; raise DeviceError unless one does.
 
     A device that is not a board may act on the bytes of a search. So without `urls`,
     known USB adapters and this user's virtual boards are tried; and if none answers,

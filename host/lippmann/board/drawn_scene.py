@@ -1,4 +1,4 @@
-"""A scene on a board that draws: textures into slots, registers that move layers, and what the panel shows."""
+"""A scene on a board that draws: textures in slots, registers of layers, and what the panel shows."""
 
 from __future__ import annotations
 
@@ -65,7 +65,7 @@ def _common_words(words: SceneWords) -> list[int]:
 
 
 class SceneBoard:
-    """The scene of an open board; raises DeviceError for a board that does not draw."""
+    """The scene of an open board; raises DeviceError if it does not draw."""
 
     def __init__(self, board: Board) -> None:
         self.board = board
@@ -100,7 +100,7 @@ class SceneBoard:
         window_bytes: int = BLOCKS_WINDOW_BYTES,
         loaded: Loaded | None = None,
     ) -> Loaded:
-        """Load slots; blocks that the board holds are not sent, so an interrupted load continues.
+        """Load slots without the blocks that the board holds: an interrupted load continues.
 
         `contents` holds the bytes of each slot: texels row by row, then the palette
         (`slot_bytes`); slot 15 has the panel's curve. `progress` counts blocks.
@@ -251,5 +251,4 @@ class SceneBoard:
 
 
 def _cut(content: bytes) -> list[bytes]:
-    """Return the blocks of a content."""
     return [content[at : at + BLOCK_BYTES] for at in range(0, len(content), BLOCK_BYTES)]

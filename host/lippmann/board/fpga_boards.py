@@ -1,4 +1,4 @@
-"""FPGA boards that bitstreams are made for: rtl/board/NAME/board.toml, and how to know one on USB."""
+"""FPGA boards for bitstreams: rtl/board/NAME/board.toml, and how to recognise one on USB."""
 
 from __future__ import annotations
 
@@ -98,12 +98,11 @@ class FpgaBoard:
 
 
 def _names() -> list[str]:
-    """Return the names of the boards' folders."""
     return sorted(path.parent.name for path in (hardware() / FOLDER).glob(f"*/{FILE}"))
 
 
 def _chain(path: Path) -> list[Path]:
-    """Return the file of a board, then those of the boards that it inherits from."""
+    """Return a board's file, then those of the boards that it inherits from."""
     chain = [path]
     while (name := load(chain[-1], "board").get("like")) is not None:
         where, boards = f"{chain[-1]}: like", _names()
@@ -118,7 +117,7 @@ def _chain(path: Path) -> list[Path]:
 
 
 def _keys(path: Path) -> dict[str, Any]:
-    """Return the keys of a file and those it inherits; paths are relative to the file's folder."""
+    """Return a file's keys and those it inherits; paths are relative to its folder."""
     keys: dict[str, Any] = {}
     for one in reversed(_chain(path)):
         for name, value in load(one, "board").items():
@@ -136,7 +135,7 @@ def fpga_boards() -> dict[str, FpgaBoard]:
 
 
 def fpga_board(name: str) -> FpgaBoard:
-    """Return a board by its name; raise InputError for an unknown name or a wrong file."""
+    """Return a board by name; raise InputError for an unknown name or a wrong file."""
     boards, path = _names(), hardware() / FOLDER / name / FILE
     if name not in boards:
         remedy = did_you_mean(name, boards) or f"choose from {', '.join(boards)}"
@@ -160,6 +159,6 @@ def board_of_port(url: str) -> FpgaBoard | None:
 
 
 def usual_baud(url: str) -> int:
-    """Return the baud rate of a port's board, or `DEFAULT_BAUD` for a port of no known board."""
+    """Return the baud rate of a port's board, or `DEFAULT_BAUD`."""
     board = board_of_port(url)
     return DEFAULT_BAUD if board is None else board.baud

@@ -1,4 +1,4 @@
-"""Packets of the link: type, sequence number, body and CRC-32, encoded by COBS and ended by a zero byte."""
+"""Packets of the link: type, sequence number, body and CRC-32, in COBS, ended by a zero byte."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Frames for a panel: images encoded as panel values, after a check that they belong to this panel."""
+"""Frames for a panel: images as panel values, after a check that they belong to it."""
 
 from __future__ import annotations
 
@@ -89,7 +89,7 @@ def check_frame(
     panel: Panel | None = None,
     force: bool = False,
 ) -> FrameFile:
-    """Check the header and the last row of an image file that is to become a frame for a panel.
+    """Check the header and the last row of an image file for a panel.
 
     The file holds linear radiance (.exr, .tif) or panel values (.png). Its metadata
     name the panel's transfer curve and bits; `transfer` and `panel` confirm them, or

@@ -88,7 +88,6 @@ def _connected(url: str) -> socket.SocketIO:
 
 
 def _address(url: str) -> tuple[str, int]:
-    """Return host and port of socket://HOST:PORT."""
     parts = urlsplit(url)
     if not parts.hostname or parts.port is None or set(parse_qs(parts.query, True)) - {"token"}:
         raise ValueError("not socket://HOST:PORT")
@@ -124,7 +123,6 @@ def own_boards() -> list[str]:
 
 
 def _refusal(url: str, error: Exception) -> NoBoardError | InputError:
-    """Return the error of a port that did not open."""
     cause: BaseException | None = error
     while isinstance(cause, serial.SerialException) and cause.errno is None:
         cause = cause.__context__
@@ -179,7 +177,7 @@ def ports() -> list[str]:
 
 
 def adapter_ports() -> list[str]:
-    """Return the serial ports whose USB vendor makes the adapters on FPGA boards."""
+    """Return the serial ports of the USB vendors in `ADAPTER_VENDORS`."""
     return sorted(port.device for port in list_ports.comports() if port.vid in ADAPTER_VENDORS)
 
 
@@ -283,7 +281,6 @@ class Line:
         return bool(events & selectors.EVENT_WRITE)
 
     def _take(self) -> None:
-        """Read what has arrived."""
         data: bytes | None
         try:
             if self._polled is not None:

@@ -134,7 +134,7 @@ Judge = Callable[[int, bytes, ReplyStatus, bytes], bool]
 
 
 class Window:
-    """Sends items that a board lacks, each in a request of its own, until the board has them.
+    """Sends items, each in its own request, until the board has them.
 
     Each packet has a new sequence number, so a reply identifies its packet. The line
     keeps the order: when a reply comes, earlier packets without one are lost, or their
@@ -213,7 +213,7 @@ class Window:
         return accepted
 
     def _take(self, reply: Packet) -> ReplyStatus | None:
-        """Process a reply; return its status, or None for a reply to another request."""
+        """Process a reply; return its status, or None if it is to another request."""
         if reply.kind != self.kind | REPLY or not reply.body:
             return None
         if reply.seq in self._flights:

@@ -212,11 +212,11 @@ class Session:
         return words
 
     def word(self, name: str) -> int:
-        """Return the word of a register, by its name in `REGISTERS`."""
+        """Return a register's word, by its name in `REGISTERS`."""
         return self.read(REGISTERS[name].address)[0]
 
     def fields(self, name: str) -> dict[str, int]:
-        """Return the value of each field of a register, by its name in `REGISTERS`."""
+        """Return a register's fields, by its name in `REGISTERS`."""
         return REGISTERS[name].values(self.word(name))
 
     def write(self, address: int, words: Sequence[int]) -> None:
@@ -256,7 +256,7 @@ class Session:
         return TileTable(epochs.pop(), crcs)
 
     def present(self, epoch: int, crc: int) -> tuple[ReplyStatus, int]:
-        """Swap the buffers if the back one's CRC-32 is `crc`; return OK and the new epoch, or a refusal and `epoch`."""
+        """Swap the buffers if the back one has CRC-32 `crc`; return OK and the new epoch, or refusal and `epoch`."""
         clocks = PRESENT_CLOCKS * self.info.width * self.info.height
         status, body = self.request(Kind.PRESENT, PRESENT_REQUEST.pack(epoch, crc), clocks / SLOWEST_HZ)
         if status in (ReplyStatus.STALE_EPOCH, ReplyStatus.FRAME_CRC_DIFFERS):

@@ -1,4 +1,4 @@
-"""Tiles: squares of 32 x 32 pixels of a frame, each with a CRC-32 of its own and in its shortest coding."""
+"""Tiles: squares of 32 x 32 pixels of a frame, each with its CRC-32 and shortest coding."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Virtual boards whose scanned-out frames are kept, and the comparison of such frames."""
+"""Virtual boards that keep their scanned-out frames, and the comparison of frames."""
 
 from __future__ import annotations
 

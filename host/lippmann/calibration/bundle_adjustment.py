@@ -1,4 +1,4 @@
-"""The least squares over all positions: the array, its gap, the camera's lens and its poses.
+"""The least squares over all positions: array, gap, the camera's lens and poses.
 
 The camera is a pinhole with radial distortion, the same for all positions. A point X, mm in the panel's frame, is at
 x = R (X - C) from the camera: x to the right, y down, z forward. With (a, b) = (x, y) / z and r^2 = a^2 + b^2 its pixel
@@ -74,7 +74,7 @@ def projected(points_mm: Floats, lens: Floats, turn: Floats, place_mm: Floats) -
 
 @dataclass(frozen=True)
 class SmoothErrors:
-    """Errors of a position that are smooth over the array: residual distortion, aberrations and seams.
+    """Errors that are smooth over the array: residual distortion, aberrations and seams.
 
     For each of the four columns of residuals (panel points, photograph), scaled to
     scatter 1, the model is
@@ -383,7 +383,6 @@ def _minimised(problem: Problem, x: Floats, weights: Weights, robust: bool) -> F
 
 
 def _smooth(problem: Problem, weights: Weights, k: int) -> SmoothErrors:
-    """Return the smooth errors of view k."""
     places, view, (panel, photo) = problem.places[k][weights.inliers[k]], problem.views[k], weights.scatter[k]
     across = float(np.sqrt(np.prod(np.std(view.photo_px, axis=0)) / max(1e-9, float(np.prod(places.std(axis=0))))))
     # The minimum, pixels and lenslets, was measured on simulated photographs.

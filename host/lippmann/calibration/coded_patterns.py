@@ -39,6 +39,7 @@ STEPS = 8
 #: Name of the file that describes a set of patterns.
 FILE = "patterns.toml"
 Floats = npt.NDArray[np.floating]
+Singles = npt.NDArray[np.float32]
 Pixels = npt.NDArray[np.uint8]
 
 
@@ -131,14 +132,14 @@ class PatternSet:
             half ^= half >> half.dtype.type(shift)
         return half
 
-    def point(self, phase: Floats, half: npt.NDArray[np.integer]) -> npt.NDArray[np.float32]:
+    def point(self, phase: Floats, half: npt.NDArray[np.integer]) -> Singles:
         """Return the coordinates, pixels, with a phase (radians) nearest to half periods' middles."""
         fine = (phase * np.float32(self.period_px / (2.0 * np.pi))).astype(np.float32)
         near = (half.astype(np.float32) + np.float32(0.5)) * np.float32(self.half_px)
         periods = np.round((near - fine) * np.float32(1.0 / self.period_px))
         return np.asarray(fine + periods * np.float32(self.period_px), np.float32)
 
-    def light(self, pattern: Pattern) -> npt.NDArray[np.float32]:
+    def light(self, pattern: Pattern) -> Singles:
         """Return a picture's light (height, width), 0 to 1, perhaps as a broadcast view."""
         shape = self.height_px, self.width_px
         if pattern.kind == "marks":
@@ -184,11 +185,11 @@ class AxisCode:
             self.wave += share * np.complex64(self.patterns.turn(pattern))
 
     @property
-    def amplitude(self) -> npt.NDArray[np.float32]:
+    def amplitude(self) -> Singles:
         """Amplitude of the cosine, as a fraction of the black to white range's."""
         return abs(self.wave) * np.float32(4.0 / self.patterns.steps)
 
-    def points(self) -> tuple[npt.NDArray[np.float32], npt.NDArray[np.bool_]]:
+    def points(self) -> tuple[Singles, npt.NDArray[np.bool_]]:
         """Return each pixel's coordinate, pixels of the panel, and whether it is reliable."""
         points = self.patterns.point(np.angle(self.wave), self.patterns.half_of(self.code))
         # A weaker cosine is noise; at an edge of the code, one bit is doubtful.
@@ -196,7 +197,7 @@ class AxisCode:
         return points, good & (points >= 0.0) & (points <= self.patterns.sides_px[self.axis])
 
 
-def _marks(height: int, width: int) -> npt.NDArray[np.float32]:
+def _marks(height: int, width: int) -> Singles:
     """Return a black frame, a cross, and a block in the top left corner."""
     light = np.ones((height, width), np.float32)
     y, x = np.arange(height)[:, None], np.arange(width)[None]

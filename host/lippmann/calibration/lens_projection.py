@@ -1,4 +1,4 @@
-"""What a camera sees of a lenslet, by exact rays: where its outline is, and where its rays meet the panel.
+"""What a camera sees of a lenslet, by exact rays: its outline, and where its rays meet the panel.
 
 A camera sees the lenslet with the vertex L on a plane at the height h of its seams. With the slope
 s = (C - L) / (Cz - h), the middle of the outline is at L + c(s) on this plane, and the rays through the inner cell
@@ -42,7 +42,7 @@ EDGE_POINTS = 96
 
 
 def outline_mm(display: Display) -> float:
-    """Return the height of the plane on which a camera sees the lenslets' outlines, mm."""
+    """Return the height of the plane of the lenslets' outlines, mm."""
     array = display.array
     seam = SEAM[array.grid] * array.sag_mm
     if array.plano_side == "panel":

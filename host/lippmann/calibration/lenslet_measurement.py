@@ -106,7 +106,6 @@ def _off(numbers: Floats, at: Values, targets: Values) -> Floats:
 
 
 def _check_agreement(name: str, share: float) -> None:
-    """Refuse a map that too few pixels follow."""
     if share < 0.5:  # of the pixels
         what = f"only {100.0 * share:.0f} % of the pixels see the lenslet in front of them"
         raise input_error(name, what, "check that all photographs are of one position, and of this display's patterns")

@@ -1,4 +1,4 @@
-"""The panel point that each pixel of a camera sees, from the photographs of the patterns.
+"""The panel point that each camera pixel sees, from photographs of the patterns.
 
 The phase of a pixel's light gives the point within a period, its Gray code the period.
 A pixel counts if its light changes enough between black and white, is not clipped,

@@ -1,4 +1,4 @@
-"""Diagnostics of photographs, by some thousand camera pixels: order, exposure, blur, movement, and view."""
+"""Diagnostics of photographs by some thousand pixels: order, exposure, blur, movement, view."""
 
 from __future__ import annotations
 
@@ -108,7 +108,6 @@ def check_samples(samples: Samples, pitch_px: float) -> float:
 
 
 def _check_light(samples: Samples) -> None:
-    """Refuse photographs that are brighter or darker than their pattern."""
     patterns = samples.patterns
     for pattern, share in samples.shares.items():
         along = np.arange(patterns.sides_px[pattern.axis]) + 0.5
@@ -138,7 +137,6 @@ def _exchanged(samples: Samples, match: Fit, pitch_px: float) -> tuple[Pattern, 
 
 
 def _check_view(samples: Samples, match: Fit) -> None:
-    """Refuse a mirrored panel, or one partly out of view."""
     patterns, panel_from_photo = samples.patterns, match.panel_from_photo
     if np.size(panel_from_photo) != 9:
         return

@@ -1,4 +1,4 @@
-"""The photographs of a folder: which photograph shows which pattern, and their light."""
+"""The photographs of a folder: their patterns and their light."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ Light = npt.NDArray[np.float32]
 
 @dataclass(frozen=True)
 class Position:
-    """The photographs from one position of the camera, in the order of the patterns."""
+    """The photographs from a camera position, in the patterns' order."""
 
     name: str
     photographs: tuple[Path, ...]
@@ -43,7 +43,7 @@ class Photograph(NamedTuple):
 
 
 def pattern_set(folder: Path, display: Display) -> PatternSet:
-    """Return the patterns of a folder: those of its `patterns.toml`, else the usual ones."""
+    """Return a folder's patterns, from its `patterns.toml` or else the usual ones."""
     own = folder / FILE
     if own.exists() and not own.is_file():
         raise input_error(own, not_there(own), "copy the one that lippmann calibrate patterns wrote")

@@ -1,4 +1,4 @@
-"""The result of a calibration: the display, uncertainties, warnings, and the field of residuals."""
+"""A calibration's result: display, uncertainties, warnings, and the field of residuals."""
 
 from __future__ import annotations
 
@@ -187,7 +187,7 @@ def parameters_of(nominal: Display, solution: Solution) -> tuple[Parameter, ...]
 
 
 def find_warnings(parameters: tuple[Parameter, ...], solution: Solution) -> tuple[str, ...]:
-    """Return warnings of undetermined parameters, with what would determine them."""
+    """Return warnings of undetermined parameters, with remedies."""
     undetermined = [one.name for one in parameters if not one.determined]
     views = len(solution.problem.views)
     if not undetermined:

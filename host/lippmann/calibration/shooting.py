@@ -44,7 +44,7 @@ def open_webcam(number: int) -> Iterator[cv2.VideoCapture]:
 
 
 def fix_settings(camera: cv2.VideoCapture) -> list[str]:
-    """Set the largest size, switch automatic settings off, and return the names of refused ones."""
+    """Set the largest size and fix automatic settings; return the names of refused ones."""
     # The size, which the driver lowers to its largest, may reset other settings.
     sizes = [camera.set(side, 10_000) for side in SIZE]
     refused = [] if all(sizes) else ["the size"]

@@ -1,4 +1,4 @@
-"""An ordinary camera in front of a display: pose, lens with radial distortion, pupil, focus, vignetting, and sensor.
+"""A camera in front of a display: pose, lens with radial distortion, pupil, focus, vignetting, sensor.
 
 A direction's normalised coordinates x, y are its slopes to the optical axis, to the right and down in the picture. With
 r^2 = x^2 + y^2 its pixel is

@@ -44,7 +44,7 @@ class Radius(NamedTuple):
 
 
 def radius_of(display: Display, solution: Solution) -> Radius:
-    """Return the radius from the measured movements; refuse movements that no radius explains."""
+    """Return the radius that explains the measured movements; refuse them without one."""
     views = solution.problem.views
     radii = np.array([_of_position(display, solution, k, view) for k, view in enumerate(views)])
     value = float(radii.mean())
@@ -208,7 +208,6 @@ def _cost(solution: Solution) -> float:
 
 
 def _outliers(solution: Solution) -> float:
-    """Return the fraction of outliers."""
     return 1.0 - float(np.mean(np.concatenate(solution.weights.inliers)))
 
 

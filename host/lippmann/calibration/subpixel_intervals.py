@@ -47,7 +47,7 @@ SLOPE = [(a, b) for a in range(4) for b in range(4 - a)]
 
 
 def _derivative(axis: int) -> Floats:
-    """Return the matrix of the derivative of `PLACE` along an axis of the cell."""
+    """Return the derivative matrix of `PLACE` along an axis of the cell."""
     powers, step = np.array(PLACE), np.arange(2) == axis
     return np.where((powers[:, None] + step == powers).all(axis=2), powers[:, axis], 0.0)
 
@@ -139,7 +139,7 @@ def movement_of(display: Display, slopes: Floats, distance_mm: float) -> Movemen
 
 
 def refined(view: Lenslets, display: Display, slopes: Floats, aside: Floats, movement: Movement) -> Lenslets:
-    """Return the view with the middles and half widths of the intervals that its readings give.
+    """Return the view with the middles and half widths of its readings' intervals.
 
     The cells that were read are `aside` (N, 2) pitches from the movement's. Half widths
     leave out the tolerance.

@@ -29,14 +29,14 @@ OLD_COMMANDS = {"bench": "measurements of Lippmann itself are made in a checkout
 
 
 def summary_of(command: str) -> str:
-    """Return the first sentence of a command's help, from its source: loading all commands takes seconds."""
+    """Return the first sentence of a command's help, from the source, as imports take seconds."""
     source = Path(__file__).with_name(f"{command}.py").read_text(encoding="utf-8")
     body = source.partition("\ndef command(")[2]
     return body.partition('"""')[2].partition("\n")[0].strip('"')
 
 
 class _Commands(click.Group):
-    """Loads the module of a command when it is called: help and completion are quick."""
+    """Loads a command's module when it is called: help and completion are quick."""
 
     def list_commands(self, ctx: click.Context) -> list[str]:
         return list(COMMANDS)
@@ -80,7 +80,7 @@ def cli() -> None:
 
 
 def run(arguments: list[str], command: click.Command = cli, name: str | None = "lippmann") -> int:
-    """Run the command line or another command, with the program's own name if None; return the exit code."""
+    """Run the command line, or another command (None: by its own name); return the exit code."""
     if sys.stdout is None:
         print("lippmann: stdout is closed; open it, or send it to /dev/null", file=sys.stderr)
         return MissingLibraryError.exit_code
@@ -103,7 +103,7 @@ def run(arguments: list[str], command: click.Command = cli, name: str | None = "
 
 #: The message about a full disk without a file's name.
 FULL_DISK = "cannot write: no space left on the device; free space or choose another place"
-MAX_LETTERS = 1000
+MAX_LETTERS = 1000  # of an error's line
 #: Exit code of an unexpected error (EX_SOFTWARE of sysexits.h).
 FAULT_CODE = 70
 #: Remedies for files that cannot be opened.

@@ -1,4 +1,4 @@
-"""`lippmann animate`: the frames of a film for a display, and videos of them."""
+"""The command `lippmann animate`."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""`lippmann board`: start a virtual board, query a board, and read and write its registers."""
+"""The commands `lippmann board`."""
 
 from __future__ import annotations
 
@@ -22,8 +22,7 @@ from lippmann.errors import InputError, device_error, did_you_mean, input_error
 from lippmann.fixed.registers import BOARD_REGISTERS, Field, Register
 
 WORD = Field(0, 32)
-#: Bytes of the scene's registers; addresses of the layers' looks; the field of a
-#: layer's slot.
+#: Bytes of the scene's registers; addresses of layers' looks; the field of a slot.
 SCENE_BYTES = 0x400
 LOOKS = {register.address for name, register in REGISTERS.items() if name.endswith("_look")}
 LOOK_SLOT = REGISTERS["scene.layer_0_look"].fields["slot"]
@@ -225,7 +224,7 @@ def write_command(
 
 
 def _check_scene(board: Board, name: str, address: int, count: int) -> int:
-    """Return a board's slots, or 0 for registers outside the scene; refuse registers that it lacks."""
+    """Return a board's slots, 0 for registers outside the scene; refuse missing ones."""
     if not SCENE_BASE <= address < SCENE_BASE + SCENE_BYTES:
         return 0
     build = SceneBoard(board).build
@@ -247,7 +246,6 @@ def _register(name: str) -> Register:
 
 
 def _check_named(where: str, name: str, field: Field, word: int) -> None:
-    """Refuse an undefined value of a field."""
     if field.names and field.value(word) not in dict(field.names):
         values = ", ".join(f"{number} {meaning}" for number, meaning in field.names)
         raise input_error(where, f"{name} {field.value(word)} is not defined", f"choose from {values}")

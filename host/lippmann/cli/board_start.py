@@ -1,4 +1,4 @@
-"""`lippmann board start` and `stop`: a virtual board in the foreground or the background."""
+"""The commands `lippmann board start` and `stop`."""
 
 from __future__ import annotations
 
@@ -145,7 +145,7 @@ def _serve(
 
 
 def _check_places(capture: Path | None, ready: Path | None, trace: Path | None) -> None:
-    """Make the folder of --capture; refuse bad folders and the ready file of a running board."""
+    """Make the folder of --capture; refuse bad folders and a running board's ready file."""
     change = "choose another folder or change permissions"
     if capture:
         try:
@@ -222,7 +222,6 @@ def _failure(output: Path) -> LippmannError | None:
 
 
 def _remove_ready(ready: Path) -> None:
-    """Remove this process's ready file."""
     if _content(ready).get("pid") == os.getpid():
         ready.unlink(missing_ok=True)
 

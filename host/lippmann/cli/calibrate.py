@@ -80,7 +80,6 @@ def patterns_command(
 
 
 def _check_same_panel(built: Display, display: Display) -> None:
-    """Refuse a display as built whose panel has another size."""
     panel, own = built.panel, display.panel
     if (panel.width_px, panel.height_px) != (own.width_px, own.height_px):
         size = f"the panel has {panel.width_px} x {panel.height_px} pixels"

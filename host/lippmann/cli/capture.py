@@ -36,10 +36,10 @@ def command(
     setup_path: Path = option("Set-up file (.toml)."),
     output: Path = PICTURE,
     rotate: bool | None = option(
-        "Rotate elemental images by 180 degrees, for correct depth.  [default: unless lenslets are concave]",
+        "Rotate elemental images by 180 degrees, for correct depth.  [default: yes, unless lenslets are concave]",
         flag="--rotate/--no-rotate",
     ),
-    size: int | None = option("Width of the image, pixels.  [default: the display's]"),
+    size: int | None = option("Width of the image, pixels; the window stays.  [default: the display's]"),
     display_out: Path | None = option("Also write the file of the display for the image (.toml)."),
     aperture: Aperture | None = option("For a pickup: full lenslet, or chief rays.  [default: full]"),
     settings: Settings = SETTINGS,

@@ -128,7 +128,7 @@ def _render(scene: Scene, display: Display, out: Path, device: str) -> IntegralI
 
 @contextlib.contextmanager
 def _compile_boards(streamed: Display, drawn: Display) -> Iterator[None]:
-    """Compile both virtual boards while the block runs; a board that starts meanwhile waits for its program."""
+    """Compile both virtual boards while the block runs; a board that starts waits for its program."""
     with ThreadPoolExecutor(1) as background:
         boards = [background.submit(compile_board, streamed), background.submit(compile_board, drawn, SceneBuild())]
         try:

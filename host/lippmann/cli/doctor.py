@@ -31,7 +31,7 @@ NO_ANSWER = "the port opens, but no board answers at any baud rate; check the bo
 
 @make_command("doctor")
 def command(
-    port: str | None = option("Look for a board at this port, at each common baud rate.", metavar="URL"),
+    port: str | None = option("Look for a board at this port, at each common baud rate (1 s each).", metavar="URL"),
 ) -> int:
     """Check libraries, rendering, the RTL's tools and serial ports.
 

@@ -123,5 +123,5 @@ def _layers(choice: LayerChoice, tolerance_db: float) -> Iterator[str]:
 
 
 def _cut(decibels: float) -> str:
-    """Return decibels rounded down, so that no figure below a tolerance shows as the tolerance."""
+    """Return decibels rounded down, so that no value below a tolerance shows as it."""
     return f"{math.floor(100.0 * decibels) / 100.0:.2f}"

@@ -152,7 +152,6 @@ def parameters(function: Function) -> Iterator[click.Parameter]:
 
 
 def _call(function: Function, values: Mapping[str, object]) -> object:
-    """Call a function with the values of its options."""
     defaults = _defaults(function).items()
     return function(**{name: _call(group, values) if callable(group) else values[name] for name, group in defaults})
 

@@ -39,7 +39,7 @@ def vector(form: str, number: type[float] = float, remedy: str = "") -> Kind:
 
 
 def finite(least: float = -math.inf) -> Kind:
-    """Return the type of a finite number."""
+    """Return the type of a finite number from `least` on."""
 
     def read(text: str) -> float:
         number: float = click.FLOAT(text)

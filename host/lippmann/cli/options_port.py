@@ -32,7 +32,7 @@ def chosen_port(port: str | None, baud: int | None) -> tuple[str, int]:
 def opened_board(
     port: str | None, baud: int | None, display: Display | None = None, action: str = "", frames: bool = False
 ) -> Board:
-    """Open a board. Raises as `chosen_port`, `Board.open`, `check_board`, with `frames` as `Board.check_panel`."""
+    """Open a board, check its display and, with `frames`, its panel; raises as `chosen_port` and these."""
     board = Board.open(*chosen_port(port, baud))
     try:
         if display is not None:

@@ -24,7 +24,7 @@ def command(
     output: Path = PICTURE,
     eye: Point | None = option("The eye of white-for-eye, mm."),
     lens: tuple[int, int] | None = option("The lenslet of single-lens.  [default: 0,0]", kind=vector("I,J", int)),
-    fraction_bits: int | None = option("Word length, as of a board.  [default: exact]", kind=FRACTION_BITS),
+    fraction_bits: int | None = option("Word length of a board that draws it.  [default: exact]", kind=FRACTION_BITS),
     device: str = DEVICE,
 ) -> None:
     """Draw a test pattern for a display's panel.

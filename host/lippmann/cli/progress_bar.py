@@ -47,8 +47,7 @@ def with_progress(label: str, items: Collection[Item]) -> Iterator[Item]:
 def _progress_lines(label: str) -> Progress:
     """Return a callback that logs a line every `LOGGED_S` seconds while work advances.
 
-    The rate begins with the first report, without an earlier run's work or a
-    compilation.
+    The rate begins with the first report: no earlier run's work, no compilation.
     """
     started = logged = time.monotonic()
     first: tuple[float, int] | None = None

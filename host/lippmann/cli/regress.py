@@ -38,7 +38,7 @@ def command(
     fraction_bits: int = FILE_BITS,
     tolerance_urad: float | None = option("Tolerance of directions in numbers.  [default: 2]"),
     tolerance_nm: float | None = option("Tolerance of points in numbers.  [default: 50]"),
-    bounds_path: Path | None = option("Bounds by step and hard case (.toml) instead of these."),
+    bounds_path: Path | None = option("Bounds by step and hard case (.toml), for both tolerances."),
     junit: Path | None = option("JUnit XML of the verdicts, for continuous integration."),
     report: Folder | None = option("Folder for a page with plots of the errors."),
 ) -> int:
@@ -66,7 +66,6 @@ def command(
 
 
 def _read_bounds(path: Path | None, urad: float | None, nm: float | None) -> Bounds:
-    """Return the bounds of a file, or those of two tolerances."""
     for key, value, name in (("direction_urad", urad, "--tolerance-urad"), ("point_nm", nm, "--tolerance-nm")):
         if value is not None and path:
             raise input_error(name, "the file of bounds has it", f"write {key} there, or leave out --bounds")
@@ -137,8 +136,7 @@ def _judge_stream(bounds: Bounds, output: _Output) -> int:
     reader = StreamReader(bounded_lines(sys.stdin.buffer))
     try:
         for name, foreign in reader.sets():
-            # A search for two faults takes ten seconds: it is repeated only for more
-            # rays.
+            # A search for two faults takes 10 s: it is repeated only for more rays.
             search = not any(one.searched and one.rays >= len(foreign.inputs.pixels) for _, one in verdicts)
             verdict = output.judge(foreign, bounds, search)
             verdicts.append((name, verdict))

@@ -69,8 +69,8 @@ def write_report(
 ) -> None:
     """Write a report of some tables, and print what changed.
 
-    `measure` gets the folder of scenes and the earlier run. Raises InputError before,
-    for an invalid run or an output that cannot be written.
+    `measure` gets the folder of scenes and the earlier run. An invalid run, or an output
+    that cannot be written, raises InputError before.
     """
     from lippmann.conformance.engine_report import PAGE
     from lippmann.conformance.figures import read_stored

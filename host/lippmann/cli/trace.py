@@ -37,7 +37,7 @@ def command(
     engine: Engine = option("Engine that traces the rays.", "golden"),
     model: Model = LENS_MODEL,
     pixels: Name = option(
-        "N random pixels; or u, v in .npy, .npz (array `pixel`) or .csv: integers for pixels, else coordinates.",
+        "N random pixels; or u, v in .npy, .npz (array `pixel`) or .csv: integers mean pixel centres, else points.",
         metavar="N|FILE",
     ),
     aperture: Literal["chief", "full"] = option("Chief rays, or random points of the cell.", "chief"),
@@ -49,8 +49,8 @@ def command(
 ) -> None:
     """Trace rays from pixels through the lenslets.
 
-    Status in the .npz: 0 ok, 1 missed surface, 2 total internal reflection, 3 blocked,
-    4 crosstalk.
+    The .npz holds pixel, origin_mm, direction, status, lenslet and more. Status: 0 ok,
+    1 missed surface, 2 total internal reflection, 3 blocked, 4 crosstalk.
 
     Example: lippmann trace --display scenes/displays/paper-square.toml --pixels 1000 -o
     rays.npz
