@@ -77,7 +77,7 @@ def comment(board: str, display: str, identity: str, design: str, seed: int) -> 
 
 
 def sealed(data: bytes) -> bytes:
-    """Return a bitstream with its SHA-256 in its text, taken while the digits there are 0."""
+    """Return a bitstream with its SHA-256 in its text, computed with zeros there."""
     return data.replace(b"sha256=" + NO_DIGEST, b"sha256=" + _digest(data), 1)
 
 
@@ -154,7 +154,7 @@ class Adapter:
 
 
 def on_usb(usb: Usb) -> list[Adapter] | None:
-    """Return the USB adapters of a board's kind, serial ports or not; None where Linux lists none."""
+    """Return the USB adapters of a board's kind, also without a serial port; None where Linux has no list."""
     if not USB_DEVICES.is_dir():
         return None
     adapters = []

@@ -231,7 +231,7 @@ def check_rays(board: Board, display: Display, columns: tuple[int, int], rows: t
 def find_boards(
     urls: Iterable[str], baud: int | None = None, patience_s: float = SEARCH_PATIENCE_S
 ) -> tuple[list[str], list[DeviceError]]:
-    """Send HELLO to ports, without `baud` at `usual_baud`; return boards' ports, and others' errors."""
+    """Send HELLO to ports, by default at `usual_baud`; return the boards' ports, and the others' errors."""
     boards, errors = [], []
     for url in urls:
         try:

@@ -160,7 +160,7 @@ class SceneBoard:
         return self.crcs(slot) == list(map(zlib.crc32, _cut(content)))
 
     def free_slots(self, contents: Sequence[bytes]) -> list[int]:
-        """Return a slot for each content, which has it or can be written; DeviceError if too few."""
+        """Return a slot for each content, one that has it or can be written; DeviceError if there are too few."""
         busy = self.status().slots
         crcs = {slot: self.crcs(slot) for slot in range(self.build.slots_built)}
         requested = [list(map(zlib.crc32, _cut(content))) for content in contents]
@@ -223,7 +223,7 @@ class SceneBoard:
         self.wait(scene)
 
     def wait(self, scene: bool | None = None) -> None:
-        """Wait for written registers, and scene or stored frame (None: either); else DeviceError."""
+        """Wait until written registers and the scene or stored frame (None: any) are shown; else DeviceError."""
         until = time.monotonic() + FRAME_SECONDS
         while (status := self.status()).waits or scene not in (None, status.is_shown):
             if time.monotonic() > until:

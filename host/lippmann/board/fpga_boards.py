@@ -147,7 +147,7 @@ def fpga_board(name: str) -> FpgaBoard:
 
 
 def board_of_port(url: str) -> FpgaBoard | None:
-    """Return the first board with a valid file and a serial port's USB adapter, or None."""
+    """Return the first board whose file is right and whose USB adapter a serial port has, or None."""
     port = None if "://" in url else port_info(url)
     if port is None:
         return None

@@ -73,7 +73,7 @@ class FrameFile(NamedTuple):
 
 
 def check_shape(shape: tuple[int, ...], display: Display, target: Hello | Target, force: bool = False) -> str:
-    """Return an image's name in messages; refuse a wrong shape and, without `force`, display."""
+    """Return an image's name in messages; refuse another shape and, without `force`, another display."""
     name = f"image for display '{display.name}'"
     _check_identity(name, display.identity, target, force)
     panel_shape = (target.height, target.width, 3)

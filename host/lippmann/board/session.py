@@ -256,7 +256,7 @@ class Session:
         return TileTable(epochs.pop(), crcs)
 
     def present(self, epoch: int, crc: int) -> tuple[ReplyStatus, int]:
-        """Swap the buffers if the back one has CRC-32 `crc`; return OK and the new epoch, or refusal and `epoch`."""
+        """Swap the buffers if the back one's CRC-32 is `crc`; return OK and the new epoch, or refusal and `epoch`."""
         clocks = PRESENT_CLOCKS * self.info.width * self.info.height
         status, body = self.request(Kind.PRESENT, PRESENT_REQUEST.pack(epoch, crc), clocks / SLOWEST_HZ)
         if status in (ReplyStatus.STALE_EPOCH, ReplyStatus.FRAME_CRC_DIFFERS):

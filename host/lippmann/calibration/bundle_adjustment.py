@@ -305,7 +305,7 @@ class Solution:
         return list(self.problem.steps).index(name)
 
     def rms_px(self) -> tuple[float, float]:
-        """Return the root mean squares of inliers' residuals, in pixels of panel and photograph."""
+        """Return the inliers' RMS residuals, in pixels of panel and photograph."""
         counting = [self.problem.residuals(self.x, k)[inliers] for k, inliers in enumerate(self.weights.inliers)]
         columns, rows, *photo = (np.concatenate(counting) ** 2).mean(axis=0)
         return math.sqrt(columns + rows), math.sqrt(sum(photo))

@@ -27,7 +27,7 @@ from lippmann.rendering.integral_image import IntegralImage
 NAMES = ("1-white", "2-dark", "3-rings")
 #: Diameter of the pupil that sees white, in steps from one view to the next.
 VIEWS = 4.0
-#: Maximum fraction of dark's light in a right block, and minimum fraction of these.
+#: Maximum fraction of dark's light in a right block; minimum fraction of right blocks.
 MAX_DARK, MIN_RIGHT = 0.3, 0.95
 
 

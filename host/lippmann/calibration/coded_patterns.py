@@ -209,7 +209,7 @@ def _marks(height: int, width: int) -> Singles:
 
 
 def write_patterns(patterns: PatternSet, display: Display, folder: Path) -> list[Path]:
-    """Write the pictures and `patterns.toml` into a folder; return the pictures' files. Raises as `make_folder`."""
+    """Write pictures and `patterns.toml`; return the pictures' files. Raises as `make_folder`."""
     make_folder(folder)
     files = [folder / name for name in patterns.files]
     for pattern, file in zip(patterns.patterns, files, strict=True):

@@ -59,7 +59,7 @@ def fix_settings(camera: cv2.VideoCapture) -> list[str]:
         "gain": (cv2.CAP_PROP_GAIN, camera.get(cv2.CAP_PROP_GAIN)),
     }
     for name, (prop, value) in settings.items():
-        if not camera.set(prop, value) or abs(camera.get(prop) - value) > 1e-3:  # silently
+        if not camera.set(prop, value) or abs(camera.get(prop) - value) > 1e-3:  # refused silently
             refused.append(name)
     return refused
 

@@ -143,7 +143,7 @@ class Camera:
 
 @dataclass(frozen=True)
 class Sensor:
-    """A small camera's sensor; `exposure` is white as a fraction of the full well, which clips."""
+    """A small camera's sensor; `exposure` is white over the full well: above 1, it is clipped."""
 
     exposure: float = 0.8
     full_well_e: float = 10000.0

@@ -36,7 +36,7 @@ from lippmann.optics.rays import Floats
 
 
 class Radius(NamedTuple):
-    """A radius and its standard deviation, mm; `effect` is the latter's on the parameters."""
+    """A radius and its standard deviation, mm; `effect` is the deviation's on the parameters."""
 
     value_mm: float
     deviation_mm: float
@@ -156,7 +156,7 @@ def _refine(problem: Problem, x: Floats) -> tuple[Problem, Solution]:
     for _ in range(3):
         finer = trace_again(solution, problem)
         again = solve(finer, solution.x)
-        if _scatter(again) > 2.0 * _scatter(solution) + 0.02:  # px: the gap is wrong
+        if _scatter(again) > 2.0 * _scatter(solution) + 0.02:  # px; a wrong gap adds scatter
             break
         problem, solution = finer, again
     return problem, solution

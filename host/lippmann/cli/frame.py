@@ -77,7 +77,7 @@ class Choice(click.Choice[str]):
 
 @dataclass(frozen=True)
 class Declared:
-    """An option or argument: flag (None: an argument; "": from the parameter's name), click's attributes."""
+    """An option or argument: its flag (None: an argument; "": from the name), and click's attributes."""
 
     flag: str | None
     attributes: Mapping[str, Any]
@@ -120,7 +120,7 @@ def argument(metavar: str | None = None, default: object = REQUIRED, kind: objec
 
 
 def make_command(name: str, into: click.Group | None = None) -> Callable[[Function], click.Command]:
-    """Return a decorator that makes a command with --json of a function; the docstring is its help."""
+    """Return a decorator that makes a command of a function, whose docstring is its help."""
 
     def decorate(function: Function) -> click.Command:
         def callback(**values: object) -> object:

@@ -37,7 +37,7 @@ def command(
     engine: Engine = option("Engine that traces the rays.", "golden"),
     model: Model = LENS_MODEL,
     pixels: Name = option(
-        "N random pixels; or u, v in .npy, .npz (array `pixel`) or .csv: integers mean pixel centres, else points.",
+        "N random pixels; or u, v in .npy, .npz (array `pixel`) or .csv: integers for pixel centres, else coordinates.",
         metavar="N|FILE",
     ),
     aperture: Literal["chief", "full"] = option("Chief rays, or random points of the cell.", "chief"),
