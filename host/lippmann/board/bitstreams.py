@@ -245,7 +245,6 @@ def program(path: Path, name: str | None = None, serial: str | None = None, flas
 
 
 def _failure(board: FpgaBoard, output: str, code: int, again: str) -> DeviceError:
-    """Return the error of a loader that failed, with its own words."""
     lines = [" ".join(line.split()) for line in output.replace("\r", "\n").splitlines() if line.strip()]
     for words, what, remedy in CAUSES:
         for line in lines:

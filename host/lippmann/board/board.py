@@ -77,7 +77,10 @@ class Board(Session):
         return FixedRays(*out.T)
 
     def sign(self, rays: int) -> tuple[int, int]:
-        """Trace a frame of about `rays` rays, to a time-out or Ctrl-C; return their number and CRC-32."""
+        """Trace a frame of about `rays` rays; return their number and CRC-32.
+
+        A time-out or Ctrl-C ends the frame.
+        """
         work_s = SIGN_CLOCKS * rays / SLOWEST_HZ
         seq, until = self.next_seq(), time.monotonic() + work_s + self.patience_s
         try:
@@ -144,7 +147,10 @@ class Board(Session):
         return sink.finish()
 
     def write_optics(self, display: Display) -> int:
-        """Write and apply a display's optics; return the count of registers, or raise InputError."""
+        """Write and apply a display's optics; return the number of registers.
+
+        Raises InputError for an unsupported display.
+        """
         build = self.optics_build()
         writes = optics_writes(configuration(display, build, build.model))
         self.write_all([*writes, write("control", apply=1)])
@@ -231,7 +237,10 @@ def check_rays(board: Board, display: Display, columns: tuple[int, int], rows: t
 def find_boards(
     urls: Iterable[str], baud: int | None = None, patience_s: float = SEARCH_PATIENCE_S
 ) -> tuple[list[str], list[DeviceError]]:
-    """Send HELLO to ports, by default at `usual_baud`; return the boards' ports, and the others' errors."""
+    """Send HELLO to ports, by default at their `usual_baud`.
+
+    Return the ports of boards, and the errors of the others.
+    """
     boards, errors = [], []
     for url in urls:
         try:
@@ -272,5 +281,8 @@ def find_board(
 
 
 def baud_of_board(url: str) -> int | None:
-    """Return the first baud rate at which a board answers, or None; InputError for an invalid URL."""
+    """Return the first baud rate at which a board answers, or None.
+
+    Raises InputError for an invalid URL.
+    """
     return next((baud for baud in COMMON_BAUDS if find_boards([url], baud)[0]), None)

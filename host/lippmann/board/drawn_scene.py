@@ -160,7 +160,10 @@ class SceneBoard:
         return self.crcs(slot) == list(map(zlib.crc32, _cut(content)))
 
     def free_slots(self, contents: Sequence[bytes]) -> list[int]:
-        """Return a slot for each content, one that has it or can be written; DeviceError if there are too few."""
+        """Return a slot for each content: one that has it, or can be written.
+
+        Raises DeviceError if there are too few.
+        """
         busy = self.status().slots
         crcs = {slot: self.crcs(slot) for slot in range(self.build.slots_built)}
         requested = [list(map(zlib.crc32, _cut(content))) for content in contents]
@@ -223,7 +226,10 @@ class SceneBoard:
         self.wait(scene)
 
     def wait(self, scene: bool | None = None) -> None:
-        """Wait until written registers and the scene or stored frame (None: any) are shown; else DeviceError."""
+        """Wait until written registers and the scene or stored frame (None: any) are shown.
+
+        Raises DeviceError after `FRAME_SECONDS`.
+        """
         until = time.monotonic() + FRAME_SECONDS
         while (status := self.status()).waits or scene not in (None, status.is_shown):
             if time.monotonic() > until:

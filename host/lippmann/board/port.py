@@ -39,7 +39,7 @@ SEND_S = 2.0
 CONNECT_S = 5.0
 #: Longest token, bytes.
 MAX_TOKEN = 256
-#: USB vendors of the serial adapters on FPGA boards: FTDI, Silicon Labs, WCH, Prolific.
+#: USB vendors of adapters on FPGA boards: FTDI, Silicon Labs, WCH, Prolific.
 ADAPTER_VENDORS = (0x0403, 0x10C4, 0x1A86, 0x067B)
 
 
@@ -70,7 +70,10 @@ def open_port(url: str, baud: int = DEFAULT_BAUD) -> serial.Serial | socket.Sock
 
 
 def _connected(url: str) -> socket.SocketIO:
-    """Connect to a socket and send the token; raise ValueError for an invalid URL, OSError if refused."""
+    """Connect to a socket and send the token.
+
+    Raises ValueError for an invalid URL, OSError if refused.
+    """
     if url.startswith("unix://"):
         connection, address = socket.socket(socket.AF_UNIX), url.removeprefix("unix://")
     else:
@@ -235,7 +238,10 @@ class Line:
         return count * BITS_A_BYTE / self.baud
 
     def send(self, packet: bytes, patience_s: float) -> bool:
-        """Write a packet; return False if the port takes no byte for `patience_s`. Raises as `receive`."""
+        """Write a packet; return False if the port takes no byte for `patience_s`.
+
+        Raises as `receive`.
+        """
         if self._broken:
             packet = DELIMITER + packet
         self._broken = True
@@ -256,7 +262,10 @@ class Line:
         return True
 
     def receive(self, wait_s: float) -> Packet | None:
-        """Return the next packet, or None after `wait_s`; NoBoardError when the connection is lost."""
+        """Return the next packet, or None after `wait_s`.
+
+        Raises NoBoardError when the connection is lost.
+        """
         end = time.monotonic() + wait_s
         while not self._waiting:
             remaining_s = end - time.monotonic()

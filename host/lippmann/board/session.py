@@ -220,7 +220,10 @@ class Session:
         return REGISTERS[name].values(self.word(name))
 
     def write(self, address: int, words: Sequence[int]) -> None:
-        """Write 1 to 64 words from a byte address on, exactly once, all or none; InputError for wrong ones."""
+        """Write 1 to 64 words from a byte address on, exactly once, all or none.
+
+        Raises InputError for an address without a register, and for words that do not fit.
+        """
         if not 1 <= len(words) <= MAX_WORDS:
             raise InputError(f"{len(words)} words cannot be written at once; give 1 to {MAX_WORDS}")
         if not all(0 <= word < 1 << 32 for word in words):
@@ -256,7 +259,10 @@ class Session:
         return TileTable(epochs.pop(), crcs)
 
     def present(self, epoch: int, crc: int) -> tuple[ReplyStatus, int]:
-        """Swap the buffers if the back one's CRC-32 is `crc`; return OK and the new epoch, or refusal and `epoch`."""
+        """Swap the buffers if the back buffer's CRC-32 is `crc`.
+
+        Return OK and the new epoch, or the refusal and `epoch`.
+        """
         clocks = PRESENT_CLOCKS * self.info.width * self.info.height
         status, body = self.request(Kind.PRESENT, PRESENT_REQUEST.pack(epoch, crc), clocks / SLOWEST_HZ)
         if status in (ReplyStatus.STALE_EPOCH, ReplyStatus.FRAME_CRC_DIFFERS):

@@ -36,7 +36,7 @@ class Coded(NamedTuple):
 
 @dataclass(frozen=True)
 class TileGrid:
-    """Tiles of a frame, row by row; those at the right and lower edges are clipped."""
+    """Tiles of a frame, row by row; clipped at the right and lower edges."""
 
     width: int
     height: int

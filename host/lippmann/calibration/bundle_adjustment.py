@@ -1,8 +1,10 @@
 """The least squares over all positions: array, gap, the camera's lens and poses.
 
-The camera is a pinhole with radial distortion, the same for all positions. A point X, mm in the panel's frame, is at
-x = R (X - C) from the camera: x to the right, y down, z forward. With (a, b) = (x, y) / z and r^2 = a^2 + b^2 its pixel
-is (cx, cy) + f (1 + k1 r^2 + k2 r^4) (a, b).
+The camera is a pinhole with radial distortion, the same for all positions. A point X,
+mm in the panel's frame, is at x = R (X - C) from the camera: x to the right, y down, z
+forward. With (a, b) = (x, y) / z and r^2 = a^2 + b^2 its pixel is
+
+    (cx, cy) + f (1 + k1 r^2 + k2 r^4) (a, b).
 
 Each lenslet that a position sees gives two points: the panel point that it shows, and
 its middle in the photograph, between its seams. Both are fitted at once, weighted by
@@ -81,8 +83,8 @@ class SmoothErrors:
 
         e = n + t B m,   n and m normal with deviation 1,
 
-    where B are the six polynomials of the place on the array up to degree 2, and t is a fraction. The covariance of e
-    is I + t^2 B B^T. With B = U S V^T,
+    where B are the six polynomials of the place on the array up to degree 2, and t is a
+    fraction. The covariance of e is I + t^2 B B^T. With B = U S V^T,
 
         W = I - U (1 - 1 / sqrt(1 + t^2 S^2)) U^T
 

@@ -1,8 +1,7 @@
 """Pictures that prove a calibration by eye, and the judgement of their photographs.
 
 `1-white` is white for an eye at X and black elsewhere; `2-dark` is its opposite. A
-camera at X sees the first white and the second black, or the opposite where the array
-is not as described.
+camera at X sees the reverse where the array is not as described.
 
 `3-rings` gives each lenslet one colour, by its distance from the panel's middle. From a
 place without crosstalk, an eye sees rings, broken where a pixel has a wrong owner.

@@ -1,4 +1,4 @@
-"""The pictures that tell a camera which panel point it sees: Gray code and phase shift, in both directions.
+"""The pictures that tell a camera which panel point it sees: Gray code and phase shift.
 
 Light at the coordinate u (column or row, pixel centres at 1/2) of the phase picture n
 of N, for the period T:

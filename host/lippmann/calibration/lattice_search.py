@@ -1,4 +1,4 @@
-"""The lattice of the panel points that a camera sees: the lenslets' centres, seen from one position.
+"""The lattice of the panel points that a camera sees: the lenslets' centres from one position.
 
 The paraxial point seen through the lenslet at L from C is P = L (1 + D/Cz) - C D/Cz: an
 affine image of the array's lattice. Rotations and scales of the nominal lattice are
@@ -130,7 +130,6 @@ def _followed(
 
 
 def _some(points_mm: Floats) -> Floats:
-    """Return at most `MAX_POINTS` points, drawn at random."""
     if len(points_mm) <= MAX_POINTS:
         return points_mm
     return points_mm[np.random.default_rng(SEED).integers(0, len(points_mm), MAX_POINTS)]

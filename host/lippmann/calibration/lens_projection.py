@@ -1,9 +1,10 @@
 """What a camera sees of a lenslet, by exact rays: its outline, and where its rays meet the panel.
 
-A camera sees the lenslet with the vertex L on a plane at the height h of its seams. With the slope
-s = (C - L) / (Cz - h), the middle of the outline is at L + c(s) on this plane, and the rays through the inner cell
-around it meet the panel, on average, at L + w(s). A cell looks alike in n = 4 or 6 directions and in a mirror, so both
-are sums of few powers. With s = x + i y along the array's axes, s* = x - i y, and real c, a and b,
+A camera sees the lenslet with the vertex L on a plane at the height h of its seams.
+With the slope s = (C - L) / (Cz - h), the middle of the outline is at L + c(s) on this
+plane, and the rays through the inner cell around it meet the panel, on average, at
+L + w(s). A cell looks alike in n = 4 or 6 directions and in a mirror, so both are sums
+of few powers. With s = x + i y along the array's axes, s* = x - i y, and real c, a, b,
 
     c(s) = sum of c_jk s^j (s*)^k,   w(s) = -sum of (a_jk + gap b_jk) s^j (s*)^k,   j - k = 1, 1 - n, 1 + n, ...
 

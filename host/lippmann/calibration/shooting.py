@@ -27,7 +27,10 @@ logger = logging.getLogger("lippmann")
 
 @contextmanager
 def open_webcam(number: int) -> Iterator[cv2.VideoCapture]:
-    """Open a webcam at its largest size with fixed settings; warn of refused ones. Raises DeviceError."""
+    """Open a webcam at its largest size with fixed settings; warn of refused ones.
+
+    Raises DeviceError when there is no such camera.
+    """
     camera = cv2.VideoCapture(number)
     try:
         if not camera.isOpened():

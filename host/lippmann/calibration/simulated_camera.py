@@ -1,7 +1,7 @@
 """A camera in front of a display: pose, lens with radial distortion, pupil, focus, vignetting, sensor.
 
-A direction's normalised coordinates x, y are its slopes to the optical axis, to the right and down in the picture. With
-r^2 = x^2 + y^2 its pixel is
+A direction's normalised coordinates x, y are its slopes to the optical axis, to the
+right and down in the picture. With r^2 = x^2 + y^2 its pixel is
 
     u = cx + f x (1 + k1 r^2 + k2 r^4),   v = cy + f y (1 + k1 r^2 + k2 r^4).
 """

@@ -81,7 +81,10 @@ def collect_projection(display: Display, camera: Camera, bands: Iterator[Band]) 
 def trace_projection(
     display: Display, camera: Camera, samples: int = 3, seed: int = 0, tracer: Tracer | None = None
 ) -> Projection:
-    """Trace what a camera sees of a display, by `samples`^2 rays a pixel; `tracer` defaults to exact rays."""
+    """Trace what a camera sees of a display, by `samples` x `samples` rays a pixel.
+
+    `tracer` traces them, by default through the exact lenslets.
+    """
     rng = np.random.default_rng((seed, 0x51))
     trace = tracer or (lambda origin, direction: trace_to_panel(display, origin, direction, engine="fast"))
     rows_at_once = max(1, CHUNK_RAYS // (camera.width_px * samples * samples))

@@ -1,4 +1,4 @@
-"""The whole calculation, from the folder of photographs to the calibration."""
+"""The calculation from a folder of photographs to the calibration."""
 
 from __future__ import annotations
 

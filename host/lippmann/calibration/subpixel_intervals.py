@@ -6,9 +6,10 @@ pixels p of the lenslet read on average
 
     f(t) = mean of S(t + s(p) + 1/2 a^2 L(p), b(p)),   S(u, b) = mean of floor(v) + 1/2
 
-over normal v with mean u and deviation b: it grows with t in blurred steps. The photograph's blur has the deviation a
-in the cell, and the camera's pupil adds c on the panel: b(p)^2 = a^2 |s'(p)|^2 + c^2. L is the sum of the second
-derivatives of s. For each position, a and c are those whose S is nearest to the readings.
+over normal v with mean u and deviation b: it grows with t in blurred steps. The
+photograph's blur has the deviation a in the cell, and the camera's pupil adds c on the
+panel: b(p)^2 = a^2 |s'(p)|^2 + c^2. L is the sum of the second derivatives of s. For
+each position, a and c are those whose S is nearest to the readings.
 
 So a mean that was read gives an interval of t: short where points move by a pixel or
 more over the cell, a pixel wide in focus. The middle of a wide interval is no

@@ -191,5 +191,5 @@ def _fail(message: str, code: int, as_json: bool) -> int:
 
 
 def _drop_output() -> None:
-    """Discard stdout's buffer: at exit Python must not flush it into a closed pipe or full disk."""
+    """Discard stdout's buffer, which Python would flush into a closed pipe or full disk."""
     os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())

@@ -252,7 +252,6 @@ def _check_named(where: str, name: str, field: Field, word: int) -> None:
 
 
 def _number(where: str, text: str, field: Field) -> int:
-    """Return the register word of a number in a field."""
     try:
         number = int(text, 0)
     except ValueError:

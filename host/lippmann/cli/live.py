@@ -120,7 +120,6 @@ def _load_film(path: str) -> Film | None:
 
 
 def _check_panels(monitor: int | None, port: str | None, window: bool | None, eye: Point | None) -> None:
-    """Refuse options that name two panels, or no visible one."""
     if monitor is not None and port is not None:
         raise InputError("--monitor and --port both name a panel; leave one out")
     if window is not None and monitor is not None:

@@ -1,4 +1,4 @@
-"""Options of the commands that use a board: its port and its baud rate."""
+"""Options of commands that use a board: port and baud rate."""
 
 from __future__ import annotations
 
@@ -32,7 +32,10 @@ def chosen_port(port: str | None, baud: int | None) -> tuple[str, int]:
 def opened_board(
     port: str | None, baud: int | None, display: Display | None = None, action: str = "", frames: bool = False
 ) -> Board:
-    """Open a board, check its display and, with `frames`, its panel; raises as `chosen_port` and these."""
+    """Open a board; check its display and, with `frames`, its panel.
+
+    Raises as `chosen_port`, `Board.open`, `check_board` and `Board.check_panel`.
+    """
     board = Board.open(*chosen_port(port, baud))
     try:
         if display is not None:
