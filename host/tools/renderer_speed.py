@@ -353,7 +353,7 @@ def register_stages() -> None:
 
 
 def stages(scene: Scene, display: Display, settings: Settings) -> dict[str, float]:
-    """Time renders of one more stage each, in turn, without compilation; `shared` has all stages and shared light."""
+    """Time renders of one more stage each, in turn, without compilation; `shared`: all, with the irradiance cache."""
     register_stages()
     each = replace(settings, shading="each")
     works = {stage: timed(scene, display, replace(each, integrator=integrator)) for stage, integrator in STAGES.items()}

@@ -45,7 +45,7 @@ DISPLAY, LAMPS, SAMPLES = "paper-square", (1, 2, 5, 20), (1, 2, 4, 8)
 REFERENCE_SAMPLES, EVERY_ROW = 64, 16
 #: The lamps' circle, mm: radius and height in front of the display; their total power.
 RADIUS_MM, HEIGHT_MM, POWER = 1000.0, 850.0, 1.2e7
-#: Scenes whose pictures by shared light are compared, the set-up of the captured ones, and samples.
+#: Scenes whose pictures by the irradiance cache are compared, the set-up of the captured ones, and samples.
 SCENES, CAPTURED, SETUP, COMPARED_SAMPLES = ("fish", "chart", "knot"), ("diffuse", "full"), "fig8a", 4
 #: Factor on the differences of the map.
 MAP_GAIN = 50.0
@@ -128,7 +128,7 @@ def _drawn(scene: Scene, display: Display, settings: Settings, name: str) -> tup
 
 
 def likeness(scenes: Path, seed: int) -> Iterator[dict[str, Any]]:
-    """Yield the PSNR of each scene's picture and view by shared light against each ray's own; `auto`: its shading."""
+    """Yield the PSNR of pictures and views by the irradiance cache against each ray's light; `auto`: its shading."""
     for name in (*SCENES, *CAPTURED):
         (each, shared, auto), display = _drawn_scene(scenes, name, seed, ("each", "shared", "auto"))
         panel_db = psnr_db(shared.radiance, each.radiance)
@@ -137,11 +137,11 @@ def likeness(scenes: Path, seed: int) -> Iterator[dict[str, Any]]:
 
 
 def error_map(scenes: Path, seed: int) -> tuple[list[Radiance], list[str]]:
-    """Return an eye's views of the fish by each ray's own light and by shared light, their difference, and captions."""
+    """Return an eye's views of the fish by each ray's own light and by the cache, their difference, and captions."""
     drawn, display = _drawn_scene(scenes, SCENES[0], seed, ("each", "shared"))
     views = [_view(one.radiance, display) for one in drawn]
     difference = np.abs(views[1] - views[0]) * np.float32(MAP_GAIN)
-    return [*views, difference], ["each ray's own light", "shared light", f"difference, {MAP_GAIN:g} times"]
+    return [*views, difference], ["each ray's own light", "irradiance cache", f"difference, {MAP_GAIN:g} times"]
 
 
 def _drawn_scene(scenes: Path, name: str, seed: int, shadings: Sequence[Shading]) -> tuple[list[Rendered], Display]:

@@ -36,7 +36,7 @@ def _settings(
     samples: int = option("Samples for each pixel, 1 to 65536.", 4),
     light: Settings = LIGHT,
     memory_mb: float | None = option("Memory limit, MB.  [default: 80 % of the free memory]"),
-    shading: Shading = option("Whether rays share diffuse surfaces' light; auto decides by a trial (45 dB).", "auto"),
+    shading: Shading = option("Irradiance cache: always (shared), never (each), or by a trial (auto, 45 dB).", "auto"),
 ) -> Settings:
     return replace(light, samples=samples, aperture=aperture or "full", memory_mb=memory_mb, shading=shading)
 

@@ -32,8 +32,7 @@ from lippmann.scenes.scene import Scene
 
 #: Dr.Jit's words for a function that it cannot record or replay.
 NOT_RECORDED = re.compile(r"record|frozen|freez|replay")
-#: A lamp with a picture, in Mitsuba's text: Dr.Jit 1.5 crashes when it replays one on a
-#: GPU.
+#: A lamp with a picture, in Mitsuba's text: Dr.Jit 1.5 crashes in a GPU's replay.
 PICTURE_LAMP = re.compile(r"BitmapTexture|EnvironmentMap")
 
 
@@ -52,8 +51,7 @@ class Recorded:
 
         frozen: Jit = dr.freeze(call, state_fn=lambda *_: references.scene.mitsuba)
         self._function, self._frozen = function, frozen
-        # Made now: objects made in the first call would make the second another
-        # recording.
+        # Made now: if made in the first call, the second would be another recording.
         self._parts = lamps, _ = scene.mitsuba.emitters(), scene.mitsuba.shapes()
         self._recordable = current_device() != "cuda" or not any(PICTURE_LAMP.search(str(lamp)) for lamp in lamps)
         weakref.finalize(self, references.release, frozen)
@@ -76,8 +74,7 @@ class Recorded:
 class _References:
     """The function and the scene of a frozen function, which must not refer to them."""
 
-    # Dr.Jit's object waits for the garbage collector; a scene must not, or programs
-    # contain it.
+    # Dr.Jit's object waits for the garbage collector; programs contain all live scenes.
 
     def __init__(self, function: Callable[..., Jit], scene: Scene) -> None:
         self.function, self.scene = function, scene
@@ -101,8 +98,7 @@ def garbage_kept() -> Iterator[None]:
             gc.enable()
 
 
-#: Bit of a lamp mask for "irradiance is computed"; each other bit means that the point
-#: sees a lamp.
+#: Bit of a lamp mask: irradiance is computed. Each other bit: the point sees a lamp.
 COMPUTED = 1 << 31
 MAX_LAMPS = 31
 #: A spot's picture, in Mitsuba's text; a spot without one has a uniform spectrum there.
@@ -142,7 +138,7 @@ class IrradianceCache:
     def compute(self, points: list[Jit], active: Jit) -> None:
         """Compute the irradiance at three arrays of points, where it is missing."""
 
-        # A loop within one program: three scatters in turn would be three programs.
+        # A loop, because three scatters in turn would be three programs.
         def mark(corner: Jit) -> tuple[Jit]:
             point = dr.select(corner == 0, points[0], dr.select(corner == 1, points[1], points[2]))
             missing = active & (dr.gather(mi.UInt32, self._lamps, point, active) == 0)
@@ -161,7 +157,7 @@ class IrradianceCache:
         dr.eval(self._light, self._lamps, self._marks)
 
     def between(self, place: Place, active: Jit) -> Jit:
-        """Return the irradiance / pi at places, interpolated, or computed at shadows' edges."""
+        """Return irradiance / pi at places, interpolated, or computed at shadows' edges."""
         points, weights = corners(self.lattices, place)
         self.compute(points, active)
         cached = [dr.gather(mi.Vector4f, self._light, point, active) for point in points]
@@ -187,7 +183,8 @@ def _light_at(
     # `visible` holds for the lamps in `tested`; each other lamp gets a shadow ray.
     lattice, u, v = place.lattice, place.u, place.v
     outward = from_octahedron(u, v)
-    centre, radius = dr.gather(mi.Point3f, lattices.centre, lattice), dr.gather(mi.Float, lattices.radius, lattice)
+    centre = dr.gather(mi.Point3f, lattices.centre, lattice)
+    radius = dr.gather(mi.Float, lattices.radius, lattice)
     hit = dr.zeros(mi.PreliminaryIntersection3f, dr.width(u))
     hit.valid, hit.t = dr.full(mi.Bool, True, dr.width(u)), radius
     hit.prim_uv = mi.Point2f(u, v)
@@ -209,10 +206,9 @@ def _light_at(
     return light * (1.0 / math.pi), lamps
 
 
-#: Follows rays. Arguments: samples' indices, a sampler, rays, which of them exist, and
-#: others.
+#: Follows rays. Arguments: samples' indices, sampler, rays, which exist, and others.
 Follow = Callable[..., tuple[Jit, ...]]
-#: The fate of a sample: black, in the irradiance cache, or left to the integrator.
+#: The fate of a sample: black, in the cache, or left to the integrator.
 BLACK, CACHED, UNCACHED = 0, 1, 2
 
 
@@ -223,13 +219,13 @@ class Program:
         self._parts, self._traced = Parts.of(source.layout), _colour_of_each(scene, source, samples, integrator)
 
     def __call__(self, index: Jit, first: Jit, seeds: Seeds, pose: Pose) -> tuple[Jit, list[Jit]]:
-        """Return the samples' colours, by indices from the tile `first` on, and lost numbers."""
+        """Return samples' colours, by indices from the tile `first` on, and the lost ones' numbers."""
         colour, *lost = self._traced(index, first, seeds, pose, self._parts)
         return colour, lost
 
 
 class CachedProgram(Program):
-    """The program that takes diffuse light from the cache, the rest from the integrator."""
+    """The program that takes diffuse light from the cache, other light from the integrator."""
 
     def __init__(
         self, scene: Scene, source: RaySource, samples: int, integrator: Jit, max_depth: int, cache: IrradianceCache
@@ -239,7 +235,7 @@ class CachedProgram(Program):
         self._met = _of_samples(scene, source, samples, _first_diffuse(scene, max_depth))
 
     def __call__(self, index: Jit, first: Jit, seeds: Seeds, pose: Pose) -> tuple[Jit, list[Jit]]:
-        """Return the colours and the lost numbers, as `Program`."""
+        """See `Program`."""
         weight, place, fate, *lost = self._met(index, first, seeds, pose, self._parts, self.cache.lattices)
         cached = fate == CACHED
         colour = dr.select(cached, weight * self.light_of(place, cached), 0.0)
@@ -254,7 +250,7 @@ class CachedProgram(Program):
         return self.cache.between(place, cached)
 
     def trial(self, index: Jit, first: Jit, seeds: Seeds, pose: Pose, samples: int) -> tuple[Radiance, Radiance, float]:
-        """Return the radiance (pixels, 3) with and without the cache, and the uncached fraction."""
+        """Return radiance (pixels, 3) with and without the cache, and the uncached fraction."""
         # Uncached samples are black in both. `samples` is for each colour of a pixel.
         weight, place, fate, *_ = self._met(index, first, seeds, pose, self._parts, self.cache.lattices)
         cached = fate == CACHED
@@ -296,7 +292,7 @@ def _colour_of_each(scene: Scene, source: RaySource, samples: int, integrator: J
 
 
 def _first_diffuse(scene: Scene, max_depth: int) -> Follow:
-    """Return a `Follow`: factor on irradiance / pi, place and fate at a diffuse surface."""
+    """Return a `Follow` that returns the factor on irradiance / pi, place and fate."""
     # As the integrator `lights`, through mirrors and glass.
     mirror_only = mi.BSDFContext()
     mirror_only.type_mask = mi.BSDFFlags.Delta
@@ -372,9 +368,9 @@ def why_not_cached(scene: Scene, source: RaySource, integrator: str) -> str | No
     if integrator != "lights":
         return f"the integrator {integrator} uses random numbers"
     if has_splats(scene.mitsuba):
-        return "splats are lit by themselves"
+        return "splats emit their own light"
     lamps = scene.mitsuba.emitters()
     are_plain = all(lamp.class_name() in LAMPS and not SPOT_PICTURE.search(str(lamp)) for lamp in lamps)
     if not (are_plain and 0 < len(lamps) <= MAX_LAMPS):
-        return f"the scene has other lamps than 1 to {MAX_LAMPS} points, spots and directions without pictures"
+        return f"the scene has other lamps than 1 to {MAX_LAMPS} point, spot and directional lights without pictures"
     return "there are no lenslets" if source.detail_mm is None else None
