@@ -49,7 +49,7 @@ def draw_histogram(field: Floats) -> Plot:
 
 
 def draw_views(nominal: Display, display: Display, eye: Eye) -> Plot:
-    """Draw rings as an eye sees them: for the nominal file, for the calibrated file, and on an ideal display."""
+    """Draw an eye's views of rings: by the nominal file, the calibrated one, and an ideal display."""
     window = whole_window(display, min(640, display.panel.width_px))
     picture, axes = make_axes(1, 3, (4.0, 3.2))
     views = {"before": (nominal, display), "after": (display, display), "ideal": (nominal, nominal)}

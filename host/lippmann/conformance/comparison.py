@@ -1,4 +1,4 @@
-"""Compares foreign rays with golden's. A ray is on an edge when rounding moves it to another lenslet or status."""
+"""Compares foreign rays with golden's. On an edge, rounding changes lenslet or status."""
 
 from __future__ import annotations
 
@@ -25,8 +25,7 @@ Step = Literal["panel_mm", "start_mm", "near_mm", "centre_mm", "local_mm", "orig
 
 #: Arrays of integers.
 INTEGERS = ("home", "lenslet", "status")
-#: Directions of displacements: to find edges, and with `SHARES` to reach all sides of
-#: an edge.
+#: Directions of displacements: to find edges, and with `SHARES` all sides of an edge.
 AXES = np.array([[1.0, 0.0], [0.0, 1.0], [-1.0, 0.0], [0.0, -1.0]])
 AROUND = np.concatenate([AXES, AXES @ [[1.0, 1.0], [-1.0, 1.0]]])
 SHARES = (1.0, 0.5, 0.25, 0.0625)
@@ -64,7 +63,7 @@ class Bounds:
     case: Annotated[tuple[CaseBound, ...], key("")] = ()
 
     def limits(self, inputs: PanelRays, rays: Arrays) -> Arrays:
-        """Return the bounds of each array, (N,), radians and mm; `rays` are golden's."""
+        """Return each array's bounds (N,), radians and mm; `rays` are golden's."""
         steps = {one.array: one.point_nm for one in self.step}
         met = points_met(inputs, rays) if self.case else {}
         limits: Arrays = {}
@@ -96,7 +95,7 @@ def load_bounds(path: Path) -> Bounds:
 
 @dataclass(frozen=True)
 class FieldSummary:
-    """One array: `worst` is its largest difference, `limits` are the smallest and largest allowed."""
+    """One array: its largest difference (`worst`), the smallest and largest allowed (`limits`)."""
 
     field: str
     stage: str
@@ -207,7 +206,7 @@ def compare(
 
 
 def _effect_of_moves(compared: Comparison, panel_mm: Floats, aim_mm: Floats) -> tuple[Arrays, Bools]:
-    """Return how far displacements move rays, and which change status or lenslet, (N,)."""
+    """Return rays' moves by displacements, and which change status or lenslet, (N,)."""
     n = len(compared.edge)
     largest = {name: np.zeros(n) for name in ("direction", "local_mm", "origin_mm")}
     edge = np.zeros(n, bool)
@@ -251,7 +250,7 @@ def _on_some_side(compared: Comparison, panel_mm: Floats, aim_mm: Floats) -> Boo
 
 
 def roundings(inputs: PanelRays) -> tuple[Floats, Floats]:
-    """Return roundings of points and aims to float32, (N, 2) mm; at least 4 of half a pitch."""
+    """Return float32 roundings of points and aims, (N, 2) mm, at least four of half a pitch."""
     pitch, pixel = inputs.display.array.coarsest_mm, np.array(inputs.display.panel.pitches_mm)
 
     def rounding(values: Floats) -> Floats:

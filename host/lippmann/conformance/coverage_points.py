@@ -17,6 +17,10 @@ from lippmann.optics.model_choice import in_cells_mm
 from lippmann.optics.rays import Floats, Status, gets_through
 
 Arrays = Mapping[str, Floats]
+#: Cosines to the normal below which a ray grazes a face, or is near total reflection.
+GRAZING, FLAT = 0.05, 1e-3
+#: Radii in half diagonals: maximum of a steep dome, minimum of a flat one.
+STEEP, NEARLY_FLAT = 1.05, 100.0
 
 #: The meaning of each point, in the order of the ray.
 POINTS = {
@@ -90,13 +94,13 @@ def points_met(inputs: PanelRays, rays: Arrays) -> dict[str, Bools]:
         "missing-lenslet": ~Lattice.of(array).present(NumpyBackend(), *rays["home"].T) & has[Status.BLOCKED],
         "contact": display.gap_mm == 0.0,
         "gap-of-the-focal-length": abs(display.aperture_distance_mm - focal_mm) < 1e-5 * focal_mm,
-        "steep-dome": array.radius_mm < 1.05 * half_mm,
-        "flat-dome": array.radius_mm > 100.0 * half_mm,
+        "steep-dome": array.radius_mm < STEEP * half_mm,
+        "flat-dome": array.radius_mm > NEARLY_FLAT * half_mm,
         "low-index": array.index < 1.01,
         "high-index": array.index > 2.0,
-        "grazing-launch": 0.05 * np.hypot(*(aims - rays["start_mm"]).T) > display.aperture_distance_mm,
-        "grazing-exit": cosine < 0.05,
-        "onset-of-total-reflection": cosine < 1e-3,
+        "grazing-launch": GRAZING * np.hypot(*(aims - rays["start_mm"]).T) > display.aperture_distance_mm,
+        "grazing-exit": cosine < GRAZING,
+        "onset-of-total-reflection": cosine < FLAT,
         "far-cell": (steps >= 2.0) & has[Status.CROSSTALK],
         **{status.name.lower().replace("_", "-"): rays_of_status for status, rays_of_status in has.items()},
     }
@@ -109,7 +113,7 @@ def covered(inputs: PanelRays, rays: Arrays) -> dict[str, int]:
 
 
 def summary(sets: Iterable[Mapping[str, int]], words: bool = False) -> tuple[dict[str, int], str]:
-    """Count the rays at each point, without `BEYOND_WORDS` for `words`, and name points without rays."""
+    """Count the rays at points (for words not `BEYOND_WORDS`), and name points without rays."""
     totals = sum(map(Counter, sets), Counter[str]())
     counts = {name: totals[name] for name in POINTS if not (words and name in BEYOND_WORDS)}
     missing = [name for name, rays in counts.items() if not rays]
@@ -118,7 +122,7 @@ def summary(sets: Iterable[Mapping[str, int]], words: bool = False) -> tuple[dic
 
 
 def tied_sides(inputs: PanelRays) -> tuple[Bools, ...]:
-    """Tell which pixels' points (N,) lie exactly on a cell's left and, in a square grid, lower side."""
+    """Tell which pixels' points (N,) are exactly on a cell's left and, if square, lower side."""
     array = inputs.display.array
     x, y = in_cells_mm(inputs.display, inputs.pixels).T
     left_side = x - array.shear * y == -0.5 * array.pitches_mm[0]

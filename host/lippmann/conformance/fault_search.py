@@ -1,4 +1,4 @@
-"""Faults beyond the variants of `faults`: fitted numbers of the display, and pairs of faults."""
+"""Faults beyond `faults`: fitted numbers of the display, and pairs of faults."""
 
 from __future__ import annotations
 
@@ -48,8 +48,7 @@ FITTED = {
     "array.offset_mm[1]": "panel",
 }
 
-#: Candidates of a fit: differences relative to the display's number (to a pitch, for 0
-#: or an offset).
+#: Candidates of a fit, relative to the display's number (0, offsets: to a pitch).
 LOOKED = (-0.5, -0.3, -0.2, -0.1, -0.05, -0.02, -0.01, 0.01, 0.02, 0.05, 0.1, 0.2, 0.3, 0.5)
 
 
@@ -106,7 +105,7 @@ def _wrong_number(name: str, value: float, expected: float) -> Variant:
 
 
 def _numbers(display: Display) -> dict[str, float]:
-    """Return the display's parameters, keyed as `FITTED`: one pitch or two, and the shear if it is not 0."""
+    """Return the display's parameters, keyed as `FITTED`: one pitch or two, and no shear of 0."""
     numbers = {}
     for name in FITTED:
         path, _, entry = name.partition("[")
@@ -128,7 +127,7 @@ def _word_lengths(direction: Floats) -> Iterator[Variant]:
 
 
 def _fit_number(name: str, value: float, inputs: PanelRays, direction: Floats) -> Iterator[Variant]:
-    """Yield a number of the display fitted to directions (N, 3), if any value gives rays."""
+    """Yield a number of the display fitted to directions (N, 3), if any gives rays."""
     # Offsets repeat after a pitch, so their size says nothing about their error.
     unit = value if value and "offset" not in name else inputs.display.array.coarsest_mm
 
@@ -141,8 +140,8 @@ def _fit_number(name: str, value: float, inputs: PanelRays, direction: Floats) -
             return math.inf
         return float(np.median(np.linalg.norm(rays.direction - direction, axis=1)))
 
-    # On a panel of many lenslets, steps between `LOOKED` lead to other lenslets: these
-    # move its corner by 1/4 pitch.
+    # On a panel of many lenslets, steps between `LOOKED` lead to other lenslets: these,
+    # up to 2 %, move its corner by 1/4 pitch each.
     panel = inputs.display.panel
     step = 0.25 * inputs.display.array.finest_mm / (0.5 * math.hypot(panel.width_mm, panel.height_mm))
     near = step * np.arange(-int(0.02 / step), int(0.02 / step) + 1, dtype=np.float64)
@@ -151,11 +150,10 @@ def _fit_number(name: str, value: float, inputs: PanelRays, direction: Floats) -
         candidates += [*map(float, range(-180, 180)), *(value + math.degrees(turn) for turn in near)]
     elif name == "array.shear" or "pitch_mm" in name:
         candidates += [value + share * (1.0 if name == "array.shear" else unit) for share in near]
-    # Rotations by 60 or 180 degrees give the same lattice within rounding error: take
-    # the nearest.
+    # Of rotations by 60 or 180 degrees, equal within rounding error, take the nearest.
     best = min(candidates, key=lambda candidate: (round(loss(candidate), 9), abs(candidate - value)))
     width = 0.02 * abs(unit)
-    for _ in range(48):
+    for _ in range(48):  # to 2e-11 of the first width
         best = min((best - width, best, best + width), key=loss)
         width *= 0.6
     if math.isfinite(loss(best)):
@@ -163,7 +161,7 @@ def _fit_number(name: str, value: float, inputs: PanelRays, direction: Floats) -
 
 
 def pairs(inputs: PanelRays, fields: Arrays, apart: Callable[[Variant], float]) -> Iterator[Variant]:
-    """Yield pairs of variants, the likeliest first; `apart` returns one variant's distance from the rays."""
+    """Yield pairs of variants, the likeliest first; `apart` is a variant's distance from the rays."""
     ranked = sorted(variants(inputs.display), key=apart)
     numbers = list(fitted(inputs, fields))
     yield from (both(one, other) for one, other in combinations(ranked, 2))
@@ -171,6 +169,7 @@ def pairs(inputs: PanelRays, fields: Arrays, apart: Callable[[Variant], float]) 
     units = list(fitted(inputs, fields | {"direction": unit_vectors(fields["direction"])}))
     yield from (both(one, number) for one in ranked if one.bend is not None for number in units)
     yield from (both(*numbers) for numbers in fitted_together(inputs, fields))
+    # Numbers are fitted beside the 12 nearest changes, other numbers, and all bends.
     changes = [one for one in (*ranked[:12], *numbers) if one.change is not None]
     for one in (*changes, *(one for one in ranked if one.bend is not None)):
         with suppress(*NO_RAYS, KeyError):

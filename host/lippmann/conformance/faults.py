@@ -1,4 +1,4 @@
-"""Variants of golden with one fault each. The variant that equals foreign rays is the diagnosis."""
+"""Variants of golden with a fault each. The one that equals foreign rays is the diagnosis."""
 
 from __future__ import annotations
 
@@ -89,7 +89,7 @@ def golden(inputs: PanelRays) -> Arrays:
 
 
 def with_number(name: str, value: Number, inputs: PanelRays) -> PanelRays:
-    """Return the rays for another number of the display, such as `array.index`; a glass becomes an index."""
+    """Return the rays for another value of the display, as `array.index`; a glass becomes an index."""
     display = inputs.display
     if name == GLASS:  # the radius keeps the focal length, radius / (index - 1)
         radius = display.array.radius_mm * (value - 1.0) / (display.array.index - 1.0)
@@ -116,7 +116,7 @@ def turn_back(frame: PanelFrame, vectors: Floats) -> Floats:
 
 
 def variants(display: Display) -> Iterator[Variant]:
-    """Yield the variants that make a difference on a display, in the order of the ray."""
+    """Yield the variants that change a display's rays, in the order of the ray."""
     for variants_of_step in (_panel_variants, _number_variants, _lattice_variants, _aim_variants, _exit_variants):
         yield from variants_of_step(display)
     yield from (Variant("first face", f"rays of the model {model}", partial(replace, model=model)) for model in MODELS)

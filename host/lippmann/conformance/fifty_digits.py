@@ -29,8 +29,7 @@ mp.dps = 50
 #: Arrays of mpf, or one mpf; mpmath ships no types.
 Digits = Any
 
-#: Relative step for a condition: far below the last place of a float64, far above that
-#: of 50 digits.
+#: Relative step for a condition: far below a float64's last place, above 50 digits'.
 STEP = mp.mpf(10) ** -24
 
 _convert_number = mp.npconvert
@@ -75,7 +74,8 @@ def exact_inputs(rays: PanelRays | WorldRays) -> dict[str, Digits]:
         names: tuple[str, ...] = ("u", "v", "a", "b")
         columns = exact_array(rays.pixels if rays.aperture is None else np.hstack([rays.pixels, rays.aperture])).T
     else:
-        names, columns = ("x", "y", "z", "dx", "dy", "dz"), exact_array(np.hstack([rays.origin_mm, rays.direction])).T
+        names = ("x", "y", "z", "dx", "dy", "dz")
+        columns = exact_array(np.hstack([rays.origin_mm, rays.direction])).T
     numbers = {
         **_lengths("pixel", panel.pixel_pitch_mm),
         **_lengths("pitch", array.pitch_mm),
@@ -166,7 +166,7 @@ def size(vectors: Digits) -> Floats:
 
 
 def apart(rays: Rays | Hits, true: Rays | Hits) -> tuple[Digits, Digits]:
-    """Return the distances of rays from true ones, (N,) mpf, in radians and mm; of hits, in pixels twice."""
+    """Return distances from true rays, (N,) mpf, in radians and mm; of hits, in pixels twice."""
     if isinstance(rays, Hits):
         pixels = _length(rays.pixel - true.pixel)
         return pixels, pixels
@@ -180,15 +180,14 @@ def has_other_fate(rays: Rays | Hits, true: Rays | Hits) -> Bools:
 
 
 def movable_inputs(rays: PanelRays | WorldRays) -> list[tuple[str, Digits, Floats]]:
-    """Return name, exact value and float64 of rays' inputs, without the display's zeros."""
+    """Return name, exact value and float64 of inputs, without the display's zeros."""
     inputs = exact_inputs(rays).items()
     return [(name, x, np.asarray(x, np.float64)) for name, x in inputs if isinstance(x, np.ndarray) or x]
 
 
 def _slopes(rays: PanelRays | WorldRays, true: Rays | Hits, name: str, value: Digits) -> list[Floats]:
     """Return how far rays move (see `apart`) per unit of an input."""
-    # Where a step changes lenslet or status, the opposite step counts; where both do,
-    # the slope is 0.
+    # If a step changes lenslet or status, the opposite step counts; if both do, 0.
     step = STEP if isinstance(value, np.ndarray) else STEP * abs(value)
     ahead = truth(rays, **{name: value + step})
     other, slopes = has_other_fate(ahead, true), apart(ahead, true)
@@ -205,15 +204,14 @@ class Condition(NamedTuple):
 
     #: Radians. For rays from the world: the shift over the array's pitch.
     turn: Floats
-    #: Of the exit point, with the unit of pitch or thickness. For rays from the world:
-    #: of the point on the panel.
+    #: Of the exit point, with pitch or thickness; from the world, of the panel's point.
     shift_mm: Floats
     #: Radians for one mm at start and aperture point. For rays from the world: 0.
     start: Floats
 
 
 def condition(rays: PanelRays | WorldRays, true: Rays | Hits) -> Condition:
-    """Return the condition of rays of model `exact`. An input of 0 has no last place."""
+    """Return the condition of `exact` rays. An input of 0 has no last place."""
     array, pixel_mm = rays.display.array, rays.display.panel.coarsest_mm
     turn = np.full(len(true.status), float(np.spacing(1.0)))
     shift = np.full(len(turn), float(np.spacing(max(array.coarsest_mm, array.thickness_mm))))

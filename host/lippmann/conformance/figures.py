@@ -1,4 +1,4 @@
-"""Tables of measured values as CSV and on pages, and comparisons of runs. Column NAME_spread has NAME's spread."""
+"""Tables of measured values, their spreads (columns NAME_spread), and comparisons of runs."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ class Measured:
 
     @classmethod
     def finite(cls, value: float) -> Measured | None:
-        """Return a value without repeats, or None for infinity, as the PSNR of equal pictures."""
+        """Return a value without repeats; None for infinity, as of equal pictures' PSNR."""
         return cls(value) if math.isfinite(value) else None
 
 
@@ -67,7 +67,7 @@ class Figures:
         return tuple(key for key in (self.rows[0] if self.rows else ()) if key not in self.keys)
 
     def values(self) -> dict[tuple[str, ...], Measured]:
-        """Return the measured values, keyed by the texts of their row's keys and column."""
+        """Return the measured values by the texts of their row's keys and column."""
         return {
             (*(str(row[key]) for key in self.keys), column): value
             for row in self.rows
@@ -111,7 +111,7 @@ def read_stored(folder: Path, names: Sequence[str]) -> Stored | None:
 
 
 def read_figures(path: Path) -> tuple[dict[str, str], Figures]:
-    """Read a table of measured values and its origin; raise InputError for another file."""
+    """Read a table of measured values and its origin, or raise InputError."""
     origin, rows = read_csv(path)
     columns = list(rows[0]) if rows else []
     figures = [column for column in columns if column + SPREAD in columns]
@@ -241,7 +241,7 @@ def where(rows: Rows, **requested: Value) -> list[Row]:
 
 
 def values(rows: Sequence[Value], key: str, unit: float = 1.0) -> list[Value]:
-    """Return a column of rows or dataclasses, in a unit, with measured values as medians."""
+    """Return a column of rows or dataclasses, in a unit; measured values are medians."""
     plain = (row.get(key) if isinstance(row, Mapping) else getattr(row, key) for row in rows)
     medians = (value.median if isinstance(value, Measured) else value for value in plain)
     return [value if unit == 1.0 or value is None else value / unit for value in medians]
@@ -260,7 +260,7 @@ def spanned(numbers: Sequence[float | None], digits: int = 1) -> str:
 
 
 def figure(value: Value) -> str:
-    """Return a value's text in a table: three digits, counts in full, medians, "-" for None."""
+    """Return a value's text in a table: three digits, full counts, medians, "-" for None."""
     if isinstance(value, Measured):
         value = value.median
     if value is None:

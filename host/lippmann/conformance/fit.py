@@ -1,4 +1,4 @@
-"""`fit`: the cheapest model, number of samples and build of the RTL within a tolerance, for a display's chief rays.
+"""`fit`: the cheapest model, number of samples and RTL build for chief rays within a tolerance.
 
 All errors are in pixels of the reconstructed view (docs/models.md). Along each axis the
 light of a panel pixel spreads to w = |z| q / D at depth z, which is w / max(p, w)
@@ -40,13 +40,11 @@ from lippmann.optics.sample_points import R2_STEPS, pixel_steps
 from lippmann.optics.system import System
 
 MOST_SAMPLES = 1024
-#: Candidates: each is one more than the one before, or up to 5 % more; 1024^(1/142) is
-#: 1.05.
+#: Candidates, each one more than the one before, or up to 5 %; 1024^(1/142) is 1.05.
 TRIED_SAMPLES = sorted({round(MOST_SAMPLES ** (k / 142)) for k in range(143)})
 #: Extent of a build's probe in the cell: beyond, rounding may choose the neighbour.
 INSIDE = 0.97
-#: Rays of a build's second test, on the panel and in corners of cells; margin for the
-#: roundings of other rays.
+#: Rays of a build's second test, on the panel and in cells' corners; others' margin.
 SPREAD_RAYS, ROUNDING_MARGIN = 200_000, 0.05
 
 
@@ -63,7 +61,7 @@ class Fit:
 
 
 def fit(display: Display, depth_range_mm: Pair, tolerance: float = TOLERANCE) -> Fit:
-    """Choose model, samples and build within a tolerance (parameters and errors as `choose_model`)."""
+    """Choose model, samples and build within a tolerance. Parameters and errors as `choose_model`."""
     choice = choose_model(display, depth_range_mm, "chief", tolerance)
     # The spread of a panel pixel along each axis, in reconstructed pixels.
     farthest = max(map(abs, depth_range_mm)) / display.aperture_distance_mm
@@ -87,7 +85,7 @@ def gap(samples: int, sides: Pair) -> float:
     """
     if samples == 1:
         return 0.5 * math.hypot(*sides)
-    from scipy.spatial import KDTree, Voronoi  # at its first use: it takes as long to load as all of render
+    from scipy.spatial import KDTree, Voronoi  # at its first use: slow to load
 
     steps = np.arange(samples)[:, None]
     first, step = np.transpose(pixel_steps(samples))
@@ -106,7 +104,7 @@ def gap(samples: int, sides: Pair) -> float:
 
 
 def choose_build(display: Display, depth_range_mm: Pair, tolerance: float) -> tuple[Build | None, float]:
-    """Return the cheapest build of the RTL within a tolerance and its error, or None and the smallest error."""
+    """Return the cheapest RTL build within a tolerance and its error, or None and the smallest error."""
     try:
         # Rounding pixels to words first moves none over a border.
         probes = {
@@ -142,10 +140,11 @@ def choose_build(display: Display, depth_range_mm: Pair, tolerance: float) -> tu
 
 
 def _spread(display: Display) -> Floats:
-    """Return pixel coordinates (N, 2) all over the panel, and in the corners of their cells."""
+    """Return pixel coordinates (N, 2) all over the panel, and in their cells' corners."""
     numbers = np.arange(SPREAD_RAYS)
     everywhere = np.outer(numbers, R2_STEPS) % 1.0 * panel_size(display)
     corners = INSIDE * corners_mm(display.array)
+    # The outer tenth of the way from a cell's centre to its corner.
     local = corners[numbers % len(corners)] * np.linspace(0.9, 1.0, SPREAD_RAYS)[:, None]
     in_corners = pixels_from_cells(display, located(display, everywhere)[0], local)
     return np.concatenate([everywhere, on_panel(display, in_corners)])

@@ -1,4 +1,4 @@
-"""Hard cases: named sets of numerically difficult rays, on a display or with one of its properties at an extreme."""
+"""Hard cases: named sets of numerically difficult rays, some on extreme displays."""
 
 from __future__ import annotations
 
@@ -58,7 +58,7 @@ def _of_displays(displays: Callable[[Display], Mapping[str, Display]]) -> Genera
     @wraps(displays)
     def make(display: Display, random: Random, count: int) -> Sets:
         variants, case = displays(display), displays.__name__.replace("_", "-")
-        each = count if len(variants) <= 10 else max(4, count // 3)
+        each = count if len(variants) <= 10 else max(4, count // 3)  # about as many rays as other cases
         for variant, other in variants.items():
             pixels = random_pixels(other, random, each)
             yield PanelRays(f"{case}/{variant}", other, pixels, random_aims(other, random, each))
@@ -76,7 +76,7 @@ def hard_sets(display: Display, name: str = "all", seed: int = 0, count: int = 2
 
 
 def changed(display: Display, *, gap_mm: float | None = None, **array: Any) -> Display:
-    """Return a display with another array, a plain index, and valid thickness and viewing distance."""
+    """Return a display with another array, an index for the glass, a valid thickness and eye."""
     thickness_mm = array.pop("thickness_mm", display.array.thickness_mm)
     domes = replace(display.array, **{"glass": None, **array})
     domes = replace(domes, thickness_mm=max(thickness_mm, domes.sag_mm))
@@ -149,7 +149,8 @@ def cell_ties(display: Display, random: Random, count: int) -> Sets:
     plain = changed(display, shear=0.0, extent_mm=None, rotation_deg=0.0, offset_mm=(0.0, 0.0))
     tied = replace(without_eye(changed(plain, pitch_mm=1.0, radius_mm=1.5, gap_mm=0.5)), panel=square)
     steps = np.arange(-math.isqrt(count), math.isqrt(count) + 1) / 2.0
-    x, y = (axis.ravel() for axis in np.meshgrid(steps, steps if display.array.grid == "square" else steps / 16.0))
+    rows = steps if display.array.grid == "square" else steps / 16.0
+    x, y = (axis.ravel() for axis in np.meshgrid(steps, rows))
     yield PanelRays("cell-ties", tied, np.stack([200.0 + 16.0 * x, 160.0 - 16.0 * y], axis=1), None)
 
 
@@ -175,7 +176,8 @@ def _flips(
     pixels = pixels_at(display, random_aims(display, random, many))[0]
     if centres:  # which every word holds exactly
         pixels = np.floor(pixels) + 0.5
-    inner, outer = random_aims(display, random, many), random_aims(display, random, many, reach)
+    inner = random_aims(display, random, many)
+    outer = random_aims(display, random, many, reach)
     mixed = np.flatnonzero(~has(inner) & has(outer))[:count]
     pixels, inner = pixels[mixed], inner[mixed]
     return pixels, onset(inner, outer[mixed], has), inner
@@ -244,7 +246,8 @@ def losses(display: Display, random: Random, count: int) -> Sets:
     ends = changed(steep(without_eye(display)), shear=0.0, offset_mm=(0.0, 0.0), extent_mm=extent_mm)
     many = 400 * count
     for name, extreme, reach in (("domes", domes, 6.0), ("walls", walls, 6.0), ("ends", ends, 3.0)):
-        pixels, aims = random_pixels(extreme, random, many), random_aims(extreme, random, many, reach)
+        pixels = random_pixels(extreme, random, many)
+        aims = random_aims(extreme, random, many, reach)
         rays = PanelRays(f"losses/{name}", extreme, pixels, aims)
         status = rays.trace().status
         if name == "ends":  # from lenslets that are there

@@ -1,4 +1,4 @@
-"""Judges foreign rays: how many are wrong, at which step of the ray, and which fault explains them."""
+"""Judges foreign rays: how many are wrong, at which step, and which fault explains them."""
 
 from __future__ import annotations
 
@@ -29,21 +29,18 @@ SAMPLE, FIT_SAMPLE = 1500, 300
 FEW = 90
 #: Minimum share of the rays that the diagnosed fault must match.
 EXPLAINED = 0.97
-#: Maximum distance of a fault: relative to golden's in wrong arrays, beyond golden's in
-#: others.
+#: Maximum distance of a fault: relative to golden's in wrong arrays, more in others.
 NEARER, SAME = 0.5, 1e-9
-#: Maximum difference of right words from golden, in units of the last place of the
-#: widest aims.
+#: Maximum difference of right words from golden, in last places of the widest aims.
 WORD_UNITS = 64.0
 #: Maximum difference from the twin's words that another rounding explains.
 ROUNDING_WORDS = 8
-#: Delays of outputs, in rays, and the minimum number of rays that shows one, or two
-#: faults.
+#: Delays of outputs, in rays; minimum number of rays that shows one, or two faults.
 LAGS, MANY = (1, -1, 2, -2, 3, -3), 8
 
 
 class Finding(NamedTuple):
-    """The first wrong step, None if all is right; the fault, and the share of rays that it matches."""
+    """The first wrong step, None if all is right; the fault, and the share of rays it matches."""
 
     stage: str | None = None
     fault: str | None = None
@@ -52,7 +49,7 @@ class Finding(NamedTuple):
 
 @dataclass(frozen=True)
 class Verdict:
-    """The verdict on foreign rays: counts of them, the index of the first wrong one, and the `Finding`.
+    """The verdict on foreign rays: counts, the index of the first wrong one, and the `Finding`.
 
     Rays `on_edge` are beyond the bounds, but on an edge. `covered` are the counts at
     `coverage_points.POINTS`.
@@ -227,12 +224,14 @@ def _stale(compared: Comparison) -> Finding | None:
     if len(run) < MANY or last + 1 - first >= len(compared.edge) or len(run) < 0.5 * (last + 1 - first):
         return None
     best = _best(compared.select(np.arange(first, last + 1)))
-    fault = f"stale register: rays {first} to {last} are of an earlier configuration"
-    return best and best._replace(fault=f"{fault} ({best.fault})")
+    if best is None:
+        return None
+    what = f"rays {first} to {last} are of an earlier configuration"
+    return best._replace(fault=f"stale register: {what} ({best.fault})")
 
 
 def _late(right: Callable[[int], Bools]) -> Finding | None:
-    """Find the delay of outputs; `right(lag)` tells which are right `lag` rays later."""
+    """Find outputs' delay; `right(lag)` tells which are right `lag` rays later."""
     # Among nearly equal rays, more are right without a delay.
     own = right(0).mean()
     for lag in LAGS:
@@ -250,7 +249,7 @@ def _wrong_codes(status: Floats | Ints, expected: Floats | Ints, wrong: Bools) -
 
 
 def _wrapped(compared: Comparison) -> bool:
-    """Tell whether every wrong direction is right except for one component that is off by 2."""
+    """Tell whether every wrong direction has one component off by 2."""
     wrong, right = compared.wrong_by["direction"], compared.golden["direction"]
     apart = (compared.fields["direction"] - right)[wrong]
     turns = np.round(apart / 2.0)
@@ -266,7 +265,7 @@ def _wrapped(compared: Comparison) -> bool:
 
 
 def _best(compared: Comparison) -> Finding | None:
-    """Return the variant that comes nearest to the rays, if it matches nearly all of them."""
+    """Return the variant nearest to the rays, if it matches nearly all."""
     random = np.random.default_rng(0)
     # Of a ray on an edge a variant may have the other side.
     bad = np.flatnonzero(compared.wrong & ~compared.edge)
@@ -297,8 +296,9 @@ def _two(compared: Comparison) -> Finding | None:
         if best := _best(compared.later(lag)):
             return best._replace(fault=f"{best.fault}{PAIR}outputs {_delay(lag)}")
     random = np.random.default_rng(0)
-    bad, good = np.flatnonzero(compared.wrong & ~compared.edge), np.flatnonzero(~compared.wrong & ~compared.edge)
-    if len(bad) < MANY:  # two fitted numbers could explain fewer rays, whatever their cause
+    bad = np.flatnonzero(compared.wrong & ~compared.edge)
+    good = np.flatnonzero(~compared.wrong & ~compared.edge)
+    if len(bad) < MANY:  # two fitted numbers could explain any few rays
         return None
     some = np.concatenate([random.permutation(bad)[:FEW], random.permutation(good)[: FEW // 3]])
     small_sample = compared.select(np.sort(some))
@@ -312,7 +312,7 @@ def _two(compared: Comparison) -> Finding | None:
 
 
 def _distances(variant: Variant, sample: Comparison) -> list[tuple[str, Floats, Floats]]:
-    """Return the predicted arrays, with their distances (N,) from variant and golden."""
+    """Return the predicted arrays' distances (N,) from variant and golden."""
     try:
         rays = variant.predict(sample.inputs, sample.golden)
     except NO_RAYS:
@@ -327,7 +327,7 @@ def _middle(name: str, distances: Floats) -> float:
 
 
 def _apart(sample: Comparison, variant: Variant) -> float:
-    """Return the mean logarithm of a variant's distances from foreign rays, relative to golden's."""
+    """Return the mean logarithm of the distances of foreign rays from a variant over golden's."""
     middles = [(_middle(name, far), _middle(name, own)) for name, far, own in _distances(variant, sample)]
     ratios = [far / own for far, own in middles if own > 0.0]
     logarithms = [math.log(max(ratio, 1e-6)) if math.isfinite(ratio) else 0.0 for ratio in ratios]
@@ -335,7 +335,7 @@ def _apart(sample: Comparison, variant: Variant) -> float:
 
 
 def _match(variant: Variant, sample: Comparison) -> tuple[float, float]:
-    """Return the share of rays that a variant matches, 0 if golden is as near, and its relative distance."""
+    """Return the share of rays that a variant matches (0: golden is as near), and its relative distance."""
     bad, ratios = sample.wrong, []
     right = np.ones(len(bad), bool)
     for name, far, own in _distances(variant, sample):
@@ -432,7 +432,7 @@ def _slip(words: FixedRays, twin: FixedRays) -> Finding | None:
 
 
 def _rounding(words: FixedRays, twin: FixedRays, build: Build) -> str | None:
-    """Name the rounding or overflow that explains the words; None when they differ by more."""
+    """Name the rounding or overflow that explains the words, or None."""
     expected = np.stack([getattr(twin, name) for name in REALS])
     apart = np.stack([getattr(words, name) for name in REALS]) - expected
 

@@ -1,4 +1,4 @@
-"""Pages from Jinja2 templates: Markdown for the documentation, and one HTML file that needs no other file."""
+"""Pages from Jinja2 templates: Markdown for the documentation, and HTML that needs no other file."""
 
 from __future__ import annotations
 
@@ -83,7 +83,7 @@ class Page:
         )
 
     def write(self, folder: Path, as_html: bool = False) -> list[Path]:
-        """Write the page, plots and CSV files into a folder; raise InputError when the file system refuses."""
+        """Write page, plots and CSV files into a folder; return them, or raise InputError."""
         make_folder(folder)
         pages = {folder / f"{self.name}.md": f"{self.text()}\n"}
         if as_html:

@@ -51,7 +51,7 @@ def finish_picture(picture: Figure) -> bytes:
 
 
 def draw_engines(data: Figures) -> Plot:
-    """Draw speed against error of all models and engines, on the first display of each grid."""
+    """Draw speed against error of models and engines, on the first display of each grid."""
     kinds = (
         ("chief", "max_mm", "chief rays: largest error in the scene, mm", "log"),
         ("full", "max_mm", "full aperture: largest error in the scene, mm", "log"),
@@ -63,7 +63,8 @@ def draw_engines(data: Figures) -> Plot:
         for axis, (aperture, key, label, scale) in zip(axes[:, across], kinds, strict=True):
             for row in where(data.rows, display=display, rays=aperture):
                 if row[key] is not None:
-                    mark, colour = MARKS[ENGINES.index(row["engine"])], COLOURS[MODELS.index(row["model"])]
+                    mark = MARKS[ENGINES.index(row["engine"])]
+                    colour = COLOURS[MODELS.index(row["model"])]
                     axis.plot(row["rays_per_second"].median, row[key].median, mark, color=colour)
             axis.set(xscale="log", yscale=scale, xlabel="rays/s", ylabel=label, title=display)
     for engine, mark in zip(ENGINES, MARKS, strict=False):

@@ -105,7 +105,7 @@ def random_aims(display: Display, random: Random, count: int, reach: float = 1.0
 
 
 def random_directions(random: Random, count: int) -> Floats:
-    """Return unit vectors (count, 2), without a sine, whose last bit depends on the machine."""
+    """Return unit vectors (count, 2), without a sine: its last bit depends on the machine."""
     x, y = random.uniform(-1.0, 1.0, (2, count))
     return np.asarray(np.stack([x, y], axis=1) / np.sqrt(x * x + y * y)[:, None])
 
@@ -153,7 +153,7 @@ def cell_steps(display: Display, between: Floats) -> Floats:
 
 
 def onset(inner: Floats, outer: Floats, has: Callable[[Floats], Bools]) -> Floats:
-    """Return the last aims (N, 2) that `has` refuses from `inner` (all refused) to `outer` (all accepted)."""
+    """Return the last aims (N, 2) that `has` refuses, from `inner` to `outer` (all accepted)."""
     low, high = np.zeros(len(inner)), np.ones(len(inner))
     for _ in range(64):  # makes any two floats adjacent
         middle = 0.5 * (low + high)
@@ -189,7 +189,7 @@ def hex_digits(widths: Sequence[int]) -> int:
 
 
 def memory_lines(words: Sequence[Ints], widths: Sequence[int]) -> list[str]:
-    """Return a hexadecimal line per ray, with the first word in the most significant bits."""
+    """Return a hexadecimal line per ray, the first word in the most significant bits."""
     rays: Any = 0
     for word, width in zip(words, widths, strict=True):
         rays = rays << width | word.astype(object) & ((1 << width) - 1)
@@ -197,7 +197,7 @@ def memory_lines(words: Sequence[Ints], widths: Sequence[int]) -> list[str]:
 
 
 def words_of_lines(lines: Sequence[str], widths: Sequence[int], where: Callable[[int], str]) -> list[Ints]:
-    """Return the words of `memory_lines`; raise InputError, with `where` of the ray, for a wrong line."""
+    """Return the words of `memory_lines`; InputError, with `where` of the ray, for a wrong line."""
     rays, total = [], sum(widths)
     for ray, text in enumerate(lines):
         try:
@@ -219,7 +219,7 @@ def words_of_lines(lines: Sequence[str], widths: Sequence[int], where: Callable[
 
 @dataclass(frozen=True)
 class FixedCase:
-    """Inputs and registers in the words of a build; `mask` tells which rays of the set they are."""
+    """Inputs and registers in a build's words; `mask` tells which rays of the set they are."""
 
     build: Build
     words: Words
@@ -287,7 +287,8 @@ def foreign_from_words(columns: dict[str, Ints], display: Display, model: Model,
     """Return foreign rays from columns (N,) of their words."""
     u, v, a, b = (columns[name] for name in INPUTS)
     outputs = FixedRays(*(columns[name] for name in OUTPUTS))
-    pixels, aims = pixels_of_words(display, u, v), aims_of_words(display, a, b, fraction_bits)
+    pixels = pixels_of_words(display, u, v)
+    aims = aims_of_words(display, a, b, fraction_bits)
     build = Build.of(display, model, fraction_bits, True)
     registers = configuration(display, build, model, float(np.hypot(*aims.T).max()))
     rays = rays_of_words(display, pixels, outputs, fraction_bits)

@@ -1,4 +1,4 @@
-"""Streams of rays as text, to and from a foreign program; docs/reference/stream.md describes them."""
+"""Streams of rays as text, to and from a foreign program (docs/reference/stream.md)."""
 
 from __future__ import annotations
 
@@ -37,11 +37,11 @@ NAME, VERSION = "lippmann-stream", 1
 #: Maximum number of random rays in a set, which is judged at once.
 MAX_RANDOM = 100_000
 
-#: Number of words in a question, in a complete answer, and in the answer of a lost ray.
+#: Number of words in a question, a complete answer, and a lost ray's answer.
 ASKED, ANSWERED, LOST = 5, 9, 1
 #: Maximum bytes of a line, rays of a set, and notes of a set.
 MAX_LINE, MAX_RAYS, MAX_NOTES = 4096, 200_000, 1000
-#: Maximum magnitude of a status or an index.
+#: Maximum of a status or an index.
 MAX_INTEGER = 2.0**31
 #: The first line of a stream, and parsed notes.
 FIRST = re.compile(rf"# {NAME} (\d{{1,9}})")
@@ -73,11 +73,12 @@ class Stream:
         for number, first in enumerate(range(0, self.random, MAX_RANDOM)):
             random = np.random.default_rng([self.seed, number, 0x57E])
             size = min(MAX_RANDOM, self.random - first)
-            pixels, aims = random_pixels(self.display, random, size), random_aims(self.display, random, size)
+            pixels = random_pixels(self.display, random, size)
+            aims = random_aims(self.display, random, size)
             yield PanelRays(f"random/{number}", self.display, pixels, aims, self.model)
 
     def lines(self, command: str) -> Iterator[str]:
-        """Yield the lines of sets that fit the words; raise InputError first when none does."""
+        """Yield the lines of sets that fit the words; if none does, raise InputError first."""
         hashes: list[str] = []
         for rays in self.sets():
             if not (set_lines := self._questions(rays)):
@@ -98,7 +99,7 @@ class Stream:
         yield f"# end {len(hashes)} {digest_of_all(hashes)}"
 
     def _questions(self, rays: PanelRays) -> tuple[list[str], list[str], str] | None:
-        """Return notes, questions and hash of a set; None when no ray fits the words."""
+        """Return notes, questions and hash of a set, or None if no ray fits."""
         hashed: Floats | list[str]
         if self.fraction_bits is None:
             hashed = np.concatenate([rays.pixels, rays.aims], axis=1)
@@ -117,7 +118,7 @@ class Stream:
 
 
 def digest_of_set(notes: Iterable[str], questions: Floats | list[str]) -> str:
-    """Return the hash of notes, with single blanks, and of questions, (N, 4) or words."""
+    """Return the hash of notes, with single blanks, and questions, (N, 4) or words."""
     lines = "".join(" ".join(line.split()) + "\n" for line in notes)
     numbers = np.ascontiguousarray(questions, "<f8").tobytes() if isinstance(questions, np.ndarray) else None
     return hashlib.sha256(lines.encode() + (numbers or "\n".join(questions).encode())).hexdigest()
@@ -129,7 +130,7 @@ def digest_of_all(hashes: Iterable[str]) -> str:
 
 
 def values(display: Display) -> dict[str, str]:
-    """Return the values of a display by name, as text: lengths in mm, angles in degrees."""
+    """Return a display's values by name, as text: lengths in mm, angles in degrees."""
     panel, array = display.panel, display.array
     numbers: dict[str, float | str | tuple[float, ...]] = {
         "width_px": panel.width_px,
@@ -174,7 +175,7 @@ class _Set:
 
 
 class StreamReader:
-    """Yields the sets of a stream of answers; InputError names a line that cannot be judged."""
+    """Yields the sets of a stream of answers; InputError names a bad line."""
 
     def __init__(self, lines: Iterable[bytes]) -> None:
         self.number = 0
@@ -264,7 +265,7 @@ class StreamReader:
             now.model, now.fraction_bits = cast(Model, numbers[1] or numbers[2]), None if bits is None else int(bits)
 
     def _end(self, text: str) -> None:
-        """Check the last line; text of a simulator may follow, another stream may not."""
+        """Check the last line; a simulator's text may follow, another stream may not."""
         if not self._hashes:
             self._refuse("ends a stream without a set")
         self.hash = digest_of_all(self._hashes)
@@ -314,7 +315,7 @@ class StreamReader:
         return foreign
 
     def _row(self, now: _Set, n: int) -> list[float]:
-        """Return the numbers after a ray's index, with NaN where it has its status alone."""
+        """Return the numbers after a ray's index, NaN if it has its status alone."""
         words, refuse = self._columns(now, n), partial(self._refuse, number=now.first + n)
         answered = len(words) - ASKED
         if answered not in (ANSWERED, LOST):
@@ -366,7 +367,7 @@ def bounded_lines(file: BinaryIO) -> Iterator[bytes]:
 
 
 def _complete_rows(lines: list[bytes]) -> Floats | None:
-    """Return the numbers after the rays' indices, or None unless all lines are complete and in order."""
+    """Return the numbers after the rays' indices; None for an incomplete line or a wrong order."""
     if lines[0].isspace():  # numpy warns of blank lines
         return None
     try:

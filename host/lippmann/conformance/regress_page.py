@@ -20,7 +20,7 @@ from lippmann.optics.rays import Floats
 
 #: Cells along each side of a map.
 CELLS = 48
-#: Half the width of a map over the lenslet, in pitches: a hexagon's corners lie within.
+#: Half the width of a lenslet's map, pitches: a hexagon's corners lie within.
 REACH = 0.6
 
 
@@ -77,7 +77,7 @@ class ErrorMaps(dict[str, ErrorMap]):
         self.count(inputs, far, units, judged)
 
     def count(self, inputs: PanelRays, apart: Arrays, units: Arrays, judged: Bools) -> None:
-        """Count the finite errors `apart` of judged rays, (N,) radians or mm; `units` of the last place."""
+        """Count the finite errors `apart` of judged rays, (N,) rad or mm; `units` of the last place."""
         panel = inputs.display.panel
         on_panel = inputs.pixels / np.array([panel.width_px, panel.height_px])
         on_lenslet = inputs.aims / (2.0 * REACH * inputs.display.array.coarsest_mm) + 0.5
@@ -107,7 +107,8 @@ def map_plot(maps: Mapping[str, ErrorMap]) -> Plot:
     picture, axes = make_axes(len(maps), 2)
     for row, (name, error_map) in zip(axes, maps.items(), strict=True):
         errors = np.concatenate([error_map.panel.ravel(), error_map.lenslet.ravel()])
-        low, high = float(errors[errors > 0.0].min(initial=np.inf)), float(errors.max(initial=0.0))
+        low = float(errors[errors > 0.0].min(initial=np.inf))
+        high = float(errors.max(initial=0.0))
         # Much smaller errors count as none.
         low = max(low, 1e-6 * high)
         norm = LogNorm(low, max(high, 1.01 * low)) if high > 0.0 else None

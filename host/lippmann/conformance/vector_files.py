@@ -1,4 +1,4 @@
-"""Files of rays: test vectors of `lippmann vectors` (see vectors.md), and rays for `lippmann regress`."""
+"""Files of rays: test vectors (see vectors.md), and rays for `lippmann regress`."""
 
 from __future__ import annotations
 
@@ -73,7 +73,7 @@ WORLD_ARRAYS = {
 def write_vectors(
     folder: Path, sets: Iterable[PanelRays | WorldRays], model: Model, fraction_bits: int, about: Mapping[str, object]
 ) -> list[Entry]:
-    """Write sets into a new or empty folder, completely or not at all; return the entries of `vectors.json`.
+    """Write sets into a new or empty folder, all or none; return the entries of `vectors.json`.
 
     Rays from the world are written for the model `exact` only. Raises InputError for a
     folder with files.
@@ -249,7 +249,7 @@ def _of_arrays(path: Path, display: Display, model: Model) -> ForeignRays:
 
 
 def text_of(path: Path) -> str:
-    """Return the text of a file of words; raise InputError when the file is not text."""
+    """Return the text of a file of words, or raise InputError."""
     remedy = "give a file of words as lippmann vectors writes them"
     try:
         text = read_limited(path, MAX_TABLE_BYTES, "give fewer rays").decode()
