@@ -1,4 +1,4 @@
-"""A film: a scene, a number of frames, and the paths of what moves in it, from a TOML file."""
+"""A film: a scene, a number of frames, and the paths of what moves, from a TOML file."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ class Key:
 @documented
 @dataclass(frozen=True)
 class MotionPath:
-    """Keys, and the interpolation between them; nothing moves before the first key and after the last.
+    """Keys, and the interpolation between them; nothing moves before the first and after the last.
 
     "smooth" interpolates each component by cubics that never go beyond a key (F.
     Fritsch, J. Butland, "A method for constructing local monotone piecewise cubic
@@ -57,7 +57,7 @@ class MotionPath:
     motion: Annotated[Motion | None, key("interpolation between keys", default="the film's")] = None
 
     def at(self, frame: int) -> Placement:
-        """Return the motion at a frame, from the position at rest, in the display's frame."""
+        """Return the motion from rest to a frame, in the display's frame."""
         frames = np.array([key.frame for key in self.keys], np.float64)
         numbers = np.array([(*key.offset_mm, *key.rotation_deg, key.scale) for key in self.keys])
         x, y, z, about_x, about_y, about_z, scale = interpolated(frames, numbers, self.motion, frame).tolist()
@@ -83,7 +83,7 @@ class Moving(MotionPath):
 
 @dataclass(frozen=True, kw_only=True)
 class FilmFile:
-    """The keys of a film file. Objects move in order, then the world."""
+    """The keys of a film file. Later objects move what earlier ones have moved; the world is the scene."""
 
     scene: Annotated[Path, key("a Mitsuba scene; its path is relative to the film file")]
     frames: Annotated[int, key("number of frames, numbered from 0", low=1, high=MAX_FRAMES)]
@@ -104,12 +104,12 @@ class Film(FilmFile):
 
     @property
     def key_frames(self) -> list[int]:
-        """The first frame, the last, and those of all keys, beyond which no motion goes."""
+        """The first frame, the last, and those of all keys, which bound all motion."""
         paths = [*self.object, self.world] if self.world is not None else self.object
         return sorted({0, self.frames - 1, *(one.frame for path in paths for one in path.keys)})
 
     def moves(self, frame: int, placement: Placement) -> tuple[Move, ...]:
-        """Return the objects' motions at a frame, in the frame of a scene with this placement."""
+        """Return the objects' motions at a frame, in the placed scene's own frame."""
         forward, back = placement.display_from_scene, placement.scene_from_display
         return tuple(Move(one.shapes, back @ one.at(frame).display_from_scene @ forward) for one in self.object)
 

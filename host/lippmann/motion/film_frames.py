@@ -33,7 +33,7 @@ logger = logging.getLogger("lippmann")
 
 @dataclass(frozen=True, eq=False)
 class FramePlan(ScenePlan):
-    """A frame of a film. All have the same seed, so that pixels at rest do not change."""
+    """A frame of a film. All have one seed: pixels at rest do not change."""
 
     film: Film
     frame: int
@@ -62,7 +62,7 @@ class FramePlan(ScenePlan):
         return self._with_moved_shapes(scene) if self.film.object else scene
 
     def _with_moved_shapes(self, scene: Scene) -> Scene:
-        """Return the scene with depths that include moved shapes; depths in the film file hold."""
+        """Return the scene with depths of moved shapes, except for the film file's own."""
         rest_low, rest_high = placed_box(_bounds_at_rest(self.scene, self.digest), scene.placement)
         low, high = scene.box(scene.placement)
         far, near = scene.depth_range_mm
@@ -75,13 +75,16 @@ class FramePlan(ScenePlan):
 
 @functools.lru_cache(maxsize=1)
 def _bounds_at_rest(path: Path, digest: str) -> Box:
-    """Return the scene's bounds at rest; the scene itself is freed."""
+    """Return the scene's bounds at rest; the scene is freed."""
     return load_scene(path, Placement(near_mm=1.0, far_mm=0.0)).bounds
 
 
 def plan_film(film: Film, display: Display, options: RenderOptions, scale: float | None = 1.0) -> list[FramePlan]:
-    """Return the plans of a film's frames. Raises InputError if the scene cannot be read or fitted."""
-    # Scaled about the display's centre; None fits the film into the depth range.
+    """Return the plans of a film's frames, scaled about the display's centre.
+
+    A scale of None fits the film into the depth range. Raises InputError if the scene
+    cannot be read, or is unbounded and has to fit.
+    """
     digest, at_rest = digest_of(film.scene), placement_beside(film.scene)
     film_placement = None if scale == 1.0 else Placement(scale or 1.0)
     if scale is None:
@@ -104,14 +107,15 @@ def _fitting(film: Film, at_rest: Placement, display: Display) -> Placement:
         load_scene(film.scene, anywhere, film.moves(frame, at_rest)).box(film.placement(frame, at_rest))
         for frame in film.key_frames
     ]
-    low, high = np.min([low for low, _ in boxes], axis=0), np.max([high for _, high in boxes], axis=0)
+    low = np.min([low for low, _ in boxes], axis=0)
+    high = np.max([high for _, high in boxes], axis=0)
     if not np.isfinite(high - low).all():
         raise InputError(f"{film.scene}: the scene has no bounded extent to fit; give --scale")
     return fitting(low, high, display)
 
 
 def choose_shading(plans: list[FramePlan]) -> list[FramePlan]:
-    """Return plans without "auto": with the cache if trials at all key frames allow it."""
+    """Replace "auto": use the cache if trials at all key frames allow it."""
     # Shaded in one way, pixels at rest do not change from frame to frame.
     options, film = plans[0].options, plans[0].film
     if options.settings.shading != "auto":
@@ -148,7 +152,7 @@ def frame_path(folder: Path, frame: int) -> Path:
 
 
 def check_folder(folder: Path, frames: int) -> None:
-    """Raise InputError for a folder that cannot be made, or has frames of a longer film."""
+    """Raise InputError for a folder that cannot be made, or with a longer film's frames."""
     exists = folder.exists()
     make_folder(folder, REMEDY)
     if not exists:  # until there is a frame
@@ -185,7 +189,7 @@ class FrameFolder:
         return [band for plan in self.missing_plans for band in bands_of_plan(plan)]
 
     def take(self, rendered: RenderedBand) -> None:
-        """Take a band; raise InputError or NoSpaceError if its frame cannot be written."""
+        """Take a band; InputError or NoSpaceError if its frame cannot be written."""
         plan = rendered.band.plan
         assert isinstance(plan, FramePlan)
         if plan.frame not in self._pictures:
@@ -197,7 +201,7 @@ class FrameFolder:
             del self._pictures[plan.frame]
 
     def images(self, progress: Progress | None = None) -> Iterator[IntegralImage]:
-        """Yield the frames in order; `progress` is called with (frames done, frames in all)."""
+        """Yield the frames in order; `progress` gets (frames done, all frames)."""
         for plan in report_each(self._plans, progress):
             yield IntegralImage.load(frame_path(self.folder, plan.frame), plan.display)
 

@@ -1,4 +1,4 @@
-"""A film of layers, which a board draws by itself: a folder of layers, and their motions from a TOML file."""
+"""A film of layers, which a board draws: a folder of layers, and their motions from a TOML file."""
 
 from __future__ import annotations
 
@@ -75,7 +75,7 @@ class LayerFilm:
     moving: tuple[MovingLayer, ...] = ()
 
     def at(self, frame: int) -> tuple[LayerStack, tuple[int, ...]]:
-        """Return the stack at a frame, front to back, and its layers' numbers at rest."""
+        """Return a frame's stack, front to back, and its layers' numbers at rest."""
         layers = list(self.stack.layers)
         order = [float(number) for number in range(len(layers))]
         for one in self.moving:
@@ -135,7 +135,7 @@ def _last(moving: MovingLayer, frame: int) -> LayerKey | None:
 
 
 def _moved(layer: Layer, moving: MovingLayer, frame: int, motion: Motion) -> Layer:
-    """Return a layer at a frame: sheared, scaled and rotated about its pivot, then shifted."""
+    """Return a layer at a frame: sheared, scaled, rotated about its pivot, and shifted."""
     numbers = np.array(
         [(*one.offset_mm, one.rotation_deg, one.scale, one.shear, one.brightness) for one in moving.keys]
     )
@@ -144,8 +144,7 @@ def _moved(layer: Layer, moving: MovingLayer, frame: int, motion: Motion) -> Lay
     angle = np.deg2rad(turn)
     rotation = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
     from_rest = scale * rotation @ np.array([[1.0, shear], [0.0, 1.0]])
-    # A point p at rest goes to pivot + from_rest (p - pivot) + shift; texels are those
-    # of p.
+    # A point p at rest goes to pivot + from_rest (p - pivot) + shift, with its texels.
     pivot = np.array(moving.pivot_mm)
     linear = layer.matrix[:, :2] @ np.linalg.inv(from_rest)
     zero = layer.matrix[:, 2] + layer.matrix[:, :2] @ pivot - linear @ (pivot + np.array([x, y]))

@@ -1,4 +1,4 @@
-"""The integral image of a moving scene, and the loop that shows it: quick pictures, and finer ones at rest."""
+"""The integral image of a moving scene, and the loop that shows it: quickly, and finer at rest."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ ZERO, ONE = 0, 0x3F800000
 
 
 def least_radiance(panel: Panel, bits: int) -> npt.NDArray[np.float32]:
-    """Return the least radiance of each level but the darkest (2^bits - 1,), by bisection."""
+    """Return each level's least radiance, except the darkest's (2^bits - 1,)."""
     levels = values_of(bits)[1:]
     low, high = np.full(len(levels), ZERO), np.full(len(levels), ONE)
     while (high - low > 1).any():
@@ -51,7 +51,7 @@ def values_of(bits: int) -> npt.NDArray[np.uint8]:
 
 
 class Encoder:
-    """Converts planes of radiance to a panel's 8-bit values, as `encoded_values` does."""
+    """Converts radiance planes to 8-bit values, as `encoded_values`."""
 
     def __init__(self, panel: Panel) -> None:
         bits = min(panel.bits, 8)
@@ -61,7 +61,7 @@ class Encoder:
         dr.make_opaque(self._least, self._values)
 
     def __call__(self, planes: list[Jit]) -> Pixels:
-        """Return values (height, width, 3) of planes of colours, perhaps Dr.Jit's memory."""
+        """Return values (height, width, 3) of colour planes, perhaps Dr.Jit's memory."""
         place = 3 * dr.arange(mi.UInt32, dr.width(planes[0]))
         values = dr.empty(self._byte, 3 * dr.width(place))
         for k, plane in enumerate(planes):
@@ -72,8 +72,7 @@ class Encoder:
         return np.asarray(values).reshape(self._shape)
 
 
-#: Maximum seconds of a moving picture; if it takes longer, blocks of pixels get one
-#: ray.
+#: Maximum seconds of a moving picture; above, blocks of pixels get one ray.
 QUICK_S = 0.06
 #: Pictures that are timed; another program may disturb one.
 TRIALS = 3
@@ -92,7 +91,7 @@ class LivePicture:
     ) -> None:
         """Compile the programs; a block of None is chosen by speed. Raises InputError as `Renderer`."""
         self._scene, self._panel, self._encoder = scene, display.panel, Encoder(display.panel)
-        # A quick picture has fewer rays than the irradiance cache would have points.
+        # A quick picture has fewer rays than the cache would have points.
         self._settings, self._source = replace(settings, shading="each"), display_source(display, model)
         #: Side of the blocks of pixels that get one ray in a quick picture.
         self.block = 1
@@ -218,7 +217,7 @@ CACHE_BYTES = 1 << 30
 PANEL, VIEW = "panel", "eye's view"
 #: Pause between two checks of mouse and keys while there is nothing to do, s.
 PAUSE_S = 0.01
-#: Rays for each pixel of the eye's view, while the scene moves and while it rests.
+#: Rays per pixel of the eye's view, while the scene moves and at rest.
 VIEW_SAMPLES = (1, 8)
 
 
@@ -266,8 +265,7 @@ class LiveShow:
     _drawn: Moment | None = None
     #: Pictures of a film's frames, as long as the hand does not move.
     _cache: dict[Moment, list[Pixels]] = field(default_factory=dict)
-    #: Time of the first picture (time.perf_counter), number of further ones, and their
-    #: seconds.
+    #: Time of the first picture (time.perf_counter), number and seconds of others.
     _first: float = 0.0
     _frames: int = 0
     _times: deque[float] = field(default_factory=lambda: deque(maxlen=1000))
@@ -281,11 +279,11 @@ class LiveShow:
         samples: int = MAX_SAMPLES,
         opened: float | None = None,
     ) -> Played:
-        """Run the loop until the user ends it, or for `seconds`, but not before the picture has all `samples`.
+        """Run the loop until the user ends it.
 
-        The scene rotates `turn_deg` degrees a second, or the film plays, for `moving_s`
-        seconds (None: to the end). `opened` is the time when the window was opened
-        (time.perf_counter).
+        With `seconds` it ends after them, when the picture has all `samples`. The scene
+        rotates `turn_deg` degrees a second, or the film plays, for `moving_s` seconds
+        (None: to the end). `opened` is when the window opened (time.perf_counter).
         """
         began = last = time.perf_counter()
         picture, reel = self.picture, self.reel

@@ -1,4 +1,4 @@
-"""Windows and full monitors that show pictures, and the actions of mouse and keys in them (SDL)."""
+"""Windows and full monitors with pictures, and the actions of mouse and keys (SDL)."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from lippmann.errors import DeviceError
 from lippmann.motion.film_frames import Reel
 from lippmann.scenes.placement import SCALE_RANGE, Matrix, Placement
 
-#: Degrees of rotation for each pixel of a drag, and for each press of an arrow key.
+#: Degrees of rotation per pixel of a drag, and per press of an arrow key.
 DRAG_DEG, KEY_DEG = 0.4, 5.0
 #: Pixels of a drag that a press of a key stands for.
 KEY_PX = 10.0
@@ -82,7 +82,7 @@ class Screens:
         self._windows: dict[str, Any] = {}
 
     def open(self, name: str, size: tuple[int, int], monitor: int | None = None) -> None:
-        """Open a window, or fill a monitor. Raises InputError for a monitor of another size."""
+        """Open a window that fits the desktop, or fill a monitor; InputError without one of this size."""
         pygame = self._pygame
         if pygame is None:
             return
@@ -95,7 +95,7 @@ class Screens:
         self._windows[name] = pygame.Window(name, size, (place, place), fullscreen=True)
 
     def show(self, name: str, pixels: Pixels, title: str) -> None:
-        """Show a picture (height, width, 3); raise DeviceError if the window is gone."""
+        """Show a picture (height, width, 3); DeviceError if the window is gone."""
         pygame = self._pygame
         if pygame is None:
             return
@@ -122,7 +122,7 @@ class Screens:
         return any(pygame.mouse.get_pressed()) and bool(pygame.event.peek(pygame.MOUSEMOTION))
 
     def obey(self, hand: Hand, reel: Reel | None = None) -> bool:
-        """Let mouse and keys move a scene and control a film; return False at the end."""
+        """Let mouse and keys move a scene and a film; return False at the end."""
         pygame = self._pygame
         for event in [] if pygame is None else pygame.event.get():
             if event.type in (pygame.QUIT, pygame.WINDOWCLOSE):
@@ -174,6 +174,6 @@ class Screens:
 
 @contextmanager
 def screens() -> Iterator[Screens]:
-    """Yield the desktop's screens; close them after the block. Raises DeviceError without any."""
+    """Yield the desktop's screens, closed after the block; DeviceError without any."""
     with desktop("a window") as pygame, closing(Screens(pygame)) as windows:
         yield windows

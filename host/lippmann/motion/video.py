@@ -19,10 +19,9 @@ from lippmann.errors import MissingLibraryError, to_install
 from lippmann.rendering.sampling import Window
 
 Values = npt.NDArray[np.uint8]
-#: Lossless RGB: a codec that blurs colours would mix the images of neighbouring
-#: lenslets.
+#: Lossless RGB: blurred colours would mix the images of neighbouring lenslets.
 LOSSLESS_SUFFIXES = (".mkv",)
-#: Compressed; colour has half the resolution, so both sides must be even.
+#: For every player; colour has half the resolution, so both sides must be even.
 VIEW_SUFFIXES = (".mp4",)
 
 
@@ -34,7 +33,7 @@ def even_window(window: Window) -> Window:
 def write_video(
     path: str | Path, frames: Iterable[Values], width_px: int, height_px: int, frames_per_second: float
 ) -> None:
-    """Write a video of frames, (height, width, 3) uint8 each, sRGB: lossless FFV1 (.mkv) or H.264 (.mp4, even sides).
+    """Write a video of sRGB frames (height, width, 3) uint8: FFV1 (.mkv) or H.264 (.mp4, even sides).
 
     Raises InputError if the file cannot be written; MissingLibraryError without ffmpeg.
     """
@@ -54,11 +53,10 @@ def write_video(
         codec += ["-vf", "scale=out_color_matrix=bt709:out_range=tv"]
         codec += ["-colorspace", "bt709", "-color_primaries", "bt709", "-color_trc", "iec61966-2-1"]
     with replacing(path) as partial:
-        place = f"file:{partial}"  # ffmpeg reads a name with a colon as a protocol's, one with a dash as an option
+        place = f"file:{partial}"  # else a colon names a protocol, and a dash an option
         command = [ffmpeg, "-y", "-v", "quiet", *source, *codec, place]
         try:
-            # A process group of its own: Ctrl-C ends the command, and ffmpeg at the end
-            # of its frames.
+            # A group of its own: Ctrl-C ends the command, and the end of frames ffmpeg.
             with subprocess.Popen(command, stdin=subprocess.PIPE, process_group=0) as encoder:
                 assert encoder.stdin is not None
                 for frame in frames:
@@ -72,7 +70,7 @@ def write_video(
 def write_views(
     path: str | Path, views: Iterable[Radiance], window: Window, frames_per_second: float, there_and_back: bool = False
 ) -> None:
-    """Write views (height, width, 3), linear, as a video or an animation, by the suffix."""
+    """Write views (height, width, 3), linear, by suffix. Errors as `write_video` and `write_animation`."""
     if Path(path).suffix.lower() not in VIEW_SUFFIXES:
         write_animation(path, views, there_and_back, 1000.0 / frames_per_second)
         return

@@ -1,4 +1,4 @@
-"""The bands and chunks in which a picture is rendered: their sizes, and the memory that they need."""
+"""The bands and chunks in which a picture is rendered: their sizes and their memory."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from lippmann.rendering.sampling import TILE_PX, colours_of
 
 #: Samples of a chunk, by device. A GPU is idle between chunks.
 CHUNK_SAMPLES = {"llvm": 1 << 22, "cuda": 1 << 25}
-#: Pixels of a band, about, by device.
+#: Approximate pixels of a band, by device.
 BAND_PIXELS = {"llvm": 1 << 20, "cuda": 1 << 25}
 #: Rays of a band, about, where a pixel has many: ten seconds of work.
 BAND_RAYS = {"llvm": 1 << 26, "cuda": 1 << 31}
@@ -40,8 +40,7 @@ def bands_of(width_px: int, height_px: int, rays: int, device: str | None = None
 
 def memory_mb(width_px: int, height_px: int, shading: Shading, samples: int, colours: int) -> float:
     """Return the memory, MB, of an image or a band; `samples` is for each colour of a pixel."""
-    # Radiance in float32 three times: as planes, as an image, and rotated for a
-    # capture.
+    # Radiance in float32 three times: planes, image, and a capture's rotated image.
     pixels = width_px * height_px
     needed = BASE_MEMORY_MB + 3.0 * pixels * 3 * 4 / 1e6
     if is_filter_allowed(samples, colours):
@@ -54,7 +53,7 @@ def memory_mb(width_px: int, height_px: int, shading: Shading, samples: int, col
 
 
 def check_display_memory(display: Display, settings: Settings, where: str) -> None:
-    """Check the memory of an image for a display, which errors call `where`."""
+    """Raise InputError for a display (`where`) with an image above the memory limit."""
     panel = display.panel
     try:
         check_memory(panel.width_px, panel.height_px, settings, colours_of(panel))
@@ -70,14 +69,14 @@ def check_memory(width_px: int, height_px: int, settings: Settings, colours: int
 
 
 def check_memory_mb(needed: float, limit: float | None, what: str, remedy: str) -> None:
-    """Raise InputError if the memory exceeds a limit, MB; None means 80 % of the free memory."""
+    """Raise InputError above a memory limit, MB, by default 80 % of the free memory."""
     limit = 0.8 * free_memory_mb() if limit is None else limit
     if not needed <= limit:
         raise InputError(f"{what}: needs {math.ceil(needed)} MB, the limit is {limit:.0f} MB; {remedy}")
 
 
 def check_band_memory(display: Display, bands: Sequence[range], settings: Settings, workers: int = 1) -> None:
-    """Raise InputError if the largest band, for each worker, exceeds the memory limit."""
+    """Raise InputError if a band for each worker exceeds the memory limit."""
     rows, panel = max(len(rows) for rows in bands), display.panel
     needed = memory_mb(panel.width_px, rows, settings.shading, settings.samples, colours_of(panel))
     what, remedy = f"a band of {rows} rows of {panel.width_px} pixels", "raise memory_mb (--memory-mb)"

@@ -1,4 +1,4 @@
-"""The cached-frame hash: a kept band, a film's frame or a worker's renderer is reused if its hash is the same."""
+"""The cached-frame hash: bands, frames and workers' renderers of the same hash are reused."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ PIXEL_LIBRARIES = ("mitsuba", "drjit")
 def pixels_identity(
     digest: str, placement: Placement, display: Display, options: RenderOptions, **others: object
 ) -> str:
-    """Return the hash of all arguments, 16 hexadecimal digits; `digest` is the scene's."""
+    """Return a hash of the arguments, 16 hexadecimal digits; `digest` is the scene's."""
     arguments = asdict(options)
     del arguments["settings"]["memory_mb"]
     parts = {
@@ -43,6 +43,7 @@ def pixel_versions() -> dict[str, str]:
 @functools.cache
 def code_digest(folder: Path) -> str:
     """Return "+" and 8 hexadecimal digits for a folder's Python files; "" without any."""
+    # A version has many codes between releases; installed files may be compiled only.
     digest = hashlib.sha256()
     paths = [path for path in sorted(folder.rglob("*.py")) if path.is_file() and not path.name.startswith(".")]
     for path in paths:

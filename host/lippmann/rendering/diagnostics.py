@@ -1,4 +1,4 @@
-"""Warnings about a scene for a display: what is not rendered, not sharp, not visible, or noisy."""
+"""Warnings about a scene for a display: what is not rendered, not sharp, invisible, or noisy."""
 
 from __future__ import annotations
 
@@ -25,13 +25,12 @@ logger = logging.getLogger("lippmann")
 SIZE_RANGE = (0.02, 1000.0)
 #: Width of the trial view, pixels; one ray each.
 TRIAL_PX = 96
-#: Minimum fraction of the view in the depth range, and maximum noise over the mean
-#: light, without warning.
+#: Minimum fraction of the view in the depth range, and maximum relative noise.
 MIN_SHARP, MAX_NOISE = 0.1, 0.1
 
 
 def warn_of_unused_parts(scene: Scene, settings: Settings) -> None:
-    """Warn of what the integrator ignores, and of missing light. Errors as `make_integrator`."""
+    """Warn of what the integrator ignores, and of no light. Errors as `make_integrator`."""
     make_integrator(scene, settings)
     if settings.integrator != "scene":
         unused = []
@@ -51,7 +50,7 @@ def warn_of_unused_parts(scene: Scene, settings: Settings) -> None:
 
 
 def warn_of_view(scene: Scene, display: Display, settings: Settings, engine: Engine = "fast") -> None:
-    """Warn, after a trial view, of a size, place, depth or noise that does not suit the display."""
+    """Warn, after a trial view, of an unsuitable size, place, depth or noise."""
     panel, width = display.panel, scene.width_mm
     if width > 0.0 and not SIZE_RANGE[0] <= width / panel.width_mm <= SIZE_RANGE[1]:
         warn_user(
@@ -87,8 +86,7 @@ def _warn_of_depths(
     scene: Scene, display: Display, trial: Settings, eye: tuple[float, float, float], window: Window
 ) -> None:
     """Warn of a scene that is invisible, or mostly outside the depth range."""
-    # Distances from the plane near_mm to the first surface, scene units; 0 without a
-    # surface.
+    # Distances from the plane near_mm to the first surface, scene units; 0 if none.
     length = render_view(scene, eye, window, replace(trial, integrator="depth")).radiance[:, :, 0].astype(np.float64)
     y, x = np.mgrid[: window.height_px, : window.width_px] + 0.5
     steep = eye[2] / np.sqrt(eye[2] ** 2 + sum(c**2 for c in window.point(x, y)))

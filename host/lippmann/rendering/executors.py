@@ -1,4 +1,4 @@
-"""Executors, which render bands in any order: this process, workers that it starts, or those of a Dask scheduler."""
+"""Executors, which render bands: this process, new workers, or those of a Dask scheduler."""
 
 from __future__ import annotations
 
@@ -60,7 +60,7 @@ class Band:
 
 
 class RenderedBand(NamedTuple):
-    """A band, its radiance (rows, width, 3), its renderer's choices, and seconds of compilation."""
+    """A band, its radiance (rows, width, 3), its choices, and seconds of compilation."""
 
     band: Band
     radiance: Radiance
@@ -68,7 +68,7 @@ class RenderedBand(NamedTuple):
     prepare_seconds: float = 0.0
 
 
-#: Renders bands, in any order; it may report the finished rows of the current band.
+#: Renders bands in any order; may report the finished rows of the current band.
 Executor = Callable[[Sequence[Band], Callable[[int], None]], Iterator[RenderedBand]]
 
 
@@ -86,7 +86,11 @@ def render_here(bands: Sequence[Band], report_rows: Callable[[int], None]) -> It
 
 
 def choose_executor(workers: int | None = None, scheduler: str | None = None, device: str = "auto") -> Executor:
-    """Return the executor for workers, a scheduler, or neither. Raises InputError for bad arguments."""
+    """Return the executor: so many workers of this machine, a scheduler's, or this process.
+
+    `device` is each worker's. Raises InputError for both at once, for a wrong number,
+    and as `render_on_cluster` if no scheduler or worker answers.
+    """
     if workers is not None and scheduler is not None:
         raise InputError("workers and scheduler both say who renders; leave one out")
     if workers is not None:
@@ -99,7 +103,7 @@ def choose_executor(workers: int | None = None, scheduler: str | None = None, de
 
 
 def render_by_workers(count: int, device: str, bands: Sequence[Band]) -> Iterator[RenderedBand]:
-    """Render on new workers here. Raises InputError if their bands exceed the memory limit."""
+    """Render on new workers of this machine; InputError if their bands exceed the memory limit."""
     count = min(count, len(bands))
     if not count:  # only the file is to be written
         return
@@ -112,11 +116,13 @@ def render_by_workers(count: int, device: str, bands: Sequence[Band]) -> Iterato
 def render_on_cluster(
     address: str, device: str, bands: Sequence[Band], security: Security | None = None
 ) -> Iterator[RenderedBand]:
-    """Render bands on a scheduler's workers, which read the scene from the same path; yield each as it arrives.
+    """Render bands on a cluster, whose workers read the scene from the same path; yield each as it arrives.
 
-    Raises InputError without a scheduler or a worker, and for a worker with another
-    scene or version; DeviceError if the scheduler is lost, or a band crashes workers;
-    MissingLibraryError without Dask, or Lippmann on a worker.
+    `address` is the scheduler's, such as tcp://127.0.0.1:8786; `device` each worker's,
+    "auto", "llvm" or "cuda"; `security` is for `local_workers`. Raises InputError
+    without a scheduler or a worker, and for a worker with another scene or version;
+    DeviceError if the scheduler is lost, or a band crashes several workers;
+    MissingLibraryError without Dask, or without Lippmann on a worker.
     """
     if not bands:
         return
@@ -194,9 +200,8 @@ def _give_up_stopped_workers(client: Client, heartbeats: dict[str, tuple[float, 
 
 @contextlib.contextmanager
 def local_workers(count: int) -> Iterator[tuple[str, Security]]:
-    """Start workers on this machine; yield their scheduler's address and `Security`."""
-    # Dask runs any program that it is sent: so on loopback, by TLS with a key of these
-    # processes.
+    """Start local workers; yield their scheduler's address and `Security`. MissingLibraryError without Dask."""
+    # Dask runs any program that it is sent: so on loopback, by TLS with its own key.
     try:
         import dask
         from distributed import LocalCluster, Security
@@ -223,7 +228,7 @@ def local_workers(count: int) -> Iterator[tuple[str, Security]]:
 
 
 def _worker(address: str) -> str:
-    """Return the command that starts a worker, on loopback if the scheduler is there."""
+    """Return the command for a worker, on loopback if the scheduler is."""
     loopback = re.search(r"//(127\.|localhost|\[::1\])", address)
     return f"dask worker {address}{' --host 127.0.0.1' if loopback else ''} --no-dashboard"
 
@@ -235,7 +240,7 @@ def _connected(address: str, security: Security | None = None) -> Client:
     except ImportError as error:
         raise missing_library(error) from None
     for name in ("distributed", "distributed.client"):
-        logging.getLogger(name).setLevel(logging.CRITICAL)  # the errors below say the same in one line
+        logging.getLogger(name).setLevel(logging.CRITICAL)  # our errors say the same in one line
     try:
         client = distributed.Client(address, timeout=ANSWER_S, security=security)
     except (OSError, ValueError, TypeError):
@@ -267,7 +272,7 @@ def render_band(band: Band, worker: str = "this process") -> tuple[Radiance, dic
     """Return a band's radiance and its renderer's choices. Errors as `Plan.start`."""
     identity = band.plan.identity
     if identity not in _kept_renderers:
-        _kept_renderers.clear()  # the last plan's scene is freed before the next one is compiled
+        _kept_renderers.clear()  # frees the last scene before the next compilation
         _kept_renderers[identity] = band.plan.start(worker)
     renderer = _kept_renderers[identity]
     radiance, _ = renderer.render(band.number)

@@ -1,4 +1,4 @@
-"""The integral image: radiance, the display that it was made for, which a file is checked against, and metadata."""
+"""The integral image: radiance, the display that it was made for, and metadata."""
 
 from __future__ import annotations
 
@@ -35,10 +35,10 @@ class Showable:
         return png_bytes(self.radiance)
 
     def show(self, seconds: float | None = None) -> None:
-        """Show the image below a notebook's cell, or in a window, for some seconds or until Escape or q.
+        """Show the image below a notebook's cell, or in a window.
 
-        Without a desktop (a server, a batch job) a line on stderr says so, and the
-        program continues.
+        Escape, q, the close button or `seconds` end it. Without a desktop (a server,
+        a batch job) a line on stderr says so, and the program continues.
         """
         if in_notebook():
             import_module("IPython.display").display(self)
@@ -62,7 +62,7 @@ def in_notebook() -> bool:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class IntegralImage(Showable):
-    """The picture that a display's panel shows. Raises InputError for radiance of another size, or of integers.
+    """The picture of a display's panel. Raises InputError for radiance of another size, or of integers.
 
     Attributes
     ----------
@@ -75,18 +75,18 @@ class IntegralImage(Showable):
         Display, identity, the panel's transfer curve and bits, model, samples, seed,
         versions, ...
     measured
-        Figures such as `seconds`, and a capture's losses; not saved.
+        Figures of its render, such as `seconds` and a capture's losses; not saved.
     """
 
     radiance: Radiance
     display: Display
     metadata: dict[str, str] = field(default_factory=dict)
     measured: dict[str, float] = field(default_factory=dict)
-    #: Name and identity of the display in the file, if the image was loaded by force.
+    #: Name and identity of the file's display, if the image was loaded by force.
     _made_for: dict[str, str] = field(default_factory=dict, init=False)
 
     def __post_init__(self) -> None:
-        """Check type and size, convert to float32, and add the display to the metadata."""
+        """Check type and size, convert to float32, and add the display's metadata."""
         if not isinstance(self.display, Display):
             raise InputError(f"display must be a lippmann.Display, not {str(self.display)[:80]!r}")
         if not isinstance(self.radiance, np.ndarray | StoredRows):
@@ -106,7 +106,7 @@ class IntegralImage(Showable):
         object.__setattr__(self, "metadata", {**texts, **metadata_of(self.display)})
 
     def save(self, path: str | Path) -> None:
-        """Write radiance (.exr, .tif) or panel values (.png). Raises InputError if that fails or one is not finite."""
+        """Write radiance (.exr, .tif) or panel values (.png). InputError if that fails, or for NaN and infinity."""
         panel = self.display.panel
         write_picture(path, self.radiance, {**self.metadata, **self._made_for}, panel.transfer, panel.bits)
 
@@ -114,7 +114,7 @@ class IntegralImage(Showable):
     def load(
         cls, path: str | Path, display: str | Path | Display, force: bool = False, stored: bool = False
     ) -> IntegralImage:
-        """Read an image that was made for a display. Files of version 0.1 have no bits to check.
+        """Read an image made for a display. Files of version 0.1 have no bits to check.
 
         Parameters
         ----------
@@ -131,8 +131,8 @@ class IntegralImage(Showable):
         Raises
         ------
         InputError
-            For a file that is missing, broken, of another size, for another display, or
-            a PNG for other tones.
+            For a file that is missing, broken, of another size or display, or a PNG for
+            another transfer curve or number of bits.
         """
         built = display_at(display)
 
@@ -164,7 +164,7 @@ def check_image(image: object) -> None:
 
 
 def _check(metadata: Mapping[str, str], display: Display, source: str, encoded: bool) -> None:
-    """Refuse a file (`source`) for another display, or panel values (`encoded`) for other tones."""
+    """Refuse a file (`source`) for another display, or `encoded` values for other tones."""
     identity = metadata.get("identity")
     if identity != display.identity:
         other = f"was made for display '{metadata.get('display', '?')}' ({identity})"
@@ -176,6 +176,5 @@ def _check(metadata: Mapping[str, str], display: Display, source: str, encoded: 
         actual = metadata.get(key, expected)
         if encoded and actual != expected:
             names = transfer_name(actual), transfer_name(expected)
-
             what = f"was made for a panel with {key} {names[0]}, '{display.name}' has {key} {names[1]}"
             raise input_error(source, what, "render it for this display, or give --force (force=True in Python)")

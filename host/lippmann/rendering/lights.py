@@ -1,4 +1,4 @@
-"""Integrator `lights`, the founding paper's: sums all lights at each hit, so that point lights cause no noise.
+"""Integrator `lights`, the founding paper's: all lights at each hit, point lights without noise.
 
 At each hit *every* emitter gets a shadow ray, the smooth part of the BSDF reflects its
 light, and mirror reflection and refraction are followed up to `max_depth`. Area lights
@@ -13,11 +13,11 @@ from lippmann.base.variant import Jit, dr, mi
 
 
 def coherence_hint(depth: Jit) -> Jit:
-    """Return Embree's coherence hint for rays that have met `depth` surfaces (UInt32)."""
+    """Return Embree's coherence hint for rays after `depth` surfaces (UInt32)."""
     return depth == 0 if has_avx512() else False
 
 
-#: Maximum splats along a ray, which ends where they leave a hundredth of the light.
+#: Maximum splats along a ray, which ends where they leave 1 % of the light.
 MAX_SPLATS = 256
 
 
@@ -28,8 +28,7 @@ def has_splats(scene: Jit) -> bool:
 
 def needs_chance(scene: Jit) -> bool:
     """Tell whether `lights` may use random numbers for a scene, and so have noise."""
-    # Not with points, spots and directions, if each surface only scatters or only
-    # mirrors.
+    # Not with points, spots and directions, if no surface scatters and mirrors.
     if not all(mi.has_flag(lamp.flags(), mi.EmitterFlags.Delta) for lamp in scene.emitters()):
         return True
     for surface in scene.shapes():

@@ -1,4 +1,4 @@
-"""The options of a render: lens model, engine, samples, integrator and the rest, checked when they are made."""
+"""The options of a render: lens model, engine, samples, integrator and others, checked when made."""
 
 from __future__ import annotations
 
@@ -19,22 +19,20 @@ MAX_SAMPLES = 65536
 class Settings:
     """How to render."""
 
-    #: Samples for each pixel or sub-pixel. One is at the centre; more are spread over
-    #: the area.
+    #: Samples per pixel or sub-pixel: one at the centre, or several over the area.
     samples: int = 1
     #: "chief": rays through the lenslet's centre; "full": spread over its cell.
     aperture: Aperture = "chief"
-    #: "lights" (ours), a Mitsuba integrator ("direct", "path", ...), or "scene": the
-    #: file's own.
+    #: "lights" (ours), Mitsuba's ("direct", "path", ...), or "scene": the file's.
     integrator: str = "lights"
     #: Surfaces that a ray may meet.
     max_depth: int = 4
-    #: The same seed gives the same pixels on the same machine with the same versions.
+    #: The same seed gives the same pixels on a machine with the same versions.
     seed: int = 0
     #: Memory limit, MB. None means 80 % of the free memory.
     memory_mb: float | None = None
-    #: "shared": diffuse light from an irradiance cache; "each": from each ray; "auto":
-    #: what is faster.
+    #: Diffuse light: "shared", from an irradiance cache; "each", from each ray; "auto",
+    #: from the cache if that is faster and a trial finds it accurate.
     shading: Shading = "auto"
     #: Maximum points of the cache. None: its capacity, and with "auto" fewer than rays.
     light_points: int | None = None
@@ -61,8 +59,7 @@ MODEL_OPTIONS: tuple[ModelOption, ...] = ("auto", *MODELS)
 class RenderOptions:
     """Lens model, engine and settings of a render."""
 
-    #: "auto": the cheapest whose error stays below `tolerance`
-    #: (`lippmann.optics.model_choice`).
+    #: "auto": the cheapest whose error stays below `tolerance` (`optics.model_choice`).
     model: ModelOption = "auto"
     #: Error that "auto" allows, pixels of the reconstructed view.
     tolerance: float = TOLERANCE

@@ -1,4 +1,4 @@
-"""The pixels' filter: a sample near a pixel's edge counts for the neighbour too, if both belong to the same lenslet.
+"""The pixels' filter: samples near an edge count for the neighbour too, under the same lenslet.
 
 A pixel is a weighted mean of its samples and its four neighbours'. The weight at x, y
 from the pixel's centre is f(x) f(y), with f(d) = (1/2 + s - |d|) / 2s clipped to 0 and
@@ -15,15 +15,13 @@ from lippmann.optics.backend import DrJitBackend
 from lippmann.optics.sample_points import points_in_pixel
 from lippmann.rendering.sampling import RaySource, Seeds
 
-#: Maximum samples of a filtered pixel: with more, the plain mean is as good.
+#: Maximum samples of a filtered pixel; with more, plain means are as good.
 MAX_SAMPLES = 4
-#: Weights fall from half the samples' distance to a pixel's edge: the least noise of
-#: straight edges.
+#: Weights begin to fall half the samples' distance from an edge: the least noise.
 SOFTNESS = 0.5
 #: The four neighbours: columns to the right, and rows down.
 SIDES = ((-1, 0), (1, 0), (0, -1), (0, 1))
-#: Bytes for each pixel of a band: four numbers for itself and each neighbour, and its
-#: owner.
+#: Bytes per pixel of a band: four numbers for itself and each neighbour; its owner.
 BYTES_A_PIXEL = 4 * 4 * (1 + len(SIDES)) + 4
 
 
@@ -38,7 +36,7 @@ def is_filter_allowed(samples: int, colours: int) -> bool:
 
 
 def noise_fraction(samples: int, colours: int) -> float:
-    """Return the fraction of independent samples' noise that the filter leaves, about."""
+    """Return the approximate fraction of noise that the filter leaves."""
     # The root of the weights' mean square, 1 - 2 s / 3 along each axis.
     return 1.0 - 2.0 * softness(samples) / 3.0 if is_filter_allowed(samples, colours) else 1.0
 
@@ -65,7 +63,7 @@ class PixelFilter:
         self._owners = dr.empty(mi.UInt32, pixels)
 
     def add(self, colour: Jit, pixel: Jit, inside: Jit, seeds: Seeds) -> None:
-        """Add samples, ordered by pixel; `pixel` holds the pixels' indices in the image."""
+        """Add samples, ordered by pixel, by the pixels' indices in the image."""
         soft = softness(self._samples)
         number = dr.arange(mi.UInt32, dr.width(pixel)) * self._samples
         sums = [mi.Vector4f(0.0)] * len(self._sums)
@@ -96,8 +94,7 @@ class PixelFilter:
         column = mi.Int32(pixel) - row * width
         total = dr.gather(mi.Vector4f, self._sums[0], pixel)
         for plane, (dx, dy) in zip(self._sums[1:], SIDES, strict=True):
-            # The opposite neighbour has summed for this pixel, but not across multiples
-            # of `BAND_ROWS`.
+            # The opposite neighbour's sum, but not across multiples of `BAND_ROWS`.
             x, y = column - dx, row - dy
             there = (x >= 0) & (x < width) & (y >= 0) & (y < height) & (y // BAND_ROWS == row // BAND_ROWS)
             neighbour = mi.UInt32(y * width + x)

@@ -1,4 +1,4 @@
-"""A job, whose options may be "auto"; and its plan, in which all is decided, so that any process can render a band."""
+"""A job, whose options may be "auto", and its plan, which any process can render."""
 
 from __future__ import annotations
 
@@ -35,8 +35,7 @@ if TYPE_CHECKING:
     import mitsuba as mi
 
 logger = logging.getLogger("lippmann")
-#: A path, a result of `lippmann.load_scene`, a `mitsuba.Scene`, or a dictionary for
-#: `mitsuba.load_dict`.
+#: A path, a loaded scene, a `mitsuba.Scene`, or a dictionary for `mitsuba.load_dict`.
 SceneSource: TypeAlias = "str | Path | Scene | dict[str, Any] | mi.Scene"
 
 
@@ -51,7 +50,10 @@ class BandRenderer(Protocol):
         """Compile the program; return the seconds that it took."""
 
     def render(self, number: int, report_rows: Callable[[int], None] | None = None) -> tuple[Radiance, list[int]]:
-        """Return a band's radiance (rows, width, 3), and its lost samples by reason."""
+        """Return a band's radiance (rows, width, 3), and its lost samples by reason.
+
+        `report_rows` is called with the number of the band's finished rows.
+        """
 
 
 @dataclass(frozen=True, eq=False)
@@ -90,7 +92,7 @@ class Plan(ABC):
 
     @abstractmethod
     def start(self, worker: str | None = None) -> BandRenderer:
-        """Return the renderer. Raises InputError if a file differs on the named worker."""
+        """Return the renderer; InputError if a file differs on the named worker."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -164,7 +166,7 @@ def make_renderer(
     bands: tuple[range, ...] | None = None,
     in_memory: bool = False,
 ) -> Renderer:
-    """Return a scene's renderer. Parameters and errors as `Renderer` and `resolve_model`."""
+    """Return a scene's renderer; see `Renderer` and `resolve_model`, also for errors."""
     settings, model = options.settings, resolve_model(scene, display, options)
     source = display_source(display, model, settings.samples, settings.aperture, options.engine, options.fraction_bits)
     renderer = Renderer(scene, source, settings, bands, in_memory=in_memory)
@@ -175,7 +177,7 @@ def make_renderer(
 def resolve_model(
     scene: Scene, display: Display, options: RenderOptions, logger: logging.Logger | None = None
 ) -> Model:
-    """Return the lens model; for "auto", choose and log it. Errors as `model_choice.choose_model`."""
+    """Return the lens model, chosen and logged for "auto". Errors as `model_choice.choose_model`."""
     if options.model != "auto":
         return options.model
     choice = model_choice.choose_model(display, scene.depth_range_mm, options.settings.aperture, options.tolerance)
@@ -185,7 +187,7 @@ def resolve_model(
 
 
 def image_metadata(options: RenderOptions, scene_path: Path) -> dict[str, str]:
-    """Return the metadata on how an image was made; `IntegralImage` adds the display."""
+    """Return the metadata of an image, to which `IntegralImage` adds the display."""
     bits = {} if options.engine in ("golden", "fast") else {"fraction_bits": str(options.fraction_bits or WIDEST)}
     names = ("aperture", "integrator", "samples", "max_depth", "seed", "shading")
     return {
@@ -201,7 +203,7 @@ def image_metadata(options: RenderOptions, scene_path: Path) -> dict[str, str]:
 
 @contextlib.contextmanager
 def open_scene(source: SceneSource, placement: Placement | None = None, device: str = "auto") -> Iterator[Scene]:
-    """Set Mitsuba's variant for a block, and yield a loaded scene. Errors as `load_scene`."""
+    """Set the variant, and yield a loaded scene. Errors as `load_scene`, `start_mitsuba`."""
     if not isinstance(placement, Placement | None):
         raise InputError(f"placement must be a lippmann.Placement or None, not {str(placement)[:80]!r}")
     if isinstance(source, str | Path):
@@ -231,7 +233,7 @@ def _device_of(variant: str) -> str:
 
 
 def place_scene(scene: Scene, display: Display, arrange: Arrange | None = None) -> Scene:
-    """Return the scene as `arranged` for a display; None means its usual arrangement."""
+    """Return the scene as `arranged` for a display, by default as `usual`."""
     arrange = scene.usual if arrange is None else arrange
     if arrange is None:
         return scene
@@ -241,7 +243,7 @@ def place_scene(scene: Scene, display: Display, arrange: Arrange | None = None) 
 
 
 def choose_model(scene: Scene, display: Display, options: RenderOptions) -> Model:
-    """Warn of what a scene's picture will lack; choose and log the lens model."""
+    """Warn of what a picture will lack; choose and log the lens model. Errors as `resolve_model`."""
     # The trial view takes time, so it is made only for a log that takes INFO.
     warn_of_unused_parts(scene, options.settings)
     if logger.isEnabledFor(logging.INFO):
@@ -259,10 +261,10 @@ class Job:
     arrange: Arrange | None = None
 
     def plan(self, portable: bool = False) -> ScenePlan:
-        """Decide all "auto". A `portable` plan needs a scene with a file. Raises InputError as `arranged`."""
+        """Decide all "auto"; a `portable` plan needs a scene file. Errors as `arranged`, `choose_model`, `Renderer`."""
         # For other processes, and bands that are kept, the scene's files identify it.
         scene = place_scene(self.scene, self.display, self.arrange)
-        path = scene.path.absolute()  # workers have other current folders; links stay: their neighbours are read
+        path = scene.path.absolute()  # for workers' folders; links stay: their neighbours are read
         if portable and not path.exists():
             raise InputError("a scene in memory can neither be shared with workers nor be kept; give its file")
         # The tolerance has no more effect, and must not change the identity.

@@ -38,13 +38,11 @@ from lippmann.scenes.scene import Scene, without_places
 logger = logging.getLogger("lippmann")
 #: The chunks of a band grow by up to this fraction, to save a small last one.
 CHUNK_SLACK = 0.1
-#: A sample with the irradiance cache needs more memory: its chunks are smaller.
+#: A sample with the cache needs more memory: its chunks are smaller.
 CACHE_CHUNK_DIVISOR = 2
-#: For "auto": minimum PSNR by the irradiance cache, and minimum rays for each of its
-#: points.
+#: For "auto": minimum PSNR by the cache, dB, and minimum rays per point of the cache.
 CACHE_DB, RAYS_A_POINT = 45.0, 4
-#: One lamp's shadow rays take as long as the trial (stages.csv, shading.csv in
-#: docs/generated).
+#: One lamp's shadow rays take as long as the trial (docs/generated/reports/shading.md).
 MIN_LAMPS = 2
 #: The trial: parts of the image each way, rays of a colour in all parts, and maximum
 #: samples of a pixel. Not 2^18 rays: with a texture of as many values they would be
@@ -102,8 +100,7 @@ def make_integrator(scene: Scene, settings: Settings) -> Jit:
                 raise InputError(
                     f"integrator '{settings.integrator}' does not load ({reason}); choose lights, direct, path or scene"
                 ) from None
-    # Differentiable integrators (prb, ...) are SamplingIntegrators, but need more than
-    # a ray.
+    # Differentiable ones (prb, ...) are SamplingIntegrators, but need more than a ray.
     differentiable = ".ad." in type(integrator).__module__
     if differentiable or not isinstance(integrator, mi.SamplingIntegrator):
         raise InputError(
@@ -123,7 +120,11 @@ class Renderer:
         bands: Sequence[range] | None = None,
         in_memory: bool = True,
     ) -> None:
-        """Choose the program. `bands` defaults to `bands_of`; `in_memory`: all of them at once."""
+        """Choose the program; raise InputError as `make_integrator`.
+
+        `bands` are each one's rows, from multiples of `BAND_ROWS` on; None: `bands_of`.
+        With `in_memory` all of them are kept in memory, not one.
+        """
         self._samples, self._seed, self._pass = settings.samples, settings.seed, 0
         self._width, self._height = source.width_px, source.height_px
         self._across = -(-self._width // TILE_PX)
@@ -137,8 +138,7 @@ class Renderer:
         self.bands = bands or bands_of(self._width, self._height, self.rays)
         rows = self._height if in_memory else max(len(rows) for rows in self.bands)
         started = time.perf_counter()
-        #: The settings without "auto", by which every process has the same shapes in
-        #: the cache.
+        #: The settings without "auto": every process caches the same shapes.
         self.settings = replace(settings, shading="each", light_points=None)
         self.cache_report: str | None = None
         if settings.shading != "each":
@@ -156,7 +156,7 @@ class Renderer:
         return max(1, samples // (self.rays * TILE_PX * TILE_PX))
 
     def _choose_cache(self, scene: Scene, settings: Settings, rows: int, integrator: Jit) -> str | None:
-        """Use the irradiance cache if it is possible and asked for; return a line for the log."""
+        """Use the irradiance cache if possible and requested; return a line for the log."""
         source, points, is_auto = self._source, settings.light_points, settings.shading == "auto"
         why, is_reported = why_not_cached(scene, source, settings.integrator), not is_auto
         rays = self._width * self._height * self.rays
@@ -180,11 +180,11 @@ class Renderer:
                     self._program = self._cached
                     self.settings = replace(settings, shading="shared", light_points=points)
                 return report
-            why = "no surface is diffuse, or it would have too many points a lenslet's pitch apart"
+            why = "no mesh or sphere is diffuse, or each would need too many points"
         return f"no irradiance cache: {why}" if is_reported else None
 
     def _judge_trial(self) -> tuple[bool, str]:
-        """Tell whether the cache keeps all parts within `CACHE_DB`; and a line for the log."""
+        """Tell whether all parts reach `CACHE_DB` with the cache; and a line for the log."""
         decibels = self._trial()
         if decibels is None:
             why = "most rays meet surfaces that are not plain diffuse, or too large"
@@ -197,11 +197,11 @@ class Renderer:
         return is_used, f"{trial}: {likeness}; {verdict}"
 
     def move(self, placement: Placement, number: int = 0) -> None:
-        """Move the scene, for later bands, those of pass `number`; the program is reused."""
+        """Move the scene for later bands, of pass `number`; the program is reused."""
         self._pose, self._pass = Pose.of(placement), number
 
     def prepare(self) -> float:
-        """Compile the program by rendering one tile; return the seconds that it took."""
+        """Compile the program by rendering one tile; return the seconds."""
         started = time.perf_counter()
         self.draw(range(TILE_PX), tiles=1)
         seconds = time.perf_counter() - started
@@ -221,12 +221,12 @@ class Renderer:
         return tiles
 
     def _trial(self) -> float | None:
-        """Return the PSNR, dB, of tiles by the cache; None if most samples are uncached."""
+        """Return the cache's PSNR, dB; None if most samples are uncached."""
         # The least of the `TRIAL_PARTS` x `TRIAL_PARTS` parts of the image.
         tiles = self._trial_tiles()
-        side, rays, samples = math.isqrt(len(tiles)), TILE_PX * TILE_PX * self.rays, min(self._samples, TRIAL_SAMPLES)
-        # All at once if the samples' indices have 31 bits, as the programs need, else
-        # tile by tile.
+        side, rays = math.isqrt(len(tiles)), TILE_PX * TILE_PX * self.rays
+        samples = min(self._samples, TRIAL_SAMPLES)
+        # At once if the samples' indices have 31 bits, as programs need; else by tiles.
         together = (tiles.max() + 1) * rays < 1 << 31
         # Two variables, as in `_run`: one would be another recording.
         seeds = Seeds(*(dr.opaque(mi.UInt32, value) for value in (self._seed, self._pass)))
@@ -258,7 +258,7 @@ class Renderer:
     def draw(
         self, rows: range, report_rows: Callable[[int], None] | None = None, tiles: int | None = None
     ) -> tuple[list[Jit], list[int]]:
-        """Return rows, or their first tiles, as planes of colours, and the lost samples."""
+        """Return rows as colour planes, black after the first `tiles`, and lost samples by reason."""
         planes = [dr.zeros(mi.Float, self._width * len(rows)) for _ in range(3)]
         if tiles is None:
             tiles = self._across * -(-len(rows) // TILE_PX)
@@ -283,7 +283,7 @@ class Renderer:
         return planes, [sum(int(count[0]) for count in counts) for counts in zip(*lost, strict=True)]
 
     def _run(self, rows: range, first_tile: int, count: int, planes: list[Jit], sums: PixelFilter | None) -> list[Jit]:
-        """Render tiles into `sums`, or else into the planes; return the lost samples."""
+        """Render tiles into `sums`, or else the planes; return the lost samples."""
         pixels = count * TILE_PX * TILE_PX
         index = dr.arange(mi.UInt32, pixels * self.rays)
         # Opaque, as all that changes from chunk to chunk: literals would be compiled.
@@ -303,13 +303,13 @@ class Renderer:
 
 
 def radiance_of(planes: list[Jit], width: int) -> Radiance:
-    """Return planes of colours as an image (rows, width, 3), perhaps Dr.Jit's memory."""
+    """Return colour planes as an image (rows, width, 3), perhaps Dr.Jit's memory."""
     # Copy it for other threads: freeing it waits for Dr.Jit, which may wait for Python.
     return np.asarray(dr.ravel(mi.Color3f(planes))).reshape(-1, width, 3)
 
 
 def render_rays(scene: Scene, source: RaySource, settings: Settings, progress: Progress | None = None) -> Rendered:
-    """Render an image. Raises InputError as `make_integrator` and `check_memory`."""
+    """Render an image; `progress` gets (rows done, all rows). Errors as `make_integrator`, `check_memory`."""
     check_memory(source.width_px, source.height_px, settings, source.colours)
     renderer = Renderer(scene, source, settings)
     renderer.prepare()
@@ -343,7 +343,7 @@ def render_integral(
     engine: Engine = "fast",
     fraction_bits: int | None = None,
 ) -> Rendered:
-    """Render a scene for a display. Errors as `render_rays` and `lippmann.engines.trace`."""
+    """Render a scene for a display by an engine's rays. Errors as `render_rays`, `lippmann.engines.trace`."""
     source = display_source(display, model, settings.samples, settings.aperture, engine, fraction_bits)
     return render_rays(scene, source, settings, progress)
 
@@ -356,10 +356,9 @@ def render_view(
     pupil_mm: float = 0.0,
     focus_z_mm: float = 0.0,
 ) -> Rendered:
-    """Render what an eye sees through a window; see `eye_source`."""
+    """Render what an eye sees through a window; see `eye_source`, `render_rays`."""
     near = scene.placement.near_mm
     if near is not None and near > eye_mm[2]:
         # The eye does not see what is behind it.
-
         scene = replace(scene, placement=replace(scene.placement, near_mm=eye_mm[2], far_mm=None))
     return render_rays(scene, eye_source(eye_mm, window, pupil_mm, focus_z_mm), settings)

@@ -1,4 +1,4 @@
-"""Sources of primary rays: a display's pixels through their lenslets, or an eye that looks through a window."""
+"""Sources of primary rays: a display's pixels through their lenslets, or an eye through a window."""
 
 from __future__ import annotations
 
@@ -70,7 +70,7 @@ class RaySource:
 
 
 def owner_number(i: Jit, j: Jit) -> Jit:
-    """Return a number (UInt32) for each lenslet (i, j), different for neighbouring ones."""
+    """Return a number (UInt32) for each lenslet (i, j); neighbours differ."""
     return mi.UInt32(mi.Int32(i)) * 0x10001 + mi.UInt32(mi.Int32(j))
 
 
@@ -143,7 +143,11 @@ class Window:
 def eye_source(
     eye_mm: tuple[float, float, float], window: Window, pupil_mm: float = 0.0, focus_z_mm: float = 0.0
 ) -> RaySource:
-    """Return the rays from an eye's pupil through a window (mm), without a display."""
+    """Return the rays from an eye through a window (mm), without a display.
+
+    With a pupil, a ray passes a random point of it, and the point at the depth in focus
+    that the pupil's centre sees through the pixel.
+    """
 
     def lines(b: DrJitBackend, u: Jit, v: Jit, square: tuple[Jit, Jit]) -> Lines:
         # Opaque: another eye or window needs no compilation.
@@ -168,7 +172,7 @@ def colours_of(panel: Panel) -> int:
 
 
 def pixel_of(first_tile: Jit, place: Jit, width: int, height: int) -> tuple[Jit, Jit]:
-    """Return a pixel's index by its place in the order of tiles, and whether it is inside."""
+    """Return a pixel's index by its place in the tiles, and whether it is inside."""
     tiles_across = -(-width // TILE_PX)
     tile = first_tile + place // (TILE_PX * TILE_PX)
     bits = place & (TILE_PX * TILE_PX - 1)
@@ -260,7 +264,7 @@ class Pose:
 
 
 def first_hit(scene: Scene, lines: Lines, front_mm: float) -> tuple[Jit, Jit, Jit]:
-    """Return the rays backwards from a plane, which of them hit, and the hits' depths, mm."""
+    """Return the rays from z = `front_mm`, which of them hit, and the hits' depths, mm."""
     ray = Pose.of(replace(scene.placement, near_mm=front_mm, far_mm=None)).ray(lines)
     si = scene.mitsuba.ray_intersect(ray)
     front, scale = (dr.opaque(mi.Float, value) for value in (front_mm, scene.placement.scale))
@@ -268,7 +272,7 @@ def first_hit(scene: Scene, lines: Lines, front_mm: float) -> tuple[Jit, Jit, Ji
 
 
 def first_depths(scene: Scene, eye_mm: tuple[float, float, float], window: Window) -> npt.NDArray[np.float32]:
-    """Return depths z that an eye sees, mm, (height, width); -infinity without a surface."""
+    """Return depths z that an eye sees, mm, (height, width); -infinity if none."""
     near = scene.placement.near_mm
     front = eye_mm[2] if near is None else min(near, eye_mm[2])
     number = dr.arange(mi.UInt32, window.width_px * window.height_px)
@@ -278,7 +282,7 @@ def first_depths(scene: Scene, eye_mm: tuple[float, float, float], window: Windo
 
 
 def sampler_of(seeds: Seeds, pixel: Jit, sample: Jit) -> Jit:
-    """Return a sampler for integrators, by the indices (UInt32) of pixels and samples."""
+    """Return a sampler for integrators, by indices (UInt32) of pixels and samples."""
     # Its numbers depend neither on chunks, bands and workers nor on the colour.
     sampler = _sampler_class(mi.variant())(mi.Properties())
     first, second = mi.sample_tea_32(pixel, seeds.image + seeds.number, HASH_ROUNDS)

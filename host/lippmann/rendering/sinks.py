@@ -1,4 +1,4 @@
-"""Where the bands of a picture go: into memory, or into files, from which an interrupted render continues."""
+"""Where a picture's bands go: into memory, or files, from which a render continues."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ from lippmann.rendering.integral_image import IntegralImage
 from lippmann.rendering.plan import Plan
 
 logger = logging.getLogger("lippmann")
-#: File name of a kept band: its picture's identity and its first row.
+#: File name of a kept band: its picture's identity and first row.
 BAND_NAME = re.compile(r"([0-9a-f]{16})-([0-9]{5})\.npy")
 #: Bytes of the CRC-32 that follows the rows in a kept band.
 CRC_BYTES = 4
@@ -51,7 +51,7 @@ class Sink(Protocol):
 
 
 class RenderTimes(NamedTuple):
-    """The cost of a render: seconds without compilation, seconds of it, rays and bands."""
+    """The cost of a render: seconds of rendering and of compilation, rays, and bands."""
 
     seconds: float
     prepare_seconds: float
@@ -60,14 +60,14 @@ class RenderTimes(NamedTuple):
     kept_bands: int
 
     def measured(self, keeps_bands: bool = False) -> dict[str, float]:
-        """Return `IntegralImage.measured`; with the bands for a sink that keeps them."""
+        """Return `IntegralImage.measured`, with bands for a sink that keeps them."""
         bands = {"bands": self.bands, "bands_kept": self.kept_bands} if keeps_bands else {}
         rate = self.rays / max(self.seconds, 1e-9)
         return {"seconds": self.seconds, "prepare_seconds": self.prepare_seconds, "samples_per_second": rate, **bands}
 
 
 def render_into(sink: Sink, executor: Executor = render_here, progress: Progress | None = None) -> RenderTimes:
-    """Render the missing bands; return the cost. Raises the executor's and the sink's errors."""
+    """Render the missing bands; `progress` gets (rows done, all rows). Raises the executor's and sink's errors."""
     total = sum(len(band.rows) for band in sink.bands)
     report = RowProgress(progress, total)
     rays, prepare_seconds = 0, 0.0
@@ -133,7 +133,7 @@ class KeptBands:
     """A picture whose bands are files in a folder, locked until `release`."""
 
     def __init__(self, folder: Path, plan: Plan) -> None:
-        """Lock the folder. Raises InputError if that fails or bands are too large; NoSpaceError if the disk is full."""
+        """Lock the folder; InputError if that fails or bands are too large, NoSpaceError on a full disk."""
         check_band_memory(plan.display, plan.bands, plan.options.settings)
         self._lock = FolderLock(folder, "choose another place for the picture")
         self.folder, self.plan, self.bands = folder, plan, bands_of_plan(plan)
@@ -194,7 +194,7 @@ class KeptBands:
         self.remove()
 
     def image(self, times: RenderTimes) -> IntegralImage:
-        """Return the picture with the times of its render; the bands stay in their folder."""
+        """Return the picture with its render's times; the bands stay in the folder."""
         radiance = np.concatenate([self[band.rows.start : band.rows.stop] for band in self.bands])
         self.release()
         return IntegralImage(radiance, self.plan.display, self.metadata, times.measured(keeps_bands=True))
@@ -217,8 +217,7 @@ class KeptBands:
 
     def _read(self, number: int, warn: bool = False) -> Radiance | None:
         """Return a band, or None if it is missing or damaged."""
-        # The header must be the one that numpy would write. The checksum is compared
-        # once.
+        # The header must be numpy's own. The checksum is compared once.
         shape = (len(self.plan.bands[number]), *self.shape[1:])
         header = io.BytesIO()
         np.lib.format.write_array_header_1_0(header, {"descr": "<f4", "fortran_order": False, "shape": shape})

@@ -33,8 +33,7 @@ class Lattices:
 
     #: The first lattice of each shape, by its pointer's number, or NONE.
     of_shape: Jit
-    #: Of each lattice: first point, steps along a row and between rows, shape,
-    #: triangle, kind (bits).
+    #: Each lattice's first point, steps in and between rows, shape, triangle, kind.
     first: Jit
     steps: Jit
     row_steps: Jit
@@ -80,7 +79,8 @@ def corners(lattices: Lattices, place: Place) -> tuple[list[Jit], list[Jit]]:
     corner = mi.UInt32(i + one), mi.UInt32(j + one)
     right = mi.UInt32(i + 1), mi.UInt32(j)
     above = mi.UInt32(i), mi.UInt32(j + 1)
-    first, side = dr.gather(mi.UInt32, lattices.first, lattice), dr.select(back, mi.UInt32(1), mi.UInt32(0))
+    first = dr.gather(mi.UInt32, lattices.first, lattice)
+    side = dr.select(back, mi.UInt32(1), mi.UInt32(0))
 
     def number(x: Jit, y: Jit) -> Jit:
         row = dr.select(even, y * (steps + 1), _before(y, steps))
@@ -92,7 +92,7 @@ def corners(lattices: Lattices, place: Place) -> tuple[list[Jit], list[Jit]]:
 
 
 def _on_fan(kind: Jit, u: Jit, v: Jit) -> tuple[Jit, Jit]:
-    """Return s along a row, and t towards the apex, of a place on a slender triangle."""
+    """Return s along a row, t to the apex, of a place on a slender triangle."""
     # u and v are barycentric, of corners 1 and 2. Places of other kinds stay.
     apex_1, apex_2 = (kind & APEX_1) != 0, (kind & APEX_2) != 0
     w = 1.0 - u - v
@@ -209,7 +209,7 @@ def _points(steps: Jit, row_steps: Jit, kind: Jit) -> Jit:
 
 
 def _of_shape(shape: Jit, spacing: float) -> dict[str, Jit] | None:
-    """Return a mesh's or a sphere's lattices, by the names of `Lattices`, or None."""
+    """Return a mesh's or sphere's lattices, by the names of `Lattices`; None if too large."""
     if shape.is_mesh():
         points = np.array(shape.vertex_positions_buffer(), np.float64).reshape(-1, 3)
         faces = np.array(shape.faces_buffer()).reshape(-1, 3)
@@ -231,7 +231,8 @@ def _of_shape(shape: Jit, spacing: float) -> dict[str, Jit] | None:
         return {**numbers, "triangle": np.arange(count), "centre": np.zeros((count, 3)), "radius": np.zeros(count)}
     if shape.class_name() == "Sphere":
         box = shape.bbox()
-        low, high = np.array(box.min, np.float64).ravel(), np.array(box.max, np.float64).ravel()
+        low = np.array(box.min, np.float64).ravel()
+        high = np.array(box.max, np.float64).ravel()
         radius = 0.5 * (high - low)[0]
         if not math.pi * radius <= MAX_STEPS * spacing:
             return None

@@ -1,1 +1,1 @@
-"""Reading scenes (Mitsuba's XML, meshes, splats, quilts, views, depth pictures), and their placement."""
+"""Scenes (Mitsuba's XML, meshes, splats, quilts, views, depth pictures) and placements."""

@@ -1,4 +1,4 @@
-"""A picture and its depths (RGB-D), named by a TOML file, as a Mitsuba scene: one surface without gaps."""
+"""A picture and its depths (RGB-D), named by a TOML file, as one surface of a Mitsuba scene."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ def is_depth_picture(path: Path) -> bool:
 
 
 def write_scene(path: Path, folder: Path, notes: list[str]) -> Path:
-    """Write the scene into an empty folder; return its path. Raises InputError for bad files."""
+    """Write the scene into a folder, and filled holes into `notes`; return its path, or raise InputError."""
     form = toml.read(DepthPictureFile, toml.load(path, "depth picture"), str(path)).depth_picture
     for name in ("colour", "depth"):
         file = path.parent / getattr(form, name)
@@ -96,7 +96,7 @@ def _depths(path: Path) -> Floats:
 
 
 def _write_points(path: Path, depth: Floats, focal_px: float) -> None:
-    """Write the surface through the points of all pixels; its front is towards the camera."""
+    """Write the surface through all pixels' points; its front is towards the camera."""
     height, width = depth.shape
     row, column = np.mgrid[:height, :width]
     x, y = column + 0.5 - 0.5 * width, 0.5 * height - row - 0.5

@@ -19,7 +19,7 @@ FORMATS = (
     f"give a Mitsuba scene (.xml), a mesh or splats ({', '.join(meshes.SUFFIXES)}), a quilt (NAME_qs8x6a0.75.png), "
     f"a folder with {window_views.EYES}, or a .toml with [depth_picture]"
 )
-#: Suffixes of the files that are proposed for a misspelt name.
+#: Suffixes of files proposed for a misspelt name.
 SUFFIXES = (".xml", *meshes.SUFFIXES)
 
 
@@ -40,7 +40,7 @@ def kind_of(path: Path) -> Kind | None:
 
 
 def usual_rotation(path: Path) -> tuple[float, float, float]:
-    """Return the default rotation, degrees: z is up in STL, y down in splats."""
+    """Return the default rotation about x, y, z, degrees: z is up in STL, y down in splats."""
     if kind_of(path) == "splats":
         return (180.0, 0.0, 0.0)
     return (-90.0, 0.0, 0.0) if path.suffix.lower() == ".stl" else (0.0, 0.0, 0.0)
@@ -48,7 +48,7 @@ def usual_rotation(path: Path) -> tuple[float, float, float]:
 
 @contextmanager
 def as_mitsuba(path: Path, scene_from_display: Floats, notes: list[str]) -> Iterator[Path]:
-    """Yield the path of a file's Mitsuba scene, converted for the block, or raise InputError."""
+    """Yield the path of a Mitsuba scene, converted for the block, or raise InputError."""
     # `scene_from_display` (3, 3) rotates added lights; `notes` get lines for the user.
     kind = kind_of(path)
     if kind == "mitsuba":

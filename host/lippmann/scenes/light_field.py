@@ -1,4 +1,4 @@
-"""Emitter `light_field`: a surface that shows another picture to each eye; it lights no other surface.
+"""Emitter `light_field`: a surface that shows each eye another picture, and lights nothing.
 
 Each view is a picture of the surface. A point's radiance is its colour in the view from
 where the line of sight meets the plane of the eyes: linear between the two or four
@@ -23,9 +23,9 @@ def register_light_field() -> None:
     """Register the emitter plugin `light_field` for Mitsuba's current variant.
 
     Parameter of the plugin: `filename`, of an .npz with `views` (rows, columns, height,
-    width, 3), linear, of eyes from below and from the left; `x_mm` (columns,), `y_mm`
-    (rows,) and `distance_mm`, the eyes' places before the window's centre; `size_mm`,
-    its width and height.
+    width, 3), linear, the lowest row and the leftmost column first; `x_mm` (columns,),
+    `y_mm` (rows,) and `distance_mm`, the eyes' places before the window's centre; and
+    `size_mm`, the window's width and height; all in one unit, for quilts not mm.
     """
 
     class LightField(mi.Emitter):  # type: ignore[misc]

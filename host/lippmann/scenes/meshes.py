@@ -45,8 +45,7 @@ MAX_PIXELS, PART_ROWS = 1 << 25, 256
 PLAIN = (0.6, 0.6, 0.6)
 #: glTF's default of metallic and roughness.
 DEFAULT_FACTOR = 1.0
-#: glTF's number of float32; prefix of material extensions (looks only); ignored
-#: extensions.
+#: glTF's number of float32; prefix of material extensions; the ignored ones.
 FLOAT32, MATERIALS = 5126, "KHR_materials_"
 LEFT_OUT = (
     "KHR_texture_transform",
@@ -70,7 +69,7 @@ REMEDY = "export it again, or as .glb"
 
 
 def write_scene(path: Path, folder: Path, scene_from_display: Floats, notes: list[str]) -> Path:
-    """Write a file's scene, meshes and textures into an empty folder; return the scene's path, or raise InputError.
+    """Write a file's scene, meshes and textures into an empty folder; return its path, or raise InputError.
 
     `scene_from_display` (3, 3) rotates the lights; `notes` get lines on what is not
     shown.
@@ -78,7 +77,7 @@ def write_scene(path: Path, folder: Path, scene_from_display: Floats, notes: lis
     scene = new_scene()
     add_lights(scene, scene_from_display)
     textures = _Textures(folder, path)
-    with np.errstate(all="ignore"):  # too large numbers in matrices are refused by their products
+    with np.errstate(all="ignore"):  # overflows are refused below
         instances = list(_instances(path, notes))
     names = unique(name for name, _, _ in instances)
     for number, (name, (_, mesh, matrix)) in enumerate(zip(names, instances, strict=True)):
@@ -216,7 +215,7 @@ class _Textures:
         self._written: dict[tuple[int, str, tuple[float, ...]], tuple[str, Image]] = {}
 
     def write(self, picture: Image, part: str, factor: Floats) -> str:
-        """Write the colour, the alpha or a channel of a picture times a factor; return the file's name."""
+        """Write the colour, alpha or a channel of a picture times a factor; return the file's name."""
         import PIL.Image
 
         key = id(picture), part, tuple(factor.tolist())
@@ -304,7 +303,7 @@ def _vertex_colours(mesh: Trimesh, linear: bool) -> Floats | None:
 
 
 def _wide_colours(mesh: Trimesh) -> npt.NDArray[np.number] | None:
-    """Return a PLY file's colours (N, 3) of more than 8 bits, which trimesh cuts, or None."""
+    """Return a PLY's colours (N, 3) of more than 8 bits, which trimesh cuts, or None."""
     raw = mesh.metadata.get("_ply_raw", {}).get("vertex", {}).get("data")
     try:
         columns = [np.asarray(raw[name]).ravel() for name in ("red", "green", "blue")]
@@ -387,7 +386,7 @@ def write_surface(
     uv: Floats | None = None,
     colours: Floats | None = None,
 ) -> None:
-    """Write points (N, 3), faces (M, 3), and points' normals (N, 3), texture coordinates (N, 2), colours (N, 3)."""
+    """Write points (N, 3), faces (M, 3), and per point normals (N, 3), uv (N, 2) and colours (N, 3)."""
     # A texture's first row is at v = 0; linear colours become Mitsuba's `vertex_color`.
     mesh = mi.Mesh(
         "mesh", len(points), len(faces), has_vertex_normals=normals is not None, has_vertex_texcoords=uv is not None
@@ -409,7 +408,7 @@ MAX_HEADER_BYTES = 1 << 20
 
 
 def check_faces(path: Path) -> None:
-    """Raise InputError for a file that is not PLY, or whose faces name missing vertices."""
+    """Raise InputError for a file that is not PLY, or faces of missing vertices."""
     import plyfile
 
     try:

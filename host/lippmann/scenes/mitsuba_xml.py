@@ -38,7 +38,7 @@ LIGHTS = (((0.0, 0.0, 1.0), 0.35), ((-0.5, 0.7, 1.0), 0.5), ((0.8, -0.3, 0.5), 0
 
 
 def add_lights(scene: Element, scene_from_display: Floats) -> None:
-    """Add `LIGHTS`, rotated by `scene_from_display` (3, 3). They let a surface show its albedo as radiance."""
+    """Add `LIGHTS`, rotated by `scene_from_display` (3, 3); to the viewer, a surface shows its albedo."""
     for direction, fraction in LIGHTS:
         towards = np.array(direction) / np.linalg.norm(direction)
         light = plugin(scene, "emitter", "directional")
@@ -68,7 +68,7 @@ def new_scene() -> Element:
 
 
 def unique(names: Iterable[str]) -> list[str]:
-    """Return file names that differ, also without case: the second `leaf` becomes `leaf-2`."""
+    """Return different file names, also without case: a second `leaf` is `leaf-2`."""
     used: dict[str, str] = {}
     for name in names:
         plain = re.sub(r"[^\w.-]", "_", name) or "shape"

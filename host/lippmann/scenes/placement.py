@@ -1,4 +1,4 @@
-"""The placement of a scene relative to the display: scale, rotation, offset, and the depths of interest."""
+"""The placement of a scene before the display: scale, rotation, offset, and depths of interest."""
 
 from __future__ import annotations
 
@@ -34,7 +34,10 @@ Depth = Annotated[float | None, key("", default="the scene's bounding box")]
 @documented
 @dataclass(frozen=True)
 class Placement:
-    """A similarity from scene units to the display's frame (mm), and a depth range."""
+    """A similarity from scene units to the display's frame (mm), and a depth range.
+
+    Primary rays start at `near_mm`.
+    """
 
     scale: Annotated[Scale, key("mm for each scene unit")] = 1.0
     rotation_deg: Annotated[Triple, key("rotation about x, then y, then z, after the scaling")] = ORIGIN
@@ -107,7 +110,8 @@ class Placement:
         level = math.hypot(rotation[0, 0], rotation[1, 0])
         y = math.atan2(-rotation[2, 0], level)
         if level > 1e-9:
-            x, z = math.atan2(rotation[2, 1], rotation[2, 2]), math.atan2(rotation[1, 0], rotation[0, 0])
+            x = math.atan2(rotation[2, 1], rotation[2, 2])
+            z = math.atan2(rotation[1, 0], rotation[0, 0])
         else:
             x, z = math.atan2(-rotation[1, 2], rotation[1, 1]), 0.0
         shift = float(matrix[0, 3]), float(matrix[1, 3]), float(matrix[2, 3])
@@ -148,7 +152,7 @@ def warn_if_unplaced(path: Path) -> None:
 
 
 def _placement_file(path: Path) -> Path | None:
-    """Return NAME.toml beside a scene, unless it is a film, a display or a depth picture only."""
+    """Return NAME.toml beside a scene, unless it is only a film, display or depth picture."""
     file = path.with_suffix(".toml")
     keys = toml.load(file, "placement").keys() if file.exists() else {"panel"}
     return None if "placement" not in keys and {"depth_picture", "frames", "panel"} & keys else file

@@ -1,4 +1,4 @@
-"""Loads a scene, or a part of it, with some shapes moved, and places it for a display."""
+"""Loads a scene or a part of it, with moved shapes, and places it for a display."""
 
 from __future__ import annotations
 
@@ -32,11 +32,9 @@ if TYPE_CHECKING:
 
 #: The lowest and the highest corner (3,).
 Box = tuple[Matrix, Matrix]
-#: A shape so many times larger than all others, in each direction, is their
-#: surroundings.
+#: A shape so many times larger than all others, each way, is their surroundings.
 SURROUNDS = 3.0
-#: Percentiles of splats, a margin in parts of their distance, and a splat's extent in
-#: sigmas.
+#: Percentiles of splats, a margin relative to their distance, and a splat's sigmas.
 STRAY_PERCENT, STRAY_REACH, SIGMAS = (5.0, 95.0), 0.25, 3.0
 LISTED_IDS = 8
 #: Maximum numbers of a lamp's property; larger ones are pictures.
@@ -61,7 +59,7 @@ class Part:
 
 @dataclass(frozen=True)
 class Scene:
-    """A loaded scene: its file, the `mitsuba.Scene`, and its placement with both depths."""
+    """A loaded scene: file, `mitsuba.Scene`, and placement with both depths."""
 
     path: Path
     mitsuba: mts.Scene
@@ -98,7 +96,7 @@ class Scene:
         return placed_box(self.bounds, placement)
 
     def placed(self, placement: Placement) -> Scene:
-        """Return the scene with another placement; its missing depths are the box's. Raises InputError."""
+        """Return the scene with another placement; its missing depths are the box's, or InputError."""
         near, far = placement.near_mm, placement.far_mm
         if near is None or far is None:
             low, high = self.box(placement)
@@ -106,7 +104,8 @@ class Scene:
                 raise InputError(
                     f"{self.path}: the scene has no bounded extent; give near_mm and far_mm in its placement"
                 )
-            near, far = front_of(low, high) if near is None else near, float(low[2]) if far is None else far
+            near = front_of(low, high) if near is None else near
+            far = float(low[2]) if far is None else far
         return replace(self, placement=replace(placement, near_mm=near, far_mm=far), usual=None)
 
 
@@ -134,7 +133,8 @@ def _check_files(path: Path) -> None:
 def parsed(
     path: Path, scene_from_display: Matrix | None = None, notes: list[str] | None = None
 ) -> Iterator[tuple[mts.parser.ParserConfig, mts.parser.ParserState]]:
-    """Yield configuration and state of Mitsuba's parser of a scene file; its errors in the block become InputError."""
+    """Yield Mitsuba's parser's configuration and state; its errors become InputError."""
+    # For another tool's file, the arguments are those of `as_mitsuba`.
     register_light_field()
     before = mi.file_resolver()
     try:
@@ -165,7 +165,7 @@ def without_places(error: Exception) -> str:
 def load_scene(
     path: str | Path, placement: Placement | None = None, moves: Sequence[Move] = (), part: Part | None = None
 ) -> Scene:
-    """Load a scene file, or a part of it, with shapes moved in order. A placement of None means `placement_beside`.
+    """Load a scene file, or a part, with shapes moved in order; by default at `placement_beside`.
 
     Raises InputError for a bad file, a move that matches no shape, and a part that
     matches none or all.
@@ -239,7 +239,7 @@ def _keep(part: Part, state: mts.parser.ParserState, path: Path) -> None:
 
 
 def _matching(shapes: Sequence[mts.Properties], pattern: str, path: Path) -> list[mts.Properties]:
-    """Return the shapes whose id matches a pattern, or raise InputError with all ids."""
+    """Return the shapes whose id matches; without any, InputError lists the ids."""
     matches = [props for props in shapes if fnmatch.fnmatchcase(props.id(), pattern)]
     if not matches:
         ids = [props.id() for props in shapes if props.id()]
@@ -251,7 +251,7 @@ def _matching(shapes: Sequence[mts.Properties], pattern: str, path: Path) -> lis
 
 
 def digest_of(path: str | Path) -> str:
-    """Return a hash, 64 hexadecimal digits, of all that a scene is loaded from."""
+    """Return a hash, 64 hexadecimal digits, of all that a scene is loaded from. Errors as `load_scene`."""
     # The converted file, its includes, each file that a property names, and spectra.
     path = check_scene_file(path)
     digest = hashlib.sha256()
@@ -305,7 +305,7 @@ def _union(boxes: Sequence[Box]) -> Box:
 
 
 def bounds_of(scene: mts.Scene) -> Box:
-    """Return a `mitsuba.Scene`'s bounding box, scene units, without its surroundings."""
+    """Return a `mitsuba.Scene`'s box, scene units, without its surroundings."""
     # Rays from outside of a studio or a sky would see nothing else.
     boxes = sorted(_boxes(scene), key=lambda box: float(np.prod(box[1] - box[0])))
     while len(boxes) > 1:
@@ -327,7 +327,7 @@ def _closed(scene: mts.Scene, low: Matrix, high: Matrix) -> bool:
 
 
 def placed_box(bounds: Box, placement: Placement) -> Box:
-    """Return a box of the scene's units after a placement, mm; infinite without bounds."""
+    """Return a box of scene units as placed, mm; infinite without bounds."""
     low, high = bounds
     if not (np.isfinite(low).all() and np.isfinite(high).all() and (low <= high).all()):
         return np.full(3, -np.inf), np.full(3, np.inf)
@@ -342,7 +342,7 @@ def front_of(low: Matrix, high: Matrix) -> float:
 
 
 def arranged(scene: Scene, display: Display, arrange: Arrange) -> Scene:
-    """Return a scene placed for a display, or raise InputError if it cannot be."""
+    """Return a scene placed for a display, or raise InputError. Only "fit" keeps the scene's own rotation."""
     if arrange not in get_args(Arrange):
         raise input_error("arrange", f"'{arrange}' is unknown", f"choose from {', '.join(get_args(Arrange))}")
     if arrange == "camera":
@@ -357,14 +357,13 @@ def arranged(scene: Scene, display: Display, arrange: Arrange) -> Scene:
 
 
 def fitting(low: Matrix, high: Matrix, display: Display) -> Placement:
-    """Return the placement that fits a box (corners (3,), mm) into a display's depth range."""
+    """Return the placement that fits a box (corners (3,), mm) into the depth range, or raise InputError."""
     # An eye in front of the panel's centre sees the whole front of the box.
     panel, eye = display.panel, viewing_distance(display)
     far, near = display_properties(display).depth_range_mm
     middle = 0.5 * (far + near)
     x, y, z = (float(side) for side in high - low)
-    # The box's front, at z = middle + scale z / 2, must be in the pyramid from the eye
-    # to the panel.
+    # The box's front, middle + scale z / 2, must be in the pyramid from eye to panel.
     widths = ((side, panel_side) for side, panel_side in ((x, panel.width_mm), (y, panel.height_mm)))
     scales = [full * (1.0 - middle / eye) / (side + 0.5 * full * z / eye) for side, full in widths if side + z > 0.0]
     scale = min([*scales, (near - far) / z] if z > 0.0 else scales)
@@ -386,7 +385,7 @@ def _filling(scene: Scene, display: Display) -> Placement:
 
 
 def _by_camera(scene: Scene, display: Display) -> Placement:
-    """Return the placement with the eye at the scene's camera, and the panel as wide as its picture."""
+    """Return the placement with the eye at the camera, and the panel as wide as its picture."""
     sensor = scene.mitsuba.sensors()[0] if scene.has_camera else None
     parameters = {} if sensor is None else mi.traverse(sensor)
     if sensor is None or "x_fov" not in parameters:

@@ -1,4 +1,4 @@
-"""3D Gaussian splats (.ply, as their trainers write it) as a Mitsuba scene with the shape `ellipsoids`.
+"""3D Gaussian splats (.ply, as trainers write it) as a Mitsuba scene with the shape `ellipsoids`.
 
 A splat has a centre, the logarithms of three scales, a quaternion, the logit of its
 opacity, and spherical harmonics of its sRGB colour: f_dc_0..2, and f_rest_*, first
@@ -30,7 +30,7 @@ REMEDY = "export it again from the trainer or an editor of splats"
 
 
 def write_scene(path: Path, folder: Path) -> Path:
-    """Write the splats' scene into an empty folder; return its path. InputError for bad files."""
+    """Write the splats' scene into an empty folder; return its path, or raise InputError."""
     table = _read(path)
     file = folder / "splats.ply"
     write_table(file, table)

@@ -1,4 +1,4 @@
-"""Views of one window, as a folder or as a quilt, and the Mitsuba scene that shows each eye its view.
+"""Views of one window, as a folder or quilt, and the Mitsuba scene that shows each eye its view.
 
 The eyes are in a row or a grid before the window. A point in the window's plane is at
 the same place in all views.
@@ -31,7 +31,7 @@ from lippmann.scenes.mitsuba_xml import new_scene, plugin, to_world, value, writ
 #: The file with the eyes of a folder's views.
 EYES = "views.json"
 PICTURES = (".png", ".jpg", ".jpeg", ".webp", *LINEAR_SUFFIXES)
-#: Maximum distance of an eye from its place in the grid, steps of the grid.
+#: Maximum distance of an eye from its place, steps of the grid.
 GRID_TOLERANCE = 0.1
 MAX_VIEWS, MAX_PIXELS = 10_000, 200_000_000
 MAX_BYTES = 1 << 24
@@ -41,7 +41,7 @@ FORM = '{"window_mm": [64, 48], "views": [{"file": "view_0000.png", "eye_mm": [-
 
 @dataclass(frozen=True)
 class Views:
-    """Pictures (rows, columns, height, width, 3), linear, of a window (mm), from eyes on a grid."""
+    """Linear pictures (rows, columns, height, width, 3) of a window (mm) from eyes on a grid."""
 
     pictures: npt.NDArray[np.float16]
     x_mm: Sequence[float]
@@ -78,7 +78,7 @@ def eyes_text(size_mm: Sequence[float], names: Sequence[str], eyes: Sequence[Seq
 
 
 def read_folder(folder: Path) -> Views:
-    """Read a folder of views. Raises InputError for bad files, and eyes off a row or grid."""
+    """Read a folder of views; InputError for bad files, and eyes off a row or grid."""
     path = folder / EYES
     try:
         keys = json.loads(read_limited(path, MAX_BYTES, "write it again"))
@@ -137,7 +137,7 @@ def _check_size(path: Path, pixels: int) -> None:
 
 
 def read_light(path: Path, count: int = 1) -> tuple[Radiance, dict[str, str]]:
-    """Return a picture's light (height, width, 3) and metadata. InputError if `count` are too large."""
+    """Return a picture's linear light (height, width, 3) and metadata; InputError if `count` of them are too large."""
     # The size is checked before memory is taken for the pixels.
     if path.suffix.lower() in (".png", *LINEAR_SUFFIXES):
         with StoredRows(path) as rows:
@@ -170,7 +170,8 @@ EYES_KEY = "eyes"
 
 def quilt_path(path: Path, columns: int, rows: int, aspect: float) -> Path:
     """Return a quilt's path with its tiling, or raise InputError for another one."""
-    ending = f"_qs{columns}x{rows}a{f'{aspect:.5f}'.rstrip('0').rstrip('.')}"
+    aspect_text = f"{aspect:.5f}".rstrip("0").rstrip(".")
+    ending = f"_qs{columns}x{rows}a{aspect_text}"
     tiling = TILING.search(path.stem)
     if tiling is None:
         return path.with_name(f"{path.stem}{ending}{path.suffix}")
@@ -197,7 +198,7 @@ def eyes_note(size_mm: Sequence[float], eyes: Sequence[Sequence[float]]) -> dict
 
 
 def read_quilt(path: Path) -> Views:
-    """Read a quilt; Looking Glass' eyes are the default. Raises InputError for a bad picture."""
+    """Read a quilt, by default of Looking Glass' eyes; InputError for a bad picture."""
     tiling = TILING.search(path.stem)
     assert tiling is not None
     columns, rows, aspect = int(tiling[1]), int(tiling[2]), float(tiling[3])
