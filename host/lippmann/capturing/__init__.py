@@ -1,1 +1,1 @@
-"""The founding paper's single-stage capture: scene, imaging lens, microlens array, camera."""
+"""The founding paper's single-stage capture: scene, lens, microlens array, camera."""

@@ -3,13 +3,16 @@
 **The depth at which the display shows a captured point**, to first order, with
 distances along the axis (mm):
 
-1. The imaging lens: 1/s' = 1/f - 1/s, heights times m = -s'/s (Hecht, Optics, section 5.2).
-2. The point's image is at z = a - s' before the array, which is a from the lens; z < 0 when the array intercepts the
-   light before it converges.
-3. Each lenslet images the camera's pinhole, L from the array, to v before the array: 1/v = 1/f' - 1/L. The pixel at u
-   from the lenslet's centre c shows the ray with slope c/L - u/v through c + u. On a
-   pickup at D behind the array it shows the ray with slope -u/D through c.
-4. The display emits the pixel with slope -u/g through c, or +u/g when rotated. g is its aperture distance.
+1. The imaging lens: 1/s' = 1/f - 1/s, heights times m = -s'/s (Hecht, Optics, section
+   5.2).
+2. The point's image is at z = a - s' before the array, which is a from the lens; z < 0
+   when the array intercepts the light before it converges.
+3. Each lenslet images the camera's pinhole, L from the array, to v before the array:
+   1/v = 1/f' - 1/L. The pixel at u from the lenslet's centre c shows the ray with slope
+   c/L - u/v through c + u. On a pickup at D behind the array it shows the ray with
+   slope -u/D through c.
+4. The display emits the pixel with slope -u/g through c, or +u/g when rotated. g is its
+   aperture distance.
 
 The rays of all lenslets meet at z' = (g/v) (z - v) L / (L + z), x' = x L / (L + z) for
 a camera, and at z' = (g/D) z, x' = x for a pickup. Rotation inverts the sign of z'. v
@@ -55,7 +58,7 @@ from lippmann.scenes.scene import Scene
 
 
 def check_placement(scene: Scene, setup: Setup) -> None:
-    """Refuse a scene that reaches the lens, an image that reaches the camera, and an array outside the image space."""
+    """Refuse a scene that reaches the lens, an image at the camera, and an array outside the image space."""
     far, near = scene.depth_range_mm
     lens, subject = setup.lens, setup.subject
     front = subject.distance_mm - (0.0 if lens is None else lens.extent_mm[1] - lens.hiatus_mm)
@@ -67,8 +70,7 @@ def check_placement(scene: Scene, setup: Setup) -> None:
     image = setup.image_distance([far, near])
     to_camera = setup.camera_distance_mm
     if lens is not None and to_camera is not None:
-        # The image distance grows with the scene's nearness, to infinity at the focal
-        # length.
+        # The nearer the scene, the farther its image: infinite at the focal length.
         at_infinity = far < subject.distance_mm - lens.focal_length_mm <= near
         camera_mm = setup.array_distance_mm + to_camera
         if at_infinity or camera_mm <= image.max():
@@ -77,8 +79,7 @@ def check_placement(scene: Scene, setup: Setup) -> None:
                 f"set-up '{setup.name}': camera.distance_mm: the scene's image reaches the camera, {camera_mm:.4g} mm "
                 f"behind the lens: it extends from {image[0]:.4g} mm to {reaches}; move the camera or the object away"
             )
-    # Beyond this depth the light of a point comes from the whole display: an object is
-    # not recognisable.
+    # Beyond, a point's light comes from the whole display: nothing is recognisable.
     panel, side = setup.display.panel, setup.display.array.finest_mm
     width_mm = max(panel.width_mm, panel.height_mm)
     reach = setup.display.aperture_distance_mm * width_mm / side
@@ -131,7 +132,7 @@ def capture(scene: Scene, setup: Setup, settings: Settings, rotate: bool, progre
 
 
 def shown_depth(setup: Setup, z_mm: npt.ArrayLike, rotated: bool) -> Floats:
-    """Return the depths at which the display shows depths z (mm, object's frame), mm, positive in front of it.
+    """Return the depths, mm, at which the display shows depths z (mm, object's frame).
 
     All images must be before the camera, L + z > 0.
     """
@@ -155,7 +156,7 @@ def shown_depth(setup: Setup, z_mm: npt.ArrayLike, rotated: bool) -> Floats:
 
 
 class CapturedRays(NamedTuple):
-    """Rays to the scene in the object's frame, and which passed the array and the lens."""
+    """Rays to the scene, object's frame, and which passed the array and the lens."""
 
     ray: Ray
     through_array: Arr
@@ -163,7 +164,7 @@ class CapturedRays(NamedTuple):
 
 
 def system_of(setup: Setup) -> System:
-    """Return the captured array's optics; pixels belong to the same lenslets as on the display."""
+    """Return the captured array's optics; pixels keep the display's lenslets."""
     convergence = System.of(setup.display).convergence
     return replace(System.of(setup.captured), concave=setup.concave, convergence=convergence)
 
@@ -200,8 +201,8 @@ def rays_from_picture(
     cx, cy = system.lattice.centre(i, j)
     px, py = frame.panel_from_array(cx + b.double(out.ray.x), cy + b.double(out.ray.y))
     dx, dy = frame.turn(out.ray.dx, out.ray.dy)
-    # From the plane of the array's vertices through the lens to the object's frame, in
-    # the engine's own format.
+    # From the array's vertices through the lens to the object's frame, in the engine's
+    # own format.
     ray = Ray(b.real(px), b.real(py), out.ray.z, dx, dy, out.ray.dz)
     lens = setup.lens
     object_z = setup.subject.distance_mm
@@ -216,7 +217,7 @@ def rays_from_picture(
 
 
 def capture_source(setup: Setup, aperture: Aperture = "chief") -> RaySource:
-    """Return the rays of a captured image, object's frame; the lens or the array may lose them."""
+    """Return a captured image's rays, object's frame; losses are the lens's, then the array's."""
     panel, array = setup.display.panel, setup.array
 
     def lines(b: DrJitBackend, u: Arr, v: Arr, square: tuple[Arr, Arr]) -> Lines:

@@ -1,4 +1,4 @@
-"""The set-up file (docs/reference/setup-file.md): object, imaging lens, microlens array and camera on one axis.
+"""The set-up file (docs/reference/setup-file.md): object, lens, array and camera on one axis.
 
 Image distances are counted from the lens's image-side principal plane, object distances
 from its object-side one.
@@ -43,7 +43,7 @@ MIN_ELEMENTAL_PX = 2.0
 @documented
 @dataclass(frozen=True)
 class Subject:
-    """Where the scene stands. The object's frame has its origin in the centre: x right, y up, +z towards the lens."""
+    """The place of the scene. The object's frame is at its centre: x right, y up, +z to the lens."""
 
     distance_mm: Annotated[Length, key("object's centre from the lens, or from the array without a lens")]
     scale: Annotated[Scale, key("factor of the size, about the object's centre")] = 1.0
@@ -59,7 +59,7 @@ class Subject:
 @documented
 @dataclass(frozen=True)
 class Camera:
-    """A pinhole on the axis. Its picture is the display's panel in the array's first principal plane."""
+    """A pinhole on the axis. Its picture: the display's panel in the array's first principal plane."""
 
     distance_mm: Annotated[Length, key("pinhole from the lens, or from the array's vertices without a lens")]
 
@@ -87,7 +87,7 @@ class Setup:
     pickup: Annotated[Camera | Pickup, key("pinhole camera, or sensor behind the array")]
 
     def image_distance(self, z_mm: npt.ArrayLike) -> Floats:
-        """Return the distance from the lens to the images of depths z (mm, object's frame): s' = f s / (s - f), mm."""
+        """Return the images' distances from the lens, mm, for depths z (mm, object's frame): s' = f s / (s - f)."""
         # Without a lens an object is its own image, in front of the array.
         s = self.subject.distance_mm - np.asarray(z_mm, np.float64)
         if self.lens is None:
@@ -119,11 +119,10 @@ class Setup:
 
     @property
     def camera_distance_mm(self) -> float | None:
-        """Distance from the array's first principal plane to the camera's pinhole, mm; None for a pickup."""
+        """Distance from the array's first principal plane to the pinhole, mm; None for a pickup."""
         if isinstance(self.pickup, Pickup):
             return None
-        # The vertices' plane, seen through the substrate where the flat face looks at
-        # the camera.
+        # The vertices' plane, seen through the substrate if the flat face is in front.
         lifted = self.array.thickness_mm * (1.0 - 1.0 / self.array.index) if self.plano_to_camera else 0.0
         return self.pickup.distance_mm - self.array_distance_mm - lifted
 
@@ -133,7 +132,7 @@ class Setup:
         return self.array.plano_side == "panel"
 
     def resized(self, width_px: int) -> Setup:
-        """Return the set-up with another number of pixels across the same window; refuse too few."""
+        """Return the set-up with another number of pixels across; InputError for too few."""
         panel = self.display.panel
         if not 1 <= width_px <= MAX_SIDE_PX:
             raise InputError(f"size {width_px} is out of range; give 1 to {MAX_SIDE_PX} pixels")
@@ -195,7 +194,7 @@ class SetupFile:
 
 
 def load_setup(path: str | Path) -> Setup:
-    """Read a set-up file; InputError, with file, key and remedy, for missing, unknown and impossible keys."""
+    """Read a set-up file; InputError, with file, key and remedy, for wrong or impossible keys."""
     path = path_of(path, "a set-up file")
     keys = toml.read(SetupFile, toml.load(path, "set-up"), str(path))
     where, subject = f"{path}: ", keys.object
@@ -218,7 +217,7 @@ def load_setup(path: str | Path) -> Setup:
 
 
 def _lens(keys: LensKeys, object_mm: float, where: str) -> ImagingLens:
-    """Return the lens of `[lens]`; it images the object's centre at `image_distance_mm`."""
+    """Return the lens of `[lens]`, which images the object's centre at `image_distance_mm`."""
     image_mm, focal = keys.image_distance_mm, keys.focal_length_mm
     if image_mm is not None:
         focal = object_mm * image_mm / (object_mm + image_mm)
@@ -251,7 +250,7 @@ def _lens(keys: LensKeys, object_mm: float, where: str) -> ImagingLens:
 
 
 def _captured_array(keys: ArrayKeys, display_array: Array, where: str) -> tuple[Array, bool]:
-    """Return the display's lenslets as `[array]` changes them, and whether they are concave."""
+    """Return the display's lenslets changed by `[array]`, and whether they are concave."""
     array, focal, concave = display_array, keys.focal_length_mm, False
     if focal is not None:
         if focal == 0.0:

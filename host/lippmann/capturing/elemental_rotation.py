@@ -1,4 +1,4 @@
-"""Rotates elemental images by 180 degrees in whole pixels, which corrects the depth of a captured scene.
+"""Rotates elemental images by 180 degrees in whole pixels, which corrects a captured scene's depth.
 
 **The rule.** The pixels of a cell are those whose centres the lattice assigns to one
 lenslet. The rotation takes pixel (c, r) to pixel (m - c, n - r), with integers m and n.
@@ -48,7 +48,8 @@ def cells_of(display: Display, rows: slice = slice(None), columns: slice = slice
     """Return the cells of a display, or of some of its rows and columns."""
     panel, system = display.panel, System.of(display)
     frame, lattice, convergence = system.frame, system.lattice, system.convergence
-    row, column = np.arange(panel.height_px)[rows, np.newaxis], np.arange(panel.width_px)[np.newaxis, columns]
+    row = np.arange(panel.height_px)[rows, np.newaxis]
+    column = np.arange(panel.width_px)[np.newaxis, columns]
     point = frame.array_from_panel(*frame.panel_from_pixel(column + 0.5, row + 0.5))
     i, j, x, y = np.broadcast_arrays(*lattice.locate(NumpyBackend(), *convergence.towards_eye(*point)))
     lenslets, cell = number_lenslets(np.stack([i.ravel(), j.ravel()], axis=1).astype(np.int64))
@@ -63,12 +64,12 @@ def cells_of(display: Display, rows: slice = slice(None), columns: slice = slice
 
 
 def rotation_map(display: Display) -> Indices:
-    """Return the number of the pixel that each pixel changes places with, (height * width,)."""
+    """Return each pixel's partner in the exchange, its number, (height * width,)."""
     width, height = display.panel.width_px, display.panel.height_px
     system = System.of(display)
     if system.lattice.grid == "square" and not system.lattice.shear and not system.frame.sin:
         across, up = cells_of(display, rows=slice(1)), cells_of(display, columns=slice(1))
-        across.centre[:, 1] = up.centre[:, 0] = 0.5  # the middle of one row, and of one column
+        across.centre[:, 1] = up.centre[:, 0] = 0.5  # of one row, and of one column
         of_columns, fixed_columns = _pairs(display, across, width, 1)
         of_rows, fixed_rows = _pairs(display, up, 1, height)
         column, row = np.arange(width), np.arange(height)[:, np.newaxis]
@@ -80,8 +81,7 @@ def rotation_map(display: Display) -> Indices:
         return table.ravel()
     cells = cells_of(display)
     pairs, fixed = _pairs(display, cells, width, height)
-    # Pixel (c, r) is number r width + c, so its partner is number n width + m minus its
-    # own.
+    # Pixel (c, r) has number r width + c, and its partner n width + m minus that.
     partner: Indices = (pairs[:, 0] + pairs[:, 1] * width)[cells.cell]
     partner -= np.arange(width * height)
     partner[fixed] = fixed
@@ -94,8 +94,7 @@ def _pairs(display: Display, cells: Cells, width: int, height: int) -> tuple[Ind
     size = np.array([width, height])
     exact = 2.0 * centre - 1.0
     nearest = np.rint(exact)
-    # Pixels at a cell's rim may leave it, and all pixels of cells that the image's edge
-    # may cut.
+    # Pixels at a cell's rim may leave it, and all of a cell that the image's edge cuts.
     reach = display.array.half_diagonal_mm * (1.0 + display.convergence) / min(display.panel.pitches_mm) + 2.0
     cut = (np.abs(centre - size / 2.0) - size / 2.0).max(axis=1) > -reach
     pixel = np.flatnonzero(rim | cut[cell])
@@ -107,8 +106,7 @@ def _pairs(display: Display, cells: Cells, width: int, height: int) -> tuple[Ind
     stays = np.zeros(len(pixel), bool)
     for step in itertools.product((0, -1, 1), repeat=2):
         far = np.abs(nearest + step - exact)
-        # The first pair is the nearest: if it brings all pixels onto their cell, no
-        # other is better.
+        # The first pair is the nearest: none is better if it keeps all in the cell.
         candidates = (far.max(axis=1) <= 1.0 + ROUNDING) & (count < cell_size)
         if not candidates.any():
             continue
@@ -129,5 +127,5 @@ def _pairs(display: Display, cells: Cells, width: int, height: int) -> tuple[Ind
 
 
 def rotated(picture: npt.NDArray[Any], partner: Indices) -> npt.NDArray[Any]:
-    """Return a picture (height, width, channels) with its pixels exchanged by a `rotation_map`."""
+    """Exchange the pixels of a picture (height, width, channels) by a `rotation_map`."""
     return np.take(picture.reshape(-1, picture.shape[-1]), partner, axis=0).reshape(picture.shape)

@@ -1,4 +1,4 @@
-"""The imaging lens: two thick plano-convex lenses whose four faces are traced, or an ideal thin lens.
+"""The imaging lens: two thick plano-convex lenses, traced face by face, or an ideal thin lens.
 
 **Frame.** Rays go from the array to the scene: z runs along the axis towards the
 object, from 0 in the image-side principal plane H'. The object-side one is H. A face of
@@ -19,13 +19,12 @@ from lippmann.optics.faces import Dome, Ray, cap, refract_dome, refract_flat, tr
 from lippmann.optics.lattice import Lattice
 from lippmann.optics.rays import Floats
 
-#: Where the domes of a pair face: each other, away from each other, both the image, or
-#: both the object.
+#: Where the domes face: each other, away from each other, to the image, or the object.
 Convex = Literal["in", "out", "image", "object"]
 
 
 class Face(NamedTuple):
-    """Vertex z (mm) and curvature (1/mm, 0: flat) of a face, and the indices before and behind it."""
+    """A face: vertex z (mm), curvature (1/mm, 0: flat), and the indices before and behind it."""
 
     z_mm: float
     curvature: float
@@ -35,7 +34,7 @@ class Face(NamedTuple):
 
 @dataclass(frozen=True)
 class ThinLens:
-    """An ideal lens: slope' = slope - height / f, sharp and free of distortion for every ray."""
+    """An ideal lens: slope' = slope - height / f, sharp and undistorted for every ray."""
 
     focal_length_mm: float
     aperture_mm: float
@@ -68,10 +67,11 @@ class LensPair:
     convex: Convex = "in"
 
     def with_focal_length(self, focal_length_mm: float) -> LensPair:
-        """Return the pair with a focal length f, by its radius; ValueError if there is none (d > f).
+        """Return the pair with a focal length f, by its radius; ValueError without any (d > f).
 
-        1/f = 2/F - d/F^2 for lenses of focal length F = R / (n - 1) whose inner principal planes are d apart (Hecht,
-        Optics, section 6.1). A dome's principal plane is at its vertex, a flat face's T/n inside.
+        1/f = 2/F - d/F^2 for lenses of focal length F = R / (n - 1) whose inner
+        principal planes are d apart (Hecht, Optics, section 6.1). A dome's principal
+        plane is at its vertex, a flat face's T/n inside.
         """
         flats_inside = {"in": 0, "out": 2, "image": 1, "object": 1}[self.convex]
         d = self.separation_mm + flats_inside * self.thickness_mm / self.index
@@ -149,7 +149,7 @@ ImagingLens = ThinLens | LensPair
 
 
 def refract_face(b: Backend, face: Face, ray: Ray, aperture_mm: float) -> tuple[Ray, Arr]:
-    """Refract rays, with dz > 0, at the vertex side of a face; return the rays and which passed."""
+    """Refract rays, dz > 0, at the vertex side of a face; return them and which passed."""
     ratio = face.index_before / face.index_behind
     if face.curvature == 0.0:
         new, behind = refract_flat(b, transported(ray, face.z_mm), ratio)

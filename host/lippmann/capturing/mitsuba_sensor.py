@@ -1,4 +1,4 @@
-"""Mitsuba's sensor plugin `integral`: plain Mitsuba, and its XML files, render a display's integral image.
+"""Mitsuba's sensor plugin `integral`, with which plain Mitsuba renders a display's integral image.
 
 Import this module after `mitsuba.set_variant`: it registers the plugin for the current
 variant, `llvm_ad_rgb` or `cuda_ad_rgb`. Call `register` after a change of variant.
@@ -28,7 +28,7 @@ SAME_SCALE = 1e-4
 
 
 def register() -> None:
-    """Register the sensor for Mitsuba's current variant; InputError if that is no vectorised RGB variant."""
+    """Register the sensor for Mitsuba's current variant; InputError if that is not vectorised RGB."""
     import mitsuba as mi
 
     if mi.variant() not in VARIANTS.values():
@@ -83,7 +83,7 @@ def _sensor_class() -> type:
         def sample_ray_differential(
             self, time: Arr, sample1: Arr, sample2: Arr, sample3: Arr, active: Arr = True
         ) -> tuple[Arr, Arr]:
-            """Return `sample_ray`'s rays without differentials: neighbours may leave through other lenslets."""
+            """Return `sample_ray`'s rays without differentials: neighbours may have other lenslets."""
             ray, weight = self.sample_ray(time, sample1, sample2, sample3, active)
             return mi.RayDifferential3f(ray), weight
 
@@ -97,7 +97,7 @@ def _sensor_class() -> type:
 
 
 def _subpixel_weight(b: DrJitBackend, display: Display, u: Arr, v: Arr) -> Arr:
-    """Return the weight of each colour at points of pixels: the sub-pixel's gain for its colour, else 0."""
+    """Return the weights of colours at points of pixels: a sub-pixel's gain, or 0."""
     mi, dr = mitsuba(), drjit()
     layout = layout_of(display.panel.subpixels)
     if layout is None:

@@ -32,7 +32,7 @@ global_settings {{ assumed_gamma 1.0 max_trace_level {levels} adc_bailout 0 }}
 
 @dataclass(frozen=True)
 class Exported:
-    """An exported folder: the .ini file that POV-Ray renders, and the names of all files."""
+    """An exported folder: POV-Ray's .ini file, and the names of all files."""
 
     ini: Path
     files: tuple[str, ...]
@@ -93,7 +93,7 @@ def write_folder(scene: Scene, view: View, folder: Path) -> Exported:
 
 
 def export_display(scene: Scene, display: Display, model: Model, folder: Path) -> Exported:
-    """Write the scene with a display's lines of sight, one for each pixel, from the golden engine.
+    """Write the scene with a display's lines of sight, one per pixel, by the golden engine.
 
     POV-Ray traces them from in front of the scene towards the display. Raises
     InputError for sub-pixels, too many pixels, and parts of the scene that POV-Ray

@@ -34,8 +34,9 @@ BLACK = "texture { pigment { rgb 0 } finish { ambient 0 diffuse 0 } }"
 
 
 def setup_view(setup: Setup) -> View:
-    """Return a set-up's camera, array and imaging lens; refuse what POV-Ray cannot express."""
-    where, panel, to_plane = f"set-up '{setup.name}'", setup.display.panel, setup.camera_distance_mm
+    """Return a set-up's camera, array and lens; refuse what POV-Ray cannot express."""
+    where, panel = f"set-up '{setup.name}'", setup.display.panel
+    to_plane = setup.camera_distance_mm
     if isinstance(setup.pickup, Pickup):
         raise input_error(where, "POV-Ray has no sensor behind an array", "give a [camera]")
     if isinstance(setup.lens, ThinLens):
@@ -90,8 +91,7 @@ def array_solids(display: Display, vertex_mm: float, side: float, concave: bool 
     cell = _prism(array, side * front, side * depth)
     sphere = f"sphere {{ {vector((0, 0, side * centre))}, {number(array.radius_mm)} }}"
     if depth > array.radius_mm and not concave:
-        # The sphere's far side would cut the substrate, so the prism is solid beyond
-        # the centre.
+        # The sphere's far side would cut the substrate: solid beyond its centre.
         beyond = f"plane {{ {vector((0, 0, -side))}, {number(-array.radius_mm)} }}"
         sphere = f"merge {{ {sphere} {beyond} }}"
     body = f"difference {{ {cell} {sphere}" if concave else f"intersection {{ {sphere} {cell}"
@@ -134,7 +134,7 @@ def _prism(array: Array, near: float, far: float) -> str:
 
 
 def lattice_rows(display: Display) -> list[tuple[int, int, int]]:
-    """Return (row j, first i, last i) of the lenslets that cover the panel and `SPARE_LENSLETS` more on each side."""
+    """Return (row j, first i, last i) of lenslets over the panel and `SPARE_LENSLETS` each side."""
     panel, array = display.panel, display.array
     frame, lattice = PanelFrame.of(display), Lattice.of(array)
     spare = (SPARE_LENSLETS + 0.5) * array.coarsest_mm

@@ -1,8 +1,9 @@
 """Converts a Mitsuba scene for POV-Ray (docs/reference/povray.md), in the display's frame, mm.
 
-**Factors of materials.** Under a point light of intensity I, a diffuse surface has the radiance a I cos / (pi d^2) in
-Mitsuba. In POV-Ray it is 2 a c cos / (1 + (d / f)^2), for a light of colour c with `fade_power 2` and
-`fade_distance f`. With c = I / (2 pi f^2) both agree to a relative f^2 / d^2: a millionth at 1 mm.
+**Factors of materials.** Under a point light of intensity I, a diffuse surface has the
+radiance a I cos / (pi d^2) in Mitsuba. In POV-Ray it is 2 a c cos / (1 + (d / f)^2), for
+a light of colour c with `fade_power 2` and `fade_distance f`. With c = I / (2 pi f^2)
+both agree to a relative f^2 / d^2: a millionth at 1 mm.
 
 The diffuse part of a smooth plastic is a (1 - F(i)) (1 - F(o)) / (eta^2 (1 - Fdr)) in
 Mitsuba, with the Fresnel reflectances F of both directions. Here F is that of normal
@@ -28,7 +29,7 @@ SUBSET = "use diffuse, plastic, conductor (a mirror) or dielectric, two-sided or
 
 
 class Side(NamedTuple):
-    """Appearance of one side of a surface: its pigments for meshes and for spheres, and its finish."""
+    """Appearance of a surface's side: its pigments for meshes and for spheres, and its finish."""
 
     pigment: str
     sphere: str
@@ -42,7 +43,7 @@ class Side(NamedTuple):
 
 @dataclass(frozen=True)
 class Material:
-    """A material: both sides, and the enclosed refractive index (None: no Fresnel reflection)."""
+    """A material: both sides, and the refractive index inside (None: no Fresnel reflection)."""
 
     name: str
     front: Side
@@ -71,7 +72,7 @@ CLEAR = block("pigment", "rgbt <1, 1, 1, 1>")
 
 
 class Materials:
-    """Reads each material once, and copies its image textures to the exported folder."""
+    """Reads each material once, and copies its image textures to the folder."""
 
     def __init__(self, folder: Path) -> None:
         self._mi = mitsuba()
@@ -155,7 +156,7 @@ class Materials:
         return Side(f"uv_mapping {block('pigment', mesh)}", sphere, finish)
 
     def _picture(self, texture: Item, raw: bool) -> str:
-        """Copy an image texture as an 8-bit PNG; return its name in the exported folder."""
+        """Copy an image texture as an 8-bit PNG; return its name."""
         path = texture.path("filename")
         key = (path.resolve(), raw)
         if key not in self._pictures:
@@ -202,8 +203,7 @@ def _light(item: Item, placement: Placement) -> str:
     if item.plugin != "point":
         raise item.refusal("has no counterpart in POV-Ray", "use point lights")
     *position, _ = placement.display_from_scene @ item.matrix() @ np.array([*item.triple("position", ORIGIN), 1.0])
-    # The irradiance I / d^2 is per square scene unit; in mm, I and d^2 grow by the
-    # square of the scale.
+    # I / d^2 is per square scene unit: in mm, both grow by the scale squared.
     intensity = placement.scale**2 * np.array(item.triple("intensity", (1.0, 1.0, 1.0)))
     item.refuse_leftovers()
     fade = f"fade_distance {number(FADE_MM)} fade_power 2"
@@ -212,7 +212,7 @@ def _light(item: Item, placement: Placement) -> str:
 
 
 def _shape(item: Item, materials: Materials, placement: Placement, place: int) -> list[str]:
-    """Return the objects of a shape, and add its textures to `materials`; `place` makes names unique."""
+    """Return a shape's objects, and add its textures to `materials`; `place` makes names unique."""
     if item.plugin not in SHAPES:
         raise item.refusal("has no counterpart in POV-Ray", f"use {', '.join(SHAPES)}")
     material = None
@@ -236,8 +236,7 @@ def _shape(item: Item, materials: Materials, placement: Placement, place: int) -
         look += f" interior {{ ior {material.index:.9g} }}"
     if not material.clear:
         return [geometry.replace("@", look)]
-    # Glass blocks Mitsuba's point lights, but not POV-Ray's: a separate object casts
-    # its shadow.
+    # Glass blocks Mitsuba's point lights, not POV-Ray's: its shadow is an object.
     shadow = geometry.replace("@", block("pigment", "rgb 0") + " no_image no_reflection").split("\n")[-1]
     return [geometry.replace("@", f"{look} no_shadow"), shadow]
 
@@ -250,8 +249,7 @@ def _sphere(item: Item, placement: Placement) -> str:
     size = np.linalg.svd(to_world[:3, :3], compute_uv=False)
     if size[0] - size[2] > 1e-3 * size[0]:
         raise item.refusal("is not a sphere after its transform", "scale it equally in all directions")
-    # Mitsuba inverts a sphere's normals for flip_normals, a negative radius, and a
-    # transform that mirrors.
+    # Mitsuba inverts normals for flip_normals, a negative radius, and mirroring.
     if (np.linalg.det(to_world[:3, :3]) < 0.0) != item.value("flip_normals", False):
         raise item.refusal("has normals that point inwards", "flip them; POV-Ray's spheres face outwards")
     return f"sphere {{ 0, 1 @ {matrix(placement.display_from_scene @ to_world)} }}"
@@ -303,7 +301,7 @@ def _outside(mesh: Any, points: Array, faces: Array) -> npt.NDArray[np.bool_]:
 
 
 def _area(points: Array, faces: Array) -> Array:
-    """Return the normals by the order of the vertices, as long as twice the faces' areas."""
+    """Return normals by the vertices' order, twice the faces' areas long."""
     first, second, third = (points[faces[:, k]] for k in range(3))
     return np.cross(second - first, third - first)
 
@@ -317,8 +315,7 @@ def _check_closed(item: Item, points: Array, faces: Array) -> None:
     _, faces_there = np.unique(edges[edges[:, 0] != edges[:, 1]], axis=0, return_counts=True)
     if (faces_there % 2).any():
         raise item.refusal("encloses no glass", "use closed shapes for dielectrics")
-    # Six times the signed volume, positive if the faces' fronts (vertices clockwise)
-    # face inwards.
+    # Six times the signed volume, positive if the fronts (vertices clockwise) face in.
     if ((points[faces[:, 0]] - points[0]) * _area(points, faces)).sum() > 0.0:
         raise item.refusal("has normals that point inwards", "flip them: glass is behind a surface")
 

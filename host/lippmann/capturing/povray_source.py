@@ -20,7 +20,7 @@ Value = TypeVar("Value", float, str, bool)
 
 
 class Item:
-    """One object of a scene file, such as a shape; each method marks the property that it reads."""
+    """An object of a scene file, such as a shape; methods mark the properties that they read."""
 
     def __init__(self, tree: Tree, index: int) -> None:
         self.index = index
@@ -33,7 +33,7 @@ class Item:
         self._read: set[str] = set()
 
     def path(self, name: str) -> Path:
-        """Return the path in a property, relative to the scene or to the included file with the property."""
+        """Return the path in a property, relative to the scene's or the included file."""
         text = self.value(name, "")
         including_file = Path(str(self.tree.state.files[self._node.file_index]))
         beside_scene = self.tree.path.parent / text

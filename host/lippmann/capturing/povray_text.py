@@ -24,8 +24,7 @@ MAX_NAME = 100
 #: Size of the triangles that define rays, mm: float32 corners, as POV-Ray's, 100 mm
 #: from the origin rotate the normal of a triangle of 10 mm by a microradian.
 FACE_MM = 10.0
-#: POV-Ray 3.7 renders each row of a camera of single rays one row too low, and the
-#: first row twice.
+#: POV-Ray 3.7 renders each row of such a camera one row too low, and the first twice.
 SPARE_ROWS = 1
 
 
@@ -48,7 +47,7 @@ def block(name: str, *parts: str) -> str:
 
 
 def matrix(values: npt.NDArray[Any]) -> str:
-    """Return the transform of a (4, 4) matrix for column vectors; POV-Ray's vectors are rows."""
+    """Return the transform of a (4, 4) matrix for columns; POV-Ray's vectors are rows."""
     return "matrix " + vector(values[:3, :4].T.ravel())
 
 
@@ -70,7 +69,7 @@ def identifier(kind: str, number: int, name: str) -> str:
 
 
 def pinhole(position_mm: Triple, to_window: Triple, width_mm: float, height_mm: float) -> str:
-    """Return a pinhole camera for an upright window; `to_window` leads to the window's centre, mm."""
+    """Return a pinhole camera for an upright window; `to_window` leads to its centre, mm."""
     return block(
         "camera",
         f"perspective location {vector(position_mm)}",
@@ -79,9 +78,8 @@ def pinhole(position_mm: Triple, to_window: Triple, width_mm: float, height_mm: 
 
 
 def write_rays(path: Path, origin_mm: Floats, direction: Floats) -> None:
-    """Write a camera of rays, row by row from the top left: origins and unit directions (N, 3), a triangle for each."""
-    # Two unit vectors perpendicular to each ray, the first also to the axis that is
-    # most perpendicular to it.
+    """Write a camera of rays, rows from the top left: origins and unit directions (N, 3)."""
+    # Two unit vectors across each ray, the first also across the axis farthest from it.
     across = np.cross(direction, np.eye(3)[np.abs(direction).argmin(axis=1)])
     across /= np.linalg.norm(across, axis=1, keepdims=True)
     other = np.cross(direction, across)

@@ -1,1 +1,1 @@
-"""Scenes as stacks of textured layers at depths: what an FPGA draws without a frame memory."""
+"""Scenes as stacks of textured layers, which an FPGA draws without a frame memory."""

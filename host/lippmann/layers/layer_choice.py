@@ -1,4 +1,4 @@
-"""Cost of layers in bytes and hardware, the PSNR of their views, and the cheapest layers."""
+"""Cost of layers in bytes and hardware, PSNR of their views, and the cheapest layers."""
 
 from __future__ import annotations
 
@@ -33,10 +33,9 @@ BLOCK_RAM_BYTES = 2048
 CURVE_BYTES = 8192
 #: Multipliers of the steps of rtl/scene; of COMPOSITE for each layer behind the first.
 EXIT_LINE, LAYER_COORDINATE, TEXEL_BLEND, COMPOSITE, BACKGROUND = 10, 6, 3, 4, 3
-#: Places of a moving eye, as shares of the reach, and rays for each pixel of its view.
+#: Places of a moving eye, as shares of the reach, and rays per pixel of its view.
 EYES, EYE_SAMPLES = (-0.8, -0.4, 0.0, 0.4, 0.8), 64
-#: Samples for each pixel of the full render: above `MAX_SAMPLES`, so that no pixel uses
-#: its neighbours'.
+#: Samples per pixel of the full render; above `MAX_SAMPLES`, no pixel is filtered.
 FULL_SAMPLES = MAX_SAMPLES + 1
 
 
@@ -54,13 +53,14 @@ class Cost:
 
 
 def cost_of(layers: int, slot: Size, filter: Filter) -> Cost:
-    """Return the cost of a number of layers, each in a slot of texels across and down."""
+    """Return the cost of layers, each in a slot of texels across and down."""
     texels = slot[0] * slot[1]
     # "bilinear" splits a slot into four banks of texels, each with its own palette.
     banks = 4 if filter == "bilinear" else 1
     slot_rams = banks * (math.ceil(texels / banks / BLOCK_RAM_BYTES) + 1)
     block_rams = (layers + 1) * slot_rams + 3 * CURVE_BYTES // BLOCK_RAM_BYTES
-    multipliers = EXIT_LINE + BACKGROUND + layers * (LAYER_COORDINATE + banks * TEXEL_BLEND) + (layers - 1) * COMPOSITE
+    each = LAYER_COORDINATE + banks * TEXEL_BLEND
+    multipliers = EXIT_LINE + BACKGROUND + layers * each + (layers - 1) * COMPOSITE
     return Cost(layers, layers * (texels + PALETTE_BYTES), block_rams, multipliers)
 
 
@@ -71,25 +71,25 @@ def eyes_of(reach: Reach) -> list[Eye]:
 
 
 def full_views(scene: Scene, display: Display, settings: Settings) -> list[Radiance]:
-    """Return the moving eye's views of the full render of a scene, with `FULL_SAMPLES`."""
+    """Return the moving eye's views of a full render with `FULL_SAMPLES`."""
     settings = replace(settings, samples=FULL_SAMPLES)
     return views_of(np.minimum(render_integral(scene, display, "exact", settings).radiance, 1.0), display)
 
 
 def views_of(radiance: Radiance, display: Display) -> list[Radiance]:
-    """Return the moving eye's views of a panel's linear light, a pixel for each lenslet."""
+    """Return the moving eye's views of a panel's light, a pixel per lenslet."""
     window = whole_window(display)
     return [observe(radiance, display, eye, window, EYE_SAMPLES).radiance for eye in eyes_of(reach_of(display))]
 
 
 def decibels(light: npt.NDArray[np.floating], display: Display, full: Sequence[Radiance]) -> list[float]:
-    """Return the PSNR (dB) of the moving eye's views of a panel's light against the `full` ones."""
+    """Return the PSNR (dB) of the moving eye's views of a panel's light against `full`."""
     views = views_of(light.astype(np.float32), display)
     return [psnr_db(view, reference) for view, reference in zip(views, full, strict=True)]
 
 
 def streamed(scene: Scene, display: Display, full: Sequence[Radiance], settings: Settings) -> tuple[Bytes, list[float]]:
-    """Return a frame (height, width, 3) as a host streams it, and the decibels of the moving eye's views of it.
+    """Return a frame (height, width, 3) as a host streams it, and the decibels of the moving eye's views.
 
     It is a full render of one sample more, because other seeds share a part of the
     error. Its decibels are those of both renders' noise and the panel's bits.
@@ -109,7 +109,7 @@ def measured_cuts(
     filter: Filter | None,
     progress: Progress | None,
 ) -> Iterator[tuple[Cut, list[float]]]:
-    """Yield the cut of a scene into each number of layers, and with a filter the views' decibels.
+    """Yield a scene's cut into each number of layers, and with a filter the views' decibels.
 
     `parts` are what is cut by depths, and what becomes a layer of its own (see
     `cut_scene`).
@@ -121,7 +121,7 @@ def measured_cuts(
 
 
 def row_of(cut: Cut, views_db: Sequence[float], slot: Size, filter: Filter) -> Row:
-    """Return the cost of a cut, and the mean and the least of its views' decibels, if any."""
+    """Return a cut's cost, and the mean and the least of its views' decibels, if any."""
     cost = cost_of(len(cut.stack.layers), slot, filter)
     quality = {"view_db": float(np.mean(views_db)), "worst_db": min(views_db)} if views_db else {}
     return {"layers": cost.layers, **quality, **dataclasses.asdict(cost)}
@@ -135,8 +135,7 @@ SLOTS = ((64, 48), (128, 96), (256, 192), (512, 384))
 BLOCK_RAMS, MULTIPLIERS = 208 - 47, 156 - 57
 
 Limit = Literal["render", "hardware", "depths", "sizes"]
-#: Cost and decibels of layers by name (`row_of`); those of candidates have `filter` and
-#: `slot`, too.
+#: Cost and decibels of layers by name (`row_of`); a candidate's `filter` and `slot`.
 Row = dict[str, Any]
 
 
@@ -168,7 +167,7 @@ def choose_layers(
     settings: Settings | None = None,
     progress: Progress | None = None,
 ) -> LayerChoice:
-    """Choose the cheapest layers of a placed scene whose views by a moving eye are all within the tolerance.
+    """Choose the cheapest layers of a placed scene whose views by a moving eye are within the tolerance.
 
     The cost is block RAMs first, then bytes, then multipliers. Raises InputError for a
     tolerance that is not positive and finite, slots that no board has, too little

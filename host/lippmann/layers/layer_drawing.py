@@ -57,7 +57,7 @@ CHUNK_RAYS = 1 << 18
 
 
 class ExitLines(NamedTuple):
-    """Exit rays: where they meet the plane z = 0, mm (N, 2), their slopes (N, 2), and which of them draw (N,)."""
+    """Exit rays: places in the plane z = 0, mm (N, 2), slopes (N, 2), and which draw (N,)."""
 
     places_mm: Floats
     slopes: Floats
@@ -166,7 +166,7 @@ def _bilinear(layer: Layer, s: Floats, t: Floats) -> tuple[Floats, Floats]:
 
 
 def _texels(layer: Layer, s: Floats, t: Floats) -> tuple[Floats, Floats]:
-    """Return the premultiplied light (N, 3) and the opacity (N,) of the texels at places; both are 0 outside."""
+    """Return the premultiplied light (N, 3) and the opacity (N,) of texels at places; 0 outside."""
     inside = (s >= 0.0) & (s < layer.width) & (t >= 0.0) & (t < layer.height)
     column, row = (np.where(inside, place, 0.0).astype(np.int64) for place in (s, t))
     index = layer.texels[row, column]

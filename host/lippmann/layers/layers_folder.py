@@ -10,7 +10,6 @@ import contextlib
 import math
 import re
 import struct
-import warnings
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -25,7 +24,7 @@ from lippmann.base.images import check_output
 from lippmann.base.toml import documented, key, toml_text
 from lippmann.base.tones import decode
 from lippmann.display.description import Display, Pair
-from lippmann.errors import InputError, LippmannWarning, input_error, likely_file, not_there, path_of, reason
+from lippmann.errors import InputError, input_error, likely_file, not_there, path_of, reason, warn_user
 from lippmann.layers.scene_cutting import SLOT, Area, Cut, Reach, Slab, check_slot, layer_of, reach_of, texels_for
 from lippmann.layers.stack import COLOURS, MAX_DEPTH_MM, MAX_LAYERS, MAX_SIDE, Bytes, Floats, Layer, LayerStack, Size
 from lippmann.optics.display_properties import depth_reach_mm
@@ -39,8 +38,7 @@ if TYPE_CHECKING:
 FILE, PICTURES_FILE = "layers.toml", "pictures.toml"
 #: Names of layers that are files' names on every system.
 NAME = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_-]{0,63}")
-#: Exponent between a palette's colour and light in PNG's gamma chunk: 1/2 in steps of
-#: 10^-5.
+#: Exponent from light to a palette's colour, 1/2, in PNG's steps of 10^-5.
 GAMMA = 50_000
 #: Side of a layer, texels, below which its size and place are in doubt.
 FEW_TEXELS = 4
@@ -83,7 +81,7 @@ def is_layers(path: str | Path, file: str = FILE) -> bool:
 
 
 def load_named_layers(path: str | Path) -> tuple[LayerStack, tuple[str, ...]]:
-    """Read a folder of layers, or its `layers.toml`; return the stack, and the names of its layers.
+    """Read a folder of layers, or its `layers.toml`; return the stack, and its layers' names.
 
     Raises InputError, with file, key and remedy, for bad keys, and pictures that are
     not 8-bit PNGs with a palette.
@@ -111,7 +109,7 @@ def load_named_layers(path: str | Path) -> tuple[LayerStack, tuple[str, ...]]:
 
 
 def save_layers(path: str | Path, stack: LayerStack, names: Sequence[str] = ()) -> Path:
-    """Write a stack as a folder, which is made when missing; return the path of its `layers.toml`.
+    """Write a stack as a folder, made when missing; return the path of its `layers.toml`.
 
     `names` are those of the layers, by default layer_0, layer_1, ... from front to
     back. Pictures that this function wrote for the folder's former layers are removed;
@@ -164,7 +162,7 @@ def _is_written(path: Path) -> bool:
 
 
 def _layers_text(stack: LayerStack, names: Sequence[str]) -> str:
-    """Return the text of `layers.toml`, from which all numbers are read back exactly."""
+    """Return the text of `layers.toml`; all numbers are read back exactly."""
     tables = []
     for name, layer in zip(names, stack.layers, strict=True):
         depth = "sky" if layer.sky else layer.depth_mm
@@ -176,7 +174,7 @@ def _layers_text(stack: LayerStack, names: Sequence[str]) -> str:
 
 
 def check_for_display(stack: LayerStack, display: Display, where: str = "layers") -> None:
-    """Refuse layers at or behind a display's eyes; `where` names the stack in errors."""
+    """Refuse layers at or behind the eyes; `where` names the stack in errors."""
     for place, layer in enumerate(stack.layers):
         check_depth(layer.depth_mm, display, f"{where}: layer[{place}].depth_mm")
 
@@ -247,13 +245,13 @@ def warn_of_textures(stack: LayerStack, names: Sequence[str]) -> None:
         if min(layer.width, layer.height) < FEW_TEXELS:
             size = f"{layer.width} x {layer.height} texels"
             text = f"layer '{name}' has {size} only: check the size and place of what it shows"
-            warnings.warn(text, LippmannWarning, stacklevel=2)
+            warn_user(text)
         if not layer.palette[layer.texels, 3].any():
-            warnings.warn(f"layer '{name}' is transparent all over: it shows nothing", LippmannWarning, stacklevel=2)
+            warn_user(f"layer '{name}' is transparent all over: it shows nothing")
 
 
 def warn_of_depths(depths_mm: Iterable[tuple[str, float]], display: Display) -> None:
-    """Warn of layers, except skies, outside the depth range, by the farthest of their depths (name, z), mm."""
+    """Warn of layers, except skies, outside the depth range, from their depths (name, z mm)."""
     far, near = depth_reach_mm(display)
     worst: dict[str, float] = {}
     for name, depth in depths_mm:
@@ -262,7 +260,7 @@ def warn_of_depths(depths_mm: Iterable[tuple[str, float]], display: Display) -> 
     if worst:
         places = ", ".join(f"'{name}' ({depth:+.4g} mm)" for name, depth in worst.items())
         depth_range = f"the display's depth range is z = {far:.4g} to {near:.4g} mm"
-        warnings.warn(f"fine detail is lost in {places}: {depth_range}", LippmannWarning, stacklevel=2)
+        warn_user(f"fine detail is lost in {places}: {depth_range}")
 
 
 Width = Annotated[float, key("", above=0.0, high=1e6)]
@@ -293,7 +291,7 @@ def is_pictures(path: str | Path) -> bool:
 
 
 def cut_pictures(path: str | Path, display: Display, slot: Size = SLOT) -> tuple[Cut, tuple[str, ...]]:
-    """Return the layers of a folder of pictures for a display, from front to back, and their names.
+    """Return the layers of a folder of pictures for a display, front to back, and their names.
 
     Raises InputError, with file, key and remedy, for bad keys and pictures, and for
     depths at or behind the eyes.
@@ -326,13 +324,13 @@ def cut_pictures(path: str | Path, display: Display, slot: Size = SLOT) -> tuple
 
 
 def _read(path: Path) -> Rgba:
-    """Return a picture's linear light, multiplied by its opacity, and the opacity: (height, width, 4)."""
+    """Return a picture's premultiplied linear light and its opacity, (height, width, 4)."""
     with opened_png(path, "mend its name in the file", "give a PNG") as picture:
         width, height = picture.size
         if width * height > MAX_PIXELS:
             remedy = f"make it smaller, at most {MAX_PIXELS} pixels"
             raise input_error(path, f"has {width} x {height} pixels", remedy)
-        if picture.mode.startswith("I"):  # grey of 16 bits, which Pillow's conversion would clip
+        if picture.mode.startswith("I"):  # 16-bit grey, which Pillow would clip
             numbers, white = np.asarray(picture)[..., None], 65535.0
         else:
             numbers, white = np.asarray(picture.convert("RGBA")), 255.0

@@ -41,11 +41,9 @@ from lippmann.scenes.scene import Scene
 
 #: Default slot.
 SLOT = (256, 192)
-#: Lenslets at each edge of the panel, and places along it, whose rays `reach_of`
-#: traces.
+#: Lenslets at each edge of the panel, and places along it, that `reach_of` traces.
 EDGE_LENSLETS, REACH_RAYS = 2.0, 101
-#: Rays across and down for a scene's depths, and for the part of an area that a slab
-#: covers.
+#: Rays across and down for a scene's depths, and for the area of a slab; its samples.
 DEPTH_RAYS, TRIAL_RAYS, TRIAL_SAMPLES = (256, 192), (128, 96), 4
 #: Least texels that a layer continues underneath a nearer one.
 EDGE_TEXELS = 2.0
@@ -71,7 +69,7 @@ class Reach(NamedTuple):
 
 @dataclass(frozen=True)
 class Cut:
-    """A cut scene: the layers, the slabs that they show, and the errors of their palettes, dB."""
+    """A cut scene: the layers, their slabs, and the errors of their palettes, dB."""
 
     stack: LayerStack
     slabs: tuple[Slab, ...]
@@ -126,7 +124,8 @@ def cut_scene(
     """
     count = whole_number("count", count, 1 if apart is None else 2, MAX_LAYERS)
     check_slot(slot)
-    reach, settings = reach_of(display), Settings(samples=16) if settings is None else settings
+    reach = reach_of(display)
+    settings = Settings(samples=16) if settings is None else settings
     parts = [] if apart is None else [(_find_slabs(apart, 1, reach, settings)[0], apart)]
     parts += [(slab, scene) for slab in _find_slabs(scene, count - len(parts), reach, settings)]
     parts.sort(key=lambda part: -part[0].depth_mm)
@@ -148,7 +147,7 @@ def cut_scene(
 
 
 def layer_of(area: Area, light: Floats, opacity: Floats) -> tuple[Layer, float]:
-    """Return the layer that shows a picture in an area, and the error of its palette, dB."""
+    """Return the layer of a picture in an area, and its palette's error, dB."""
     texels, palette, error_db = quantise(rgba_of(light, opacity))
     return Layer(texels, palette, area.depth_mm, area.matrix(texels.shape[1], texels.shape[0])), error_db
 
@@ -168,10 +167,9 @@ def _find_slabs(scene: Scene, count: int, reach: Reach, settings: Settings) -> l
 def _picture(
     scene: Scene, slab: Slab, before: Slab | None, display: Display, reach: Reach, slot: Size, settings: Settings
 ) -> tuple[Area, Floats, Floats] | None:
-    """Return the area that a slab covers, its light and its opacity; None when rays meet nothing."""
+    """Return a slab's area, light and opacity; None if rays meet nothing."""
     depth = math.inf if math.isinf(slab.depth_mm) else slab.depth_mm
-    # A texel more on each side: no ray meets the half texel where a bilinear texture
-    # fades out.
+    # A texel more on each side: bilinear textures fade out in the outer half texel.
     reached = reach.area(depth)
     texel = max(finest_texel(depth, display), *np.divide(reached.size, slot).tolist())
     reached = Area(depth, reached.x0 - texel, reached.y0 - texel, reached.x1 + texel, reached.y1 + texel)
@@ -182,8 +180,7 @@ def _picture(
         return None
     hidden = 0.0
     if before is not None and not math.isinf(depth):
-        # How far the outermost eye looks behind the nearer layer's edge, and the texels
-        # covered in part.
+        # How far eyes look behind the nearer layer's edge, and texels covered in part.
         hidden = reach.aside_mm * (before.depth_mm - depth) / (reach.eye_mm[2] - before.depth_mm)
         hidden += EDGE_TEXELS * texel
     area = reached.cells(mask, hidden)
@@ -197,7 +194,7 @@ def _picture(
 
 
 def _continued(view: Slice, under: Slice, texel_mm: tuple[float, float], hidden_mm: float) -> Slice:
-    """Return a slab's picture, continued with the nearer slab's (`under`) for `hidden_mm`."""
+    """Continue a slab's picture with the nearer slab's (`under`) for `hidden_mm`."""
     from scipy.ndimage import distance_transform_edt  # at its first use: slow to load
 
     own = view.coverage > COVERED
@@ -211,13 +208,13 @@ def _continued(view: Slice, under: Slice, texel_mm: tuple[float, float], hidden_
 
 
 def texels_for(area: Area, display: Display, slot: Size) -> Size:
-    """Return the texels of an area: a slot's, or fewer, none finer than what a pixel sees."""
+    """Return an area's texels: a slot's, or fewer, none finer than what a pixel sees."""
     width, height = (max(2, math.ceil(side / finest_texel(area.depth_mm, display))) for side in area.size)
     return min(slot[0], width), min(slot[1], height)
 
 
 def finest_texel(depth_mm: float, display: Display) -> float:
-    """Return the distance of neighbouring rays at a depth, at least a pixel, mm; of a sky, in slopes."""
+    """Return the distance of neighbouring rays at a depth, mm, at least a pixel; of a sky, in slopes."""
     pixel = display.panel.coarsest_mm
     slope = pixel / display.aperture_distance_mm
     return slope if math.isinf(depth_mm) else max(pixel, abs(depth_mm) * slope)
@@ -228,7 +225,7 @@ Point = tuple[float, float, float]
 
 @dataclass(frozen=True)
 class Area:
-    """A rectangle, mm, in the plane z = `depth_mm`, or of slopes at infinity; (x1, y1) is top right."""
+    """A rectangle in the plane z = `depth_mm`, mm, or of slopes at infinity; (x1, y1) is top right."""
 
     depth_mm: float
     x0: float
@@ -242,12 +239,12 @@ class Area:
         return self.x1 - self.x0, self.y1 - self.y0
 
     def matrix(self, width: int, height: int) -> Floats:
-        """Return the matrix (2, 3) from (x, y, 1) to the texels of a texture that covers the area."""
+        """Return the matrix (2, 3) from (x, y, 1) to texels of a texture over the area."""
         a, d = width / self.size[0], -height / self.size[1]
         return np.array([[a, 0.0, -a * self.x0], [0.0, d, -d * self.y1]])
 
     def cells(self, mask: npt.NDArray[np.bool_], margin: float) -> Area:
-        """Return the part that a mask's cells cover, with a margin and a cell on each side."""
+        """Return the part under a mask's cells, with a margin and a cell on each side."""
         rows, columns = np.flatnonzero(mask.any(axis=1)), np.flatnonzero(mask.any(axis=0))
         across, down = self.size[0] / mask.shape[1], self.size[1] / mask.shape[0]
         return Area(
@@ -260,7 +257,7 @@ class Area:
 
 
 class Slice(NamedTuple):
-    """What an eye sees of a slab: coverage (height, width), and light (height, width, 3) times coverage."""
+    """An eye's view of a slab: light (height, width, 3) times coverage, coverage (height, width)."""
 
     light: Floats
     coverage: Floats
@@ -302,7 +299,7 @@ def peel(
 
 
 def seen_depths(scene: Scene, area: Area, eye_mm: Point, size: Size, settings: Settings) -> tuple[Floats, Floats]:
-    """Return the depths (N,) of what an eye sees in an area, -infinity for surroundings, and its detail (N,).
+    """Return the depths (N,) that an eye sees in an area, -infinity for surroundings, and the detail (N,).
 
     Detail is the squared difference of neighbouring texels. It counts for the nearer
     one, whose surface hides what is behind its edge.
@@ -325,7 +322,7 @@ def seen_depths(scene: Scene, area: Area, eye_mm: Point, size: Size, settings: S
 
 
 def _lines(area: Area, eye_mm: Point, size: Size, texel: Arr, sample: Arr, settings: Settings) -> Lines:
-    """Return the lines from samples of texels to an eye; of an area of slopes, through the origin."""
+    """Return the lines from samples of texels to an eye; of slopes, through the origin."""
     # Opaque, so that another area or eye needs no compilation.
     columns = dr.opaque(mi.UInt32, size[0])
     places = area.x0, area.y1, area.size[0] / size[0], area.size[1] / size[1]
@@ -346,15 +343,14 @@ def _lines(area: Area, eye_mm: Point, size: Size, texel: Arr, sample: Arr, setti
 BINS = 512
 #: Weight of a point without any detail, in mean details.
 PLAIN = 0.05
-#: Least width of a bin: 0.001 mm for an eye that moves 100 mm. Rounding does not make
-#: two depths of one.
+#: Least width of a bin, above rounding: 0.001 mm for an eye that moves 100 mm.
 FINEST = 1e-5
 #: Disparity at infinity.
 SKY = -1.0
 
 
 class Slab(NamedTuple):
-    """The part of a scene that a layer shows: z from `front_mm` back to `back_mm`, shown at `depth_mm`."""
+    """The part of a scene in a layer: z from `front_mm` back to `back_mm`, shown at `depth_mm`."""
 
     front_mm: float
     back_mm: float
@@ -375,7 +371,7 @@ def depth_of(u: float, eye_mm: float) -> float:
 
 
 def slabs_of(z_mm: Floats, detail: Floats, count: int, eye_mm: float, front_mm: float) -> list[Slab]:
-    """Return at most `count` slabs, from front to back, for the depths (N,) that eyes at a distance see.
+    """Return at most `count` slabs, front to back, for the depths (N,) that eyes at a distance see.
 
     `detail` (N,) is the squared gradient of the picture there. Depths of -infinity, of
     a scene's surroundings, have a slab of their own or share the last one. The first
@@ -403,7 +399,7 @@ def slabs_of(z_mm: Floats, detail: Floats, count: int, eye_mm: float, front_mm: 
 
 
 def partition(values: Floats, weights: Floats, count: int) -> list[int]:
-    """Return the ends of `count` runs of ordered values with the least sum of weighted squares about their means."""
+    """Return the ends of `count` runs of ordered values: the least weighted squares about their means."""
     n = len(values)
     sums = [np.concatenate([[0.0], np.cumsum(weights * values**power)]) for power in range(3)]
     # The sums of squares of the runs from each start before each end.

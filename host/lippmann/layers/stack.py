@@ -1,4 +1,4 @@
-"""A scene as a stack of layers: textures of palette colours, each in a plane at a depth, with one background behind.
+"""A scene as a stack of layers, textures of palette colours in planes, with one background behind.
 
 Golden, twin and RTL draw from the bytes that a board stores. Pillow chooses the first
 palette of a picture; Lloyd's steps then move each colour to the mean of its texels.
@@ -24,7 +24,11 @@ Floats = npt.NDArray[np.float64]
 Size = tuple[int, int]
 Number = TypeVar("Number", bound=np.generic)
 
-MAX_LAYERS, MAX_SIDE, COLOURS = 8, 1024, 256
+MAX_LAYERS = 8
+#: Maximum side of a texture, texels.
+MAX_SIDE = 1024
+#: Colours of a palette.
+COLOURS = 256
 #: Farthest depth of a layer, mm; what lies beyond is a sky.
 MAX_DEPTH_MM = 1e6
 
@@ -119,7 +123,7 @@ class Layer:
         return math.isinf(self.depth_mm)
 
     def moved(self, scale: float, offset_mm: tuple[float, float, float]) -> Layer:
-        """Return the layer scaled about the display's middle, then moved; a sky has neither size nor place."""
+        """Return the layer scaled about the display's middle, then moved; a sky stays."""
         if self.sky:
             return self
         x, y, z = offset_mm
@@ -128,7 +132,7 @@ class Layer:
         return replace(self, depth_mm=scale * self.depth_mm + z, matrix=matrix)
 
     def padded(self, width: int, height: int) -> Bytes:
-        """Return the texels (height, width) of a slot: the texture at its top left, transparent beside it.
+        """Return the texels (height, width) of a slot: the texture at its top left, else transparent.
 
         Raises InputError for a larger texture, and for a smaller one without a
         transparent colour in its palette.
@@ -188,7 +192,7 @@ class LayerStack:
 def _array(
     name: str, values: npt.ArrayLike, kind: type[Number], shape: tuple[int | None, ...], form: str
 ) -> npt.NDArray[Number]:
-    """Return a read-only copy of values of a type and a shape, in which None is any length above 0."""
+    """Return a read-only copy of values of a type and shape, in which None is any length above 0."""
     try:
         # Bytes are not converted, which would lose fractions or high bits.
         array = np.asarray(values, None if kind is np.uint8 else kind)
@@ -245,13 +249,13 @@ def quantise(rgba: Bytes) -> tuple[Bytes, Bytes, float]:
 
 
 def _perceived(rgba: Bytes) -> Floats:
-    """Return colours (N, 4) as points whose distances are the errors that an eye sees."""
+    """Return colours (N, 4) as points whose distances are visible errors."""
     share = rgba / 255.0
     return np.concatenate([share[:, :3] * share[:, 3:], share[:, 3:]], axis=1)
 
 
 def nearest(rgba: Bytes, palette: Bytes) -> np.ndarray:
-    """Return the index of the palette's nearest colour; of opaque colours, the nearest opaque one."""
+    """Return the index of the palette's nearest colour, for opaque colours the nearest opaque one."""
     from scipy.spatial import KDTree  # at its first use: slow to load
 
     place = KDTree(_perceived(palette)).query(_perceived(rgba))[1]
@@ -262,7 +266,7 @@ def nearest(rgba: Bytes, palette: Bytes) -> np.ndarray:
 
 
 def _palette(colours: Bytes, counts: np.ndarray) -> Bytes:
-    """Return 255 colours for many (N, 4), none transparent, with `counts` texels each."""
+    """Return 255 colours for many (N, 4), none transparent, of `counts` texels each."""
     from PIL import Image
 
     # Pillow's octree knows opacity. A picture of one row, each colour once.
