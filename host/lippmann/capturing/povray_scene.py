@@ -236,7 +236,7 @@ def _shape(item: Item, materials: Materials, placement: Placement, place: int) -
         look += f" interior {{ ior {material.index:.9g} }}"
     if not material.clear:
         return [geometry.replace("@", look)]
-    # Glass blocks Mitsuba's point lights, not POV-Ray's: its shadow is an object.
+    # Glass blocks Mitsuba's point lights, not POV-Ray's: a black object casts a shadow.
     shadow = geometry.replace("@", block("pigment", "rgb 0") + " no_image no_reflection").split("\n")[-1]
     return [geometry.replace("@", f"{look} no_shadow"), shadow]
 

@@ -204,7 +204,8 @@ class Condition(NamedTuple):
 
     #: Radians. For rays from the world: the shift over the array's pitch.
     turn: Floats
-    #: Of the exit point, with pitch or thickness; from the world, of the panel's point.
+    #: Of the exit point, whose unit is that of pitch or thickness. For rays from the
+    #: world: of the point on the panel.
     shift_mm: Floats
     #: Radians for one mm at start and aperture point. For rays from the world: 0.
     start: Floats

@@ -44,7 +44,7 @@ MOST_SAMPLES = 1024
 TRIED_SAMPLES = sorted({round(MOST_SAMPLES ** (k / 142)) for k in range(143)})
 #: Extent of a build's probe in the cell: beyond, rounding may choose the neighbour.
 INSIDE = 0.97
-#: Rays of a build's second test, on the panel and in cells' corners; others' margin.
+#: Rays of a build's second test, and the margin for the roundings of other rays.
 SPREAD_RAYS, ROUNDING_MARGIN = 200_000, 0.05
 
 

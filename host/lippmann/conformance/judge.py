@@ -29,9 +29,9 @@ SAMPLE, FIT_SAMPLE = 1500, 300
 FEW = 90
 #: Minimum share of the rays that the diagnosed fault must match.
 EXPLAINED = 0.97
-#: Maximum distance of a fault: relative to golden's in wrong arrays, more in others.
+#: Maximum distance of a fault over golden's in wrong arrays; its excess in others.
 NEARER, SAME = 0.5, 1e-9
-#: Maximum difference of right words from golden, in last places of the widest aims.
+#: Maximum difference of right words from golden, units of the widest aims' last place.
 WORD_UNITS = 64.0
 #: Maximum difference from the twin's words that another rounding explains.
 ROUNDING_WORDS = 8

@@ -43,7 +43,7 @@ def pixel_versions() -> dict[str, str]:
 @functools.cache
 def code_digest(folder: Path) -> str:
     """Return "+" and 8 hexadecimal digits for a folder's Python files; "" without any."""
-    # A version has many codes between releases; installed files may be compiled only.
+    # Between releases a version's code changes; an installation may lack the sources.
     digest = hashlib.sha256()
     paths = [path for path in sorted(folder.rglob("*.py")) if path.is_file() and not path.name.startswith(".")]
     for path in paths:
