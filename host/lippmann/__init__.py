@@ -62,7 +62,7 @@ _HOMES = {
 
 
 class _Missing:
-    """Stands for a public name whose library is missing, and raises the error when it is used."""
+    """A public name whose library is missing; raises the error when it is used."""
 
     def __init__(self, error: MissingLibraryError) -> None:
         self._error = error

@@ -1,4 +1,4 @@
-"""The program `lippmann`, also as `python -m lippmann`; Ctrl-C and SIGTERM end it with one line at any time."""
+"""The program `lippmann`, also `python -m lippmann`; Ctrl-C and SIGTERM end it with one line."""
 
 from __future__ import annotations
 
@@ -20,8 +20,7 @@ def main(arguments: list[str] | None = None) -> None:
         print("lippmann: interrupted; nothing half-written is left", file=sys.stderr)
         code = interrupts.exit_code()
     if interrupts.received:
-        # Libraries that were interrupted while loading may crash when Python closes
-        # them.
+        # Libraries interrupted while loading may crash when Python closes them.
         interrupts.leave(code)
     interrupts.ignore()  # the work is done
     sys.exit(code)

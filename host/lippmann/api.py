@@ -120,14 +120,15 @@ def render(
         Folder for the finished bands: an interrupted render continues from them. A
         different render removes them.
     workers, scheduler
-        Number of local processes for the render, or the address of a Dask scheduler
+        Number of local processes, or the address of a Dask scheduler
         ("tcp://127.0.0.1:8786").
     """
     check_progress(progress)
     settings = Settings(samples, aperture, integrator, max_depth, seed, memory_mb, shading)
     options = RenderOptions(model, tolerance, engine, fraction_bits, settings)
     executor, built = choose_executor(workers, scheduler, device), display_at(display)
-    check_display_memory(built, settings, f"display '{built.name}'" if isinstance(display, Display) else str(display))
+    where = f"display '{built.name}'" if isinstance(display, Display) else str(display)
+    check_display_memory(built, settings, where)
     with open_scene(scene, placement, device) as loaded:
         plan = Job(loaded, built, options, arrange).plan(portable=kept is not None or executor is not render_here)
         return render_picture(plan, executor, kept, progress)
@@ -136,8 +137,7 @@ def render(
 def load_layers(path: str | Path) -> LayerStack:
     """Read a folder of layers that `lippmann layers` wrote, or its `layers.toml`.
 
-    Raises InputError (file, key, remedy) for bad keys and for pictures that are not
-    PNGs with a palette.
+    Raises InputError for bad keys, and for pictures that are not PNGs with a palette.
     """
     return load_named_layers(path)[0]
 
@@ -158,8 +158,7 @@ def draw(
     """Draw layers for a display, as an FPGA does without a frame memory.
 
     The light of twin and rtl is rounded to the panel's values, that of golden only in a
-    PNG. Raises InputError for bad files and values, and for layers at or behind the
-    eyes.
+    PNG. Raises InputError for bad files or values, and layers at or behind the eyes.
 
     Parameters
     ----------
@@ -214,8 +213,8 @@ def capture(
         Whether each elemental image is rotated by 180 degrees, which gives the display
         the right depth. None: yes, except for concave lenslets.
     aperture
-        For a pickup: "full", rays over the whole lenslet, or "chief", rays through its
-        centre. None: "full".
+        For a pickup: "full" (default), rays over the whole lenslet, or "chief", rays
+        through its centre.
     device, progress
         See `render`.
     """
@@ -283,8 +282,8 @@ def observe(
     window
         The part of the plane z = 0 in the view; None: the whole panel, `width_px` wide.
     model, crosstalk, seed
-        Lens model; whether neighbouring elemental images are visible or black; seed of
-        the sample points.
+        Lens model; whether neighbouring elemental images are visible or black; random
+        seed.
     device
         "llvm" (CPU), "cuda" (GPU) or "auto".
     """
@@ -324,15 +323,13 @@ def view(
     path
         The page, .html; None: a temporary file, which a browser opens.
     scene
-        Mitsuba XML, or what `load_scene` returned: the page gets direct views of this
-        scene.
+        Mitsuba XML, or what `load_scene` returned, for direct views in the page.
     later, frames_per_second
         The further frames of a film whose first frame is `image`; the page plays them.
     placement, arrange
         See `render`.
     seed, device
-        Seed of the direct views' random numbers, and their device: "llvm" (CPU), "cuda"
-        (GPU) or "auto".
+        Seed of the direct views' random numbers, and their device (see `render`).
     """
     target = Path(tempfile.mkdtemp(prefix="lippmann-")) / "view.html" if path is None else path
     target = check_output(target, PAGE_SUFFIXES)

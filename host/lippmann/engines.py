@@ -1,4 +1,4 @@
-"""The four engines of `trace`: golden and fast share `lippmann.optics.trace`, twin and RTL share `trace_fixed`."""
+"""The four engines of `trace`: golden and fast share `optics.trace`, twin and RTL `trace_fixed`."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ def trace(
         fixed point in integers) or "rtl" (the RTL itself, simulated).
     device, fraction_bits
         For fast: "llvm" (CPU), "cuda" (GPU) or "auto", the GPU if there is one. For
-        twin and rtl: F, 14 to 23.
+        twin and rtl: F, 14 to 23; None: the widest.
     """
     if engine in ("twin", "rtl"):
         from lippmann.simulation.harness import rtl_pipeline  # not at the top: a render without it starts sooner

@@ -55,13 +55,12 @@ class NoSpaceError(LippmannError):
 class LippmannWarning(UserWarning):
     """A warning of a valid but perhaps unwanted result; the command line shows it as "note: text".
 
-    Reports of what a command does go to `logging.getLogger("lippmann")` at level INFO
-    instead.
+    Reports of what a command does go to `logging.getLogger("lippmann")`, level INFO.
     """
 
 
 def warn_user(text: str) -> None:
-    """Give a LippmannWarning that points at the line of the user's program that called Lippmann."""
+    """Give a LippmannWarning for the line of the user's program that called Lippmann."""
     level, frame = 1, sys._getframe()
     while frame.f_back is not None and frame.f_globals.get("__name__", "").partition(".")[0] == "lippmann":
         level, frame = level + 1, frame.f_back
@@ -126,13 +125,16 @@ def whole_number(name: str, value: object, low: int, high: int) -> int:
 def did_you_mean(name: str, choices: Iterable[str]) -> str:
     """Return the remedy with the likeliest of the choices, or an empty text."""
     names = {one.casefold(): one for one in choices}
-    return "".join(f"did you mean {names[likely]}?" for likely in difflib.get_close_matches(name.casefold(), names, 1))
+    matches = difflib.get_close_matches(name.casefold(), names, 1)
+    return "".join(f"did you mean {names[likely]}?" for likely in matches)
 
 
 def likely_file(path: Path, suffixes: Iterable[str]) -> str:
     """Return the remedy with the likeliest file in a missing file's folder, or an empty text."""
-    files = {one.stem: one for one in sorted(path.parent.glob("*")) if one.suffix.lower() in suffixes and one.is_file()}
-    return "".join(f"did you mean {files[likely]}?" for likely in difflib.get_close_matches(path.stem, files, 1))
+    others = sorted(path.parent.glob("*"))
+    files = {one.stem: one for one in others if one.suffix.lower() in suffixes and one.is_file()}
+    matches = difflib.get_close_matches(path.stem, files, 1)
+    return "".join(f"did you mean {files[likely]}?" for likely in matches)
 
 
 def not_there(path: Path, what: str = "file") -> str:

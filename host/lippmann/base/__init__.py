@@ -1,1 +1,1 @@
-"""Foundations that do not depend on displays: files, images, TOML, limits, memory, programs, Mitsuba's variant."""
+"""Foundations: files, images, TOML, limits, memory, programs, Mitsuba's variant."""

@@ -33,7 +33,11 @@ def png_bytes(radiance: Numbers) -> bytes:
 def write_animation(
     path: str | Path, views: Iterable[Radiance], there_and_back: bool = True, frame_ms: float = FRAME_MS
 ) -> None:
-    """Write views, (height, width, 3) linear radiance, as an endless GIF or PNG; InputError if that fails."""
+    """Write views, (height, width, 3) linear radiance, as an endless GIF or animated PNG.
+
+    With `there_and_back`, the views play to and fro. Raises InputError when the file
+    cannot be written.
+    """
     path = check_output(path, ANIMATION_SUFFIXES)
     kind = "GIF" if path.suffix.lower() == ".gif" else "PNG"
     write_file(path, animation_bytes(views, kind, there_and_back, frame_ms))
@@ -47,8 +51,7 @@ def animation_bytes(
 
     frames = [Image.fromarray(encoded_values(view, "srgb", 8)) for view in views]
     if kind == "GIF":
-        # One palette and no dither: parts that do not move take no space and do not
-        # flicker.
+        # One palette and no dither: still parts take no space and do not flicker.
         palette = _common_palette(frames)
         frames = [frame.quantize(palette=palette, dither=Image.Dither.NONE) for frame in frames]
     if there_and_back:

@@ -1,8 +1,7 @@
-"""Files and folders that appear complete or not at all, also after a signal, a full disk or a power cut.
+"""Files and folders that appear complete or not at all, even after a signal, full disk or power cut.
 
 A file is written under a temporary name in the same folder, synced and renamed. The
-temporary name holds its process: the next command removes the partial files of a killed
-process.
+temporary name holds its process: the next command removes a killed one's partial files.
 """
 
 from __future__ import annotations
@@ -45,8 +44,7 @@ STEM_BYTES = 180
 OWN_FLAGS = getattr(os, "O_NOFOLLOW", 0) | getattr(os, "O_CLOEXEC", 0)
 #: Numbers of partial files: two threads that write the same file use different ones.
 numbers = itertools.count()
-#: Name of a partial file: stem, number, machine, process, hash of the process's start,
-#: suffix.
+#: Name of a partial file: stem, number, machine, process, hash of its start, suffix.
 PARTIAL = re.compile(r"\..*\.([0-9a-f]{8})-([0-9]+)-([0-9a-f]{8})\.partial(\.[^.]*)?", re.DOTALL)
 
 
@@ -208,7 +206,7 @@ def user_id() -> int:
 
 
 def own_text(path: Path) -> str:
-    """Return the text of a plain file of this user; OSError for a link, a pipe or another user's file."""
+    """Return the text of this user's plain file; OSError for a link, a pipe or another user's file."""
     handle = os.open(path, os.O_RDONLY | getattr(os, "O_NONBLOCK", 0) | OWN_FLAGS)
     with os.fdopen(handle, encoding="utf-8", errors="replace") as stream:
         status = os.fstat(handle)
@@ -219,7 +217,7 @@ def own_text(path: Path) -> str:
 
 @contextlib.contextmanager
 def partial_folder(target: Path) -> Iterator[Path]:
-    """Provide an empty folder beside a target for its parts (see `moved`); remove it at the end. Raises OSError."""
+    """Provide an empty folder beside a target for its parts (see `moved`), removed at the end; raises OSError."""
     remove_stale_once(target.parent.absolute())
     folder = target.with_name(partial_name(target.name))
     _remove(folder)

@@ -22,8 +22,7 @@ if TYPE_CHECKING:
 
 Pixels = npt.NDArray[np.uint8]
 
-#: SDL drivers without a visible screen; SDL chooses them on a machine without a
-#: desktop.
+#: SDL drivers without a visible screen, which SDL chooses without a desktop.
 BLIND_DRIVERS = ("dummy", "evdev", "offscreen")
 #: Pause between two queries of the keyboard, s.
 LOOK_S = 0.05
@@ -83,8 +82,7 @@ def full_screen(size: tuple[int, int], monitor: int) -> Iterator[Callable[..., P
 def show_frames(frames: Sequence[Pixels], seconds: float | None, frame_s: float = LOOK_S) -> None:
     """Repeat frames (height, width, 3) uint8 in a window, for some seconds or until Escape, q or the close button.
 
-    Frames larger than the desktop are scaled down. Raises DeviceError without a
-    desktop.
+    Larger frames are scaled down to the desktop. Raises DeviceError without a desktop.
     """
     height, width = frames[0].shape[:2]
     size = window_size((width, height), monitors()[0])
@@ -100,7 +98,7 @@ def show_frames(frames: Sequence[Pixels], seconds: float | None, frame_s: float 
 
 
 def _put_up(pygame: ModuleType, screen: pygame.Surface, picture: pygame.Surface, seconds: float | None) -> bool:
-    """Show a picture as `show_frames` does; tell whether the user ended it."""
+    """Show a picture for some seconds, or until Escape, q or the close button; tell whether the user ended it."""
     screen.blit(picture, (0, 0))
     pygame.display.flip()
     until = math.inf if seconds is None else time.monotonic() + seconds

@@ -41,8 +41,7 @@ MAX_CHANNELS = 4
 MAX_TEXT_BYTES = 1 << 18
 #: OpenImageIO's names of the transfer curves; it writes a gamma chunk for each of them.
 COLOUR_SPACES = {"srgb": "sRGB", "gamma2.2": "Gamma2.2", "linear": "Linear"}
-#: Without row filters, integral images are as small and are written in a third of the
-#: time.
+#: Without row filters, integral images are as small, and written in a third of time.
 PNG_SETTINGS = {"png:filter": 0x08, "png:compressionLevel": 2}
 #: Prefix of our metadata keys in a file.
 PREFIX = "lippmann:"
@@ -72,7 +71,7 @@ def check_output(path: str | Path, suffixes: tuple[str, ...] = SUFFIXES) -> Path
     if path.suffix.lower() not in suffixes:
         raise input_error(path, f"unknown extension '{path.suffix}'", f"choose from {', '.join(suffixes)}")
     if path.suffix.lower() in SUFFIXES:
-        openimageio()  # raises when the library is missing
+        openimageio()  # raises now, not after the render, when the library is missing
     if path.is_dir():
         raise input_error(path, "is a folder", "give a file name")
     folder = path.parent
@@ -342,7 +341,9 @@ class StoredRows:
         """Return rows; rows of the last call are not read again."""
         if self._closed:
             raise ValueError(f"{self._path} is closed")
-        cached = self._rows[max(0, first - self._first) :][: last - first] if first >= self._first else self._rows[:0]
+        cached = self._rows[:0]
+        if first >= self._first:
+            cached = self._rows[first - self._first :][: last - first]
         rows = np.empty((last - first, *self.shape[1:]), np.float32)
         rows[: len(cached)] = cached
         spec, kind = self._spec, openimageio().FLOAT

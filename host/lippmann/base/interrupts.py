@@ -1,4 +1,4 @@
-"""Ctrl-C and SIGTERM, recorded because some libraries drop the exception: long work calls `check` between steps."""
+"""Ctrl-C and SIGTERM, recorded because some libraries drop the exception: long work calls `check`."""
 
 from __future__ import annotations
 
@@ -63,13 +63,11 @@ def hold_signals() -> Iterator[list[int]]:
     """Hold the signals of `ENDING` until the block ends; provide a list of those received.
 
     For code that an exception would break: C++ that loads, and subprocess with its
-    lock. A signal mask would not help, because threads of other libraries take the
-    signals.
+    lock. A signal mask would not help: other libraries' threads take the signals.
     """
     came: list[int] = []
     before = {number: signal.getsignal(number) for number in ENDING}
-    # Only the main thread can set handlers; a handler that is not Python's cannot be
-    # restored.
+    # Only the main thread can set handlers, and only Python's can be restored.
     if threading.current_thread() is not threading.main_thread() or None in before.values():
         yield came
         return

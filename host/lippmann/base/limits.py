@@ -1,4 +1,4 @@
-"""Limits of the size of files and of the memory for their content, checked before it is allocated."""
+"""Limits of files and of the memory for their content, checked before it is allocated."""
 
 from __future__ import annotations
 
@@ -20,8 +20,7 @@ from lippmann.base.machine import free_memory_mb
 from lippmann.base.tones import Numbers
 from lippmann.errors import InputError, input_error, reason
 
-#: Maximum bytes of a TOML file, of a scene's XML, and of a text table of pixels or
-#: words.
+#: Maximum bytes of a TOML file, a scene's XML, and a text table of pixels or words.
 MAX_TOML_BYTES, MAX_XML_BYTES, MAX_TABLE_BYTES = 1 << 20, 1 << 26, 1 << 28
 #: Maximum bytes of a bitstream: three times that of the largest ECP5.
 MAX_BITSTREAM_BYTES = 1 << 23
@@ -85,7 +84,8 @@ def load_arrays(
     except InputError:
         raise
     except Exception as error:  # zipfile, zlib and numpy raise errors of any class for broken files
-        if isinstance(error, MemoryError | NotImplementedError | RuntimeError):  # too large, encrypted, unknown coding
+        # Too large, encrypted, or of an unknown coding.
+        if isinstance(error, MemoryError | NotImplementedError | RuntimeError):
             error = ValueError(str(error) or "it is too large")
         usual = ValueError | OSError | KeyError | EOFError | TypeError | zipfile.BadZipFile | zlib.error
         why = reason(error) if isinstance(error, usual) else type(error).__name__
@@ -151,7 +151,7 @@ def lines_of(text: str) -> Iterator[str]:
 
 
 def check_xml(path: Path, remedy: str) -> list[str]:
-    """Refuse an XML file that is too large, or too deep for other parsers; return the files that it includes."""
+    """Refuse an XML file that is too large or too deep; return the files that it includes."""
     data = read_limited(path, MAX_XML_BYTES, remedy)
     depth, included = 0, list[str]()
 

@@ -23,12 +23,12 @@ DEFAULT_FREE_MB = 4000.0
 
 
 def free_memory_mb() -> float:
-    """Return the free memory with releasable caches, MB, of the machine or, if less, of a control group."""
+    """Return the free memory, MB, with releasable caches: the machine's or, if less, a control group's."""
     return min([proc_mb("meminfo", "MemAvailable") or DEFAULT_FREE_MB, *group_memory_mb()])
 
 
 def group_memory_mb(root: Path = Path("/sys/fs/cgroup"), own: Path = Path("/proc/self/cgroup")) -> Iterator[float]:
-    """Yield the free memory, MB, of each limited control group of this process (cgroups(7), versions 1 and 2).
+    """Yield the free memory, MB, of each limited control group of this process (cgroups(7)).
 
     Containers and batch systems set these limits; /proc/meminfo ignores them. `own`
     lists the groups below `root`.
@@ -39,15 +39,14 @@ def group_memory_mb(root: Path = Path("/sys/fs/cgroup"), own: Path = Path("/proc
             continue
         names, limit, used, dropped = VERSIONS[1 if controllers else 2]
         for top in (root / name for name in names):
-            # In a container the path may be that outside; the container's own group is
-            # then the top.
+            # In a container the path may be that outside; then its group is the top.
             group = top / path.lstrip("/")
             for folder in [top] if ".." in group.parts else [group, *group.parents]:
                 if folder.is_relative_to(top):
                     upper, use = (re.findall(r"^(\d+)$", _text(folder / file), re.M) for file in (limit, used))
                     if upper and use and int(upper[0]) < UNLIMITED:
-                        spare = sum(map(int, re.findall(rf"^{dropped} (\d+)$", _text(folder / "memory.stat"), re.M)))
-                        yield max(0, int(upper[0]) - int(use[0]) + spare) / 1e6
+                        caches = re.findall(rf"^{dropped} (\d+)$", _text(folder / "memory.stat"), re.M)
+                        yield max(0, int(upper[0]) - int(use[0]) + sum(map(int, caches))) / 1e6
 
 
 def _text(file: Path) -> str:
@@ -82,8 +81,7 @@ def process_seconds() -> float:
     status = _text(Path("/proc/self/stat"))
     if not status or not hasattr(os, "sysconf"):
         return 0.0
-    # The 22nd field; the second is the program's name in brackets, which may hold
-    # spaces.
+    # The 22nd field; the second, the name in brackets, may hold spaces.
     ticks = int(status.rpartition(")")[2].split()[19])
     return time.clock_gettime(time.CLOCK_BOOTTIME) - ticks / os.sysconf("SC_CLK_TCK")
 

@@ -1,8 +1,7 @@
 """TOML files from declarations: a dataclass declares a table, `key` describes each of its keys.
 
-It gives the reader (`read`), the JSON Schema for editors (`schema`), the key tables of
-the reference pages (`tools.generate_tables`), and the checks of values from Python code
-(`check_fields`).
+The declaration gives the reader (`read`), the JSON Schema for editors (`schema`), the
+reference pages' key tables (`tools.generate_tables`), and checks (`check_fields`).
 """
 
 from __future__ import annotations
@@ -26,8 +25,7 @@ import tomli_w
 from lippmann.base.limits import MAX_TOML_BYTES, read_limited
 from lippmann.errors import InputError, input_error, likely_file, reason
 
-#: Maximum parts of a dotted key: Python's parser takes the square of their number in
-#: time.
+#: Maximum parts of a dotted key: Python's parser takes time with their square.
 MAX_KEY_PARTS = 32
 #: Maximum bytes of a part of a path, and characters of a path.
 MAX_NAME_BYTES, MAX_PATH = 255, 4000
@@ -96,14 +94,15 @@ def documented(form: type[Form]) -> type[Form]:
     """Append the meanings of a dataclass's keys to its docstring."""
     lines = [inspect.cleandoc(form.__doc__ or ""), "", "Attributes", "----------"]
     for name, hint in get_type_hints(form, include_extras=True).items():
-        described = [meta.description for part in (hint, *get_args(hint)) for meta in getattr(part, "__metadata__", ())]
-        lines += [name, *(f"    {meaning}" for meaning in [text for text in described if text][-1:])]
+        notes = [meta for part in (hint, *get_args(hint)) for meta in getattr(part, "__metadata__", ())]
+        meanings = [meta.description for meta in notes if meta.description]
+        lines += [name, *(f"    {meaning}" for meaning in meanings[-1:])]
     form.__doc__ = "\n".join(lines)
     return form
 
 
 def variant(form: type, optional: tuple[str, ...], **changes: object) -> Value:
-    """Return the dataclass `form` with the keys of a file: `changes`, and `optional` keys, None if missing."""
+    """Return the dataclass `form` with a file's keys: `changes`, and `optional` ones, None if missing."""
     hints = {**get_type_hints(form, include_extras=True), **changes}
     defaults = {field.name: field.default for field in dataclasses.fields(form)} | dict.fromkeys(optional)
     fields = []
@@ -203,12 +202,13 @@ def load(path: Path, what: str) -> Table:
 
 
 def read(form: Callable[..., Form], raw: Mapping[str, Value], source: str) -> Form:
-    """Return parsed TOML as the declared table; InputError for an unknown key, else for the first other fault."""
+    """Return parsed TOML as the declared table; InputError for unknown keys, then for other faults."""
     top = schema(form)
     nodes = {name: (value, node) for name, value, node in _walk(raw, top, "")}
     for name, (value, node) in nodes.items():
         keys = value if isinstance(value, dict) and "properties" in node else ()
-        for unknown in sorted(keys, key=lambda one: bool(name) or one not in KINDS):  # of another kind of file first
+        # Keys of another kind of file come first.
+        for unknown in sorted(keys, key=lambda one: bool(name) or one not in KINDS):
             if unknown not in node["properties"] and not node["additionalProperties"]:
                 hint = _hint(top, node, value, unknown)
                 if not name and unknown in KINDS and not hint.startswith("it belongs"):
@@ -231,8 +231,7 @@ def read(form: Callable[..., Form], raw: Mapping[str, Value], source: str) -> Fo
     except InputError as error:  # from a __post_init__
         raise InputError(f"{source}: {error}") from None
     except msgspec.ValidationError as error:
-        # msgspec ends its messages with the place, such as "at
-        # `$.object[0].keys[1].frame`".
+        # msgspec's messages end with the place: "at `$.object[0].keys[1].frame`".
         place = re.search(r" - at `\$\.?(.*)`$", str(error))
         name = place[1] if place else ""
         missing = re.match(r"Object missing required field `(.*?)`", str(error))
@@ -326,7 +325,8 @@ def _walk(value: Value, node: Schema, name: str) -> Iterator[tuple[str, Value, S
                 yield from _walk(item, node["properties"][inner], _join(name, inner))
     elif isinstance(value, list):
         # Entries that are lists have a shape, and a schema for each of their parts.
-        node = next((option for option in node.get("anyOf", ()) if "a list of [" in option.get("x-shape", "")), node)
+        options = node.get("anyOf", ())
+        node = next((option for option in options if "a list of [" in option.get("x-shape", "")), node)
         shape = node.get("x-shape", "").partition("a list of ")[2]
         inner = {**(node.get("items") or {}), **({"x-shape": shape} if shape else {})}
         parts = node.get("prefixItems", ()) if "x-shape" in node else ()
@@ -351,7 +351,8 @@ def _hint(top: Schema, table: Schema, keys: Mapping[str, object], unknown: str) 
         value = len(unknown) > 2 and any(unknown.lower() in str(one) for one in options)
         return alike + 0.25 * (name in missing) + 0.3 * part + 0.1 * first + 0.6 * value
 
-    similar = [name for name in sorted(table["properties"], key=likeness, reverse=True)[:1] if likeness(name) > 0.6]
+    likeliest = sorted(table["properties"], key=likeness, reverse=True)[:1]
+    similar = [name for name in likeliest if likeness(name) > 0.6]
     homes = [home for home, node in tables(top) if unknown in node["properties"]]
     places = [f"in [{home}]" if home else "at the top of the file, before the first [table]" for home in homes]
     hints = [f"it belongs {' or '.join(places)}"] if places else []
@@ -359,7 +360,8 @@ def _hint(top: Schema, table: Schema, keys: Mapping[str, object], unknown: str) 
     last = {other.rpartition(".")[2]: other for other in reversed(everywhere)}
     synonyms = [key for key, words in SYNONYMS.items() if unknown.lower().startswith(words)]
     # A key of the same table comes first.
-    likely = [key for key in synonyms if key in table["properties"]] + [last[key] for key in synonyms if key in last]
+    likely = [key for key in synonyms if key in table["properties"]]
+    likely += [last[key] for key in synonyms if key in last]
     if likely and not places:
         similar = likely[:1]
     if not places and not similar:

@@ -16,8 +16,7 @@ from lippmann.errors import InputError
 Numbers = npt.NDArray[Any]
 #: Pairs (panel value, light), both rising from 0 to 1, with linear interpolation.
 Curve = tuple[tuple[float, float], ...]
-#: A curve's name, a measured curve, or the text of a measured curve in an image's
-#: metadata.
+#: A curve's name, a measured curve, or a measured curve's text in an image's metadata.
 Transfer = str | Curve
 
 #: Rows of a band of a file: a multiple of 16, the rows of an EXR block.
@@ -106,7 +105,7 @@ def decode(values: Numbers, transfer: Transfer) -> npt.NDArray[np.float32]:
 
 
 def encoded_values(radiance: Numbers, transfer: Transfer, bits: int) -> npt.NDArray[np.unsignedinteger[Any]]:
-    """Encode and quantise linear radiance to 2^bits levels over the range of uint8, above 8 bits of uint16."""
+    """Encode and quantise linear radiance to 2^bits levels over the range of uint8, or uint16 above 8 bits."""
     levels = (1 << bits) - 1
     kind = np.uint8 if bits <= 8 else np.uint16
     values = np.empty(radiance.shape, kind)

@@ -11,8 +11,7 @@ from typing import Any, TypeAlias
 from lippmann.base import interrupts
 from lippmann.errors import InputError, MissingLibraryError, missing_library
 
-#: A value or object of Dr.Jit or Mitsuba, such as an array, a ray or a BSDF. Its type
-#: depends on the variant.
+#: A value of Dr.Jit or Mitsuba, such as an array; the variant decides its type.
 Jit: TypeAlias = Any
 
 VARIANTS = {"llvm": "llvm_ad_rgb", "cuda": "cuda_ad_rgb"}
@@ -76,8 +75,7 @@ def own_variant(device: str = "auto") -> Iterator[str]:
 def mitsuba() -> ModuleType:
     """Return the module `mitsuba`, with the variant for "auto" if none is set.
 
-    Raises InputError when the variant is not ours; MissingLibraryError as
-    `start_mitsuba`.
+    Raises InputError for a variant that is not ours; else as `start_mitsuba`.
     """
     mi = _loaded()
     variant = mi.variant()

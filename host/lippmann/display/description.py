@@ -1,4 +1,4 @@
-"""The display: a panel behind a microlens array (docs/reference/display-file.md, docs/reference/optics.md)."""
+"""The display: a panel behind a microlens array (docs/reference/display-file.md, optics.md)."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ Pair = tuple[float, float]
 Pitch = float | tuple[float, ...]
 
 MM_PER_INCH = 25.4
-#: Minimum viewing distance, in focal lengths or distances D to the panel.
+#: Minimum viewing distance, in the longer of focal length and distance D to the panel.
 NEAREST_EYE = 4.0
 #: Maximum ratio of an array's pitches; beyond it cells are slits, not lenslets.
 MAX_PITCH_RATIO = 4.0
@@ -145,7 +145,8 @@ class Array(Checked):
     def keys(self) -> dict[str, object]:
         """The keys and their values, without a default `shear` or `extent_mm`."""
         defaults = {"shear": 0.0, "extent_mm": None}
-        return {key: value for key, value in dataclasses.asdict(self).items() if defaults.get(key, ...) != value}
+        fields = dataclasses.asdict(self).items()
+        return {name: value for name, value in fields if name not in defaults or value != defaults[name]}
 
     @property
     def pitches_mm(self) -> Pair:
@@ -194,14 +195,13 @@ class Array(Checked):
         """The maximum half steps of lenslets within the extent, or None.
 
         Those of lenslet (i, j) are 2 i, hexagonal 2 i + j, along the rows and 2 j
-        across them. An extent that ends on a centre, within rounding error, includes
-        that lenslet.
+        across them. A centre on the extent's end, within rounding error, is included.
         """
         if self.extent_mm is None:
             return None
-        pitches = (self.pitches_mm[0], self.row_pitch_mm)
-        along, across = (math.floor(w / p * (1.0 + 1e-12)) for w, p in zip(self.extent_mm, pitches, strict=True))
-        return along, across
+        width, height = self.extent_mm
+        along, across = width / self.pitches_mm[0], height / self.row_pitch_mm
+        return math.floor(along * (1.0 + 1e-12)), math.floor(across * (1.0 + 1e-12))
 
     @property
     def flat_distance_mm(self) -> float:
@@ -280,7 +280,7 @@ class Display(Checked):
         gap_mm: float = 0.0,
         pitch_scale: float = 1.0,
     ) -> Display:
-        """Return the display as built: the array rotated, moved, lifted and scaled; InputError if that fails."""
+        """Return the display as built: the array rotated, moved, lifted and scaled; InputError if it cannot be."""
         errors = Misalignment(rotation_deg, offset_mm, gap_mm, pitch_scale)
         array, extent, where = self.array, self.array.extent_mm, f"display '{self.name}', misaligned: "
         (x, y), (dx, dy), scale = array.offset_mm, errors.offset_mm, errors.pitch_scale
@@ -473,7 +473,8 @@ def _check_extent(display: Display, where: str) -> None:
     reach = array.half_diagonal_mm
     for ax, ay in ((1.0, 0.0), (0.0, 1.0), (-rows[1], rows[0]), (-columns[1], columns[0])):
         to_edge = 0.5 * (abs(ax) * panel.width_mm + abs(ay) * panel.height_mm)
-        half = 0.5 * (abs(ax * rows[0] + ay * rows[1]) * width + abs(ax * columns[0] + ay * columns[1]) * height)
+        along, across = ax * rows[0] + ay * rows[1], ax * columns[0] + ay * columns[1]
+        half = 0.5 * (abs(along) * width + abs(across) * height)
         if abs(ax * array.offset_mm[0] + ay * array.offset_mm[1]) > to_edge + half + reach * math.hypot(ax, ay):
             what = f"{size} at offset_mm {list(array.offset_mm)} leaves no lenslet in front of the panel"
             raise input_error(where, what, "bring array.offset_mm nearer to the panel, or raise extent_mm")

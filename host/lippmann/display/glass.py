@@ -16,8 +16,7 @@ from lippmann.errors import InputError, did_you_mean
 #: Helium d line, the wavelength of a display file's focal length, nm.
 DESIGN_WAVELENGTH_NM = 587.5618
 
-#: Accepted wavelengths, nm. The plastics were measured from 436.8 nm up; below, their
-#: fits extrapolate.
+#: Accepted wavelengths, nm. The fits of the plastics extrapolate below 436.8 nm.
 WAVELENGTH_RANGE_NM = (380.0, 1060.0)
 
 #: Name -> pairs (B, C in square micrometres).
@@ -33,8 +32,7 @@ SELLMEIER: dict[str, tuple[tuple[float, float], ...]] = {
 def index_of(glass: str, wavelength_nm: float = DESIGN_WAVELENGTH_NM) -> float:
     """Return the refractive index of a glass (upper or lower case) at a vacuum wavelength.
 
-    Raises InputError for a glass not in `SELLMEIER`, or a wavelength outside
-    `WAVELENGTH_RANGE_NM`.
+    Raises InputError for an unknown glass or a wavelength out of range.
     """
     terms = {name.casefold(): terms for name, terms in SELLMEIER.items()}.get(glass.casefold())
     if terms is None:

@@ -1,4 +1,4 @@
-"""Sub-pixels: where a pixel emits each colour, or where another pixel does if it lacks the colour."""
+"""Sub-pixels: where a pixel emits each colour, or a neighbour that has the colour."""
 
 from __future__ import annotations
 
@@ -14,8 +14,7 @@ Colour = Literal["red", "green", "blue", "white"]
 #: An array of numpy or Dr.Jit, or that library.
 Numbers = Any
 COLOURS: tuple[Colour, ...] = ("red", "green", "blue", "white")
-#: Colour; centre, to the right and upward from the first pixel's centre; width and
-#: height; all in pixels.
+#: Colour; centre, right and upward from the first pixel's; width, height; in pixels.
 Subpixel = tuple[Colour, float, float, float, float]
 #: Maximum period of a layout along x and y, pixels.
 MAX_PERIOD = 16
@@ -24,14 +23,13 @@ ROUNDING = 1e-6
 
 
 def _row(order: str, column: int = 0, row: int = 0) -> tuple[Subpixel, ...]:
-    """Return the stripes of a pixel from left to right; `order` has the first letters of their colours."""
+    """Return a pixel's stripes from left to right; `order` has the first letters of their colours."""
     names, n = {name[0]: name for name in COLOURS}, len(order)
     places = [column + (2 * k + 1 - n) / (2 * n) for k in range(n)]
     return tuple((names[letter], x, -float(row), 1.0 / n, 1.0) for letter, x in zip(order, places, strict=True))
 
 
-#: Layouts by name. In pentile, pixels of red and green alternate with pixels of blue
-#: and green.
+#: Layouts by name. In pentile, pixels of red and green alternate with blue and green.
 LAYOUTS: dict[str, tuple[Subpixel, ...]] = {
     **{order: _row(order) for order in ("rgb", "bgr", "rgbw")},
     "pentile": (*_row("rg"), *_row("bg", 1), *_row("bg", 0, 1), *_row("rg", 1, 1)),
@@ -39,7 +37,7 @@ LAYOUTS: dict[str, tuple[Subpixel, ...]] = {
 
 
 class Box(NamedTuple):
-    """A rectangle, in pixels: centre relative to a pixel's centre (u right, v down), width and height."""
+    """A rectangle in pixels: centre from a pixel's centre (u right, v down), width and height."""
 
     u: float
     v: float
@@ -56,11 +54,11 @@ class Layout:
     rows: int
 
     def gain(self, colour: Colour) -> float:
-        """Return the panel's area over that of a colour: the brightness of its sub-pixels over the pixel's."""
+        """Return a sub-pixel's brightness over its pixel's: the panel's area over that of the colour."""
         return self.columns * self.rows / sum(w * h for name, _, _, w, h in self.subpixels if name == colour)
 
     def emitters(self, b: Numbers, u: Numbers, v: Numbers) -> Iterator[tuple[int, float, Numbers]]:
-        """Yield each sub-pixel's colour (an index of `COLOURS`), its gain, and which pixel coordinates lie inside."""
+        """Yield each sub-pixel's colour (index of `COLOURS`), gain, and which pixel coordinates are inside."""
         tile_u = u - self.columns * b.floor(u / self.columns)
         tile_v = v - self.rows * b.floor(v / self.rows)
         for colour, u_min, v_min, u_max, v_max in self.edges():
@@ -76,13 +74,13 @@ class Layout:
             yield colour, u_min, v_min, u_max, v_max
 
     def split_light(self, light: Sequence[Numbers], darkest: Numbers) -> list[Numbers]:
-        """Return the light of red, green, blue and white sub-pixels; white emits `darkest`, the minimum of `light`."""
+        """Return the light of red, green, blue and white sub-pixels: white emits `darkest`, the others the rest."""
         if "white" not in (colour for colour, *_ in self.subpixels):
             return list(light)
         return [*(colour - darkest for colour in light), darkest]
 
     def boxes(self, colour: Colour) -> list[Box]:
-        """Return a colour's place for each pixel of the layout, row by row: its own sub-pixel, else the nearest."""
+        """Return each pixel's place of a colour, row by row: its own sub-pixel, else the nearest."""
         own = [sub for sub in self.subpixels if sub[0] == colour]
         boxes = []
         for number in range(self.columns * self.rows):
@@ -95,7 +93,8 @@ class Layout:
     @property
     def borrows(self) -> bool:
         """Whether a pixel lacks one of the three colours."""
-        return any(max(map(abs, box[:2])) > 0.5 + ROUNDING for colour in COLOURS[:3] for box in self.boxes(colour))
+        boxes = (box for colour in COLOURS[:3] for box in self.boxes(colour))
+        return any(max(abs(box.u), abs(box.v)) > 0.5 + ROUNDING for box in boxes)
 
 
 def _pixel_of(subpixel: Subpixel) -> tuple[int, int]:

@@ -25,8 +25,7 @@ if TYPE_CHECKING:
 
 #: Colours of Okabe and Ito, distinct for all kinds of colour vision.
 GLASS, LENSLET, IMAGE, RAY = "#56b4e9", "#0072b2", "#d55e00", "#e69f00"
-#: Lenslets across a close-up, marks of lenslets across the panel, and maximum of pixels
-#: drawn across a close-up.
+#: Lenslets across a close-up, marks across the panel, maximum of pixels in a close-up.
 CLOSE, MARKS, MAX_PIXELS = 4.0, 30.0, 150
 #: Heights in the zones' picture, viewing distances; places across; rays of each eye.
 HEIGHTS = np.linspace(0.2, 3.0, 15)
@@ -53,8 +52,9 @@ def draw_zones(display: Display, path: Path, eye_mm: Sequence[float] | None = No
     usual, half = viewing_distance(display), 0.5 * display.panel.width_mm
     heights = (HEIGHTS * usual).tolist()
     middle = [middle_eye(display, z) for z in heights]
-    ends = [(z, *zone[:2]) for z, zone in zip(heights, zones(display, heights), strict=True) if zone is not None]
-    widest = max([half] + [abs(end) for _, *zone in ends for end in zone])
+    pairs = zip(heights, zones(display, heights), strict=True)
+    ends = [(z, zone.left_mm, zone.right_mm) for z, zone in pairs if zone is not None]
+    widest = max([half] + [max(abs(left), abs(right)) for _, left, right in ends])
     places = np.linspace(-1.2 * widest, 1.2 * widest, PLACES)
     eyes = np.array([(x, y, z) for _, y, z in middle for x in places])
     shares = status_shares(display, eyes, MAP_RAYS).reshape(len(middle), len(places), -1)
@@ -71,7 +71,8 @@ def draw_zones(display: Display, path: Path, eye_mm: Sequence[float] | None = No
             edge = {"facecolor": "none", "edgecolor": LENSLET, "linewidth": 2}
             axis.fill_betweenx(*zip(*ends, strict=True), **edge, label="zone without crosstalk")
         axis.plot((-half, half), (0.0, 0.0), color="black", linewidth=4, solid_capstyle="butt", label="panel")
-        marked = [("viewing distance", middle_eye(display, usual))] + ([("eye", eye_mm)] if eye_mm is not None else [])
+        marked = [("viewing distance", middle_eye(display, usual))]
+        marked += [] if eye_mm is None else [("eye", eye_mm)]
         for (name, (x, y, z)), mark in zip(marked, "o^", strict=False):
             share = status_share(display, (x, y, z))["crosstalk"]
             axis.plot(x, z, mark, color="black", label=f"{name}: {x:g}, {y:g}, {z:g} mm, crosstalk {percent(share)}")
@@ -80,7 +81,7 @@ def draw_zones(display: Display, path: Path, eye_mm: Sequence[float] | None = No
 
 
 def draw_display(display: Display, path: Path) -> None:
-    """Draw the panel, close-ups of lenslets and pixels in its middle and its corner, and a section."""
+    """Draw the panel, close-ups of its middle and its corner, and a section."""
     panel, system = display.panel, System.of(display)
     half = np.array((panel.width_mm, panel.height_mm)) / 2.0
     with _drawing(path, 2, 2, (11.0, 9.0)) as ((overview, section), (centre, corner)):
@@ -105,7 +106,8 @@ def draw_display(display: Display, path: Path) -> None:
         if display.array.extent_mm is not None:
             end = np.minimum(half, system.frame.panel_from_array(*(0.5 * np.array(display.array.extent_mm))))
         name = "top right corner" if (end == half).all() else "top right corner of the array"
-        for axis, what, place in ((centre, "middle", np.zeros(2)), (corner, name, end - display.array.coarsest_mm)):
+        close_ups = (centre, "middle", np.zeros(2)), (corner, name, end - display.array.coarsest_mm)
+        for axis, what, place in close_ups:
             _draw_close(axis, display, system, place)
             _draw_edges(axis, display, system)
             axis.set_title(f"{what}: pixels, lenslets (blue), their elemental images (red)")
@@ -114,7 +116,7 @@ def draw_display(display: Display, path: Path) -> None:
 
 
 def _lenslets(system: System, place: Sequence[float] | Floats, span: int, every: int = 1) -> tuple[Floats, Floats]:
-    """Return the centres of lenslets around a place of the panel, up to `span` steps of `every` lenslets away."""
+    """Return the centres of lenslets up to `span` steps of `every` lenslets from a place of the panel."""
     i, j, *_ = system.lattice.locate(NumpyBackend(), *map(np.asarray, system.frame.array_from_panel(*place)))
     steps = every * np.mgrid[-span : span + 1, -span : span + 1].reshape(2, -1)
     i, j = i + steps[0], j + steps[1]
@@ -170,8 +172,9 @@ def _draw_subpixels(axis: Axes, display: Display, system: System, columns: Indic
         return
     for colour, west, north, east, south in layout.edges():
         column, row = int(0.5 * (west + east)), int(0.5 * (north + south))
-        tiles = columns[(columns - column) % layout.columns == 0] - column, rows[(rows - row) % layout.rows == 0] - row
-        u, v = (tile.reshape(-1, 1) for tile in np.meshgrid(*tiles))
+        across = columns[(columns - column) % layout.columns == 0] - column
+        down = rows[(rows - row) % layout.rows == 0] - row
+        u, v = (tile.reshape(-1, 1) for tile in np.meshgrid(across, down))
         corners = u + np.array([west, east, east, west]), v + np.array([north, north, south, south])
         x, y = system.frame.panel_from_pixel(*corners)
         face = "0.6" if colour == "white" else colour
@@ -183,7 +186,8 @@ def _draw_subpixels(axis: Axes, display: Display, system: System, columns: Indic
 def _draw_section(axis: Axes, display: Display) -> None:
     """Draw the panel, three lenslets and rays of the middle one, in the plane of the array's rows."""
     array, system = display.array, System.of(display)
-    pitch, gap, thickness, reach = array.pitches_mm[0], display.gap_mm, array.thickness_mm, 1.5 * array.focal_length_mm
+    pitch, reach = array.pitches_mm[0], 1.5 * array.focal_length_mm
+    gap, thickness = display.gap_mm, array.thickness_mm
     sign, flat = (-1.0, -thickness) if system.plano_to_panel else (1.0, thickness)
     near = flat if system.plano_to_panel else 0.0
     across = np.linspace(-0.5, 0.5, 41) * pitch

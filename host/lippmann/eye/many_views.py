@@ -1,4 +1,4 @@
-"""Views from many eyes through one window: of a scene, or of a display that shows an integral image."""
+"""Views from many eyes through one window, of a scene or of a display with an integral image."""
 
 from __future__ import annotations
 

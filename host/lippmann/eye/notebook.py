@@ -1,4 +1,4 @@
-"""What notebooks show, single pictures apart: the viewer page, and sweeps of an eye."""
+"""What notebooks show besides single pictures: the viewer page, and sweeps of an eye."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ class Widget:
 
 @dataclass(frozen=True, repr=False)
 class Sweep:
-    """What a moving eye sees: a view from each of its places, in their order."""
+    """What a moving eye sees: views from its places, in order."""
 
     views: Sequence[View]
 
@@ -51,7 +51,7 @@ class Sweep:
         return f"<Sweep, {len(self.views)} views of {width} x {height} px>"
 
     def save(self, path: str | Path) -> None:
-        """Write the views to and fro, .gif or animated .png; raises InputError when the file cannot be written."""
+        """Write the views to and fro, .gif or animated .png; InputError when it cannot be written."""
         write_animation(path, [view.radiance for view in self.views])
 
     def show(self, seconds: float | None = None) -> None:

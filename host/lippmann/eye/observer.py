@@ -1,4 +1,4 @@
-"""The observer: what an eye sees of a panel that shows an integral image, through the real lenslets.
+"""The observer: what an eye sees, through the real lenslets, of a panel with an integral image.
 
 Rays are traced against the light, as by `trace_to_panel`: from the eye through the
 view's window (plane z = 0) and the lenslets to the panel's pixel or sub-pixel. A ray
@@ -28,7 +28,7 @@ from lippmann.optics.rays import Model, Status
 from lippmann.optics.sample_points import points_in_square
 from lippmann.optics.system import System
 from lippmann.optics.trace import PixelHits, check_model, pixels_from_rays
-from lippmann.optics.zones import FARTHEST_EYE_MM
+from lippmann.optics.zones import FARTHEST_EYE_MM, TOO_FAR
 from lippmann.rendering.integral_image import Showable
 from lippmann.rendering.sampling import Window
 
@@ -38,8 +38,7 @@ CHUNK_RAYS = 1 << 21
 STORED_BYTES = 1 << 27
 #: Linear light (height, width, 3).
 Light = npt.NDArray[np.floating]
-#: Returns an image's three colours where rays see it, at columns and rows, for their
-#: hits on the panel.
+#: Returns an image's colours for visible rays, columns, rows and hits on the panel.
 LookUp = Callable[[Arr, Arr, Arr, PixelHits], list[Arr]]
 
 
@@ -58,7 +57,7 @@ class Eye:
         if not all(isinstance(number, Real) and math.isfinite(number) for number in numbers):
             raise InputError("eye: a coordinate, the pupil or the focus is not finite; give numbers in mm")
         if max(map(abs, self.position_mm)) > FARTHEST_EYE_MM:
-            raise InputError(f"eye: is farther away than {FARTHEST_EYE_MM:g} mm; give its place in mm, such as 0,0,600")
+            raise InputError(TOO_FAR)
         if self.position_mm[2] <= 0.0:
             raise InputError(f"eye: z {self.position_mm[2]:g} mm is behind the display; give z > 0")
         if self.pupil_mm < 0.0:
@@ -76,7 +75,7 @@ class View(Showable):
     metadata: dict[str, str] = field(default_factory=dict)
 
     def save(self, path: str | Path) -> None:
-        """Write the view: linear .exr or .tif, sRGB .png; raises InputError when the file cannot be written."""
+        """Write the view: linear .exr or .tif, sRGB .png; InputError when it cannot be written."""
         write_picture(path, self.radiance, self.metadata)
 
 
@@ -153,7 +152,7 @@ def observe(
 
 
 def _emitted_light(b: DrJitBackend, panel: Panel, look_up: LookUp, hits: PixelHits, visible: Arr) -> list[Arr]:
-    """Return the three colours that rays see where they hit a panel, black where they do not see it."""
+    """Return the three colours at the rays' hits, black for rays that are not `visible`."""
     mi, dr = mitsuba(), drjit()
     column = mi.UInt32(dr.clip(dr.floor(hits.u), 0, panel.width_px - 1))
     row = mi.UInt32(dr.clip(dr.floor(hits.v), 0, panel.height_px - 1))
@@ -186,7 +185,7 @@ def _light_in_memory(radiance: Light) -> LookUp:
 
 
 def _light_on_disk(radiance: StoredRows, visible: Arr, column: Arr, row: Arr, hits: PixelHits) -> list[Arr]:
-    """Return the light of an image on disk where rays see it; only parts with such rays are read."""
+    """Return the light where rays see an image on disk; only parts with such rays are read."""
     mi, dr = mitsuba(), drjit()
     dr.eval(visible, column, row, hits.u, hits.v, hits.status)
     _, width, _ = radiance.shape
@@ -206,7 +205,7 @@ def _light_on_disk(radiance: StoredRows, visible: Arr, column: Arr, row: Arr, hi
 def eye_rays(
     b: DrJitBackend, eye: Eye, window: Window, pixel: Arr, sample: Arr, seed: int
 ) -> tuple[tuple[Arr, ...], tuple[Arr, ...]]:
-    """Return the origins in the pupil and the unit directions (double) of rays through the window's pixels."""
+    """Return origins in the pupil and unit directions (double) of rays through the window's pixels."""
     mi, dr = mitsuba(), drjit()
     row = pixel // window.width_px
     column = pixel - row * window.width_px
@@ -214,12 +213,12 @@ def eye_rays(
     x, y = window.point(b.double(column) + b.double(s), b.double(row) + b.double(t))
     # Opaque: another eye needs no compilation.
     double: Arr = b.double
-    ex, ey, ez, focus, radius = (dr.opaque(double, c) for c in (*eye.position_mm, eye.focus_z_mm, 0.5 * eye.pupil_mm))
+    numbers = *eye.position_mm, eye.focus_z_mm, 0.5 * eye.pupil_mm
+    ex, ey, ez, focus, radius = (dr.opaque(double, number) for number in numbers)
     if eye.pupil_mm > 0.0:
         p, q = points_in_square(pixel, sample, seed)
         disk = mi.warp.square_to_uniform_disk_concentric(mi.Point2f(p, q))
-        # A pixel shows its point in the plane in focus, on the line through the pupil's
-        # centre.
+        # A pixel shows a point in focus, on the line through the pupil's centre.
         reach = (ez - focus) / ez
         fx, fy = ex + (x - ex) * reach, ey + (y - ey) * reach
         ex = ex + b.double(disk.x) * radius

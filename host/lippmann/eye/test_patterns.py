@@ -52,8 +52,7 @@ class Places(NamedTuple):
     centre: npt.NDArray[np.bool_]
     right: npt.NDArray[np.number]
     up: npt.NDArray[np.number]
-    #: Whether the lenslet exists: beside the array the mount is opaque and pixels stay
-    #: black.
+    #: Whether the lenslet exists: pixels behind the opaque mount stay black.
     present: npt.NDArray[np.bool_]
 
 
@@ -149,7 +148,7 @@ PATTERNS: dict[Kind, Callable[[Pixels], Values]] = {
 
 
 def white_for_eye(display: Display, eye: Eye) -> Values:
-    """Return values (height, width): 1 for pixels that an eye sees through their own, exact lenslets, else 0."""
+    """Return (height, width): 1 for pixels that an eye sees through their own exact lenslets, else 0."""
     mi, dr = mitsuba(), drjit()
     panel, b, system = display.panel, DrJitBackend(current_device()), System.of(display)
     # The panel spreads a lenslet's points; there, rays may be half a pixel apart.
@@ -205,4 +204,6 @@ def draw(
     if lens is not None and not light.any():
         raise InputError(f"lenslet {lens[0]:g},{lens[1]:g} owns no pixel; give whole numbers i,j; 0,0 is in the middle")
     metadata = {"pattern": kind, "version": __version__}
-    return IntegralImage(light, display, metadata if eye is None else {**metadata, "eye_mm": str(eye.position_mm)})
+    if eye is not None:
+        metadata["eye_mm"] = str(eye.position_mm)
+    return IntegralImage(light, display, metadata)

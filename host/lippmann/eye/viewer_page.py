@@ -1,7 +1,6 @@
 """Assembles the viewer page, one text with all that the browser needs.
 
-Its parts, text files of this package, have holes for values, `@@name@@`, and includes
-in the shaders.
+Its parts are files of this package with `@@name@@` for values, `#include` in shaders.
 """
 
 from __future__ import annotations
@@ -77,7 +76,7 @@ class Slider:
 
 
 def eye_reach_mm(display: Display) -> float:
-    """Return the maximum offset of the eye, where even the panel's far edge shows neighbours' elemental images."""
+    """Return the eye's maximum offset, mm, where even the panel's far edge shows crosstalk."""
     distance = viewing_distance(display)
     zone = distance * (1.0 + display.convergence) * display.array.coarsest_mm / display.aperture_distance_mm
     aside = max(abs(x) for x in middle_eye(display, distance)[:2])
@@ -85,7 +84,7 @@ def eye_reach_mm(display: Display) -> float:
 
 
 def focus_reach_mm(display: Display) -> float:
-    """Return the maximum focus depth: twice the depth range, but less than the minimum viewing distance."""
+    """Return the maximum focus depth, mm: twice the depth range, below the minimum viewing distance."""
     return _neat(min(2.0 * depth_reach_mm(display)[1], 0.9 * DISTANCES[0] * viewing_distance(display)))
 
 
@@ -139,7 +138,7 @@ def _step(reach: float) -> float:
 
 
 def _rounded(value: float, step: float) -> float:
-    """Round down to a multiple of the step: browsers count steps from the low end, and 0 must be a step."""
+    """Round down to a multiple of the step: browsers count from the low end, and 0 must be a step."""
     return math.floor(value / step + 1e-9) * step
 
 
@@ -169,7 +168,7 @@ DRAWN = 100.0
 
 @dataclass(frozen=True)
 class Direct:
-    """A direct render of the scene from an eye: linear radiance (height, width, 3), through the panel's window."""
+    """A direct render from an eye through the panel's window: linear radiance (height, width, 3)."""
 
     eye_mm: tuple[float, float, float]
     radiance: Light
@@ -208,9 +207,10 @@ def page_html(
     )
     described = dataclasses.asdict(display) | {"panel": panel.keys, "array": array.keys}
     del described["name"]
-    pictures = [
-        {"eye_mm": direct.eye_mm, "png": "data:image/png;base64," + png_base64(direct.radiance)} for direct in directs
-    ]
+    pictures = []
+    for direct in directs:
+        png = "data:image/png;base64," + png_base64(direct.radiance)
+        pictures.append({"eye_mm": direct.eye_mm, "png": png})
     focus = focus_reach_mm(display)
     scale = focus / DRAWN
     reach = depth_reach_mm(display)[1] / scale
@@ -281,7 +281,8 @@ def _defines(display: Display) -> dict[str, str]:
         boxes, gains = [], []
         for colour, *edges in layout.edges():
             boxes.append(f"vec4({', '.join(f'{edge:.9e}' for edge in edges)})")
-            gains.append(f"vec4({', '.join(f'{layout.gain(colour) * (colour == other):.9e}' for other in COLOURS)})")
+            gain = (layout.gain(colour) * (colour == other) for other in COLOURS)
+            gains.append(f"vec4({', '.join(f'{part:.9e}' for part in gain)})")
         defines["SUBPIXELS"] = str(len(boxes))
         defines["PERIOD"] = f"vec2({layout.columns}.0, {layout.rows}.0)"
         defines["WHITE"] = str(float(any(sub[0] == "white" for sub in layout.subpixels)))

@@ -107,14 +107,14 @@ class Build:
 
 
 def shift_mm(display: Display) -> float:
-    """Return how far outside their lenslets' cells pixels may lie where elemental images converge on an eye."""
+    """Return how far, mm, pixels may lie outside their lenslets' cells where images converge on an eye."""
     system = System.of(display)
     axis = system.convergence
     return axis.share * max(math.hypot(x - axis.axis_x, y - axis.axis_y) for x, y in system.frame.corners)
 
 
 def _chief_rays_stray(display: Display) -> bool:
-    """Tell whether a chief ray may leave its lenslet's cell before the dome, where elemental images converge on an eye.
+    """Tell whether a chief ray towards the eye may leave its lenslet's cell before the dome.
 
     Snell's law refracts a steep ray less than the thin lens of the definition does.
     With the plano side to the viewer, the ray meets the dome near its vertex.

@@ -22,8 +22,7 @@ from lippmann.optics.system import System
 MAX_SLOPE_SQUARE = 3.0
 #: Largest distance from the axis of a ray on the first face, radii.
 MAX_POINT = 4.0
-#: Largest distance of a pixel from its lenslet's centre in a build with `converge`,
-#: pitches or rows.
+#: Largest distance, pitches or rows, of a pixel from its lenslet with `converge`.
 MAX_LOCAL = 8.0
 #: Range of the index: the bend at a dome stays below 2, and a ray in the glass steeper
 #: than 60 degrees is totally reflected at the flat face.
@@ -34,8 +33,7 @@ INDEX_LIMITS = (1.16, 2.2)
 LEAST_HALF = 1 << 12
 #: Values of `extent_i` and `extent_j` with which the array has every lenslet.
 EVERYWHERE = (1 << (words.INDEX_BITS + 1)) - 1, (1 << words.INDEX_BITS) - 1
-#: Lenslets between a ray's first and last one: aims of 1.5 pitches, and four cell
-#: steps.
+#: Lenslets between a ray's first and last one: aims of 1.5 pitches, four cell steps.
 MAX_ASTRAY = 8
 
 _PITCHES = "(array.pitch_mm, panel.pixel_pitch_mm)"
@@ -161,7 +159,8 @@ def in_words(config: Configuration, build: Build) -> tuple[Configuration, words.
 
     The registers of pixel_to_lattice are as wide as their words.
     """
-    read = {name: (form.bits, form.is_read) for name, form in _formats(build).items() if form.bits < words.SLOPE_BITS}
+    narrow = {name: form for name, form in _formats(build).items() if form.bits < words.SLOPE_BITS}
+    read = {name: (form.bits, form.is_read) for name, form in narrow.items()}
     read |= {"extent_i": (words.INDEX_BITS + 2, True), "extent_j": (words.INDEX_BITS + 1, True)}
     cut: dict[str, Any] = {}  # arrays where the registers are: tests trace many configurations at once
     beyond: words.Bools | np.bool_ = np.False_
@@ -224,8 +223,7 @@ def _lens_numbers(
     """Return the registers of a ray in its lenslet, as numbers in pitches, rows or radii."""
     array, f, exact = display.array, build.fraction_bits, build.model == "exact"
     (p, tall), row, R, lean = array.pitches_mm, array.row_pitch_mm, array.radius_mm, array.shear
-    # Other models do not read these registers: any thickness and index that fit will
-    # do.
+    # Other models do not read these registers: any values that fit will do.
     T, n = (array.thickness_mm, array.index) if exact else (R, 1.5)
     flat_exit, square = model in ("paraxial", "exact") and array.plano_side == "viewer", array.grid == "square"
     # On a converged display the registers' local points are 1 - share of their length.
@@ -312,8 +310,7 @@ def _check_panel(display: Display) -> None:
             f"register raster_panel: a panel of {panel.width_px} x {panel.height_px} is outside its range, 1 to "
             f"{limit - 1} either way; lower panel.width_px and panel.height_px"
         )
-    # The panel's corners in lenslets; on a hexagonal lattice the index i counts along
-    # an oblique axis.
+    # The panel's corners in lenslets; hexagonal, i counts along an oblique axis.
     system = System.of(display)
     x, y = system.convergence.towards_eye(*np.array(system.frame.corners).T)
     x, y = (x - array.shear * y) / array.pitches_mm[0], y / array.row_pitch_mm
@@ -383,7 +380,8 @@ def _check_lens(display: Display, build: Build) -> None:
     if build.model != "pinhole" and half < least:
         more = f", or take more fraction bits, up to {widest}" if f < widest else ""
         remedy = f"the lenslet is too flat: lower array.radius_mm or raise array.pitch_mm{more}"
-        raise InputError(f"register cell_half: {half:.6g} is outside its range [{least:.6g}, 1) at F = {f}; {remedy}")
+        limits = f"[{least:.6g}, 1) at F = {f}"
+        raise InputError(f"register cell_half: {half:.6g} is outside its range {limits}; {remedy}")
     if build.model != "exact":
         return
     low, high = INDEX_LIMITS

@@ -36,15 +36,14 @@ def words_of_pixels(display: Display, pixels: Floats) -> tuple[Ints, Ints]:
 
 def pixels_of_words(display: Display, u: Ints, v: Ints) -> Floats:
     """Return the pixel coordinates (N, 2) of words."""
-    scale = 1.0 / (1 << PIXEL_FRACTION)
-    return np.stack([u * scale + 0.5 * display.panel.width_px, 0.5 * display.panel.height_px - v * scale], axis=1)
+    panel, scale = display.panel, 1.0 / (1 << PIXEL_FRACTION)
+    return np.stack([u * scale + 0.5 * panel.width_px, 0.5 * panel.height_px - v * scale], axis=1)
 
 
 def words_of_aims(display: Display, aperture_mm: Floats, fraction_bits: int) -> tuple[Ints, Ints]:
     """Return aperture points (N, 2), lens-local mm, as wide words in pitches and rows along the lattice.
 
-    Raises InputError for points more than 1.5 pitches from the centre, which may not
-    fit.
+    Raises InputError for points more than 1.5 pitches away, which may not fit.
     """
     array = display.array
     x, y = aperture_mm.T
@@ -72,7 +71,7 @@ def word_unit(fraction_bits: int) -> float:
 
 
 def rays_of_words(display: Display, pixel: Floats, rays: FixedRays, fraction_bits: int) -> Rays:
-    """Return the rays of words, in mm along the panel's axes; `pixel` (N, 2) are the pixels that were traced."""
+    """Return the rays of words, mm, panel's axes; `pixel` (N, 2) are the pixels that were traced."""
     system = System.of(display)
     frame = system.frame
     unit = word_unit(fraction_bits)

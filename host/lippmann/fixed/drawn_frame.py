@@ -22,8 +22,7 @@ if TYPE_CHECKING:
     from lippmann.layers.stack import LayerStack
 
 
-#: Places of a pixel's samples from its centre, to the right and upward, words of
-#: pixels.
+#: Places of a pixel's samples from its centre, right and upward, 1/16 pixel.
 SAMPLE_OFFSETS: dict[int, tuple[tuple[int, int], ...]] = {
     1: ((0, 0),),
     2: ((-4, 4), (4, -4)),
@@ -68,12 +67,13 @@ def draw(
 
     with ThreadPoolExecutor(threads) as pool:
         # After an error, or Ctrl-C, `map` begins no other part.
-        parts = list(pool.map(draw_rows, (rows[first : first + at_once] for first in range(0, len(rows), at_once))))
+        bands = (rows[first : first + at_once] for first in range(0, len(rows), at_once))
+        parts = list(pool.map(draw_rows, bands))
     return np.concatenate(parts).reshape(len(rows), panel.width_px, 3)
 
 
 def sample_words(width: int, height: int, samples: int, drawn_rows: range) -> tuple[Ints, Ints]:
-    """Return the words (u, v) of the samples of a panel's rows, pixel by pixel in raster order."""
+    """Return the words (u, v) of the samples of a panel's rows, in raster order."""
     offsets = np.array(SAMPLE_OFFSETS[samples])
     rows, columns = np.mgrid[drawn_rows.start : drawn_rows.stop, :width]
     u = 8 * (2 * columns + 1 - width)[..., None] + offsets[:, 0]

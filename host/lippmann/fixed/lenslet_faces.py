@@ -31,7 +31,7 @@ from lippmann.fixed.words import (
 
 
 class Meeting(NamedTuple):
-    """Unit normal N where a ray meets the dome, cosine to N, squared sine, and flags of a miss and of overflow."""
+    """Unit normal N where a ray meets the dome, cosine to N, squared sine, flags of miss and overflow."""
 
     nx: Ints
     ny: Ints
@@ -58,10 +58,8 @@ def meet_dome(
         N_x  = saturate(((hx << 4) + (l dx >> F-3+E) + 4) >> 3),  N_y likewise
         N_z  = saturate(((zc << 4) + (l dz >> F-3+3E) + 4) >> 3)
 
-    dx and dy are near words with E = `extra_bits` more fraction bits, dz has 3 E more.
-    b has F + 4 fraction bits, C and s have F + 3, l has F. Missed: C < 0. Beyond: b or
-    l outside its word, C above 1 or, unless missed, a coordinate of N outside [-1, 1],
-    by more than rounding errors.
+    b has F + 4 fraction bits, l has F. Missed: C < 0. Beyond: b or l does not fit, C is
+    above 1 or, unless missed, a coordinate of N is outside [-1, 1].
     """
     near, wide, far, foot = f + 2, f + 3, f + 4, f + 8
     extra = extra_bits(f)
@@ -222,9 +220,8 @@ def leave_dome(
         d'_x = saturate(((e_x << 3-E) + (k N_x >> F-3) + 4) >> 3),  d'_y likewise
         d'_z = saturate(((dz n >> F-3+3E) + (k N_z >> F-3) + 4) >> 3)
 
-    e_x and e_y have E = `extra_bits` more fraction bits than near words, dz has 3 E more. s = 1 - cos^2 and C' have
-    F + 3 fraction bits, k is a wide word, n2 is n^2. Totally reflected: C' <= 0. Overflow: C' above 1, or, unless
-    reflected, k outside its word or the direction outside [-1, 1], by more than roundings.
+    k is a wide word, n2 is n^2. Totally reflected: C' <= 0. Overflow: C' is above 1 or,
+    unless reflected, k does not fit or the direction is outside [-1, 1].
     """
     near = f + 2
     c, cos_air = cosine_behind(met.s, index_square, f)
@@ -243,7 +240,7 @@ def leave_dome(
 
 
 class FlatExit(NamedTuple):
-    """Point on the flat face (F + 4 bits, F + 1 of them fraction bits), direction (near words), and fates."""
+    """Point on the flat face (F + 4 bits, F + 1 fraction bits), direction (near words), reflection, overflow."""
 
     x: Ints
     y: Ints
@@ -257,7 +254,7 @@ class FlatExit(NamedTuple):
 def leave_flat(met: Meeting, dx: Ints, dy: Ints, depth: int, index: int, index_square: int, f: int) -> FlatExit:
     """Trace rays in the glass from the dome to the flat face, and refract them there.
 
-    `depth` is 1 - T/R. A reflected ray keeps its direction in the glass.
+    A reflected ray keeps its direction in the glass.
 
         g    = max((dx dx >> F-3) + (dy dy >> F-3), 0) >> 2
         y    = M - g
@@ -269,10 +266,10 @@ def leave_flat(met: Meeting, dx: Ints, dy: Ints, depth: int, index: int, index_s
         d'_x = saturate(((dx n >> F-3) + 4) >> 3),  d'_y likewise
         d'_z = sqrt(min(max(C', 0), M)),  reflected ((y r >> F+1) + 1) >> 1
 
-    g, y and C' have F + 3 fraction bits, and rsqrt reads y as 4 y: r = 1 / (2 dz). u is the remaining depth and l
-    the length, both far words; zc = 1 - T/R (`depth`), n2 is n^2 (`index_square`). Reflected where C' <= 0.
-    Overflow: g 1 or more, C' above 1, or, unless reflected, y below 1/4, which `rsqrt` does not take, u, l, X or Y
-    outside its word, or d'_x or d'_y outside [-1, 1], by more than roundings.
+    y has F + 3 fraction bits, and rsqrt reads it as 4 y: r = 1 / (2 dz). u is the
+    remaining depth and l the length, both far words; zc = 1 - T/R (`depth`), n2 is n^2.
+    Reflected: C' <= 0. Overflow: g is 1 or more, C' above 1, or, unless reflected, y is
+    below 1/4, u, l, X or Y does not fit, or d'_x or d'_y is outside [-1, 1].
     """
     near, far = f + 2, f + 4
     square, over = axial_square(dx, dy, f)

@@ -1,4 +1,4 @@
-"""The order of a frame's rays and their jitter (rtl/optics/lipp_raster.sv); places in cells for test patterns."""
+"""A frame's rays and their jitter (rtl/optics/lipp_raster.sv); places in cells for test patterns."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ POLYNOMIAL = 0x00400007
 @documented
 @dataclass(frozen=True)
 class Raster:
-    """A frame's window on a panel, and its jitter; raises InputError for values that do not fit the registers."""
+    """A frame's window on a panel, and its jitter; InputError for values that do not fit the registers."""
 
     width: Annotated[int, key("columns of the panel", low=1, high=MAX_PANEL)]
     height: Annotated[int, key("rows of the panel", low=1, high=MAX_PANEL)]
@@ -45,7 +45,8 @@ class Raster:
 
     def __post_init__(self) -> None:
         check_fields(self)
-        for name, size, (first, last) in (("columns", self.width, self.columns), ("rows", self.height, self.rows)):
+        axes = ("columns", self.width, self.columns), ("rows", self.height, self.rows)
+        for name, size, (first, last) in axes:
             if not 0 <= first <= last < size:
                 raise InputError(
                     f"raster: {name} {first} to {last} are not a window of a panel of {size}; "
@@ -60,7 +61,7 @@ class Raster:
 
 
 class RasterRays(NamedTuple):
-    """Rays (N,) in their order: pixel words, aperture words, and flags of the frame's first and last ray."""
+    """Rays (N,) in order: pixel words, aperture words, and flags of the frame's first and last ray."""
 
     u: Ints
     v: Ints
@@ -92,7 +93,8 @@ def raster(frame: Raster, table: Ints, f: int) -> RasterRays:
 
 def fields(entry: Ints) -> tuple[Ints, Ints, Ints, Ints]:
     """Return du, dv (pixels, 4 fraction bits) and ja, jb (pitches and rows, 10 fraction bits) of table entries."""
-    return wrapped(entry, 4), wrapped(entry >> 4, 4), wrapped(entry >> 8, AIM_BITS), wrapped(entry >> 20, AIM_BITS)
+    ja, jb = wrapped(entry >> 8, AIM_BITS), wrapped(entry >> 20, AIM_BITS)
+    return wrapped(entry, 4), wrapped(entry >> 4, 4), ja, jb
 
 
 def lfsr(seed: int, count: int) -> Ints:

@@ -107,7 +107,7 @@ def ray_pipeline(u: Ints, v: Ints, a: Ints, b: Ints, config: Configuration, buil
 def _sums(
     x: Ints, y: Ints, from_x: Ints, from_y: Ints, a: Ints, b: Ints, config: Configuration, build: Build
 ) -> tuple[Ints, Ints, Ints, Ints, Bools]:
-    """Return the slope of rays, their points on the first face, and where one of them does not fit its word."""
+    """Return the rays' slopes and points on the first face, and where one does not fit its word."""
     f, near, bits = build.fraction_bits, build.near, (build.local, build.aim)
     to_a, to_b = (a, b) if build.slope_aims else (None, None)
     slope = near + build.extra, *bits, build.extra
@@ -127,8 +127,7 @@ def _through_lenslet(
 ) -> tuple[FixedRays, Bools, Bools, Bools]:
     """Trace exact rays through both faces; `air` is their direction in the air.
 
-    Returns them, all with the status ok, and masks of the missed, the reflected and the
-    overflowing ones.
+    Returns rays of status ok, and masks of missed, reflected and overflowing rays.
     """
     f, grid = build.fraction_bits, build.grid
     ex, ey, ez = air

@@ -32,8 +32,10 @@ LOW_BITS = SLOPE_BITS - MUL_BITS
 def pixel_to_lattice(u: Ints, v: Ints, from_u: int, from_v: int, offset: int, f: int) -> tuple[Ints, Bools]:
     """Return one lattice coordinate, F fraction bits, of pixels (u, v), words from the panel's centre.
 
-    Each coefficient is split after its lowest 17 bits, so that both products fit a
-    multiplier.
+    Each coefficient and offset is 2^17 ah + al, so that products fit a multiplier:
+
+        hi   = (u ah_u + v ah_v) + oh,  lo = (u al_u + v al_v) + ol
+        x    = floor((hi + floor(lo / 2^17)) / 2^(23 - F))
     """
     mask = (1 << LOW_BITS) - 1
     hi = u * (from_u >> LOW_BITS) + v * (from_v >> LOW_BITS) + (offset >> LOW_BITS)
@@ -52,6 +54,7 @@ def lenslet_square(x: Ints, y: Ints, f: int) -> tuple[Ints, Ints, Ints, Ints, Bo
 
 def lenslet_hex(x: Ints, y: Ints, f: int) -> tuple[Ints, Ints, Ints, Ints, Bools]:
     """Return what `lenslet_square` does, on a hexagonal lattice."""
+    # q0 and q1 choose the nearest of the corners around (s, t) = (x - y / 2, y).
     s = 2 * x - y  # F + 1 fraction bits
     i, j = s >> (f + 1), y >> f
     fs, ft = s - (i << (f + 1)), y - (j << f)
@@ -68,7 +71,7 @@ def lenslet_hex(x: Ints, y: Ints, f: int) -> tuple[Ints, Ints, Ints, Ints, Bools
 
 
 class Aimed(NamedTuple):
-    """Lenslet (i, j), the pixel's point and the aperture point from its centre, and whether it is not the pixel's."""
+    """Lenslet (i, j), pixel's and aperture point from its centre, and whether it is not the pixel's own."""
 
     i: Ints
     j: Ints
@@ -101,17 +104,16 @@ def extent(i: Ints, j: Ints, along: int, across: int, grid: Grid) -> Bools:
 def converge(
     i: Ints, j: Ints, x: Ints, y: Ints, share: int, offset_x: int, offset_y: int, grid: Grid, f: int
 ) -> tuple[Ints, Ints, Bools]:
-    """Return the pixels' points from their lenslets' centres, F + 4 bits, where elemental images converge on an eye.
+    """Return the pixels' points from their lenslets' centres, F + 4 bits, if images converge on an eye.
 
-    (x, y) is where the line from pixel to eye crosses the lenslet's cell. `share` has F
-    + 11 fraction bits.
+    (x, y) is where the line from pixel to eye crosses the lenslet's cell.
 
     C is the lenslet's centre, A the point in front of the eye. In half pitches and half
     rows C is (2 i + j, 2 j), on the square grid (2 i, 2 j):
 
         t_x  = (x << 2) + (16 C_x s >> 14) + o_x + 2,   x' = t_x >> 2,   y' likewise
 
-    s is `share`; o = -s A has F + 2 fraction bits.
+    s is `share`, F + 11 fraction bits; o = -s A has F + 2.
     """
 
     def measured(point: Ints, half_steps: Ints, offset: int) -> Ints:
@@ -154,7 +156,7 @@ def blend(
 
 
 def unit_slope(mx: Ints, my: Ints, f: int, extra: int = 0) -> tuple[Ints, Ints, Ints, Bools]:
-    """Return (m_x, m_y, 1) / sqrt(1 + m^2), near words, of a slope in wide words; they have `extra` more bits.
+    """Return (m_x, m_y, 1) / sqrt(1 + m^2), near words, of a slope in wide words.
 
     Slopes of 60 degrees and more, m^2 >= 3, overflow: x and e_x keep their lowest bits,
     as the registers do. All words have E = `extra` more fraction bits:

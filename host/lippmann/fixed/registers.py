@@ -1,4 +1,4 @@
-"""The registers of the optics block, of the board and of its scene, and the words that software writes to them.
+"""The registers of the optics block, the board and its scene, and the words that software writes.
 
 `make registers` makes the maps, generated/*.json, from rtl/registers.rdl.
 """
@@ -84,8 +84,7 @@ def _load(name: str) -> dict[str, Register]:
     return msgspec.convert(items["registers"], dict[str, Register])
 
 
-#: Registers by name, which begins with that of their group; byte addresses from the
-#: block's base.
+#: Registers by name, after their group's; byte addresses from the block's base.
 OPTICS_REGISTERS = _load("optics.json")
 BOARD_REGISTERS = _load("board.json")
 SCENE_REGISTERS = _load("scene.json")
@@ -145,7 +144,7 @@ def raster_writes(frame: Raster) -> list[Write]:
 
 
 def table_writes(table: Ints, first: int = 0) -> list[Write]:
-    """Return the writes of jitter entries (N,) from entry `first` on; raises InputError beyond the table's end."""
+    """Return the writes of jitter entries (N,) from entry `first` on; InputError beyond the table's end."""
     if not 0 <= first <= TABLE_ENTRIES - len(table):
         raise InputError(f"jitter table: {len(table)} entries from {first} on do not fit into its {TABLE_ENTRIES}")
     start = OPTICS_REGISTERS["jitter_table"].address + 4 * first
@@ -153,7 +152,7 @@ def table_writes(table: Ints, first: int = 0) -> list[Write]:
 
 
 def build_of(words: Mapping[str, int]) -> Build:
-    """Return the build of an optics block from the words of its registers `identity`, `version` and `build`.
+    """Return an optics block's build from the words of its registers `identity`, `version` and `build`.
 
     Raises InputError when a word is missing or is that of an unsupported block.
     """

@@ -35,8 +35,7 @@ if TYPE_CHECKING:
 
 #: Largest distance of a ray at z = 0, and of a texture, from the array's origin, radii.
 MAX_PLACE = 2048.0
-#: Factor of a sky's slopes: the largest power of two that keeps all slopes that draw,
-#: below 4, in range.
+#: Factor of a sky's slopes: the largest power of two that keeps those below 4 in range.
 SKY_DEPTH = 512.0
 #: Largest distance of an exit from its pixel along x or y, radii: 8 pitches of 2 radii
 #: to the lenslet, and 4 radii.
@@ -54,8 +53,7 @@ def scene_words(
 
     `slots` are the slots of the layers' textures; by default layer k is in slot k.
     `names` are the layers' names in errors, by default their numbers. Raises InputError
-    when the build has fewer layers or slots, and when a value does not fit its
-    register.
+    when the build has fewer layers or slots, or a value does not fit its register.
     """
     if len(stack.layers) > build.layers:
         raise InputError(
@@ -88,8 +86,8 @@ def layer_words(display: Display, layer: Layer, number: int | str, slot: int) ->
     """Return the registers of a layer whose texture is in a slot; `number` is its number or name in errors.
 
     (X, Y) are in the array's frame, in radii: (x, y) = turn(X, Y) R + offset. At the
-    layer's plane s = s0 + a X' + b Y' where (a, b) = R (m00, m01) turn and s0 = m02 +
-    (m00, m01) offset. A sky has slopes for x and y, and no offset.
+    layer's plane s = s0 + a X' + b Y', with (a, b) = R (m00, m01) turn and
+    s0 = m02 + (m00, m01) offset. A sky has slopes for x and y, and no offset.
     """
     frame = System.of(display).frame
     radius, (ox, oy) = display.array.radius_mm, frame.offset_mm
@@ -103,8 +101,7 @@ def layer_words(display: Display, layer: Layer, number: int | str, slot: int) ->
 
     name = f"layer {number}, register"
     nearer = "bring the layer nearer, or take a lenslet of larger array.radius_mm"
-    # Units in errors, as in the layers' file: mm, texels, and texels per mm or per
-    # slope of 1.
+    # Units in errors, as in the layers' file: mm, texels, texels per mm or slope of 1.
     share, unit = (SKY_DEPTH, " texels a slope of 1") if layer.sky else (1.0 / radius, " texels/mm")
     words = {"depth": nearest_word(depth, 32, DEPTH_FRACTION, f"{name} depth", nearer, radius, " mm")}
     for register, value in zip("abcd", linear.ravel().tolist(), strict=True):
@@ -134,7 +131,7 @@ def build_curve_table(display: Display) -> Bytes:
 
 
 def _check_place(display: Display) -> None:
-    """Refuse a display whose rays leave too far from the array's origin for the word of their position."""
+    """Refuse a display whose rays leave too far from the array's origin for their words."""
     farthest = float(np.abs(System.of(display).frame.corners).max())
     radii = farthest / display.array.radius_mm + EXIT_RADII
     if radii >= MAX_PLACE:
@@ -148,7 +145,7 @@ def _check_place(display: Display) -> None:
 def _check_reach(
     layer: Layer, linear: npt.NDArray[np.float64], zero: npt.NDArray[np.float64], number: int | str, radius: float
 ) -> None:
-    """Refuse a texture with a corner too far from the array's origin for the word of its position."""
+    """Refuse a texture with a corner too far from the array's origin for its word."""
     if np.linalg.det(linear) == 0.0:
         return  # each line shows the same texels along it: there are no corners
     corners = np.array([(s, t) for s in (0.0, layer.width) for t in (0.0, layer.height)])

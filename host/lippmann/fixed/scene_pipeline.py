@@ -54,7 +54,7 @@ class LayerWords:
 
 @dataclass(frozen=True)
 class SceneWords:
-    """A scene's registers: its layers from front to back, the lattice's words, and the background's light."""
+    """A scene's registers: layers from front to back, the lattice's words, the background's light."""
 
     layers: tuple[LayerWords, ...]
     lattice_xi: int
@@ -81,8 +81,7 @@ class SceneWords:
         return word
 
 
-#: Fraction bits of the lattice's words, and of a lenslet's index on its way to the
-#: multiplier.
+#: Fraction bits of the lattice's words, and of a lenslet's index as a factor.
 LATTICE_FRACTION = 30
 _INDEX_SHIFT = 6
 
@@ -100,8 +99,7 @@ class Lines(NamedTuple):
 def exit_line(rays: FixedRays, xi: int, xj: int, yj: int, f: int) -> Lines:
     """Return the lines of exit rays; `xi`, `xj` and `yj` are the lattice's words, 30 fraction bits.
 
-    A ray draws when it has an exit, dz is 1/4 or more, and x_o and y_o are in [-2048,
-    2048).
+    A ray draws if it exits, dz is 1/4 or more, and x_o and y_o are in [-2048, 2048).
 
     With q the reciprocal root of 4 dz:
 
@@ -113,7 +111,8 @@ def exit_line(rays: FixedRays, xi: int, xj: int, yj: int, f: int) -> Lines:
     length, inverse = f + 4, f + 8
     q = quadratic((rays.dz & ((1 << (f + 1)) - 1)) << 2, "reciprocal", f)
     r = wrapped(multiplier(q, q, f + 6, f + 6, f + 2), inverse)
-    slope_x, slope_y = (wrapped(guarded(multiplier(d, r, f + 2, inverse, f + 1)), length) for d in (rays.dx, rays.dy))
+    slopes = (guarded(multiplier(d, r, f + 2, inverse, f + 1)) for d in (rays.dx, rays.dy))
+    slope_x, slope_y = (wrapped(slope, length) for slope in slopes)
 
     drop = LATTICE_FRACTION + _INDEX_SHIFT + 1 - f
 
@@ -126,15 +125,15 @@ def exit_line(rays: FixedRays, xi: int, xj: int, yj: int, f: int) -> Lines:
         for c, local, slope in zip(centres, (rays.x, rays.y), (slope_x, slope_y), strict=True)
     ]
     bits = f + 9
-    draws = gets_through(rays.status) & (rays.dz >= 1 << (f - 1)) & fits(places[0], bits) & fits(places[1], bits)
+    draws = gets_through(rays.status) & (rays.dz >= 1 << (f - 1))
+    draws &= fits(places[0], bits) & fits(places[1], bits)
     x, y = (wrapped(place, bits) for place in places)
     return Lines(x, y, slope_x, slope_y, draws)
 
 
 #: Bits of a coordinate.
 COORDINATE_BITS = 20
-#: Shift of bilinear coordinates, 16 fraction bits: half a unit of the coordinate less
-#: half a texel.
+#: Shift of bilinear coordinates, 16 fraction bits: half their unit less half a texel.
 _BILINEAR = (1 << 7) - (1 << 15)
 
 
@@ -207,8 +206,7 @@ def texel_fetch(s: Ints, t: Ints, hidden: Bools, slot: Bytes | None, build: Scen
 def texel_blend(colours: Ints, weights: Ints) -> tuple[Ints, Ints]:
     """Return the premultiplied light (N, 3) and the opacity (N,) of texels (N, taps, 4) with weights (N, taps).
 
-    With the opacity A = a + [a >= 128], the bytes r, g, b of texel n and its weight w_n
-    (N, taps):
+    With the opacity A = a + [a >= 128], the bytes r, g, b and the weight w_n of texel n:
 
         share_n = (w_n A + 2^7) >> 8        16 fraction bits
         light_o = (sum over n of (share_n r^2 >> 8) + 2^7) >> 8,  g and b likewise
@@ -225,9 +223,8 @@ def composite(
 ) -> Ints:
     """Return the light (N, 3) of rays through layers and of the background (3,); 0 for rays that do not draw.
 
-    Each layer, from front to back, has a premultiplied light P (N, 3), an opacity A
-    (N,) and a brightness B, at most
-    256. From C_0 = 0, T_0 = 65536:
+    Layers from front to back have premultiplied light P (N, 3), opacity A (N,) and
+    brightness B, at most 256. From C_0 = 0, T_0 = 65536:
 
         G_k     = (T_k B_k + 2^7) >> 8
         C_(k+1) = C_k + ((P_k G_k + 2^15) >> 16)        for each of red, green and blue
@@ -293,7 +290,7 @@ def scene(
 
 
 def scene_light(rays: FixedRays, words: SceneWords, slots: Mapping[int, Bytes], build: SceneBuild, f: int) -> Ints:
-    """Return the light (N, 3) of exit rays, before the mean of a pixel's samples; parameters as for `scene`."""
+    """Return the light (N, 3) of exit rays, before a pixel's mean; parameters as for `scene`."""
     lines = exit_line(rays, words.lattice_xi, words.lattice_xj, words.lattice_yj, f)
     empty = np.zeros(build.slot_bytes, np.uint8)
     light, opacity = [], []

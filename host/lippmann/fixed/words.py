@@ -33,8 +33,7 @@ INDEX_BITS = 12
 MUL_BITS = 18
 #: Bits kept below the last place until a step's final rounding.
 GUARD = 3
-#: Units by which rounding may move a saturated word, or a clamped square, out of its
-#: range.
+#: Units by which rounding may move a saturated word, a clamped square out of its range.
 SLACK, SQUARE_SLACK = 1 << 6, 1 << 9
 #: Fraction bits that the RTL can be built with.
 FRACTIONS = range(14, 24)
@@ -93,7 +92,12 @@ def beyond(x: Ints, bits: int, slack: int = SLACK) -> Bools:
 
 
 def multiplier(a: Ints, b: Ints | int, a_bits: int, b_bits: int, drop: int) -> Ints:
-    """Return the product of two words without its last `drop` bits, and without that of the bits below their top 18."""
+    """Return the product of two words without its last `drop` bits, and without that of their lower parts.
+
+    With a = ah 2^la + al, where la are a's bits beyond 18, and b likewise:
+
+        (ah bh >> drop-la-lb) + ((ah bl 2^la + al bh 2^lb) >> drop)
+    """
     b = np.asarray(b, np.int64)
     la, lb = max(a_bits - MUL_BITS, 0), max(b_bits - MUL_BITS, 0)
     ah, bh = a >> la, b >> lb
@@ -142,18 +146,25 @@ def root_table(root: Root, f: int) -> RootTable:
         return np.trunc(scaled + np.copysign(0.5, scaled)).astype(np.int64)
 
     segments = range(2 << a)
+    slopes = [(at(k, node) - at(k, -node)) / (2.0 * node) for k in segments]
+    bends = [(at(k, node) + at(k, -node) - 2.0 * at(k, 0.0)) * (8.0 / 3.0) for k in segments]
     return RootTable(
         a,
         place_bits,
         slope_fraction,
         words([at(k, 0.0) for k in segments], f + 4),
-        words([(at(k, node) - at(k, -node)) / (2.0 * node) for k in segments], slope_fraction),
-        words([(at(k, node) + at(k, -node) - 2.0 * at(k, 0.0)) * (8.0 / 3.0) for k in segments], slope_fraction + 2),
+        words(slopes, slope_fraction),
+        words(bends, slope_fraction + 2),
     )
 
 
 def quadratic(x: Ints, root: Root, f: int) -> Ints:
-    """Return the root, F + 4 fraction bits, of x in [1, 4), F + 1 fraction bits: c0 + (c1 + c2 z) z."""
+    """Return the root y, F + 4 fraction bits, of x in [1, 4), F + 1 fraction bits.
+
+    c2 z has one bit below c1's last; z is the place in the segment:
+
+        slope = c1 + ((floor(c2 z) + 1) >> 1),  y = c0 + floor(slope z)
+    """
     table = root_table(root, f)
     a, d, s1 = table.segment_bits, table.place_bits, table.slope_fraction
     upper = x >> (f + 2)

@@ -1,1 +1,1 @@
-"""The path of a ray, over arrays of numpy (float64, the engine golden) or Dr.Jit (float32, the engine fast)."""
+"""The path of a ray, over arrays of numpy (float64, golden) or Dr.Jit (float32, fast)."""

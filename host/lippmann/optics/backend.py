@@ -2,8 +2,7 @@
 
 Coordinates across the panel are `double`; lens-local numbers are `real`, in the fast
 engine float32, which resolves 0.05 nm inside a lenslet but only 30 nm across a 700 mm
-panel. Rays behind a capture's imaging lens are `real` too, with an error below 1
-micrometre at 1 m.
+panel. Rays behind a capture's imaging lens are `real`, with errors below 1 um at 1 m.
 """
 
 from __future__ import annotations

@@ -18,8 +18,7 @@ from lippmann.optics.zones import Zone, middle_eye, remedy, sees_all, status_sha
 
 #: Distances of the eyes in the table of views, in viewing distances.
 DISTANCES = (0.5, 0.75, 1.0, 1.5, 2.0, 3.0)
-#: A beat between lenslets and pixels is visible as moire if it is longer than this many
-#: lenslets ...
+#: A beat of lenslets and pixels is visible as moire if it is longer, in lenslets, ...
 MOIRE_FROM_LENSLETS = 4.0
 #: ... and an elemental image has fewer pixels than this, for enough contrast.
 MOIRE_BELOW_PIXELS = 60.0
@@ -108,7 +107,7 @@ def axis_text(display: Display) -> str:
 
 
 def percent(share: float, sampled: bool = False) -> str:
-    """Return a fraction in per cent; a small one, not 0 or `sampled`, as "< 0.1 %"."""
+    """Return a fraction in per cent; "< 0.1 %" for a small positive one, or a `sampled` 0."""
     return "< 0.1 %" if (sampled or share > 0.0) and share < 5e-4 else f"{100.0 * share:.1f} %"
 
 
@@ -159,7 +158,7 @@ def depth_reach_mm(display: Display) -> Pair:
 
 
 def _lenslets(display: Display) -> Lenslets:
-    """Return the number of lenslets in front of the panel, within the extent: across, down and in all."""
+    """Return the lenslets across, down and in all, in front of the panel and within the extent."""
     panel, array = display.panel, display.array
     # 1e-9 allows for rounding on a panel of a whole number of lenslets.
     across = math.ceil(panel.width_mm / array.pitches_mm[0] - 1e-9)
@@ -168,8 +167,7 @@ def _lenslets(display: Display) -> Lenslets:
         return across, down, across * down
     along, rows = array.half_steps
     down = min(down, 2 * (rows // 2) + 1)
-    # The middle row has a lenslet in the middle, the next rows of a hexagonal lattice
-    # one on each side of it.
+    # The middle row has a lenslet in the middle; hexagonal, the next have none there.
     own, other = (min(across, count) for count in (2 * (along // 2) + 1, 2 * ((along + 1) // 2)))
     others = (down + 1) // 4 * 2 if array.grid == "hex" else 0
     return max(own, other) if others else own, down, own * (down - others) + other * others
@@ -182,8 +180,7 @@ def beats_in_lenslets(display: Display, distance_mm: float = math.inf) -> tuple[
     apart. The phase of the pixel columns, of frequency k = (1/p, 0), advances by k . a
     cycles along a lattice vector a. The eye sees the longest wave whose frequency f
     satisfies f . a = k . a modulo 1 for both lattice vectors: |f| is the distance of k
-    from the reciprocal lattice. The period is infinite if each lenslet has the same
-    phase.
+    from the reciprocal lattice. The period is infinite if all lenslets agree in phase.
     """
     lattice, frame = System.of(display).lattice, PanelFrame.of(display)
     pitch_mm = lattice.pitches_mm[0]
@@ -235,8 +232,7 @@ def _warnings(display: Display, half_field_deg: float, zone: Zone | None) -> lis
             f"moire: to an eye at {distance:g} mm, pixels and lenslets beat every {moire * px:.3g} mm; change the "
             "pitch of either, or the angle of the array by some degrees"
         )
-    # Stripes are along or across a row of lenslets every 90 degrees, on a hexagonal
-    # lattice every 30.
+    # Stripes are along or across lenslet rows every 90 degrees, hexagonal every 30.
     symmetry_deg = 30.0 if array.grid == "hex" else 90.0
     if panel.subpixels != "none" and abs(math.remainder(array.rotation_deg, symmetry_deg)) <= PARALLEL_DEG:
         kind = "stripes" if panel.subpixels in ("rgb", "bgr") else "sub-pixels"

@@ -3,12 +3,13 @@
 Snell's law at a plane keeps the tangential part of n d: with k = d_tangential n1/n2 the
 new direction is (k, sqrt(1 - |k|^2)); |k| > 1 is total internal reflection.
 
-**Domes** are lens-local with the vertex at the origin, the dome bulging to +z, glass below:
-curvature c = 1/R, sphere c (x^2 + y^2 + z^2) + 2 z = 0.
+**Domes** are lens-local, vertex at the origin, bulging to +z, glass below: curvature
+c = 1/R, sphere c (x^2 + y^2 + z^2) + 2 z = 0.
 
-**Perpendicular-foot form.** The ray's point is first moved to the foot Q of the perpendicular from the vertex:
-Q . d = 0. With F = c |Q|^2 + 2 Q_z the ray meets the sphere where c t^2 + 2 d_z t + F = 0. The cosine between ray and
-normal is sqrt(d_z^2 - c F). No term grows with the ray's distance or with R; a flat face is c = 0.
+**Perpendicular-foot form.** The ray's point is first moved to the foot Q of the
+perpendicular from the vertex: Q . d = 0. With F = c |Q|^2 + 2 Q_z, the ray meets the
+sphere where c t^2 + 2 d_z t + F = 0; its cosine to the normal is sqrt(d_z^2 - c F). No
+term grows with the ray's distance or with R; a flat face is c = 0.
 
 **The height field.** The array's face has a cap over each cell. A ray meets the cap of
 its cell, or steps to the next cell. Neighbouring caps have equal heights at their
@@ -56,8 +57,7 @@ def mirrored(ray: Ray) -> Ray:
 def refract_flat(b: Backend, ray: Ray, ratio: float) -> tuple[Ray, Arr]:
     """Refract rays at the planes z = constant through their points; `ratio` is n1 / n2.
 
-    Return the rays and the squared cosine behind the face, not positive for total
-    internal reflection.
+    Return the rays and the squared cosine behind the face, not positive if reflected.
     """
     kx, ky = ray.dx * ratio, ray.dy * ratio
     k = b.sqrt(kx * kx + ky * ky)
@@ -68,8 +68,8 @@ def refract_flat(b: Backend, ray: Ray, ratio: float) -> tuple[Ray, Arr]:
 
 def _turned(b: Backend, ray: Ray, direction: State, square: Arr) -> tuple[Ray, Arr]:
     """Return rays with new directions, but the old ones where `square` is not positive; and `square`."""
-    reflected = square <= 0.0
-    return Ray(*ray[:3], *(b.where(reflected, old, new) for old, new in zip(ray[3:], direction, strict=True))), square
+    pairs = zip(ray[3:], direction, strict=True)
+    return Ray(*ray[:3], *(b.where(square <= 0.0, old, new) for old, new in pairs)), square
 
 
 #: Maximum number of cells of a ray; beyond, it has missed.
@@ -114,10 +114,10 @@ def cap(b: Backend, dome: Dome, ray: Ray, upward: bool) -> tuple[Arr, Arr, Ray, 
     hit = square >= 0.0
     cosine = b.sqrt(b.maximum(square, 0.0))
     if upward:
-        # The larger root (cosine - d_z) / c, without cancellation where d_z > 0.
+        # Out of the sphere: the root (cosine - d_z) / c, precise where d_z > 0.
         t = -f / b.maximum(ray.dz + cosine, 1e-30)
     else:
-        # The smaller root (-d_z - cosine) / c, without cancellation where d_z < 0.
+        # Into the sphere: the root (-d_z - cosine) / c, precise where d_z < 0.
         t = f / b.maximum(cosine - ray.dz, 1e-30)
     on_dome = ray._replace(x=qx + t * ray.dx, y=qy + t * ray.dy, z=qz + t * ray.dz)
     return hit, t - s, on_dome, cosine
@@ -137,8 +137,7 @@ def meet(b: Backend, dome: Dome, ray: Ray, upward: bool) -> Crossing:
         return ~state[0] & (state[1] < MAX_CELLS)
 
     def step(settled: Arr, steps: Arr, di: Arr, dj: Arr, *tail: Arr) -> tuple[Arr, ...]:
-        # `tail`: the ray in its present cell, then the point on the dome and the cosine
-        # there.
+        # `tail`: the ray in its present cell, then point and cosine on the dome.
         local = Ray(*tail[:6])
         hit, t, at, cosine = cap(b, dome, local, upward)
         t_flat, (step_i, step_j), (to_x, to_y) = dome.lattice.leave(b, local.x, local.y, local.dx, local.dy)
@@ -171,7 +170,8 @@ def meet(b: Backend, dome: Dome, ray: Ray, upward: bool) -> Crossing:
 def refract_dome(b: Backend, dome: Dome, ray: Ray, cosine: Arr, ratio: float, upward: bool) -> tuple[Ray, Arr]:
     """Refract rays at the sphere through their points; the result is as for `refract_flat`.
 
-    Vector form of Snell's law: d' = r d + (cos t - r cos i) N, with r = n1/n2 and cos^2 t = 1 - r^2 (1 - cos^2 i).
+    Vector form of Snell's law: d' = r d + (cos t - r cos i) N, with r = n1/n2 and
+    cos^2 t = 1 - r^2 (1 - cos^2 i).
     """
     c = dome.curvature
     square = 1.0 - (ratio * ratio) * (1.0 - cosine) * (1.0 + cosine)
@@ -197,8 +197,7 @@ def blocked_above(b: Backend, dome: Dome, ray: Ray, suspect: Arr) -> Arr:
         t_cap = -(local.dz + cosine) * dome.radius_mm - foot
         return (steps > 0) & hit & (t_cap > t) & (t_cap <= b.minimum(t_flat, t_top))
 
-    # Clear if still above its own cell at the vertices' plane: a dome cannot be met
-    # twice from outside.
+    # Clear if above its own cell at the vertices' plane: no ray meets a dome twice.
     return _blocked(b, dome, ray, suspect, 0.0, 1.0, meets_cap)
 
 
@@ -209,8 +208,7 @@ def blocked_below(b: Backend, dome: Dome, ray: Ray, suspect: Arr) -> Arr:
         x, y, z = local.x + t_flat * local.dx, local.y + t_flat * local.dy, local.z + t_flat * local.dz
         return (t_flat < t_rim) & (dome.height(x, y, z) > 0.0)
 
-    # Clear if still inside its own cell at the rims' plane: a chord of one sphere is in
-    # the glass.
+    # Clear if inside its own cell at the rims' plane: chords of a sphere are in glass.
     return _blocked(b, dome, ray, suspect, -dome.sag_mm, -1.0, leaves_glass)
 
 
@@ -242,5 +240,6 @@ def _blocked(b: Backend, dome: Dome, ray: Ray, suspect: Arr, plane: float, up: f
         return searching, steps + 1, blocked | met, t_flat, x, y, *local[2:]
 
     zero = 0.0 * ray.x
-    searching, _, blocked, *_ = b.loop(active, step, (suspect & ~clear & ~away, b.integer(zero), away, zero, *ray))
+    start = suspect & ~clear & ~away, b.integer(zero), away, zero, *ray
+    searching, _, blocked, *_ = b.loop(active, step, start)
     return suspect & (blocked | searching)

@@ -1,4 +1,4 @@
-"""Step 2 of a ray: the lenslet of a point, and the point's position inside that lenslet.
+"""Step 2 of a ray: the lenslet of a point, and the point's position inside it.
 
 On the regular lattice of pitch 1, the centre of lenslet (i, j) is at (X, Y) = (i, j),
 hexagonal (i + j/2, j sqrt(3)/2). A cell is half-open, -1/2 <= q < 1/2 along each of its
@@ -30,7 +30,7 @@ STEPS: dict[Grid, tuple[tuple[int, int], ...]] = {
 
 @dataclass(frozen=True)
 class Lattice:
-    """A lattice with the pitches px and py (mm); `half_sqrt3` is sqrt(3)/2, `half_steps` as in `Array`."""
+    """A lattice, in mm; `half_sqrt3` is sqrt(3)/2 in the coordinates' precision, `half_steps` as in `Array`."""
 
     grid: Grid
     pitch_mm: Pitch
@@ -63,8 +63,7 @@ class Lattice:
     def axes(self) -> tuple[Pair, ...]:
         """Vectors a perpendicular to the sides of a cell, of length 1 for a regular lattice.
 
-        A point q from the centre is in the cell when each product a . q is in [-px/2,
-        px/2).
+        A point q from the centre is in the cell if each a . q is in [-px/2, px/2).
         """
         regular: tuple[Pair, ...] = (1.0, 0.0), (0.0, 1.0)
         if self.grid == "hex":
@@ -79,7 +78,8 @@ class Lattice:
         sides = len(self.axes)
         radius, first = 0.5 * px / math.cos(0.5 * math.pi / sides), 0.5 * math.pi / sides
         angles = (first + math.pi * k / sides for k in range(2 * sides))
-        return tuple(self.sheared(radius * math.cos(angle), radius * math.sin(angle) * (py / px)) for angle in angles)
+        regular = ((radius * math.cos(angle), radius * math.sin(angle)) for angle in angles)
+        return tuple(self.sheared(x, y * (py / px)) for x, y in regular)
 
     def sheared(self, x: Arr, y: Arr) -> Point:
         """Return the sheared position of a point of the lattice without shear, mm."""
@@ -119,15 +119,13 @@ class Lattice:
             j = b.floor(y * (1.0 / py) + 0.5)
         else:
             # First a corner of the point's lattice parallelogram, then the nearest of
-            # the four corners, whose bisectors are q = 1/2 and q = 1 along the cell's
-            # axes.
+            # the four, whose bisectors are q = 1/2 and q = 1 along the cell's axes.
             t = y * (1.0 / (self.half_sqrt3 * py))
             u = along * (1.0 / px)
             s = u - 0.5 * t
             i, j = b.floor(s), b.floor(t)
             s, t = s - i, t - j
-            # q0 from u, not s + t/2: a column of pixels on an upright edge stays in one
-            # lenslet.
+            # q0 from u, not s + t/2: pixels on an upright edge stay in one lenslet.
             q0, q1 = u - (i + 0.5 * j), 0.5 * s + t
             near = (q0 < 0.5) & (q1 < 0.5)
             far = (q0 >= 1.0) & (q1 >= 1.0)
@@ -169,7 +167,7 @@ class Lattice:
 
 
 def number_lenslets(index: Indices) -> tuple[Indices, Indices]:
-    """Return the distinct lenslets of pixels' lenslets (N, 2), ascending (M, 2), and the index of each (N,)."""
+    """Return the distinct ones of lenslets (N, 2), ascending (M, 2), and the index of each lenslet (N,)."""
     low = index.min(axis=0)
     span = int(np.ptp(index[:, 1])) + 1
     flat = (index[:, 0] - low[0]) * span + (index[:, 1] - low[1])

@@ -27,8 +27,7 @@ TOLERANCE = 0.25
 #: Probed cells along each side of the panel, and points along each side of a cell.
 PROBE_CELLS = 5
 PROBE_POINTS = 9
-#: Scale of a cell's corners, where errors are largest; a point on the corner itself may
-#: belong to a neighbour.
+#: Scale of a cell's corners, where errors are largest; the corner may be a neighbour's.
 INSIDE = 1.0 - 1e-6
 #: Scale of the cell's rim that rays aim at, and number of aims along each side. Beyond
 #: RIM, up to 1 - RIM of the rays leave through a neighbour's dome that faces the panel,
@@ -53,7 +52,8 @@ class Choice:
 
 def reconstructed_pixel_mm(display: Display, z_mm: float) -> float:
     """Return the pixel of the reconstructed view at a depth, mm: its shorter side."""
-    return max(display.array.finest_mm, abs(z_mm) * min(display.panel.pitches_mm) / display.aperture_distance_mm)
+    spread = abs(z_mm) * min(display.panel.pitches_mm) / display.aperture_distance_mm
+    return max(display.array.finest_mm, spread)
 
 
 def choose_model(
@@ -88,13 +88,12 @@ def probe(display: Display, aperture: str, inside: float = INSIDE) -> tuple[Floa
     steps = np.linspace(0.05, 0.95, PROBE_CELLS)
     cells, _ = located(display, np.stack(np.meshgrid(*np.outer(size, steps)), axis=-1).reshape(-1, 2))
     corners = corners_mm(array)
-    # Points over the cell's bounding square; points outside a hexagon belong to
-    # neighbours.
+    # Points over the bounding square; those outside a hexagon belong to neighbours.
     side, (px, py) = np.linspace(-0.49, 0.49, PROBE_POINTS), array.pitches_mm
     over = np.stack(Lattice.of(array).sheared(*np.meshgrid(side * px, side * py)), axis=-1).reshape(-1, 2)
     local = np.concatenate([over, inside * corners])
-    everywhere = pixels_from_cells(display, np.repeat(cells, len(local), axis=0), np.tile(local, (len(cells), 1)))
-    pixels = on_panel(display, everywhere)
+    owners, points = np.repeat(cells, len(local), axis=0), np.tile(local, (len(cells), 1))
+    pixels = on_panel(display, pixels_from_cells(display, owners, points))
     if len(pixels) == 0:
         pixels = 0.5 * size[None]
     if aperture == "chief":
@@ -139,8 +138,7 @@ def on_panel(display: Display, pixels: Floats) -> Floats:
 
 def corners_mm(array: Array) -> Floats:
     """Return the corners of a lenslet's cell, counter-clockwise, (4, 2) or (6, 2) mm, from its centre."""
-    # Not `Lattice.corners`: the published sets of rays (docs/reference/stream.md)
-    # depend on the last bits.
+    # Not `Lattice.corners`: docs/reference/stream.md's rays fix the last bits.
     angles = np.radians([45, 135, 225, 315] if array.grid == "square" else [30, 90, 150, 210, 270, 330])
     x, y = (pitch / math.sqrt(2.0 if array.grid == "square" else 3.0) for pitch in array.pitches_mm)
     return np.stack(Lattice.of(array).sheared(x * np.cos(angles), y * np.sin(angles)), axis=1)
@@ -163,8 +161,7 @@ def model_error_px(display: Display, truth: Rays, rays: Rays, depth_range_mm: Pa
     slope = np.subtract(*(direction[:, :2] / direction[:, 2:] for _, direction in lines))
     worst = 0.0
     far, near = depth_range_mm
-    # From this depth on a pixel is wider than the lenslet; the error has no peak
-    # between these depths.
+    # Beyond this depth a pixel is wider than a lenslet: errors peak here or at an end.
     kink = display.array.finest_mm * display.aperture_distance_mm / min(display.panel.pitches_mm)
     for z in (far, near, *(z for z in (-kink, kink) if far < z < near)):
         apart = float(np.linalg.norm(place + z * slope, axis=1).max())

@@ -26,8 +26,7 @@ GRAZING_SQUARE = 0.15
 def ray_matrix(system: System) -> Floats:
     """Return the ABCD matrix (2, 2) from the panel to the last face's vertex plane, for (height mm, slope in air).
 
-    Translations by gap and thickness / n, refraction with power 1/f at the dome (Hecht,
-    Optics, section 6.2).
+    Translations by gap and thickness / n, power 1/f at the dome (Hecht, Optics, 6.2).
     """
     gap = np.array([[1.0, system.gap_mm], [0.0, 1.0]])
     glass = np.array([[1.0, system.thickness_mm / system.index], [0.0, 1.0]])
@@ -88,8 +87,7 @@ def reach_panel(b: Backend, system: System, ray: Ray, model: Model) -> Landing:
     """Trace rays from the world to the panel.
 
     `ray` is local to the lenslet of its point's cell, array's axes. The point lies in
-    the vertices' plane for `pinhole` and `thin`, in `System.last_face_mm` for the
-    others.
+    the vertices' plane for `pinhole` and `thin`, else in `System.last_face_mm`.
     """
     if model == "exact":
         return _reach_exact(b, system, ray)

@@ -1,7 +1,6 @@
 """Low-discrepancy sample points in a pixel, a lenslet's cell and a pupil.
 
-They depend on the numbers of pixel and sample and on the seed, but not on the chunks of
-a render.
+They depend on the numbers of pixel and sample and the seed, not on a render's chunks.
 """
 
 from __future__ import annotations
@@ -15,8 +14,7 @@ from lippmann.optics.lattice import Lattice
 R2_STEPS = (0.7548776662466927, 0.5698402909980532)
 #: Fractional part of the golden ratio, in units of 2^-32.
 GOLDEN_STEP = 0x9E3779B9
-#: Rounds of the Tiny Encryption Algorithm. With Mitsuba's four, neighbouring pixels are
-#: correlated for some seeds.
+#: Rounds of the Tiny Encryption Algorithm. After four, neighbouring pixels correlate.
 HASH_ROUNDS = 6
 
 
@@ -33,11 +31,11 @@ def pixel_steps(samples: int) -> tuple[tuple[int, int], tuple[int, int]]:
 def points_in_pixel(pixel: Arr, sample: Arr, samples: int, seed: Arr, number: Arr = 0) -> Point:
     """Return points in the unit square for numbers of pixels and samples (UInt32), see `pixel_steps`.
 
-    A hash of pixel and seed mirrors a pixel's points or exchanges their axes, so that
-    pixels have different errors, and pictures of different seeds share a part of them.
-    A random shift would make the error at a straight edge 1.1 to 1.4 times as large. In
-    further passes over a picture (`number`) the golden steps continue, and each point
-    moves by golden steps within its N-th part of the width.
+    A hash of pixel and seed mirrors a pixel's points or exchanges their axes: errors
+    differ between pixels, and partly between seeds. A random shift would enlarge the
+    error at a straight edge 1.1 to 1.4 times. In further passes over a picture
+    (`number`) the golden steps continue, and each point moves by golden steps within
+    its N-th part of the width.
     """
     if samples == 1:
         return mi.Float(0.5), mi.Float(0.5)
@@ -51,8 +49,7 @@ def points_in_pixel(pixel: Arr, sample: Arr, samples: int, seed: Arr, number: Ar
     def along(axis: int, mirrored: Arr) -> Arr:
         first, step = pixel_steps(samples)[axis]
         place = (first + sample * step + moves[axis]) ^ dr.select(mirrored, mi.UInt32(0xFFFFFFFF), 0)
-        # 24 bits: rounding must not move a point onto the far edge, which belongs to
-        # the next pixel.
+        # 24 bits: rounding must not move a point onto the far edge, the next pixel's.
         return mi.Float(place >> 8) * 2.0**-24
 
     x, y = along(0, (turn & 1) != 0), along(1, (turn & 2) != 0)
@@ -84,8 +81,7 @@ def square_to_cell(b: Backend, s: Arr, t: Arr, lattice: Lattice) -> Point:
     px, py = lattice.pitches_mm
     if lattice.grid == "square":
         return lattice.sheared((s - 0.5) * px, (t - 0.5) * py)
-    # A hexagon is three rhombi around its centre, each between two of its corner
-    # vectors.
+    # A hexagon is three rhombi around its centre, each between two corner vectors.
     corners = lattice.corners[::2]
     rhombus = b.minimum(b.floor(3.0 * s), 2.0)
     s = 3.0 * s - rhombus

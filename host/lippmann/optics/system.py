@@ -2,10 +2,13 @@
 
 A pixel belongs to the lenslet through which the eye sees it. The eye is in front of the
 axis point a, at the distance E from the aperture plane, which is at the distance D from
-the panel. The line from the eye to the pixel's point x crosses this plane at q = x - (x
-- a) s with s = D / (D + E), and the pixel belongs to the lenslet whose cell contains q.
-The elemental image of the lenslet at c is its cell, scaled by 1 + D/E around c + (c -
-a) D/E. Without a viewing distance, s is 0.
+the panel. The line from the eye to the pixel's point x crosses this plane at
+
+    q = x - (x - a) s,   s = D / (D + E),
+
+and the pixel belongs to the lenslet whose cell contains q. The elemental image of the
+lenslet at c is its cell, scaled by 1 + D/E around the point c + (c - a) D/E. Without a
+viewing distance, s is 0.
 """
 
 from __future__ import annotations

@@ -18,11 +18,9 @@ from lippmann.optics.models import leave_panel, reach_panel
 from lippmann.optics.rays import ENGINES, MODELS, Engine, Floats, Hits, Model, Rays, Status, gets_through
 from lippmann.optics.system import System
 
-#: Maximum distance of rays from the array's centre, in lenslets: their indices fit into
-#: 32 bits.
+#: Maximum distance of rays from the array's centre, lenslets: indices fit into 32 bits.
 FARTHEST_LENSLETS = 1 << 28
-#: Minimum |dz| of a ray that can reach the array; a smaller divisor may be 0 in
-#: float32.
+#: Minimum |dz| of a ray that can reach the array; less may be 0 in float32.
 FLATTEST = 1e-30
 
 
@@ -70,8 +68,7 @@ def pixels_from_rays(
     safe_z = b.where(heads_there, dz, -1.0)
     t = b.where(heads_there, (z - oz) / safe_z, 0.0)
     x, y = frame.array_from_panel(ox + t * dx, oy + t * dy)
-    # A ray too far out at the array's plane has missed; its numbers are replaced, lest
-    # they overflow.
+    # A ray too far out at the array has missed; safe numbers replace its own.
     farthest = FARTHEST_LENSLETS * min(system.lattice.pitches_mm)
     heads_there = heads_there & (b.maximum(b.absolute(x), b.absolute(y)) < farthest)
     x, y = b.where(heads_there, x, 0.0), b.where(heads_there, y, 0.0)
@@ -94,16 +91,14 @@ def pixels_from_rays(
     return PixelHits(u, v, b.integer(i), b.integer(j), b.integer(status))
 
 
-#: Maximum error of a direction's length: accepts a unit vector with a small step, but
-#: no slope.
+#: Maximum error of a direction's length: accepts unit vectors with a step, not slopes.
 UNIT_ERROR = 1e-3
 
 
 def backend_of(engine: Engine, device: str = "auto", rays: int = 1) -> Backend:
     """Return an engine's backend; numpy's when there are no rays, because Dr.Jit has no empty arrays.
 
-    Raises InputError for another engine or an unknown device; MissingLibraryError as
-    `available_device`.
+    Raises InputError for another engine or device; else as `available_device`.
     """
     check_device(device)
     if engine == "golden":
@@ -180,8 +175,7 @@ def trace_to_panel(
     """Trace rays from the world, (N, 3) origins in mm and (N, 3) unit directions, to the panel.
 
     A ray flatter than `FLATTEST`, or beyond `FARTHEST_LENSLETS` at the array, has
-    missed. Errors as for `trace`, and InputError for directions that are not of length
-    1.
+    missed. Errors as for `trace`; InputError for directions of another length than 1.
     """
     check_model(model)
     origins = columns("origin_mm", origin_mm, 3, MAX_LENGTH_MM)

@@ -1,8 +1,8 @@
 """The crosstalk that eyes see, and the zone of eyes without it, from rays through exact lenslets.
 
-At the distance z the paraxial zone is as wide as a cell's image, (1 + k) p z / D with k
-= D/E, less the panel's width times |1 - z/E|. The real zone, found by bisection, is
-narrower: thick lenslets refract steep rays differently.
+With k = D/E, the paraxial zone at the distance z is as wide as a cell's image,
+(1 + k) p z / D, less the panel's width times |1 - z/E|. The real zone, found by
+bisection, is narrower: thick lenslets refract steep rays differently.
 """
 
 from __future__ import annotations
@@ -26,20 +26,18 @@ from lippmann.optics.trace import trace_to_panel
 VIEWING_DISTANCE_MM = 600.0
 #: Maximum coordinate of an eye, mm: a thousand kilometres.
 FARTHEST_EYE_MM = 1e9
+TOO_FAR = f"eye: is farther away than {FARTHEST_EYE_MM:g} mm; give its place in mm, such as 0,0,600"
 #: Number of rays from an eye that measure its crosstalk.
 SHARE_RAYS = 1 << 13
 #: Lenslets across and down that are tested for crosstalk, and the rays' points in each:
 #: fractions of the way to the cell's corners and sides, and of the rims' height.
 LENSLETS = (5, 3)
 POINTS = ((0.6, 0.0), (0.95, 0.0), (0.95, 1.0), (0.99, 0.0), (0.99, 1.0))
-#: The search for an end of a zone: range in paraxial half widths, and number of
-#: bisections.
+#: The search for an end of a zone: range in paraxial half widths, and bisections.
 FARTHEST, BISECTIONS = 2.0, 11
-#: The search for a better display: factor on viewing distance, focal length or pitch,
-#: and number of steps.
+#: The search for a better display: factor on distance, focal length or pitch; steps.
 FACTOR, STEPS = 1.1, 24
-#: A better display has no crosstalk up to this fraction of a lenslet's own zone, to
-#: both sides.
+#: A better display has no crosstalk up to this fraction of a lenslet's zone, each side.
 WORTH = 0.25
 
 
@@ -76,7 +74,7 @@ def status_shares(display: Display, eyes_mm: Floats, rays: int) -> Floats:
         what = f"z {nearest:g} mm is not in front of the display, whose front is at z = {front:.4g} mm"
         raise InputError(f"eye: {what}; move the eye towards +z")
     if not np.abs(eyes_mm).max() <= FARTHEST_EYE_MM:
-        raise InputError(f"eye: is farther away than {FARTHEST_EYE_MM:g} mm; give its place in mm, such as 0,0,600")
+        raise InputError(TOO_FAR)
     steps = np.arange(1, rays + 1)[:, None] * R2_STEPS % 1.0
     points = np.pad((steps - 0.5) * (display.panel.width_mm, display.panel.height_mm), ((0, 0), (0, 1)))
     status = _statuses(display, eyes_mm, points, inside=False)
@@ -88,9 +86,8 @@ def sees_all(display: Display, eyes_mm: Floats) -> npt.NDArray[np.bool_]:
     system, panel = System.of(display), display.panel
     across, down = (np.linspace(-0.5, 0.5, count) for count in LENSLETS)
     grid = np.stack(np.meshgrid(across * panel.width_mm, down * panel.height_mm), axis=-1).reshape(-1, 2)
-    # The lenslets through which each eye sees the points of this grid, on a panel
-    # without edges: crosstalk beyond an edge appears inside the panel in the next
-    # lenslet.
+    # The lenslets through which each eye sees the points of this grid. The panel has no
+    # edges here: crosstalk beyond an edge appears inside it in the next lenslet.
     lift = display.aperture_distance_mm / eyes_mm[:, None, 2:]
     x, y = np.moveaxis((grid + lift * eyes_mm[:, None, :2]) / (1.0 + lift), -1, 0)
     place = system.lattice.nearest_within(*system.frame.array_from_panel(x, y))
@@ -136,7 +133,8 @@ def remedy(display: Display) -> str:
         display.gap_mm, display.viewing_distance_mm, display.array.focal_length_mm, display.array.pitches_mm[0]
     )
     for new in _changes(display, old):
-        pitch_mm, radius_mm = display.array.pitch_of(new.pitch_mm), new.focal_length_mm * (display.array.index - 1.0)
+        pitch_mm = display.array.pitch_of(new.pitch_mm)
+        radius_mm = new.focal_length_mm * (display.array.index - 1.0)
         array = replace(display.array, pitch_mm=pitch_mm, radius_mm=radius_mm)
         if array.radius_mm < array.half_diagonal_mm:
             continue
@@ -185,8 +183,7 @@ def _rounded(value: float, digits: int) -> float:
 def _statuses(display: Display, eyes_mm: Floats, points_mm: Floats, inside: bool = True) -> npt.NDArray[np.uint8]:
     """Return the status (N, M) of rays from eyes (N, 3) to points, (N, M, 3) or (M, 3), mm.
 
-    Points `inside` lie in the glass: the rays reach them after refraction at a flat
-    front face.
+    Rays reach points `inside` the glass after refraction at a flat front face.
     """
     place, z = eyes_mm[:, None, :2], eyes_mm[:, None, 2:]
     slope = (points_mm[..., :2] - place) / (z - points_mm[..., 2:])

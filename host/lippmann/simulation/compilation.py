@@ -1,7 +1,6 @@
 """Verilator builds: RTL to a program or a library, compiled once and shared by all processes.
 
-The compiler reads Verilator's C++ as one file: this is faster, and the optimiser sees
-the complete model.
+The compiler reads Verilator's C++ as one file: faster, and optimised as a whole.
 """
 
 from __future__ import annotations
@@ -19,8 +18,7 @@ from lippmann.base.programs import run_program
 from lippmann.errors import LippmannError, input_error, to_install
 from lippmann.simulation.toolchain import build_folder, hardware, verilator_environment, verilator_version
 
-#: Compiler flags for speed on this processor. Hidden names let the compiler inline the
-#: model.
+#: Compiler flags for speed on this processor. Hidden names allow inlining the model.
 FAST = ("-O3", "-march=native", "-fvisibility=hidden")
 #: Compiler flags for a simulation that is shorter than its compilation.
 SHORT = ("-O1",)
@@ -29,8 +27,7 @@ UNCHECKED = ("--x-assign", "fast", "--x-initial", "fast", "--noassert")
 #: Verilator's options for a netlist: many short functions, which compile fast.
 NETLIST = ("--output-split-cfuncs", "1000")
 
-#: Environment variables: the folder for covered lines (sim/coverage/), and whether
-#: toggles count.
+#: Environment variables: folder of coverage (sim/coverage/); whether toggles count.
 COVERAGE, TOGGLES = "LIPPMANN_COVERAGE", "LIPPMANN_TOGGLES"
 
 #: Includes of every model.
@@ -52,9 +49,8 @@ class RtlError(LippmannError):
 def cached_file(path: Path, inputs: Iterable[Path | str], make: Callable[[Path], None], suffix: str = "") -> Path:
     """Return a file made from inputs; `make` writes it, complete or not at all, unless it is there.
 
-    One process makes the file and the others wait. A hash follows the name in `path`,
-    then the suffix: of the inputs (texts, and contents of files), of this processor,
-    and of Verilator's version.
+    One process makes the file and the others wait. The name is that in `path`, a hash
+    of the inputs (texts, contents of files), processor and Verilator, and the suffix.
     """
     always = " ".join(sorted(features())) + verilator_version()
     key = hashlib.sha256(always.encode() + Path(__file__).read_bytes())
@@ -113,7 +109,8 @@ def verilated(
         parts = sorted(work.glob("Vtop*.cpp"))
         process = "#include <unistd.h>\n" if _counters() else ""
         (work / "all.cpp").write_text(process + "".join(map(_include, [*parts, *main])))
-        runtime = re.findall(r"verilated\w*", (work / "Vtop_classes.mk").read_text().partition("VM_GLOBAL_FAST")[2])
+        listed = (work / "Vtop_classes.mk").read_text().partition("VM_GLOBAL_FAST")[2]
+        runtime = re.findall(r"verilated\w*", listed)
         headers = Path(verilator_environment()["VERILATOR_ROOT"], "include")
         common = [*_ALWAYS, f"-I{headers}", f"-I{headers / 'vltstd'}"]
         places = [f"-I{work}", *(f"-I{path}" for path in {path.parent for path in main})]
@@ -144,10 +141,9 @@ def _runtime(source: Path, flags: Sequence[str]) -> Path:
 
 
 def _precompiled(flags: Sequence[str]) -> Path:
-    """Return the file to include first, Verilator's headers: most of what the compiler of a small model reads.
+    """Return the file to include first: Verilator's headers, most of a small model's source.
 
-    Only its precompiled form exists; the compiler uses that when the flags are the
-    same.
+    Only its precompiled form exists, which the compiler uses for the same flags.
     """
 
     def make(path: Path) -> None:
@@ -155,7 +151,8 @@ def _precompiled(flags: Sequence[str]) -> Path:
         text.write_text(HEADERS)
         _run(["g++", *flags, "-x", "c++-header", str(text), "-o", str(path)])
 
-    return cached_file(build_folder() / "verilator" / "headers", [HEADERS, *flags], make, ".h.gch").with_suffix("")
+    path = build_folder() / "verilator" / "headers"
+    return cached_file(path, [HEADERS, *flags], make, ".h.gch").with_suffix("")
 
 
 def _include(path: Path) -> str:

@@ -1,4 +1,4 @@
-"""Batch harnesses (sim/batch/): a build of the RTL under Verilator as a library, arrays in, arrays out."""
+"""Batch harnesses (sim/batch/): a build of the RTL under Verilator, as a library for arrays."""
 
 from __future__ import annotations
 
@@ -24,8 +24,7 @@ from lippmann.simulation.toolchain import build_folder, hardware, needed, rtl_so
 #: 32-bit words of `scene_config_t`.
 _CONFIG_WORDS = 69
 _POINTER, _NUMBER = ctypes.c_void_p, ctypes.c_int64
-#: Seed of the pauses, and their probabilities at the input and at the output, in
-#: 256ths.
+#: Seed of the pauses, and their probabilities at the input and output, in 256ths.
 _PAUSES = ctypes.c_uint64, ctypes.c_uint32, ctypes.c_uint32
 
 

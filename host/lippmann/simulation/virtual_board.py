@@ -1,7 +1,6 @@
-"""The virtual board: the board's RTL under Verilator (sim/board), on a Unix socket, on TCP or on a pty.
+"""The virtual board: the board's RTL under Verilator (sim/board), on a Unix socket, TCP or a pty.
 
-A byte line transfers bytes as fast as the board accepts them. A bit line simulates a
-UART (8N1), clock by clock.
+A byte line is as fast as the board. A bit line simulates a UART (8N1) clock by clock.
 """
 
 from __future__ import annotations
@@ -44,13 +43,11 @@ Memory = Literal["block", "sdram"]
 CLOCK_HZ = 148_500_000
 #: Clock of the SDRAM, Hz: as on a ULX3S at 1280 x 720.
 MEMORY_HZ = 125_000_000
-#: Frames a second of a board with SDRAM, and its minimum clock, Hz, for a line of 3
-#: Mbaud.
+#: Frames a second of a board with SDRAM, and its minimum clock, Hz, for 3 Mbaud.
 FRAMES_HZ, SLOWEST_HZ = 60, 24_000_000
 #: Maximum side of a panel, px: the video timing's counters (rtl/board/lipp_board.sv).
 MAX_SIDE_PX = 16383
-#: Minimum clocks of a bit on the line (rtl/link/lipp_uart_rx.sv samples it three
-#: times).
+#: Minimum clocks of a bit on the line (rtl/link/lipp_uart_rx.sv takes three samples).
 CLOCKS_OF_A_BIT = 8
 #: Time after which a silent program makes room for another one, s.
 IDLE_S = 60
@@ -118,7 +115,7 @@ class RunningBoard:
 
 
 def step_of(baud: int, clock_hz: int) -> int:
-    """Return a bit line's bits per clock, in 1 / 65536; raises InputError when the rate does not fit the clock."""
+    """Return a bit line's bits per clock, in 1 / 65536; InputError when the rate does not fit the clock."""
     step = round(baud / clock_hz * 65536)
     if not 1 <= step <= 65536 // CLOCKS_OF_A_BIT or abs(step * clock_hz / 65536 / baud - 1) > 0.01:
         fastest = min(18_000_000, clock_hz // CLOCKS_OF_A_BIT)
@@ -184,8 +181,7 @@ class BoardOptions(TypedDict, total=False):
     tcp_port: int | None
     #: Baud rate of a bit line; None: a byte line.
     baud: int | None
-    #: Baud rate of the host's end of a bit line, to simulate a wrong setting; None:
-    #: `baud`.
+    #: Baud rate of the host's end of a bit line, to simulate a wrong setting.
     host_baud: int | None
     #: Clock of the board, Hz; None: `usual_clock`.
     clock_hz: int | None
@@ -195,8 +191,7 @@ class BoardOptions(TypedDict, total=False):
     capture: Path | None
     #: JSON file with the URL, which exists while the board runs.
     ready: Path | None
-    #: File for waveforms (.fst), and its first and last clock, by default 0 and 1 000
-    #: 000.
+    #: File for waveforms (.fst), and its first and last clock, by default 0 and 10^6.
     trace: Path | None
     trace_clocks: tuple[int, int]
     #: Seed of random pauses at both ends of a byte line; 0: none.
@@ -207,8 +202,7 @@ class BoardOptions(TypedDict, total=False):
     memory: Memory
     #: Program compiled for this display, line and clock; None: compiled at first use.
     program: Path | None
-    #: Time after which a silent program makes room for another one, s; by default
-    #: `IDLE_S`.
+    #: Time until a silent program makes room for another, s; by default `IDLE_S`.
     idle_s: int
 
 
@@ -255,7 +249,8 @@ def start(display: Display, **options: Unpack[BoardOptions]) -> RunningBoard:
                 raise input_error(str(place.parent), what, "set TMPDIR to a shorter folder")
         words |= {"line": port, "place": place, "ready": ready}
         command = [str(program), *(word for name, value in words.items() for word in (f"--{name}", str(value)))]
-        process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, errors="replace")
+        pipe = subprocess.PIPE
+        process = subprocess.Popen(command, stdout=pipe, stderr=pipe, text=True, errors="replace")
         try:
             return RunningBoard(_wait(process, ready), process)
         except BaseException:
@@ -267,14 +262,14 @@ def start(display: Display, **options: Unpack[BoardOptions]) -> RunningBoard:
 def _remove_dead_lines(place: Path) -> None:
     """Remove the sockets and tokens of killed boards, which nobody listens to.
 
-    The system's lists tell who listens: a connection would replace a live board's
-    silent program.
+    The system lists tell who listens; connecting would replace a silent program.
     """
     # Listed before the listeners: a board that starts now listens later.
     there = [*place.glob("board-*.sock"), *place.glob("tcp-*.token")]
     live = listening()
     rows = [line.split() for line in Path("/proc/net/tcp").read_text().splitlines()[1:]]
-    live |= {str(place / f"tcp-{int(row[1].rpartition(':')[2], 16)}.token") for row in rows if row[3] == LISTENS}
+    ports = (int(row[1].rpartition(":")[2], 16) for row in rows if row[3] == LISTENS)
+    live |= {str(place / f"tcp-{port}.token") for port in ports}
     for path in there:
         if str(path) not in live:
             path.unlink(missing_ok=True)
@@ -316,7 +311,8 @@ def remove_parts(folder: Path) -> None:
 
 def last_frame(folder: Path) -> int:
     """Return the largest number of a frame (frame-NUMBER.png) in a folder, or 0."""
-    names = [re.fullmatch(r"frame-(\d+)\.png", path.name) for path in folder.glob("frame-*.png") if path.is_file()]
+    files = (path for path in folder.glob("frame-*.png") if path.is_file())
+    names = [re.fullmatch(r"frame-(\d+)\.png", path.name) for path in files]
     return max((int(one[1]) for one in names if one), default=0)
 
 
@@ -335,7 +331,8 @@ def keep_as_png(folder: Path, display: Display, after: int = 0) -> list[Path]:
         metadata = {"identity": display.identity, "display": display.name}
         pictures.append(raw.with_name(f"frame-{after + int(raw.stem.removeprefix('frame-')):08d}.png"))
         try:
-            write_picture(pictures[-1], decode(values / 255.0, panel.transfer), metadata, panel.transfer, panel.bits)
+            light = decode(values / 255.0, panel.transfer)
+            write_picture(pictures[-1], light, metadata, panel.transfer, panel.bits)
         except LippmannError as error:
             raise CaptureError(f"{error}; the frame stays in {raw.name}") from None
         raw.unlink()
@@ -397,5 +394,6 @@ def compiled(
     def make(path: Path) -> None:
         verilated(path, module, files, main, numbers, options=options, flags=flags, link=["-lutil"])
 
-    inputs: list[Path | str] = [*files, *parts, Path(__file__), *map(repr, (sorted(numbers.items()), defines, options))]
+    texts = map(repr, (sorted(numbers.items()), defines, options))
+    inputs: list[Path | str] = [*files, *parts, Path(__file__), *texts]
     return cached_file(build_folder() / "sim" / f"board-{panel.width_px}x{panel.height_px}", inputs, make)
