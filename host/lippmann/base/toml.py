@@ -119,7 +119,7 @@ def values(keys: Value) -> Table:
 
 @cache
 def schema(form: Value) -> Schema:
-    """Return the JSON Schema of a file. With `other_tables = True` in the class, the top accepts other keys."""
+    """Return the JSON Schema of a file; a class with `other_tables = True` accepts other keys at the top."""
     complete = msgspec.json.schema(form, schema_hook=lambda _: {"type": "string"})  # a path
 
     def plain(node: Value) -> Value:

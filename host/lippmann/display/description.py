@@ -422,7 +422,7 @@ def check_radius(array: Array, where: str) -> None:
 
 
 def _check(display: Display, where: str) -> None:
-    """Refuse keys that do not fit together; `where` precedes the key in errors."""
+    """Refuse keys that do not fit together."""
     array, pixel_mm = display.array, display.panel.coarsest_mm
     check_array(array, f"{where}array.")
     if array.finest_mm < 0.1 * pixel_mm and 0.001 * pixel_mm <= array.finest_mm:

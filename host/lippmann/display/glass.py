@@ -1,9 +1,11 @@
 """Refractive index of the glasses of lenslets.
 
-Each glass is a Sellmeier formula n^2 - 1 = sum B w^2 / (w^2 - C), w the vacuum wavelength in micrometres:
+Each has a Sellmeier formula n^2 - 1 = sum B w^2 / (w^2 - C), w the vacuum wavelength in
+micrometres:
 
 - N-BK7: Schott's data sheet.
-- PMMA, polycarbonate, polystyrene: N. Sultanova, S. Kasarova, I. Nikolov, Acta Physica Polonica A 116 (2009) 585.
+- PMMA, polycarbonate, polystyrene: N. Sultanova, S. Kasarova, I. Nikolov, Acta Physica
+  Polonica A 116 (2009) 585.
 - fused silica: I. H. Malitson, J. Opt. Soc. Am. 55 (1965) 1205.
 """
 

@@ -184,7 +184,7 @@ def _draw_subpixels(axis: Axes, display: Display, system: System, columns: Indic
 
 
 def _draw_section(axis: Axes, display: Display) -> None:
-    """Draw the panel, three lenslets and rays of the middle one, in the plane of the array's rows."""
+    """Draw the panel, three lenslets and rays of the middle one, along a row of lenslets."""
     array, system = display.array, System.of(display)
     pitch, reach = array.pitches_mm[0], 1.5 * array.focal_length_mm
     gap, thickness = display.gap_mm, array.thickness_mm

@@ -155,7 +155,7 @@ def _formats(build: Build) -> dict[str, _Format]:
 
 
 def in_words(config: Configuration, build: Build) -> tuple[Configuration, words.Bools | np.bool_]:
-    """Return registers cut to the words that a build reads, and whether one that it reads does not fit.
+    """Return registers cut to the words that a build reads, and whether one of these does not fit.
 
     The registers of pixel_to_lattice are as wide as their words.
     """

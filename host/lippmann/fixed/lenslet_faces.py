@@ -193,8 +193,8 @@ def enter_dome(
         k    = (4 cos' - (cos i >> F-1) + 4) >> 3
         d'_x = saturate(((e_x i >> F-2) - (k N_x >> F-3) + 4) >> 3),  d'_y likewise
 
-    s = 1 - cos^2 and C' have F + 3 fraction bits, k is a wide word, i is 1/n and i2 is 1/n^2. Overflow: C'
-    below 0 or above 1, or the direction outside [-1, 1], by more than roundings.
+    k is a wide word, i is 1/n, i2 is 1/n^2. Overflow: C' is below 0 or above 1, or the
+    direction is outside [-1, 1].
     """
     near = f + 2
     c, cos_glass = cosine_behind(met.s, index_inverse_square, f)

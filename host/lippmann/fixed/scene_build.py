@@ -91,7 +91,7 @@ class SceneBuild:
 
     @classmethod
     def of_word(cls, word: int) -> SceneBuild:
-        """Return the build of a register's word; raises InputError for one that cannot be built."""
+        """Return the build of a register's word; InputError for one that cannot be built."""
         register = SCENE_REGISTERS["build"]
         values = register.values(word)
         if unknown := word - register.word(**values):

@@ -83,7 +83,7 @@ def scene_words(
 
 
 def layer_words(display: Display, layer: Layer, number: int | str, slot: int) -> LayerWords:
-    """Return the registers of a layer whose texture is in a slot; `number` is its number or name in errors.
+    """Return the registers of a layer with its texture in a slot; `number` is its number or name in errors.
 
     (X, Y) are in the array's frame, in radii: (x, y) = turn(X, Y) R + offset. At the
     layer's plane s = s0 + a X' + b Y', with (a, b) = R (m00, m01) turn and

@@ -150,7 +150,7 @@ def layer_coordinate(lines: Lines, layer: LayerWords, bilinear: bool, f: int) ->
         s_o = (s0 + h + (a X' >> A+F-19) + (b Y' >> A+F-19)) >> 8           8 fraction bits
         t_o = (t0 + h + (c X' >> A+F-19) + (d Y' >> A+F-19)) >> 8
 
-    with depth in F - 3 of its fraction bits, a to d in A; h = 2^7 - 2^15 for bilinear, else 0.
+    depth is read with F - 3 fraction bits, a to d with A; h = 2^7 - 2^15 for bilinear.
     """
     bits, fraction = f + 9, coefficient_bits(f)
     plane, beyond = [], np.zeros(lines.x.shape, np.bool_)
@@ -179,8 +179,9 @@ def texel_fetch(s: Ints, t: Ints, hidden: Bools, slot: Bytes | None, build: Scen
     """Return the colours (N, taps, 4) of the texels at coordinates (N,), and their weights (N, taps).
 
     `slot` is the content of the layer's slot (`slot_bytes`), or `None`. Bilinear builds
-    take four texels, each in tap 2 (row & 1) + (column & 1). Hidden rays, and texels
-    outside the texture, have the weight 0 and the colour 0.
+    take four texels, each in tap 2 (row & 1) + (column & 1), with the weights
+    (256 - f) (256 - g), f (256 - g), (256 - f) g and f g, f = s & 255, g = t & 255.
+    Hidden rays, and texels outside the texture, have the weight 0 and the colour 0.
     """
     i, j = s >> 8, t >> 8
     if not build.bilinear:
@@ -206,7 +207,7 @@ def texel_fetch(s: Ints, t: Ints, hidden: Bools, slot: Bytes | None, build: Scen
 def texel_blend(colours: Ints, weights: Ints) -> tuple[Ints, Ints]:
     """Return the premultiplied light (N, 3) and the opacity (N,) of texels (N, taps, 4) with weights (N, taps).
 
-    With the opacity A = a + [a >= 128], the bytes r, g, b and the weight w_n of texel n:
+    Texel n has the opacity A = a + [a >= 128], the bytes r, g, b and the weight w_n:
 
         share_n = (w_n A + 2^7) >> 8        16 fraction bits
         light_o = (sum over n of (share_n r^2 >> 8) + 2^7) >> 8,  g and b likewise

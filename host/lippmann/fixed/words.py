@@ -189,10 +189,8 @@ def rsqrt(x: Ints, f: int, extra: int = 0) -> Ints:
 def sqrt(x: Ints, f: int, normalise: bool = True, extra: int = 0) -> Ints:
     """Return sqrt(x), a near word with `extra` more bits (up to 3), of x in [0, 1) with F + 3 fraction bits.
 
-    Without `normalise`, x must be in [1/4, 1). With it, the root of 4^k x in [1/4, 1)
-    is shifted back by k, at most 15.
-
-    With K = `extra` and the root q of 4^k x from `quadratic`; 0 gives 0:
+    With K = `extra` and the root q (`quadratic`) of 4^k x in [1/4, 1), where k is at
+    most 15, and 0 without `normalise`; 0 gives 0:
 
         y    = min(((q >> k) + (4 >> K)) >> (3 - K), 2^(F+1+K) - 1)
     """

@@ -152,7 +152,7 @@ def display_properties(display: Display) -> DisplayProperties:
 
 
 def depth_reach_mm(display: Display) -> Pair:
-    """Return the farthest and nearest depth at which a pixel's beam is at most as wide as a lenslet, mm."""
+    """Return the farthest and nearest depth, mm, at which a pixel's beam is at most a lenslet wide."""
     reach = display.array.finest_mm * display.aperture_distance_mm / display.panel.coarsest_mm
     return -reach, reach
 
@@ -173,8 +173,8 @@ def _lenslets(display: Display) -> Lenslets:
     return max(own, other) if others else own, down, own * (down - others) + other * others
 
 
-def beats_in_lenslets(display: Display, distance_mm: float = math.inf) -> tuple[float, float]:
-    """Return the periods of the beats of pixel columns and of pixel rows with the lenslets, in lenslet pitches.
+def beats_in_lenslets(display: Display, distance_mm: float = math.inf) -> Pair:
+    """Return the periods of the beats of pixel columns and rows with the lenslets, in lenslet pitches.
 
     An eye at a distance z looks through neighbouring lenslets at points 1 + D/z pitches
     apart. The phase of the pixel columns, of frequency k = (1/p, 0), advances by k . a

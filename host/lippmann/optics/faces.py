@@ -44,7 +44,7 @@ def unit(b: Backend, x: Arr, y: Arr, z: Arr) -> tuple[Arr, Arr, Arr]:
 
 
 def transported(ray: Ray, z: float) -> Ray:
-    """Return the ray with its point at the height z, mm; the ray must not be parallel to that plane."""
+    """Return the ray with its point at the height z, mm, which the ray must reach."""
     t = (z - ray.z) / ray.dz
     return ray._replace(x=ray.x + t * ray.dx, y=ray.y + t * ray.dy, z=z + 0.0 * ray.z)
 
@@ -124,7 +124,7 @@ def cap(b: Backend, dome: Dome, ray: Ray, upward: bool) -> tuple[Arr, Arr, Ray, 
 
 
 def meet(b: Backend, dome: Dome, ray: Ray, upward: bool) -> Crossing:
-    """Find where rays first meet the height field, from below through the glass (`upward`) or from above through air.
+    """Find where rays first meet the height field, upward through the glass or downward through air.
 
     A ray is local to the lenslet of its point's cell. It starts in glass at the rims'
     plane or lower, in air at the vertices' plane or higher.
@@ -136,7 +136,7 @@ def meet(b: Backend, dome: Dome, ray: Ray, upward: bool) -> Crossing:
     def unsettled(*state: Arr) -> Arr:
         return ~state[0] & (state[1] < MAX_CELLS)
 
-    def step(settled: Arr, steps: Arr, di: Arr, dj: Arr, *tail: Arr) -> tuple[Arr, ...]:
+    def step(settled: Arr, steps: Arr, di: Arr, dj: Arr, *tail: Arr) -> State:
         # `tail`: the ray in its present cell, then point and cosine on the dome.
         local = Ray(*tail[:6])
         hit, t, at, cosine = cap(b, dome, local, upward)
@@ -213,7 +213,7 @@ def blocked_below(b: Backend, dome: Dome, ray: Ray, suspect: Arr) -> Arr:
 
 
 def _blocked(b: Backend, dome: Dome, ray: Ray, suspect: Arr, plane: float, up: float, meets: Operation) -> Arr:
-    """Follow rays to the plane at height `plane`, above (`up` = 1) or below (-1); tell which are blocked on the way.
+    """Tell which rays are blocked on the way to the height `plane`, above (`up` = 1) or below (-1).
 
     A ray that reaches the plane in its own cell is clear, one that goes away from it is
     blocked. The others step from cell to cell until `meets(steps, ray, t of the cell's
@@ -226,7 +226,7 @@ def _blocked(b: Backend, dome: Dome, ray: Ray, suspect: Arr, plane: float, up: f
     def active(searching: Arr, steps: Arr, *_: Arr) -> Arr:
         return searching & (steps < MAX_CELLS)
 
-    def step(_: Arr, steps: Arr, blocked: Arr, t: Arr, *state: Arr) -> tuple[Arr, ...]:
+    def step(_: Arr, steps: Arr, blocked: Arr, t: Arr, *state: Arr) -> State:
         local = Ray(*state)
         t_flat, _, (to_x, to_y) = dome.lattice.leave(b, local.x, local.y, local.dx, local.dy)
         t_plane = (plane - local.z) / local.dz

@@ -16,7 +16,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from lippmann.display.description import Array, Grid, Pair, Pitch, both_pitches
-from lippmann.optics.backend import Arr, Backend, Point
+from lippmann.optics.backend import Arr, Backend, Point, State
 from lippmann.optics.rays import Indices
 
 HALF_SQRT3 = 0.5 * math.sqrt(3.0)
@@ -152,7 +152,7 @@ class Lattice:
         Return t at the cell's side (infinite if dx = dy = 0), the step (di, dj) to the
         neighbour there, in x's format, and the neighbour's centre from this one's, mm.
         """
-        nearest: tuple[Arr, ...] = ()
+        nearest: State = ()
         for q, v, (si, sj) in zip(self.across(x, y), self.across(dx, dy), STEPS[self.grid], strict=True):
             sign = b.where(v < 0.0, -1.0, 1.0)
             parallel = b.absolute(v) < 1e-30

@@ -111,13 +111,13 @@ def panel_size(display: Display) -> Floats:
 
 
 def located(display: Display, pixels: Floats) -> tuple[Floats, Floats]:
-    """Return the lenslets (N, 2) of pixel coordinates (N, 2), and the points from their centres, (N, 2) mm."""
+    """Return the lenslets (N, 2) of pixels (N, 2), and the pixels' points from their centres, (N, 2) mm."""
     i, j, x, y = System.of(display).locate(NumpyBackend(), *pixels.T)
     return np.stack([i, j], axis=1), np.stack([x, y], axis=1)
 
 
 def in_cells_mm(display: Display, pixels: Floats) -> Floats:
-    """Return where the eye sees pixel coordinates (N, 2) in their cells: (N, 2) mm from the centres."""
+    """Return where the eye sees pixels (N, 2) in their cells: (N, 2) mm from the centres."""
     system, (lenslets, local) = System.of(display), located(display, pixels)
     cx, cy = system.lattice.centre(*lenslets.T)
     return np.stack(system.convergence.within_cell(local[:, 0], local[:, 1], cx, cy), axis=1)
@@ -137,7 +137,7 @@ def on_panel(display: Display, pixels: Floats) -> Floats:
 
 
 def corners_mm(array: Array) -> Floats:
-    """Return the corners of a lenslet's cell, counter-clockwise, (4, 2) or (6, 2) mm, from its centre."""
+    """Return a cell's corners, counter-clockwise, (4, 2) or (6, 2) mm from its centre."""
     # Not `Lattice.corners`: docs/reference/stream.md's rays fix the last bits.
     angles = np.radians([45, 135, 225, 315] if array.grid == "square" else [30, 90, 150, 210, 270, 330])
     x, y = (pitch / math.sqrt(2.0 if array.grid == "square" else 3.0) for pitch in array.pitches_mm)
@@ -145,7 +145,7 @@ def corners_mm(array: Array) -> Floats:
 
 
 def model_error_px(display: Display, truth: Rays, rays: Rays, depth_range_mm: Pair) -> float:
-    """Return the maximum distance between two sets of rays over a depth range, in reconstructed pixels.
+    """Return the maximum distance of two sets of rays over a depth range, in reconstructed pixels.
 
     It is infinite when the sets have different statuses or lenslets.
     """

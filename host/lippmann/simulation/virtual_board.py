@@ -145,7 +145,7 @@ def board_build(display: Display, scene: SceneBuild | None = None, fraction_bits
 
 
 def usual_clock(display: Display, scene: SceneBuild | None, memory: Memory) -> int:
-    """Return a board's clock, Hz: with SDRAM, which limits it, the clock that the panel needs."""
+    """Return a board's clock, Hz: with SDRAM, which limits it, what the panel needs."""
     if memory == "block":
         return CLOCK_HZ
     panel, timing = display.panel, timing_of(display)
@@ -167,7 +167,7 @@ def check_panel(display: Display) -> None:
 
 
 def compile_board(display: Display, scene: SceneBuild | None = None) -> Path:
-    """Return the program that `start` runs for a display, compiled at first use. Raises as `verilated`."""
+    """Return the program that `start` runs for a display (see `compiled`)."""
     return compiled(display, board_build(display, scene), True, scene=scene)
 
 
@@ -317,7 +317,7 @@ def last_frame(folder: Path) -> int:
 
 
 def keep_as_png(folder: Path, display: Display, after: int = 0) -> list[Path]:
-    """Convert captured frames (frame-NUMBER.rgb) to PNG files, and return these; `after` is added to the numbers.
+    """Convert captured frames (frame-NUMBER.rgb) to PNG files; `after` is added to their numbers.
 
     Raises CaptureError when a file cannot be written; its captured frame stays.
     """
