@@ -1,6 +1,6 @@
 """The public Python functions, which the command line calls too.
 
-Each sets Mitsuba's variant for its device, and restores the user's variant afterwards.
+Each sets Mitsuba's variant for its device, and then restores the user's.
 """
 
 from __future__ import annotations
@@ -130,7 +130,8 @@ def render(
     where = f"display '{built.name}'" if isinstance(display, Display) else str(display)
     check_display_memory(built, settings, where)
     with open_scene(scene, placement, device) as loaded:
-        plan = Job(loaded, built, options, arrange).plan(portable=kept is not None or executor is not render_here)
+        portable = kept is not None or executor is not render_here
+        plan = Job(loaded, built, options, arrange).plan(portable=portable)
         return render_picture(plan, executor, kept, progress)
 
 
@@ -384,7 +385,8 @@ def sweep(
     for name, place in (("start", start), ("end", end)):
         if np.shape(place) != (3,):
             raise InputError(f"sweep: {name} {place!r} is not a position; give (x, y, z) in mm")
-    return Sweep([observe(image, (x, y, z), **options) for x, y, z in np.linspace(start, end, count).tolist()])
+    places = np.linspace(start, end, count).tolist()
+    return Sweep([observe(image, (x, y, z), **options) for x, y, z in places])
 
 
 def view_page(

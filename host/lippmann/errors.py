@@ -72,7 +72,7 @@ input_error, device_error, no_board_error = InputError.at, DeviceError.at, NoBoa
 
 
 def reason(error: Exception) -> str:
-    """Return the reason why a file could not be read, without errno and path."""
+    """Return why a file could not be read, without errno and path."""
     if isinstance(error, UnicodeDecodeError):
         return "it is not text in UTF-8"
     if "pickle" in str(error):  # numpy refuses Python's own objects so
@@ -123,14 +123,14 @@ def whole_number(name: str, value: object, low: int, high: int) -> int:
 
 
 def did_you_mean(name: str, choices: Iterable[str]) -> str:
-    """Return the remedy with the likeliest of the choices, or an empty text."""
+    """Return the remedy with the likeliest choice, or "" without one."""
     names = {one.casefold(): one for one in choices}
     matches = difflib.get_close_matches(name.casefold(), names, 1)
     return "".join(f"did you mean {names[likely]}?" for likely in matches)
 
 
 def likely_file(path: Path, suffixes: Iterable[str]) -> str:
-    """Return the remedy with the likeliest file in a missing file's folder, or an empty text."""
+    """Return the remedy with the likeliest file in a missing one's folder, or "" without one."""
     others = sorted(path.parent.glob("*"))
     files = {one.stem: one for one in others if one.suffix.lower() in suffixes and one.is_file()}
     matches = difflib.get_close_matches(path.stem, files, 1)
@@ -138,7 +138,7 @@ def likely_file(path: Path, suffixes: Iterable[str]) -> str:
 
 
 def not_there(path: Path, what: str = "file") -> str:
-    """Return the reason why a path is not a readable file."""
+    """Return why a path is not a readable file."""
     if path.is_dir():
         return "is a folder"
     return "is not a plain file" if path.exists() else f"no such {what}"

@@ -42,7 +42,7 @@ FOREIGN_S = 86_400.0
 STEM_BYTES = 180
 #: Flags of `os.open` for files that others must not redirect or inherit.
 OWN_FLAGS = getattr(os, "O_NOFOLLOW", 0) | getattr(os, "O_CLOEXEC", 0)
-#: Numbers of partial files: two threads that write the same file use different ones.
+#: Numbers of partial files: threads that write the same file use different ones.
 numbers = itertools.count()
 #: Name of a partial file: stem, number, machine, process, hash of its start, suffix.
 PARTIAL = re.compile(r"\..*\.([0-9a-f]{8})-([0-9]+)-([0-9a-f]{8})\.partial(\.[^.]*)?", re.DOTALL)
@@ -111,7 +111,7 @@ def _remove(path: Path) -> None:
     with interrupts.hold_signals():
         if path.is_dir() and not path.is_symlink():
             shutil.rmtree(path, ignore_errors=True)
-        elif os.path.lexists(path):  # a read-only file system refuses to remove even a missing file
+        elif os.path.lexists(path):  # read-only file systems refuse to remove missing files
             path.unlink(missing_ok=True)
 
 
@@ -195,7 +195,7 @@ def write_file(path: Path, content: str | bytes) -> None:
 
 
 def new_file(path: Path) -> BinaryIO:
-    """Open a new empty file in place of what has its name; a link there is not followed."""
+    """Open a new empty file in place of another; a link there is not followed."""
     _remove(path)
     return os.fdopen(os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL | OWN_FLAGS, 0o666), "wb")
 
@@ -250,7 +250,7 @@ def make_folder(folder: Path, remedy: str = "choose another folder") -> None:
 
 
 class FolderLock:
-    """A lock on a folder, until it is closed or the process ends; file systems without locks have none."""
+    """A lock on a folder until it is closed or the process ends, if the file system has locks."""
 
     def __init__(self, folder: Path, remedy: str) -> None:
         """Make and lock the folder; InputError when another command has the lock, or as `make_folder`."""

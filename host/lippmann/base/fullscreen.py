@@ -98,7 +98,7 @@ def show_frames(frames: Sequence[Pixels], seconds: float | None, frame_s: float 
 
 
 def _put_up(pygame: ModuleType, screen: pygame.Surface, picture: pygame.Surface, seconds: float | None) -> bool:
-    """Show a picture for some seconds, or until Escape, q or the close button; tell whether the user did it."""
+    """Show a picture for some seconds, or until Escape, q or the close button; tell whether the user ended it."""
     screen.blit(picture, (0, 0))
     pygame.display.flip()
     until = math.inf if seconds is None else time.monotonic() + seconds

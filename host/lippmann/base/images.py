@@ -39,7 +39,7 @@ HALF_MAX = 65504.0
 MAX_CHANNELS = 4
 #: Maximum bytes of compressed texts in a PNG, which may expand a thousandfold.
 MAX_TEXT_BYTES = 1 << 18
-#: OpenImageIO's names of the transfer curves; it writes a gamma chunk for each of them.
+#: OpenImageIO's names of the transfer curves; it writes a gamma chunk for each.
 COLOUR_SPACES = {"srgb": "sRGB", "gamma2.2": "Gamma2.2", "linear": "Linear"}
 #: Without row filters, integral images are as small, and written in a third of time.
 PNG_SETTINGS = {"png:filter": 0x08, "png:compressionLevel": 2}

@@ -22,7 +22,7 @@ from lippmann.errors import InputError, input_error, reason
 
 #: Maximum bytes of a TOML file, a scene's XML, and a text table of pixels or words.
 MAX_TOML_BYTES, MAX_XML_BYTES, MAX_TABLE_BYTES = 1 << 20, 1 << 26, 1 << 28
-#: Maximum bytes of a bitstream: three times that of the largest ECP5.
+#: Maximum bytes of a bitstream: three times the largest ECP5's.
 MAX_BITSTREAM_BYTES = 1 << 23
 #: Maximum bytes of the header of an array's file, as in numpy.
 MAX_HEADER_BYTES = 10_000
@@ -83,7 +83,7 @@ def load_arrays(
             return arrays, set(members)
     except InputError:
         raise
-    except Exception as error:  # zipfile, zlib and numpy raise errors of any class for broken files
+    except Exception as error:  # broken files raise errors of any class
         # Too large, encrypted, or of an unknown coding.
         if isinstance(error, MemoryError | NotImplementedError | RuntimeError):
             error = ValueError(str(error) or "it is too large")

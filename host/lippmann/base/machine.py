@@ -43,7 +43,8 @@ def group_memory_mb(root: Path = Path("/sys/fs/cgroup"), own: Path = Path("/proc
             group = top / path.lstrip("/")
             for folder in [top] if ".." in group.parts else [group, *group.parents]:
                 if folder.is_relative_to(top):
-                    upper, use = (re.findall(r"^(\d+)$", _text(folder / file), re.M) for file in (limit, used))
+                    texts = _text(folder / limit), _text(folder / used)
+                    upper, use = (re.findall(r"^(\d+)$", text, re.M) for text in texts)
                     if upper and use and int(upper[0]) < UNLIMITED:
                         caches = re.findall(rf"^{dropped} (\d+)$", _text(folder / "memory.stat"), re.M)
                         yield max(0, int(upper[0]) - int(use[0]) + sum(map(int, caches))) / 1e6

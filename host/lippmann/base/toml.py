@@ -1,4 +1,4 @@
-"""TOML files from declarations: a dataclass declares a table, `key` describes each of its keys.
+"""TOML files from declarations: a dataclass declares a table, `key` describes its keys.
 
 The declaration gives the reader (`read`), the JSON Schema for editors (`schema`), the
 reference pages' key tables (`tools.generate_tables`), and checks (`check_fields`).

@@ -26,7 +26,8 @@ def _row(order: str, column: int = 0, row: int = 0) -> tuple[Subpixel, ...]:
     """Return a pixel's stripes from left to right; `order` has the first letters of their colours."""
     names, n = {name[0]: name for name in COLOURS}, len(order)
     places = [column + (2 * k + 1 - n) / (2 * n) for k in range(n)]
-    return tuple((names[letter], x, -float(row), 1.0 / n, 1.0) for letter, x in zip(order, places, strict=True))
+    stripes = zip(order, places, strict=True)
+    return tuple((names[letter], x, -float(row), 1.0 / n, 1.0) for letter, x in stripes)
 
 
 #: Layouts by name. In pentile, pixels of red and green alternate with blue and green.
@@ -55,7 +56,8 @@ class Layout:
 
     def gain(self, colour: Colour) -> float:
         """Return a sub-pixel's brightness over its pixel's: the panel's area over that of the colour."""
-        return self.columns * self.rows / sum(w * h for name, _, _, w, h in self.subpixels if name == colour)
+        area = sum(w * h for name, _, _, w, h in self.subpixels if name == colour)
+        return self.columns * self.rows / area
 
     def emitters(self, b: Numbers, u: Numbers, v: Numbers) -> Iterator[tuple[int, float, Numbers]]:
         """Yield each sub-pixel's colour (index of `COLOURS`), gain, and which pixel coordinates are inside."""
@@ -66,7 +68,7 @@ class Layout:
             yield COLOURS.index(colour), self.gain(colour), inside
 
     def edges(self) -> Iterator[tuple[Colour, float, float, float, float]]:
-        """Yield colour, left, top, right and bottom of each sub-pixel, pixels from the first pixel's top left."""
+        """Yield each sub-pixel's colour, left, top, right and bottom, pixels from the first one's top left."""
         for colour, x, y, w, h in self.subpixels:
             # Rounded, so that neighbours share an edge.
             u_min, u_max = (round(0.5 + x + side * w, 12) for side in (-0.5, 0.5))
@@ -118,7 +120,8 @@ def layout_of(subpixels: str | tuple[Subpixel, ...]) -> Layout | None:
             place = f"is not in the {MAX_PERIOD} pixels right of and below the first"
             raise InputError(f"{subject} {place}; give x and y in pixels from the first one's centre, y upwards")
         room = 0.5 + ROUNDING
-        if not (w > 0.0 and h > 0.0 and abs(x - column) + 0.5 * w <= room and abs(y + row) + 0.5 * h <= room):
+        fits = abs(x - column) + 0.5 * w <= room and abs(y + row) + 0.5 * h <= room
+        if not (w > 0.0 and h > 0.0 and fits):
             raise InputError(f"{subject}, {w:g} x {h:g} pixels, is not inside its pixel; make it smaller or move it")
         if owned.count((colour, (column, row))) > 1:
             raise InputError(f"{subject} has another {colour} one in its pixel; leave one out, or describe two pixels")

@@ -75,7 +75,8 @@ def draw_zones(display: Display, path: Path, eye_mm: Sequence[float] | None = No
         marked += [] if eye_mm is None else [("eye", eye_mm)]
         for (name, (x, y, z)), mark in zip(marked, "o^", strict=False):
             share = status_share(display, (x, y, z))["crosstalk"]
-            axis.plot(x, z, mark, color="black", label=f"{name}: {x:g}, {y:g}, {z:g} mm, crosstalk {percent(share)}")
+            label = f"{name}: {x:g}, {y:g}, {z:g} mm, crosstalk {percent(share)}"
+            axis.plot(x, z, mark, color="black", label=label)
         axis.set(xlabel="x, mm", ylabel="distance from the display, mm", title=f"{display.name}, from above")
         axis.legend(loc="upper center", bbox_to_anchor=(0.5, -0.1))
 
@@ -139,7 +140,8 @@ def _draw_close(axis: Axes, display: Display, system: System, place: Floats) -> 
     """Draw pixels, cells and elemental images around a place of the panel."""
     panel, pitch = display.panel, display.array.coarsest_mm
     reach = 0.5 * CLOSE * pitch
-    axis.set(xlim=place[0] + reach * np.array((-1, 1)), ylim=place[1] + reach * np.array((-1, 1)), aspect="equal")
+    sides = reach * np.array((-1, 1))
+    axis.set(xlim=place[0] + sides, ylim=place[1] + sides, aspect="equal")
     first, last = (system.frame.pixel_from_panel(place[0] + a, place[1] - a) for a in (-reach, reach))
     columns, rows = (
         np.arange(max(0, int(low)), min(count, int(high) + 1) + 1)

@@ -44,7 +44,7 @@ LookUp = Callable[[Arr, Arr, Arr, PixelHits], list[Arr]]
 
 @dataclass(frozen=True)
 class Eye:
-    """An eye: the pupil's centre (z > 0), the pupil's diameter (0: a pinhole), and the depth z in focus."""
+    """An eye: its pupil's centre (z > 0) and diameter (0: a pinhole), and the depth z in focus."""
 
     position_mm: tuple[float, float, float]
     pupil_mm: float = 0.0
@@ -89,7 +89,7 @@ def whole_window(display: Display, width_px: int | None = None) -> Window:
 
 
 def check_size(radiance: Light | StoredRows, display: Display) -> None:
-    """Refuse an image that does not have the size of a display's panel."""
+    """Refuse an image of another size than a display's panel."""
     panel = display.panel
     if radiance.shape != (panel.height_px, panel.width_px, 3):
         raise InputError(

@@ -65,7 +65,7 @@ class _Handler(BaseHTTPRequestHandler):
     server: PageServer
 
     def do_GET(self) -> None:
-        """Send the page, but refuse requests of other sites, which use other names of this machine."""
+        """Send the page; refuse requests of other sites, which use other names of this machine."""
         origin = self.headers.get("Origin")
         if self.headers.get("Host") not in self.server.hosts or origin not in (None, *self.server.origins):
             self.send_error(HTTPStatus.FORBIDDEN)

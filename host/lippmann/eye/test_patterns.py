@@ -45,7 +45,7 @@ Values = npt.NDArray[np.generic]
 
 
 class Places(NamedTuple):
-    """Lenslets (i, j) of pixels, whether a pixel contains its lenslet's centre, and places in cells, 0 to 255."""
+    """Lenslets (i, j) of pixels, whether pixels contain their centres, and places in cells, 0 to 255."""
 
     i: npt.NDArray[np.number]
     j: npt.NDArray[np.number]

@@ -34,7 +34,7 @@ def read(name: str) -> str:
 
 
 def filled(name: str, **values: str) -> str:
-    """Return a template with its holes filled; the values must have the names of the holes."""
+    """Return a template with its holes filled by the values of the same names."""
     text = read(name)
     holes = set(HOLE.findall(text))
     if holes != set(values):
@@ -185,8 +185,8 @@ def page_html(
     """Return the viewer page of an integral image, with direct renders beside the view.
 
     `radiance` is (height, width, 3), linear; the page stores it as 8 bits sRGB, clipped
-    at 1. `later` are further frames of a film. Raises InputError when an image does not
-    have the panel's size, or a direct render does not have the panel's aspect ratio.
+    at 1. `later` are further frames of a film. Raises InputError for an image without
+    the panel's size, or a direct render without its aspect ratio.
     """
     panel, array = display.panel, display.array
     frames = [radiance, *later]
@@ -214,7 +214,8 @@ def page_html(
     focus = focus_reach_mm(display)
     scale = focus / DRAWN
     reach = depth_reach_mm(display)[1] / scale
-    head = "#version 300 es\n" + "".join(f"#define {key} {value}\n" for key, value in _defines(display).items())
+    defines = (f"#define {key} {value}\n" for key, value in _defines(display).items())
+    head = "#version 300 es\n" + "".join(defines)
     return filled(
         "page.html",
         title=html.escape(title),

@@ -102,7 +102,7 @@ class Build:
         return self.aims and (self.converge or self.model == "paraxial")
 
     def as_dict(self) -> dict[str, int | str]:
-        """Return the parameters for a JSON file; for one version also `walk`, the old name of `max_cell_steps`."""
+        """Return the parameters for JSON; for one version also `walk`, the old name of `max_cell_steps`."""
         return {**dataclasses.asdict(self), "walk": self.max_cell_steps}
 
 

@@ -162,7 +162,7 @@ def in_words(config: Configuration, build: Build) -> tuple[Configuration, words.
     narrow = {name: form for name, form in _formats(build).items() if form.bits < words.SLOPE_BITS}
     read = {name: (form.bits, form.is_read) for name, form in narrow.items()}
     read |= {"extent_i": (words.INDEX_BITS + 2, True), "extent_j": (words.INDEX_BITS + 1, True)}
-    cut: dict[str, Any] = {}  # arrays where the registers are: tests trace many configurations at once
+    cut: dict[str, Any] = {}  # or arrays: tests trace many configurations at once
     beyond: words.Bools | np.bool_ = np.False_
     for name, (bits, is_read) in read.items():
         value = getattr(config, name)
@@ -201,11 +201,12 @@ def configuration(display: Display, build: Build, model: Model, reach_mm: float 
 
 
 def _lattice_numbers(display: Display) -> dict[str, float]:
-    """Return the registers from pixels to the lattice, as numbers: columns to the right, rows upward."""
+    """Return the registers from pixels (to the right, upward) to the lattice, as numbers."""
     (p, _), row, lean = display.array.pitches_mm, display.array.row_pitch_mm, display.array.shear
     system = System.of(display)
     frame, convergence = system.frame, system.convergence
-    c, s, (px, py) = frame.cos, frame.sin, (pitch * (1.0 - convergence.share) for pitch in frame.pitch_mm)
+    c, s = frame.cos, frame.sin
+    px, py = (pitch * (1.0 - convergence.share) for pitch in frame.pitch_mm)
     zero_x, zero_y = convergence.towards_eye(*frame.array_from_panel(0.0, 0.0))
     return {
         "x_from_u": (px * c + lean * px * s) / p,

@@ -104,9 +104,9 @@ def cell_step(
 
     `half` is px / (2 R) and `half_y` is py / (2 R), near words. `lean` is the shear s,
     a wide word. `rise` is h = (sqrt(3)/2) px / py - s / 2, W + 2 bits, F + 1 of them
-    fraction bits. q0 is nx, with `shear` nx - s ny; q1 is ny on the square grid, nx / 2
-    + h ny on the hexagonal one. Hexagonal: the step crosses the flat with the largest
-    of |q0|, |q1|, |q2|, where q2 = q1 - q0, and |q| is ~q below 0:
+    fraction bits. q0 is nx without `shear`, q1 is ny on the square grid. Hexagonal: the
+    step crosses the flat with the largest of |q0|, |q1|, |q2|, where q2 = q1 - q0, and
+    |q| is ~q below 0:
 
         q0   = ((nx << 3) - (ny s >> F-3) + 4) >> 3
         q1   = ((ny m >> F-2) + (nx << 2) + (n ny << 3) + 4) >> 3,  h = n 2^(F+1) + m

@@ -133,7 +133,8 @@ def locate_pixels(
 def holds_centre(config: Configuration, f: int, x: Ints, y: Ints) -> Bools:
     """Tell whether a lenslet's centre, at (-x, -y) from a pixel, lies in it."""
     cut = SLOPE_BITS - MUL_BITS
-    xu, xv, yu, yv = (w >> cut for w in (config.x_from_u, config.x_from_v, config.y_from_u, config.y_from_v))
+    xu, xv = config.x_from_u >> cut, config.x_from_v >> cut
+    yu, yv = config.y_from_u >> cut, config.y_from_v >> cut
     x, y = ((w << (MUL_BITS - 1)) >> f for w in (x, y))
     det = xu * yv - xv * yu
     limit = (det >> 3) + (det >> 7)

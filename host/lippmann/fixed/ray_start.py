@@ -1,4 +1,4 @@
-"""Steps 1 to 3 (rtl/optics): the lenslet of a pixel's ray, and the ray's point, slope and direction there.
+"""Steps 1 to 3 (rtl/optics): the lenslet of a pixel, and its ray's point, slope and direction there.
 
 The last mask that a function returns tells where a word does not fit and wraps.
 """
@@ -169,7 +169,8 @@ def unit_slope(mx: Ints, my: Ints, f: int, extra: int = 0) -> tuple[Ints, Ints, 
     square = multiplier(mx, mx, word, word, drop) + multiplier(my, my, word, word, drop)
     x = guarded(square) + (1 << (f + 1))
     beyond = x >= 1 << (f + 3)
-    ez = np.minimum(rsqrt(x & ((1 << (f + 3)) - 1), f, extra), (1 << (f + 1 + extra)) - 1)  # 1 does not fit a near word
+    ez = rsqrt(x & ((1 << (f + 3)) - 1), f, extra)
+    ez = np.minimum(ez, (1 << (f + 1 + extra)) - 1)  # 1 does not fit a near word
     ex = wrapped(guarded(multiplier(mx, ez, word, word, f - GUARD + extra)), word)
     ey = wrapped(guarded(multiplier(my, ez, word, word, f - GUARD + extra)), word)
     return ex, ey, ez, beyond

@@ -144,7 +144,7 @@ def raster_writes(frame: Raster) -> list[Write]:
 
 
 def table_writes(table: Ints, first: int = 0) -> list[Write]:
-    """Return the writes of jitter entries (N,) from entry `first` on; InputError beyond the table's end."""
+    """Return the writes of jitter entries (N,) from `first` on; InputError beyond the table's end."""
     if not 0 <= first <= TABLE_ENTRIES - len(table):
         raise InputError(f"jitter table: {len(table)} entries from {first} on do not fit into its {TABLE_ENTRIES}")
     start = OPTICS_REGISTERS["jitter_table"].address + 4 * first

@@ -147,7 +147,7 @@ def _check_reach(
 ) -> None:
     """Refuse a texture with a corner too far from the array's origin for its word."""
     if np.linalg.det(linear) == 0.0:
-        return  # each line shows the same texels along it: there are no corners
+        return  # the texture does not change along one direction: no corners
     corners = np.array([(s, t) for s in (0.0, layer.width) for t in (0.0, layer.height)])
     places = np.linalg.solve(linear, (corners - zero).T)
     farthest = float(np.abs(places).max())

@@ -138,7 +138,7 @@ _BILINEAR = (1 << 7) - (1 << 15)
 
 
 def coefficient_bits(f: int) -> int:
-    """Return A, the number of a coefficient's 24 fraction bits that a build reads."""
+    """Return A, how many of a coefficient's 24 fraction bits a build reads."""
     return min(f + 4, 24)
 
 
@@ -222,7 +222,7 @@ def texel_blend(colours: Ints, weights: Ints) -> tuple[Ints, Ints]:
 def composite(
     light: Sequence[Ints], opacity: Sequence[Ints], draws: Bools, brightness: Sequence[int], background: Ints
 ) -> Ints:
-    """Return the light (N, 3) of rays through layers and of the background (3,); 0 for rays that do not draw.
+    """Return the light (N, 3) of rays through layers and background (3,); 0 for rays that do not draw.
 
     Layers from front to back have premultiplied light P (N, 3), opacity A (N,) and
     brightness B, at most 256. From C_0 = 0, T_0 = 65536:

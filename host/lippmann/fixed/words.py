@@ -1,4 +1,4 @@
-"""Formats of the fixed-point words, integer operations that all steps share, and the roots.
+"""Formats of fixed-point words, integer operations of all steps, and roots.
 
 F is a build's number of fraction bits and W = F + 2 the bits of its words. `near` words
 have F + 1 fraction bits and span [-1, 1); `wide` words have F and span [-2, 2). `far`
@@ -42,7 +42,7 @@ WIDEST, COMPACT = 23, 16
 
 
 def extra_bits(f: int) -> int:
-    """Return E, the additional bits of slopes and lateral directions where words are wider than a multiplier.
+    """Return E, the additional bits of slopes and lateral directions if words exceed a multiplier's.
 
     Only exact builds with the plano side to the panel have them; there dz has 3 E.
     """

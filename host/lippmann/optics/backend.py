@@ -92,7 +92,8 @@ class DrJitBackend(Backend):
         double = DrJitBackend(self._device, precise=True)
 
         def fine(inputs: State, coarse: State) -> State:
-            return tuple(type(old)(new) for old, new in zip(coarse, trace(double, *inputs), strict=True))
+            pairs = zip(coarse, trace(double, *inputs), strict=True)
+            return tuple(type(old)(new) for old, new in pairs)
 
         result: State = self._dr.if_stmt((inputs, coarse), mask, fine, lambda _, coarse: coarse, mode="symbolic")
         return result

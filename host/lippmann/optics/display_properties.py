@@ -113,7 +113,8 @@ def percent(share: float, sampled: bool = False) -> str:
 
 def table_of_views(display: Display) -> list[EyeView]:
     """Return what the middle eyes see at several distances."""
-    return eye_views(display, [middle_eye(display, factor * viewing_distance(display)) for factor in DISTANCES])
+    usual = viewing_distance(display)
+    return eye_views(display, [middle_eye(display, factor * usual) for factor in DISTANCES])
 
 
 def display_properties(display: Display) -> DisplayProperties:
@@ -207,7 +208,8 @@ def visible_moire(display: Display, distance_mm: float) -> float | None:
     panel, pitch = display.panel, display.array.pitches_mm[0]
     widest = max(panel.width_mm, panel.height_mm) / pitch
     beats = [beat for beat in beats_in_lenslets(display, distance_mm) if MOIRE_FROM_LENSLETS < beat < widest]
-    return max(beats) if beats and display.array.finest_mm / panel.coarsest_mm < MOIRE_BELOW_PIXELS else None
+    pixels = display.array.finest_mm / panel.coarsest_mm
+    return max(beats) if beats and pixels < MOIRE_BELOW_PIXELS else None
 
 
 def _warnings(display: Display, half_field_deg: float, zone: Zone | None) -> list[str]:

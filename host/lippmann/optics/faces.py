@@ -236,7 +236,8 @@ def _blocked(b: Backend, dome: Dome, ray: Ray, suspect: Arr, plane: float, up: f
             x, y, z = local.x + t * local.dx, local.y + t * local.dy, local.z + t * local.dz
             met = met | ((steps > 0) & (up * dome.height(x, y, z) < 0.0))
         searching = ~met & (t_flat < t_plane)
-        x, y = b.where(searching, local.x - to_x, local.x), b.where(searching, local.y - to_y, local.y)
+        x = b.where(searching, local.x - to_x, local.x)
+        y = b.where(searching, local.y - to_y, local.y)
         return searching, steps + 1, blocked | met, t_flat, x, y, *local[2:]
 
     zero = 0.0 * ray.x

@@ -55,7 +55,7 @@ class Lattice:
 
     @property
     def stepped(self) -> bool:
-        """Whether there are steps between domes, because cells' sides are not midway between centres."""
+        """Whether domes have steps between them: cells' sides are not midway between centres."""
         px, py = self.pitches_mm
         return bool(self.shear != 0.0 or (self.grid == "hex" and px != py))
 

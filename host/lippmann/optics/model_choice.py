@@ -86,7 +86,8 @@ def probe(display: Display, aperture: str, inside: float = INSIDE) -> tuple[Floa
     """
     array, size = display.array, panel_size(display)
     steps = np.linspace(0.05, 0.95, PROBE_CELLS)
-    cells, _ = located(display, np.stack(np.meshgrid(*np.outer(size, steps)), axis=-1).reshape(-1, 2))
+    grid = np.stack(np.meshgrid(*np.outer(size, steps)), axis=-1)
+    cells, _ = located(display, grid.reshape(-1, 2))
     corners = corners_mm(array)
     # Points over the bounding square; those outside a hexagon belong to neighbours.
     side, (px, py) = np.linspace(-0.49, 0.49, PROBE_POINTS), array.pitches_mm

@@ -154,7 +154,7 @@ def _reach_exact(b: Backend, system: System, ray: Ray) -> Landing:
 
 
 def _out_of_glass(b: Backend, system: System, ray: Ray, plane: float | None, upward: bool = True) -> Exit:
-    """Trace rays from the flat face through a dome; they find their lenslet at the height `plane`, if given."""
+    """Trace rays from the flat face through a dome; `plane` is the height where they find their lenslet."""
     start = (0.0, 0.0)
     if plane is not None:
         ray, start = _relocated(b, system, transported(ray, plane))

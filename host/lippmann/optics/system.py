@@ -1,4 +1,4 @@
-"""The optical system of a display. Step 1 of a ray: from pixel coordinates to the array's frame, and back.
+"""The optical system of a display. Step 1 of a ray: from pixels to the array's frame, and back.
 
 A pixel belongs to the lenslet through which the eye sees it. The eye is in front of the
 axis point a, at the distance E from the aperture plane, which is at the distance D from

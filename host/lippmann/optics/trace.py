@@ -184,7 +184,8 @@ def trace_to_panel(
         raise InputError("direction holds vectors that are not of length 1; divide them by their lengths")
     n = len(origins)
     b = backend_of(engine, device, n)
-    origin, unit = (tuple(b.double(column) for column in array.T.copy()) for array in (origins, directions))
+    origin = tuple(map(b.double, origins.T.copy()))
+    unit = tuple(map(b.double, directions.T.copy()))
     hits = pixels_from_rays(b, System.of(display_at(display)), origin, unit, model)
     return hits_of(n, hits)
 

@@ -1,4 +1,4 @@
-"""The crosstalk that eyes see, and the zone of eyes without it, from rays through exact lenslets.
+"""The crosstalk that eyes see, and the zone without it, from rays through exact lenslets.
 
 With k = D/E, the paraxial zone at the distance z is as wide as a cell's image,
 (1 + k) p z / D, less the panel's width times |1 - z/E|. The real zone, found by
@@ -62,7 +62,7 @@ def middle_eye(display: Display, distance_mm: float) -> tuple[float, float, floa
 
 
 def status_share(display: Display, eye_mm: tuple[float, float, float]) -> dict[str, float]:
-    """Return the fraction of an eye's rays by status; InputError for an eye behind the display or too far away."""
+    """Return the fraction of an eye's rays by status; InputError for an eye behind the display or too far."""
     (shares,) = status_shares(display, np.array([eye_mm]), SHARE_RAYS)
     return {one.name.lower(): float(shares[one]) for one in Status}
 
@@ -97,13 +97,14 @@ def sees_all(display: Display, eyes_mm: Floats) -> npt.NDArray[np.bool_]:
     around = np.concatenate([corners, 0.5 * (corners + np.roll(corners, 1, axis=0))])
     around = np.stack(system.frame.turn(*around.T), axis=-1)
     rims = -system.dome.sag_mm if system.plano_to_panel else system.dome.sag_mm
-    cell = np.concatenate([np.pad(share * around, ((0, 0), (0, 1)), constant_values=h * rims) for share, h in POINTS])
+    rings = (np.pad(share * around, ((0, 0), (0, 1)), constant_values=h * rims) for share, h in POINTS)
+    cell = np.concatenate(list(rings))
     points = (np.pad(centres, ((0, 0), (0, 0), (0, 1)))[:, :, None] + cell).reshape(len(eyes_mm), -1, 3)
     x, y = panel.pitches_mm
     wide = replace(panel, pixel_pitch_mm=(4.0 * x, 4.0 * y))  # not more pixels, whose number is limited
     status = _statuses(replace(display, panel=wide), eyes_mm, points)
-    mostly, crosstalk = (status == Status.OK).mean(axis=1) >= 0.5, (status == Status.CROSSTALK).any(axis=1)
-    return np.asarray(mostly & ~crosstalk)
+    mostly = (status == Status.OK).mean(axis=1) >= 0.5
+    return np.asarray(mostly & ~(status == Status.CROSSTALK).any(axis=1))
 
 
 def zones(display: Display, distances_mm: Sequence[float]) -> list[Zone | None]:
@@ -161,7 +162,8 @@ class _Change(NamedTuple):
 def _changes(display: Display, old: _Change) -> Iterator[_Change]:
     """Yield changes to try, the smallest first."""
     usual = viewing_distance(display)
-    in_glass = display.array.thickness_mm / display.array.index if display.array.plano_side == "panel" else 0.0
+    array = display.array
+    in_glass = array.thickness_mm / array.index if array.plano_side == "panel" else 0.0
 
     def focused(change: _Change) -> _Change:
         return change._replace(gap_mm=_rounded(max(0.0, change.focal_length_mm - in_glass), 4))

@@ -22,7 +22,7 @@ from lippmann.simulation.toolchain import build_folder, hardware, verilator_envi
 FAST = ("-O3", "-march=native", "-fvisibility=hidden")
 #: Compiler flags for a simulation that is shorter than its compilation.
 SHORT = ("-O1",)
-#: Verilator's options for a model that is fast and checks no assertion.
+#: Verilator's options for a fast model without assertions.
 UNCHECKED = ("--x-assign", "fast", "--x-initial", "fast", "--noassert")
 #: Verilator's options for a netlist: many short functions, which compile fast.
 NETLIST = ("--output-split-cfuncs", "1000")
@@ -94,8 +94,7 @@ def verilated(
     `sources` are SystemVerilog files, packages first, and Verilator's control files.
     The C++ files `main` use the model's class `Vtop` of Vtop.h. `options`, `flags` and
     `link` are for Verilator, the compiler and the linker. Raises MissingLibraryError
-    when a tool is missing; RtlError, with the first error, when Verilator or the
-    compiler fails.
+    without a tool; RtlError, with the first error, if Verilator or the compiler fails.
     """
     with partial_folder(output) as work:
         if _counters():

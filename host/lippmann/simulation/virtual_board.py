@@ -39,7 +39,7 @@ Port = Literal["unix", "tcp", "pty"]
 #: Memory of its frames: block RAM, or a chip of SDRAM with its controller.
 Memory = Literal["block", "sdram"]
 
-#: Clock of the board, Hz: the pixel clock of 1920 x 1080 at 60 frames a second.
+#: Clock of the board, Hz: the pixel clock of 1920 x 1080 at 60 Hz.
 CLOCK_HZ = 148_500_000
 #: Clock of the SDRAM, Hz: as on a ULX3S at 1280 x 720.
 MEMORY_HZ = 125_000_000
@@ -60,8 +60,7 @@ LISTENS = "0A"
 #: Maximum time until a simulator is ready, and until it has ended, s.
 START_SECONDS, STOP_SECONDS = 20.0, 20.0
 
-#: Parameters of the video timing: front porch, sync and back porch, in pixels and in
-#: lines; polarities of the syncs.
+#: Video timing: front porch, sync, back porch, in pixels and in lines; sync polarities.
 TIMING = ("HFront", "HSync", "HBack", "VFront", "VSync", "VBack", "HPositive", "VPositive")
 #: VESA DMT 640 x 480, CEA-861 1280 x 720 and 1920 x 1080.
 KNOWN_TIMINGS = {
@@ -200,7 +199,7 @@ class BoardOptions(TypedDict, total=False):
     scene: SceneBuild | None
     #: Memory of its frames, by default block RAM. SDRAM needs a panel of even width.
     memory: Memory
-    #: Program compiled for this display, line and clock; None: compiled at first use.
+    #: Program for this display, line and clock; None: compiled at first use.
     program: Path | None
     #: Time until a silent program makes room for another, s; by default `IDLE_S`.
     idle_s: int
@@ -209,8 +208,8 @@ class BoardOptions(TypedDict, total=False):
 def start(display: Display, **options: Unpack[BoardOptions]) -> RunningBoard:
     """Start a virtual board for a display, and wait until its port is open.
 
-    Raises DeviceError when the board ends at once; InputError for a panel that does not
-    fit a board, and for a baud rate that does not fit the clock.
+    Raises DeviceError when the board ends at once; InputError for a panel that is too
+    large, or a baud rate that does not fit the clock.
     """
     baud, scene, memory = options.get("baud"), options.get("scene"), options.get("memory", "block")
     trace, tcp_port = options.get("trace"), options.get("tcp_port")
@@ -248,7 +247,9 @@ def start(display: Display, **options: Unpack[BoardOptions]) -> RunningBoard:
                 what = "its name is too long for a Unix socket"
                 raise input_error(str(place.parent), what, "set TMPDIR to a shorter folder")
         words |= {"line": port, "place": place, "ready": ready}
-        command = [str(program), *(word for name, value in words.items() for word in (f"--{name}", str(value)))]
+        command = [str(program)]
+        for name, value in words.items():
+            command += [f"--{name}", str(value)]
         pipe = subprocess.PIPE
         process = subprocess.Popen(command, stdout=pipe, stderr=pipe, text=True, errors="replace")
         try:
@@ -302,7 +303,7 @@ def running(display: Display, **options: Unpack[BoardOptions]) -> Iterator[Runni
 
 
 def remove_parts(folder: Path) -> None:
-    """Remove the incomplete frames of killed simulators from a folder of captured frames."""
+    """Remove killed simulators' incomplete frames from a folder of captured frames."""
     for part in folder.glob("frame-*.rgb.part"):
         with contextlib.suppress(FileNotFoundError):
             if time.time() - part.stat().st_mtime > PART_S:
@@ -342,7 +343,7 @@ def keep_as_png(folder: Path, display: Display, after: int = 0) -> list[Path]:
 def board_parameters(
     display: Display, build: Build, byte_link: bool, clock_hz: int, scene: SceneBuild | None, memory: Memory = "block"
 ) -> dict[str, int | str]:
-    """Return the parameters of `lipp_board_with_store`, or `lipp_board_with_sdram`, for a display."""
+    """Return the parameters of `lipp_board_with_store` or `_sdram` for a display."""
     panel = display.panel
     return {
         **optics_parameters(build),
