@@ -56,7 +56,7 @@ def window_size(size: tuple[int, int], desktop: tuple[int, int]) -> tuple[int, i
 
 @contextmanager
 def full_screen(size: tuple[int, int], monitor: int) -> Iterator[Callable[..., Pixels]]:
-    """Provide a function that shows an image (height, width, 3) uint8 on a complete monitor, counted from 0.
+    """Provide a function that shows an image (height, width, 3) uint8 on a full monitor, counted from 0.
 
     It takes the image and a duration, s (None: until Escape or q), and returns the
     screen's pixels. Raises InputError for a missing monitor or one of another size,

@@ -293,7 +293,7 @@ def openimageio() -> ModuleType:
 
 
 class StoredRows:
-    """Linear radiance (height, width, 3) float32 in a file; an index reads only the rows that it selects.
+    """Linear radiance (height, width, 3) float32 in a file; an index reads only its rows.
 
     The returned arrays are read-only. `numpy.asarray` reads all rows.
     """

@@ -73,9 +73,10 @@ def load_arrays(
         with zipfile.ZipFile(path) as file:
             members = {name.removesuffix(".npy"): name for name in file.namelist()}
             headers, arrays = dict[str, Header](), dict[str, Numbers]()
-            for name in (name for name in names if name in members):
-                with file.open(members[name]) as stream:
-                    headers[name] = _header(stream)
+            for name in names:
+                if name in members:
+                    with file.open(members[name]) as stream:
+                        headers[name] = _header(stream)
             _check_arrays(path, headers, remedy, bytes_a_ray)
             for name in headers:
                 with file.open(members[name]) as stream:

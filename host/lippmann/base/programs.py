@@ -15,7 +15,7 @@ from lippmann.base import interrupts
 
 #: Pause between two checks for signals, s.
 LOOK_S = 0.1
-#: Time for a program to end by itself before it is killed, s.
+#: Time for a program to end before it is killed, s.
 GRACE_S = 5.0
 
 

@@ -48,7 +48,7 @@ def _drawing(path: Path, down: int, across: int, size: tuple[float, float]) -> I
 
 
 def draw_zones(display: Display, path: Path, eye_mm: Sequence[float] | None = None) -> None:
-    """Draw, from above and in the plane of the middle eyes, the crosstalk that eyes see."""
+    """Draw the crosstalk that eyes see, from above, in the plane of the middle eyes."""
     usual, half = viewing_distance(display), 0.5 * display.panel.width_mm
     heights = (HEIGHTS * usual).tolist()
     middle = [middle_eye(display, z) for z in heights]

@@ -71,7 +71,7 @@ def word_unit(fraction_bits: int) -> float:
 
 
 def rays_of_words(display: Display, pixel: Floats, rays: FixedRays, fraction_bits: int) -> Rays:
-    """Return the rays of words, mm, panel's axes; `pixel` (N, 2) are the pixels that were traced."""
+    """Return the rays of words, mm, panel's axes; `pixel` (N, 2) are their pixels."""
     system = System.of(display)
     frame = system.frame
     unit = word_unit(fraction_bits)

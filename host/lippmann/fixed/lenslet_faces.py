@@ -220,8 +220,8 @@ def leave_dome(
         d'_x = saturate(((e_x << 3-E) + (k N_x >> F-3) + 4) >> 3),  d'_y likewise
         d'_z = saturate(((dz n >> F-3+3E) + (k N_z >> F-3) + 4) >> 3)
 
-    k is a wide word, n2 is n^2. Totally reflected: C' <= 0. Overflow: C' is above 1 or,
-    unless reflected, k does not fit or the direction is outside [-1, 1].
+    e is the direction in the glass, k a wide word, n2 is n^2. Reflected: C' <= 0.
+    Overflow: C' is above 1 or, unless reflected, k does not fit or d' exceeds 1.
     """
     near = f + 2
     c, cos_air = cosine_behind(met.s, index_square, f)

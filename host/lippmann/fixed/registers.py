@@ -84,7 +84,7 @@ def _load(name: str) -> dict[str, Register]:
     return msgspec.convert(items["registers"], dict[str, Register])
 
 
-#: Registers by name, after their group's; byte addresses from the block's base.
+#: Registers by name, the group's name in front; byte addresses from the block's base.
 OPTICS_REGISTERS = _load("optics.json")
 BOARD_REGISTERS = _load("board.json")
 SCENE_REGISTERS = _load("scene.json")

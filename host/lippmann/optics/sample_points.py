@@ -58,7 +58,7 @@ def points_in_pixel(pixel: Arr, sample: Arr, samples: int, seed: Arr, number: Ar
 
 
 def points_in_square(pixel: Arr, sample: Arr, seed: Arr, stream: int = 1) -> Point:
-    """Return points (s, t) in the unit square for a cell or a pupil, from numbers of pixel and sample (UInt32).
+    """Return points (s, t) in the unit square for a cell or pupil, by numbers of pixel and sample (UInt32).
 
     They are the R2 sequence, shifted modulo 1 by a hash of pixel and seed. Stream 0,
     independent of stream 1, is for an eye's view, as in viewer/shaders/sampling.glsl.

@@ -134,7 +134,7 @@ def check_free(tcp_port: int) -> None:
 
 
 def board_build(display: Display, scene: SceneBuild | None = None, fraction_bits: int | None = None) -> Build:
-    """Return the optics build of a display's board; cross terms in multiplier cells simulate fastest.
+    """Return the optics build of a display's board, with `cross_cells` for speed.
 
     Without `fraction_bits`, F is 18 for a board that draws nearest texels, else 16.
     """
