@@ -71,9 +71,10 @@ def draw_zones(display: Display, path: Path, eye_mm: Sequence[float] | None = No
             edge = {"facecolor": "none", "edgecolor": LENSLET, "linewidth": 2}
             axis.fill_betweenx(*zip(*ends, strict=True), **edge, label="zone without crosstalk")
         axis.plot((-half, half), (0.0, 0.0), color="black", linewidth=4, solid_capstyle="butt", label="panel")
-        marked = [("viewing distance", middle_eye(display, usual))]
-        marked += [] if eye_mm is None else [("eye", eye_mm)]
-        for (name, (x, y, z)), mark in zip(marked, "o^", strict=False):
+        marked: dict[str, Sequence[float]] = {"viewing distance": middle_eye(display, usual)}
+        if eye_mm is not None:
+            marked["eye"] = eye_mm
+        for (name, (x, y, z)), mark in zip(marked.items(), "o^", strict=False):
             share = status_share(display, (x, y, z))["crosstalk"]
             label = f"{name}: {x:g}, {y:g}, {z:g} mm, crosstalk {percent(share)}"
             axis.plot(x, z, mark, color="black", label=label)
