@@ -314,7 +314,7 @@ def private_folder() -> Path:
 
 
 def listening() -> set[str]:
-    """Return the paths of Unix sockets on which programs listen; none except on Linux."""
+    """Return the paths of Unix sockets on which programs listen, on Linux."""
     table = Path("/proc/net/unix")
     rows = table.read_text(errors="replace").splitlines() if table.exists() else []
     return {row.split(maxsplit=7)[-1] for row in rows}  # a path may have spaces

@@ -101,7 +101,7 @@ def has_avx512() -> bool:
 
 
 def features() -> frozenset[str]:
-    """Return the flags in /proc/cpuinfo; none except for Linux on x86."""
+    """Return the flags in /proc/cpuinfo, on Linux and x86."""
     lines = re.findall(r"^flags\s*:(.*)$", _information(), re.MULTILINE)
     return frozenset(" ".join(lines).split())
 

@@ -455,7 +455,7 @@ def _check(display: Display, where: str) -> None:
 
 
 def _check_extent(display: Display, where: str) -> None:
-    """Refuse an extent with no lenslet in front of the panel, or one far larger than the panel."""
+    """Refuse an extent with no lenslet in front of the panel, or far larger than it."""
     array, panel = display.array, display.panel
     width, height = array.extent_mm or (0.0, 0.0)
     size, column_mm, row_mm = f"{width:g} x {height:g} mm", array.pitches_mm[0], array.row_pitch_mm

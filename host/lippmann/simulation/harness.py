@@ -168,7 +168,7 @@ def packed(config: Configuration) -> bytes:
 
 
 def optics_parameters(build: Build) -> dict[str, int | str]:
-    """Return the RTL's parameter of a build: the word of its register `build`, in SystemVerilog."""
+    """Return the RTL's parameter of a build: its register `build`, in SystemVerilog."""
     return {"Build": f"16'h{build_word(build):04x}"}
 
 
