@@ -120,8 +120,7 @@ def render(
         Folder for the finished bands: an interrupted render continues from them. A
         different render removes them.
     workers, scheduler
-        Number of local processes, or the address of a Dask scheduler
-        ("tcp://127.0.0.1:8786").
+        Number of local processes, or a Dask scheduler's address ("tcp://127.0.0.1:8786").
     """
     check_progress(progress)
     settings = Settings(samples, aperture, integrator, max_depth, seed, memory_mb, shading)

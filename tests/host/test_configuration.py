@@ -154,7 +154,7 @@ def test_aims_that_the_words_do_not_promise_to_hold_are_refused(grid):
         ({"fraction_bits": 24}, "fraction_bits: 24 is not valid; give a whole number from 14 to 23"),
         ({"max_cell_steps": 5, "aims": True}, "max_cell_steps: 5 is not valid; give a whole number from 0 to 4"),
         ({"max_cell_steps": 1}, "max_cell_steps must be 0 in a build whose rays"),
-        ({"model": "pinhole", "aims": True}, "a pinhole build has no aperture points"),
+        ({"model": "pinhole", "aims": True}, "a pinhole build has none; leave aims out"),
     ],
 )
 def test_what_the_rtl_refuses_is_no_build(parameters, says):

@@ -425,7 +425,7 @@ def remedy(node: Schema, name: str) -> str:
 
 
 def bounds_text(node: Schema) -> str:
-    """Return the bounds of a number in words."""
+    """Describe in words the range that a number may have."""
     low, high = node.get("minimum"), node.get("maximum")
     if low is not None and high is not None:
         return f"from {low:g} to {high:g}"

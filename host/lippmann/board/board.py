@@ -33,7 +33,7 @@ from lippmann.rendering.integral_image import IntegralImage
 from lippmann.rendering.plan import Plan
 from lippmann.rendering.sinks import render_into
 
-#: Longest time for two frames, s: a simulated panel is slow.
+#: Time-out for two frames, s; long because a simulated panel is slow.
 FRAME_SECONDS = 120.0
 #: Pause between two queries, s.
 QUERY_S = 0.02

@@ -175,7 +175,7 @@ class Session:
         return NoBoardError.at(self.line.url, what, remedy)
 
     def error(self, what: str, remedy: str) -> DeviceError:
-        """Return an error of the board at this line."""
+        """Return an error that names the board's port."""
         return DeviceError.at(self.line.url, what, remedy)
 
     def hello(self) -> Hello:

@@ -80,7 +80,7 @@ class Moved:
         return {name: value for name, value in vars(self).items() if value is not None and value is not False}
 
     def arrange(self, scene_path: Path) -> Arrange | None:
-        """Return how the display places the scene; refuse options without effect."""
+        """Return how to place the scene for the display; refuse options without effect."""
         if not (self.fit or self.from_camera):
             return None if self.changes.keys() - {"rotate"} else usual_arrange(scene_path)
         first, allowed = ("fit", {"fit", "rotate"}) if self.fit else ("from-camera", {"from_camera"})

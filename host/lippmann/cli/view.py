@@ -53,7 +53,8 @@ def command(
     """Make a browser page that shows an integral image.
 
     It shows what an eye sees through the lenslets. It is one file, and needs WebGL 2
-    but no network. IMAGE may be a folder of lippmann animate, which it plays.
+    but no network. IMAGE may be a folder of frames from lippmann animate: the page
+    plays them.
 
     Example: lippmann view fish.png --display scenes/displays/paper-square.toml -o
     fish.html

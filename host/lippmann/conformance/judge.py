@@ -355,7 +355,7 @@ def _match(variant: Variant, sample: Comparison) -> tuple[float, float]:
 
 # ---- words ----
 
-#: Words that are real numbers.
+#: Fields of a line that hold real numbers.
 REALS = ("x", "y", "z", "dx", "dy", "dz")
 WORD_STAGES = dict(zip(FixedRays._fields, ["lenslet"] * 2 + ["dome"] * 3 + ["exit"] * 3 + ["status"], strict=True))
 #: Words that may be taken for each other.

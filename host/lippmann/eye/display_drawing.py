@@ -54,7 +54,7 @@ def draw_zones(display: Display, path: Path, eye_mm: Sequence[float] | None = No
     middle = [middle_eye(display, z) for z in heights]
     pairs = zip(heights, zones(display, heights), strict=True)
     ends = [(z, zone.left_mm, zone.right_mm) for z, zone in pairs if zone is not None]
-    widest = max([half] + [max(abs(left), abs(right)) for _, left, right in ends])
+    widest = max([half] + [max(abs(start), abs(end)) for _, start, end in ends])
     places = np.linspace(-1.2 * widest, 1.2 * widest, PLACES)
     eyes = np.array([(x, y, z) for _, y, z in middle for x in places])
     shares = status_shares(display, eyes, MAP_RAYS).reshape(len(middle), len(places), -1)

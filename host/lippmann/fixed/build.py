@@ -46,7 +46,9 @@ class Build:
                 f"viewer belongs to exact builds; leave it out of a {self.model} build, whose registers hold the side"
             )
         if self.aims and self.model == "pinhole":
-            raise InputError("a pinhole build has no aperture points; leave aims out, or choose another model")
+            raise InputError(
+                "aims sets the aperture points, and a pinhole build has none; leave aims out, or choose another model"
+            )
 
     @classmethod
     def of(
@@ -102,7 +104,7 @@ class Build:
         return self.aims and (self.converge or self.model == "paraxial")
 
     def as_dict(self) -> dict[str, int | str]:
-        """Return the parameters for JSON; for one version also `walk`, the old name of `max_cell_steps`."""
+        """Return the parameters for JSON; until the next version also `walk`, the old name of `max_cell_steps`."""
         return {**dataclasses.asdict(self), "walk": self.max_cell_steps}
 
 

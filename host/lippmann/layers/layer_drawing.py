@@ -117,7 +117,7 @@ def panel_bytes(display: Display, light: npt.NDArray[np.floating]) -> Bytes:
 def exit_lines(
     display: Display, samples: int = 1, model: Model = "exact", drawn_rows: range | None = None
 ) -> Iterator[ExitLines]:
-    """Yield the exit rays of a display, or of some of its rows, by pixel and sample."""
+    """Yield the exit rays of a display, or of `drawn_rows`, ordered by pixel, then sample."""
     width = display.panel.width_px
     rows = max(1, CHUNK_RAYS // (width * samples))
     drawn_rows = range(display.panel.height_px) if drawn_rows is None else drawn_rows

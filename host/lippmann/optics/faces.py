@@ -95,7 +95,7 @@ class Dome:
 
 
 class Crossing(NamedTuple):
-    """A ray on the height field, local to the lenslet met; the steps (di, dj) to that lenslet; the cosine |d . N|."""
+    """Where a ray meets a face, relative to that lenslet; the steps (di, dj) to the lenslet; the cosine |d . N|."""
 
     ray: Ray
     di: Arr

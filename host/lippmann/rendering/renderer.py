@@ -44,8 +44,8 @@ CACHE_CHUNK_DIVISOR = 2
 CACHE_DB, RAYS_A_POINT = 45.0, 4
 #: One lamp's shadow rays take as long as the trial (docs/generated/reports/shading.md).
 MIN_LAMPS = 2
-#: The trial: parts of the image each way, rays of a colour in all parts, and maximum
-#: samples of a pixel. Not 2^18 rays: with a texture of as many values they would be
+#: The trial: parts of the image along each axis, rays per colour in all parts together,
+#: and maximum samples per pixel. Not 2^18 rays: with a texture of as many values they would be
 #: another recording.
 TRIAL_PARTS, TRIAL_RAYS, TRIAL_SAMPLES = 4, 28 * 28 * 256, 4
 #: Seed of the trial's places, which are the same for each seed of a render.
@@ -266,7 +266,7 @@ class Renderer:
         filtered = self._filtered and self._pass == 0
         sums = PixelFilter(self._source, self._samples, rows) if filtered else None
         lost = []
-        # Equal chunks: each has a fixed cost, for Dr.Jit visits all shapes.
+        # Equal chunks: each has a fixed cost, because Dr.Jit visits all shapes for each.
         chunks = max(1, math.ceil(tiles / self._chunk - CHUNK_SLACK))
         size = -(-tiles // chunks)
         for first in range(0, tiles, size):

@@ -128,7 +128,7 @@ def display_source(
 
 @dataclass(frozen=True)
 class Window:
-    """The rectangle of a view, in the plane z = 0 and centred on the axis."""
+    """The rectangle that a view covers in the plane z = 0, centred on the axis."""
 
     width_mm: float
     height_mm: float

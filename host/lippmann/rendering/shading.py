@@ -72,7 +72,7 @@ class Recorded:
 
 
 class _References:
-    """The function and the scene of a frozen function, which must not refer to them."""
+    """What a frozen function of Dr.Jit calls; it must not refer to the function and scene itself."""
 
     # Dr.Jit's object waits for the garbage collector; programs contain all live scenes.
 

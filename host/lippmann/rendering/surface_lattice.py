@@ -134,7 +134,7 @@ def on_octahedron(direction: Jit) -> tuple[Jit, Jit]:
 
 
 def from_octahedron(u: Jit, v: Jit) -> Jit:
-    """Return the direction of a place in the unit square."""
+    """Return the direction that the octahedral map gives to a point of the unit square."""
     x, y = 2.0 * u - 1.0, 2.0 * v - 1.0
     z = 1.0 - dr.abs(x) - dr.abs(y)
     x, y = (

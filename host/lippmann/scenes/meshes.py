@@ -402,7 +402,7 @@ def write_surface(
     mesh.write_ply(str(path))
 
 
-#: Names of the list of a face's vertices.
+#: Names that PLY files give to a face's list of vertices.
 LISTS = ("vertex_indices", "vertex_index")
 MAX_HEADER_BYTES = 1 << 20
 
