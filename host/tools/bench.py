@@ -104,8 +104,11 @@ def measurement(page: str = "measured", packages: tuple[str, ...] = ON_DEVICE) -
                 (target / "measured").mkdir(exist_ok=True)
                 write_csv(target / f"measured/{measured_name(name, used_device)}.csv", origin, tables["rows"])
                 measured_page(target).write(target)
-            lines = [*(f"{key}: {value}" for key, value in origin.items()), *map(plain_table, tables.values())]
-            emit({**origin, **tables}, own_page.text() if own_page else "\n".join(lines))
+            if own_page is not None:
+                emit({**origin, **tables}, own_page.text())
+            else:
+                lines = [f"{key}: {value}" for key, value in origin.items()]
+                emit({**origin, **tables}, [*lines, *map(plain_table, tables.values())])
 
         options = [
             SCENES.parameter("scenes", str),

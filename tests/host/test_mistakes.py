@@ -8,7 +8,6 @@ from lippmann.base.images import write_picture
 from lippmann.cli import run
 from model_board import ModelBoard
 from scene_cases import display_toml, focused_display, generator, glowing_sphere, write_scene
-from test_cli import refused
 
 SEED = 1411
 DISPLAY = focused_display("square", width_px=64, height_px=48, pixel_pitch=0.1)
@@ -86,11 +85,11 @@ FILES = [
 
 
 @pytest.mark.parametrize(("found", "mistake", "named", "remedy"), FILES, ids=[f"{m[2]} {m[1][:20]!r}" for m in FILES])
-def test_mistakes_in_a_display_file(place, capfd, found, mistake, named, remedy):
+def test_mistakes_in_a_display_file(place, refusal_of, found, mistake, named, remedy):
     text, count = re.subn(found, mistake, TINY, count=1, flags=re.MULTILINE)
     assert count == 1
     (place / "wrong.toml").write_text(text)
-    line = refused(capfd, "inspect", "wrong.toml")
+    line = refusal_of("inspect", "wrong.toml")
     where, _, rest = line.removeprefix("lippmann: wrong.toml: ").partition("; ")
     assert line.startswith("lippmann: wrong.toml: ")
     assert re.match(rf"{re.escape(named)}[: ]", where), line
@@ -151,19 +150,19 @@ COMMANDS = [
 
 
 @pytest.mark.parametrize(("words", "named", "remedy"), COMMANDS, ids=[words for words, _, _ in COMMANDS])
-def test_mistakes_in_a_command(place, capfd, words, named, remedy):
-    line = refused(capfd, *words.split())
+def test_mistakes_in_a_command(place, refusal_of, words, named, remedy):
+    line = refusal_of(*words.split())
     assert named in line
     assert remedy in line[line.index(named) + len(named) :], line
 
 
-def test_a_port_that_is_a_file(place, capfd):
-    line = refused(capfd, "board", "info", "--port", "./tiny.toml", code=1)
+def test_a_port_that_is_a_file(place, refusal_of):
+    line = refusal_of("board", "info", "--port", "./tiny.toml", code=1)
     assert "tiny.toml: is not a serial port; give a serial device, a pty, or socket://HOST:PORT" in line
 
 
-def test_a_mistyped_field_of_a_board(place, capfd):
+def test_a_mistyped_field_of_a_board(place, refusal_of):
     with ModelBoard() as model:
-        line = refused(capfd, "board", "write", "display", "patern=2", "--port", model.url)
+        line = refusal_of("board", "write", "display", "patern=2", "--port", model.url)
         assert not model.writes
     assert "patern=2: display has no field patern; did you mean pattern?" in line

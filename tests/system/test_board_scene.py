@@ -387,7 +387,7 @@ def test_reset_and_a_stored_frame_end_the_scene(usual):
         assert board.panel_crc() == zlib.crc32(bytes(3 * WIDTH * HEIGHT))
         assert not any(scene.crcs(slot)[0] for slot in range(build.slots_built))
         status = scene.status()
-        assert (status.shown, status.waits, status.slots, status.frames) == (False, False, frozenset(), 0)
+        assert (status.is_shown, status.waits, status.slots, status.frames) == (False, False, frozenset(), 0)
         scene = SceneBoard(board)
         show(scene, display, stack)
         assert board.panel_crc() == zlib.crc32(twin(display, stack, build).tobytes())

@@ -18,7 +18,6 @@ from types import NoneType
 from typing import Any, Literal, NewType, get_args, get_origin, get_type_hints
 
 import click
-from click.core import ParameterSource
 from click.shell_completion import CompletionItem
 
 from lippmann.errors import did_you_mean
@@ -134,11 +133,6 @@ def make_command(name: str, into: click.Group | None = None) -> Callable[[Functi
         return declared
 
     return decorate
-
-
-def is_given(name: str) -> bool:
-    """Tell whether the user gave a parameter of the command that runs."""
-    return click.get_current_context().get_parameter_source(name) is not ParameterSource.DEFAULT
 
 
 def parameters(function: Function) -> Iterator[click.Parameter]:

@@ -7,6 +7,7 @@ import math
 from pathlib import Path
 
 import click
+from click.core import ParameterSource
 
 from lippmann.cli.frame import KINDS, Choice, Kind, option, path_kind
 from lippmann.display.description import Display, load_display
@@ -16,6 +17,11 @@ from lippmann.fixed.words import FRACTIONS, WIDEST
 Point = tuple[float, float, float]
 #: Maximum length of a list of numbers.
 MAX_NUMBERS = 100
+
+
+def is_given(name: str) -> bool:
+    """Tell whether the user gave a parameter of the command that runs."""
+    return click.get_current_context().get_parameter_source(name) is not ParameterSource.DEFAULT
 
 
 def vector(form: str, number: type[float] = float, remedy: str = "") -> Kind:

@@ -12,8 +12,8 @@ import click
 from lippmann.base.images import check_output
 from lippmann.base.machine import peak_memory_mb, process_seconds
 from lippmann.base.variant import current_device
-from lippmann.cli.frame import Name, argument, flag_of, is_given, make_command, option
-from lippmann.cli.options import DEVICE, DISPLAY, PICTURE, SEED
+from lippmann.cli.frame import Name, argument, flag_of, make_command, option
+from lippmann.cli.options import DEVICE, DISPLAY, PICTURE, SEED, is_given
 from lippmann.cli.options_rendering import MOVED, RENDERING, SCHEDULER, Moved
 from lippmann.cli.output import emit
 from lippmann.cli.progress_bar import progress_bar
