@@ -169,7 +169,7 @@ def draw(
         "nearest" texel, or "bilinear" between four; 1, 2 or 4 samples for each pixel.
     model, engine, fraction_bits
         Lens model. "golden": float64; "twin": the RTL's integers; "rtl": the RTL,
-        simulated. Word length of the optics, for twin and rtl; None: the longest.
+        simulated. Word length of the optics, for twin and rtl; `None` means the longest.
     kept, workers, scheduler
         See `render`.
     """
@@ -280,7 +280,7 @@ def observe(
         The display as built, such as `image.display.misaligned(rotation_deg=0.1)`;
         None: the image's.
     window
-        The part of the plane z = 0 in the view; None: the whole panel, `width_px` wide.
+        The part of the plane z = 0 in the view; `None` means the whole panel, `width_px` pixels wide.
     model, crosstalk, seed
         Lens model; whether neighbouring elemental images are visible or black; random
         seed.

@@ -485,7 +485,7 @@ module lipp_board #(
         + lipp_scene_pkg::scene_latency(F, Scene) + 5 + ClocksPerPixel;
     if (Blanking < Latency) begin : gen_illegal_blanking
       $fatal(1,
-          "lipp_board: the scene needs %0d clocks of blanking before the first pixel, not %0d",
+          "lipp_board: blanking before the first pixel must last the scene's %0d clocks, not %0d",
              Latency, Blanking);
     end
 

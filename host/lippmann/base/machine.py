@@ -16,7 +16,7 @@ VERSIONS = {
     1: (("memory",), "memory.limit_in_bytes", "memory.usage_in_bytes", r"total_(?:in)?active_file"),
     2: (("", "unified"), "memory.max", "memory.current", r"(?:in)?active_file"),
 }
-#: A limit from here on is none: version 1 writes a number just below 2^63.
+#: A limit of this size or more means no limit: version 1 writes nearly 2^63 for it.
 UNLIMITED = 1 << 62
 #: Assumed free memory on a system that does not report it, MB.
 DEFAULT_FREE_MB = 4000.0

@@ -175,7 +175,7 @@ def rays_from_picture(
     """Trace rays from the image's pixel coordinates u, v (double) to the object space.
 
     `aperture` is for a pickup: where rays pass the aperture, mm from its centre,
-    array's axes; None: the centre.
+    array's axes; `None` means the centre.
     """
     system = system_of(setup)
     frame = system.frame

@@ -65,7 +65,7 @@ class RenderOptions:
     tolerance: float = TOLERANCE
     #: What traces the rays through the lenslets.
     engine: Engine = "fast"
-    #: Word length of the engines twin and rtl; None: the longest.
+    #: Word length of the engines twin and rtl; `None` means the longest.
     fraction_bits: int | None = None
     settings: Settings = field(default_factory=Settings)
 

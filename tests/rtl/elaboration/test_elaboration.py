@@ -368,7 +368,7 @@ REFUSED = [
     (
         "board",
         {"VSync": 1, "VBack": 0, "Width": 8, "Height": 8, "HBack": 0, **drawn(1, 1, 5, 32)},
-        "board: the scene needs",
+        "board: blanking before the first pixel must last the scene's",
     ),
     *each("draw_frame", "Width and Height must be 1 to", Width=(0, 16384), Height=(0, 16384)),
     ("pixel_feed", {"Pixels": 0}, "pixel_feed: Pixels must be 1 or more"),
