@@ -1,8 +1,8 @@
 """Writes what the code declares into the documentation: key tables and JSON Schemas of TOML files, points, promises.
 
-`make docs-tables` fills pages between `<!-- keys: FILE TABLE -->` and `<!-- end of keys -->`; with the coverage points
-between `<!-- points -->` and `<!-- end of points -->`; and with docs/promises.toml between `<!-- promises -->` and
-`<!-- end of promises -->`.
+`make docs-tables` fills pages between `<!-- keys: FILE TABLE -->` and `<!-- end of keys -->`; and with
+the coverage points, the hard cases or docs/promises.toml between `<!-- points -->` and `<!-- end of points -->`,
+`<!-- cases -->` and so on.
 """
 
 from __future__ import annotations
@@ -23,6 +23,7 @@ from lippmann.base.toml import Schema, bounds_text, documented, key, rivals, tab
 from lippmann.cli import COMMANDS, cli
 from lippmann.cli.inspect import FILES, schema_of
 from lippmann.conformance.coverage_points import BEYOND_WORDS, POINTS
+from lippmann.conformance.hard_cases import CASES
 from lippmann.errors import did_you_mean, input_error
 from lippmann.simulation.toolchain import repository
 
@@ -30,7 +31,7 @@ from tools.program import program
 
 SCHEMAS = Path("docs/generated/schemas")
 COMMAND_PAGES = Path("docs/generated/commands")
-LISTED = re.compile(r"(<!-- (points|promises) -->\n).*?(<!-- end of \2 -->)", re.S)
+LISTED = re.compile(r"(<!-- (cases|points|promises) -->\n).*?(<!-- end of \2 -->)", re.S)
 MARKED = re.compile(r"(<!-- keys: (\w+) ?([\w.]*) -->\n).*?(<!-- end of keys -->)", re.S)
 FILE = Path("docs/promises.toml")
 
@@ -39,7 +40,7 @@ def generate(top: Path) -> dict[Path, str]:
     """Return the text of every schema, and of every page with its tables filled in, by path in the checkout."""
     texts = {SCHEMAS / f"{kind}.json": json.dumps(schema_of(kind), indent=2) + "\n" for kind in FILES}
     texts |= {COMMAND_PAGES / f"{name}.md": command_page(name) for name in COMMANDS}
-    lists: dict[str, Callable[[], str]] = {"points": _points, "promises": partial(promises_table, top)}
+    lists: dict[str, Callable[[], str]] = {"cases": _cases, "points": _points, "promises": partial(promises_table, top)}
     for page in sorted(top.glob("docs/**/*.md")):
         text, tables_filled = MARKED.subn(_filled, page.read_text())
         text, lists_filled = LISTED.subn(lambda place: place[1] + lists[place[2]]() + place[3], text)
@@ -73,6 +74,12 @@ def _help(command: click.Command, context: click.Context) -> Iterator[str]:
     rows = [[cell.replace("|", "\\|") for cell in record] for record in records]
     if rows:
         yield "\n".join(["| option | meaning |", "|---|---|", *(f"| `{words}` | {text} |" for words, text in rows)])
+
+
+def _cases() -> str:
+    """Return the table of the hard cases that `lippmann vectors` writes."""
+    rows = (f"| `{name}` | {(inspect.getdoc(case) or '').splitlines()[0]} |\n" for name, case in CASES.items())
+    return f"| case | rays or displays |\n|---|---|\n{''.join(rows)}"
 
 
 def _points() -> str:
