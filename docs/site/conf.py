@@ -31,6 +31,7 @@ myst_heading_anchors = 4
 
 smartquotes_action = "qe"  # quotes and ellipses only: a dash made from -- would break options
 
+autodoc_default_options = {"members": True}
 autodoc_member_order = "bysource"
 autodoc_typehints = "signature"
 autosummary_generate = False  # numpydoc would generate pages
