@@ -1,11 +1,11 @@
 """The path of a captured ray: through the camera's pinhole, by exact lenslets, concave ones too."""
 
-import math
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
+from independent import last_point, surface
 from lippmann.capturing.capture import rays_from_picture, system_of
 from lippmann.capturing.capture_setup import Camera, Pickup, Setup, Subject, load_setup
 from lippmann.capturing.imaging_lens import ThinLens
@@ -21,7 +21,6 @@ TOP = Path(__file__).parents[2]
 B = NumpyBackend()
 OBJECT_MM = 150.0
 CAMERA_MM = 900.0
-
 
 #: Distance and axis of an eye on which the display's elemental images converge.
 EYE = {"eye": 80.0, "axis": (3.0, -5.0)}
@@ -121,10 +120,6 @@ def test_near_its_centre_a_lenslet_obeys_the_lens_equation(concave):
 
 def test_concave_lenslets_against_rayoptics():
     """One plano-concave lens, flat side first: centre of curvature on the object's side."""
-    from rayoptics.elem.profiles import Spherical
-    from rayoptics.elem.surface import Surface
-    from rayoptics.raytr.raytrace import trace_raw
-
     setup = setup_of(concave=True)
     system = system_of(setup)
     rng = generator(14)
@@ -133,21 +128,14 @@ def test_concave_lenslets_against_rayoptics():
     out = leave_panel(B, system, *start.T, tuple(aim.T), "exact")
     own = np.asarray(out.status) == 0
     assert own.sum() > 80
-
-    def step(surface, distance, index):
-        return (surface, None, (np.eye(3), np.array([0.0, 0.0, distance])), index, 1.0)
-
     path = (
-        step(Surface(profile=Spherical(c=0.0), interact_mode="dummy"), system.gap_mm, 1.0),
-        step(Surface(profile=Spherical(c=0.0)), system.thickness_mm, 1.5),
-        step(Surface(profile=Spherical(c=1.0 / 1.65)), 0.0, 1.0),
+        surface(0.0, system.gap_mm, 1.0, "dummy"),
+        surface(0.0, system.thickness_mm, 1.5),
+        surface(1.0 / 1.65, 0.0, 1.0),
     )
     for k in np.flatnonzero(own):
         direction = np.append(aim[k] - start[k], system.aperture_distance_mm)
-        segments, _, _ = trace_raw(
-            iter(path), np.append(start[k], 0.0), direction / np.linalg.norm(direction), 550.0, intersect_obj=False
-        )
-        point, direction = segments[-1][:2]
+        point, direction = last_point(path, np.append(start[k], 0.0), direction / np.linalg.norm(direction))
         ours = np.array([np.asarray(c)[k] for c in out.ray])
         assert ours[:3] == pytest.approx(point, abs=1e-12)
         assert ours[3:] == pytest.approx(direction, abs=1e-12)
@@ -161,30 +149,12 @@ def test_concave_seams_keep_every_ray_accounted_for():
     start = aim + rng.uniform(-3.0, 3.0, (4000, 2))
     out = leave_panel(B, system_of(setup), *start.T, tuple(aim.T), "exact")
     counts = np.bincount(np.asarray(out.status), minlength=5)
-    print(counts)
     assert np.isfinite(np.array([np.asarray(c) for c in out.ray])).all()
     assert counts[0] > 1000
     assert counts[4] > 10
 
 
-@pytest.mark.parametrize("concave", [False, True])
-def test_fast_engine_agrees(mi, concave):
-    setup = setup_of("hex", lens=ThinLens(90.0, 80.0), concave=concave, rotation=7.0)
-    setup = replace(setup, subject=Subject(200.0), position_mm=-20.0, pickup=Camera(600.0))
-    b = DrJitBackend("llvm")
-    points = picture_points(16)
-    golden = rays_from_picture(B, setup, *points.T)
-    fast = rays_from_picture(b, setup, *(b.double(c) for c in points.T))
-    assert np.mean(np.asarray(fast.through_array) == golden.through_array) > 0.99
-    good = golden.through_array & golden.through_lens & np.asarray(fast.through_array) & np.asarray(fast.through_lens)
-    assert good.mean() > 0.9
-    # 2 microradian of the lenslet's float32, along some 150 mm.
-    apart = np.abs(np.array(fast.ray) - np.array(golden.ray))[:, good]
-    assert apart[:3].max() < 1e-3
-    assert apart[3:].max() < 1e-5
-
-
-@pytest.mark.parametrize("name", ["fig8a", "fig8c", "hex", "pickup", "thin"])
+@pytest.mark.parametrize("name", ["fig8a", "fig8c", "hex", "pickup", "thin", "concave"])
 def test_fast_engine_agrees_at_the_object(mi, name):
     """Through the shipped set-ups' lenses to the object a metre away: within half a micrometre, far below a pixel."""
     setup = load_setup(TOP / f"scenes/setups/{name}.toml")
@@ -200,19 +170,4 @@ def test_fast_engine_agrees_at_the_object(mi, name):
     for ray in (golden.ray, fast.ray):
         x, y, z, dx, dy, dz = (np.asarray(column, np.float64)[good] for column in ray)
         met.append(np.stack([x - z * dx / dz, y - z * dy / dz]))
-    apart = np.abs(met[1] - met[0]).max()
-    print(f"{name}: {1e3 * apart:.3f} um")
-    assert apart < 5e-4
-
-
-def test_handedness():
-    """The camera sees the object unmirrored: what stands right of the axis is right of the lenslet's middle, inverted
-    by a convex lenslet, erect by a concave one.
-    """
-    for concave, sign in ((False, -1.0), (True, 1.0)):
-        setup = setup_of(concave=concave)
-        pitch = setup.display.panel.pixel_pitch_mm
-        rays = rays_from_picture(B, setup, np.array([0.2 / pitch + 150.0]), np.array([100.0 - 0.1 / pitch]))
-        t = -rays.ray.z / rays.ray.dz
-        assert math.copysign(1.0, (rays.ray.x + t * rays.ray.dx)[0]) == sign
-        assert math.copysign(1.0, (rays.ray.y + t * rays.ray.dy)[0]) == sign
+    assert np.abs(met[1] - met[0]).max() < 5e-4

@@ -17,8 +17,6 @@ CASES = [
 ]  # fmt: skip
 #: Without an eye, and with one so near that elemental images are a fifth wider than lenslets; distance and axis.
 EYES = [(None, (0.0, 0.0)), (9.2, (1.3, -0.8))]
-
-
 #: Regular, and of two pitches and a shear.
 LATTICES = [{}, {"row_pitch": 1.17, "shear": 0.21}]
 STRAIGHT = EYES[0], LATTICES[0]
@@ -49,13 +47,11 @@ def test_involution_within_each_cell(grid, rotation, offset, ratio, eye, lattice
     assert off.max() <= 1.0 + 1e-9
     # Cells that lie wholly in the picture: what stays is at most a rim, a pixel wide, of part of the cell.
     reach = 1.21 * display.array.half_diagonal_mm / display.panel.pixel_pitch_mm
-    whole = ((centre > reach) & (centre < [display.panel.width_px - reach, display.panel.height_px - reach])).all(
-        axis=1
-    )
+    end = np.array([display.panel.width_px, display.panel.height_px]) - reach
+    whole = ((centre > reach) & (centre < end)).all(axis=1)
     still = np.bincount(cell, ~moved, len(centre))[whole]
     size = np.bincount(cell, minlength=len(centre))[whole]
     assert whole.any()
-    print(f"{grid} {rotation} {offset} {ratio:.1f}: {100 * still.sum() / size.sum():.2f} % of whole cells stay")
     # Unturned squares leave nothing but the pixel on the centre itself; others part of their rim.
     if grid == "square" and rotation % 90.0 == 0.0 and not lattice:
         assert (still <= 1).all()
@@ -126,17 +122,9 @@ def test_by_hand():
         [11, 10, 9, 14, 13, 12, 17, 16, 15],
         [2, 1, 0, 5, 4, 3, 8, 7, 6],
     ]
-    assert rotated(picture, rotation_map(display))[:, :, 0].tolist() == expected
-
-
-@pytest.mark.parametrize("grid", ["square", "hex"])
-def test_twice_is_nothing(grid):
-    display = display_for(grid, 17.0, (0.2, -0.7), 9.7)
-    picture = generator(2, grid).random((163, 211, 3)).astype(np.float32)
-    once = rotated(picture, rotation_map(display))
-    assert not np.array_equal(once, picture)
-    assert np.array_equal(rotated(once, rotation_map(display)), picture)
-    assert np.array_equal(np.sort(once.ravel()), np.sort(picture.ravel()))
+    turned = rotated(picture, rotation_map(display))
+    assert turned[:, :, 0].tolist() == expected
+    assert np.array_equal(rotated(turned, rotation_map(display)), picture)
 
 
 @pytest.mark.parametrize(
@@ -167,17 +155,3 @@ def test_each_cell_takes_the_best_centre(grid, rotation, ratio, eye, lattice):
         for c, r in own:
             to = (m - c, n - r) if (m - c, n - r) in own else (c, r)
             assert partner[r * width + c] == to[1] * width + to[0]
-
-
-@pytest.mark.full
-@pytest.mark.parametrize("name", ["paper-square", "paper-hex"])
-def test_the_paper_s_displays(name):
-    from pathlib import Path
-
-    from lippmann.display.description import load_display
-
-    display = load_display(Path(__file__).parents[2] / f"scenes/displays/{name}.toml")
-    partner = rotation_map(display)
-    cell = cells_of(display).cell
-    assert np.array_equal(partner[partner], np.arange(len(partner)))
-    assert np.array_equal(cell[partner], cell)
