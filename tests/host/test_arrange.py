@@ -45,11 +45,8 @@ def card(z, size=1000.0, reflectance=0.5):
 
 
 def diffuse_sphere(centre, radius, colour):
-    x, y, z = centre
-    return (
-        f'<shape type="sphere"><point name="center" x="{x}" y="{y}" z="{z}"/><float name="radius" value="{radius}"/>'
-        f'<bsdf type="diffuse">{rgb("reflectance", colour)}</bsdf></shape>'
-    )
+    shape, _, _ = glowing_sphere(map(float, centre), radius).partition("<emitter")
+    return f'{shape}<bsdf type="diffuse">{rgb("reflectance", colour)}</bsdf></shape>'
 
 
 def noted(scene, display=None, **settings):
@@ -94,9 +91,8 @@ def test_fit_fills_view_or_depth_range(mi, tmp_path, case, viewing):
 
 def test_a_film_is_fitted_as_a_whole(mi, tmp_path):
     """A ball that moves 100 mm to the right and 60 mm back, with the same motion at the new size."""
-    write_scene(
-        tmp_path / "ball.xml", glowing_sphere((0.0, 0.0, 0.0), 5.0).replace('type="sphere"', 'type="sphere" id="ball"')
-    )
+    ball = glowing_sphere((0.0, 0.0, 0.0), 5.0).replace('type="sphere"', 'type="sphere" id="ball"')
+    write_scene(tmp_path / "ball.xml", ball)
     (tmp_path / "film.toml").write_text(
         'scene = "ball.xml"\nframes = 5\nnear_mm = 300\n[[object]]\nshapes = "ball"\n'
         "keys = [{frame = 1}, {frame = 3, offset_mm = [100, 0, -60]}]\n"
@@ -127,10 +123,9 @@ def test_the_eye_sees_what_the_files_camera_sees(mi, tmp_path, case):
     fov, kind = rng.uniform(20, 60), ("perspective", "thinlens")[case % 2]
     lens = '<float name="aperture_radius" value="0.000001"/>' if kind == "thinlens" else ""
     up = ("0,1,0", "0.3,1,0.1")[case // 2]
-    body = "".join(
-        diffuse_sphere(centre, 0.25 * scale, rng.uniform(0, 1, 3)) for centre in scale * rng.uniform(-0.7, 0.7, (12, 3))
-    )
-    body += diffuse_sphere(target, 0.2 * scale, (1, 1, 0))
+    body = diffuse_sphere(target, 0.2 * scale, (1, 1, 0))
+    for centre in scale * rng.uniform(-0.7, 0.7, (12, 3)):
+        body += diffuse_sphere(centre, 0.25 * scale, rng.uniform(0, 1, 3))
     room = f'<shape type="cube"><transform name="to_world"><scale value="{4 * scale}"/></transform>'
     room += '<boolean name="flip_normals" value="true"/></shape>'
     camera = (
@@ -152,9 +147,8 @@ def test_the_eye_sees_what_the_files_camera_sees(mi, tmp_path, case):
     # The surface on the axis is in the panel's plane.
     placed = scene.placement.display_from_scene @ [*origin, 1.0]
     np.testing.assert_allclose(placed[:3], [0, 0, eye], atol=1e-4 * eye)
-    hit = scene.mitsuba.ray_intersect(
-        mi.Ray3f(mi.Point3f(origin), mi.Vector3f((target - origin) / np.linalg.norm(target - origin)))
-    )
+    axis = (target - origin) / np.linalg.norm(target - origin)
+    hit = scene.mitsuba.ray_intersect(mi.Ray3f(mi.Point3f(origin), mi.Vector3f(axis)))
     point = scene.placement.display_from_scene @ [*np.array(hit.p).ravel(), 1.0]
     np.testing.assert_allclose(point[:3], 0.0, atol=1e-3 * eye)
 
@@ -203,33 +197,25 @@ def test_scenes_that_cannot_be_placed(mi, tmp_path, body, arrange, said):
         arranged(load_scene(path, Placement(near_mm=1.0, far_mm=0.0)), small_display(), arrange)
 
 
-@pytest.mark.parametrize(
-    ("options", "said"),
-    [
-        (["--fit", "--scale", "2"], "--scale and --fit both place the scene"),
-        (["--fit", "--from-camera"], "--from-camera and --fit both place the scene"),
-        (["--from-camera", "--rotate", "0,1,0"], "--rotate and --from-camera both place the scene"),
-    ],
-)
-def test_options_that_would_be_overruled(tmp_path, refusal_of, options, said):
+def test_render_with_fit_equals_the_options_that_it_prints(mi, tmp_path, capfd, refusal_of):
+    """Options that the other would overrule are refused."""
     (tmp_path / "d.toml").write_text(display_toml(small_display()))
-    path = write_scene(tmp_path / "ball.xml", glowing_sphere((0, 0, 0), 1.0))
-    assert said in refusal_of("render", path, "--display", tmp_path / "d.toml", "-o", tmp_path / "x.exr", *options)
-
-
-def test_render_with_fit_equals_the_options_that_it_prints(mi, tmp_path, capsys):
-    (tmp_path / "d.toml").write_text(display_toml(small_display()))
-    path = write_scene(
-        tmp_path / "ball.xml", glowing_sphere((300, 0, 0), 250.0) + glowing_sphere((-150, 80, -300), 100.0)
-    )
+    balls = glowing_sphere((300, 0, 0), 250.0), glowing_sphere((-150, 80, -300), 100.0)
+    path = write_scene(tmp_path / "ball.xml", *balls)
     common = ["render", str(path), "--display", str(tmp_path / "d.toml"), "--samples", "1", "--model", "exact"]
     assert run([*common, "-o", str(tmp_path / "fit.exr"), "--fit", "--rotate", "0,20,0"]) == 0
-    printed = re.search(r"^placed by (.*)$", capsys.readouterr().err, re.M)[1]
+    printed = re.search(r"^placed by (.*)$", capfd.readouterr().err, re.M)[1]
     assert run([*common, "-o", str(tmp_path / "same.exr"), *printed.split()]) == 0
-    assert "note" not in capsys.readouterr().err
+    assert "note" not in capfd.readouterr().err
     one, two = (lippmann.IntegralImage.load(tmp_path / f"{name}.exr", small_display()) for name in ("fit", "same"))
     assert 0.05 < one.radiance.mean() < 0.95
     assert (one.radiance != two.radiance).mean() < 0.002  # six digits of the scale
+    for words, both in (
+        (["--fit", "--scale=2"], "--scale and --fit"),
+        (["--fit", "--from-camera"], "--from-camera and --fit"),
+        (["--from-camera", "--rotate=0,1,0"], "--rotate and --from-camera"),
+    ):
+        assert f"{both} both place the scene" in refusal_of(*common, "-o", tmp_path / "x.exr", *words)
 
 
 def test_the_box_of_rectangles_that_mitsuba_merges(mi, tmp_path):
@@ -244,11 +230,6 @@ def test_the_box_of_rectangles_that_mitsuba_merges(mi, tmp_path):
 # --- remarks --------------------------------------------------------------------------------------
 
 
-def test_no_remark_on_a_scene_that_is_well(mi, tmp_path):
-    scene = load_scene(write_scene(tmp_path / "well.xml", card(-10.0) + glowing_sphere((0, 0, 5), 3.0) + POINT_LIGHT))
-    assert noted(scene) == []
-
-
 @pytest.mark.parametrize(("z", "outside"), [(-19.0, False), (-21.0, True), (19.0, False), (21.0, True), (-300.0, True)])
 def test_a_scene_outside_the_depth_range(mi, tmp_path, z, outside):
     path = write_scene(tmp_path / "card.xml", card(z * 0.01, 10.0) + POINT_LIGHT)
@@ -256,10 +237,8 @@ def test_a_scene_outside_the_depth_range(mi, tmp_path, z, outside):
         said = noted(load_scene(path, Placement(100.0, offset_mm=(3.0, 2.0, 0.0))), display)
         assert len(said) == outside
         if outside:
-            assert (
-                f"100 % of what an eye at {display.viewing_distance_mm or 600:g} mm sees, z = {z:g} to {z:g} mm"
-                in said[0]
-            )
+            eye = display.viewing_distance_mm or 600.0
+            assert f"100 % of what an eye at {eye:g} mm sees, z = {z:g} to {z:g} mm" in said[0]
             assert "depth range, z = -20 to 20 mm" in said[0]
 
 
@@ -285,25 +264,20 @@ def test_noise_is_that_of_the_picture(mi, tmp_path, samples):
     lamp += '<rotate x="1" angle="90"/><translate y="40"/></transform>'
     lamp += f'<emitter type="area">{rgb("radiance", (2.0,) * 3)}</emitter></shape>'
     path = write_scene(tmp_path / "lamp.xml", card(-10.0) + lamp)
-    scene, display = load_scene(path), small_display()
+    scene = load_scene(path)
     said = noted(scene, samples=samples, seed=3)
     window = Window(32.0, 24.0, 96, 72)
-    views = np.array([
-        np.minimum(render_view(scene, (0.0, 0.0, 600.0), window, Settings(samples=samples, seed=100 + k)).radiance, 1.0)
-        for k in range(12)
-    ])  # fmt: skip
+    settings = [Settings(samples=samples, seed=100 + k) for k in range(12)]
+    views = np.minimum([render_view(scene, (0.0, 0.0, 600.0), window, one).radiance for one in settings], 1.0)
     noise = math.sqrt(views.var(axis=0, ddof=1).mean()) / views.mean()
-    print(noise, said)
     if noise < 0.1:
         assert said == []
         return
     (line,) = said
-    told, enough = re.match(
-        rf"note: with {samples} samples? the noise is (\d+) % .*; (\d+) samples give 10 %", line
-    ).groups()
-    assert float(told) == pytest.approx(100.0 * noise, rel=0.15)
-    assert noted(scene, samples=math.ceil(1.4 * int(enough)), seed=3) == []
-    assert display.name
+    pattern = rf"note: with {samples} samples? the noise is (\d+) % .*; (\d+) samples give 10 %"
+    told, enough = map(int, re.match(pattern, line).groups())
+    assert told == pytest.approx(100.0 * noise, rel=0.15)
+    assert noted(scene, samples=math.ceil(1.4 * enough), seed=3) == []
 
 
 def test_what_is_not_used_is_told(mi, tmp_path):
@@ -318,9 +292,8 @@ def test_what_is_not_used_is_told(mi, tmp_path):
         "note: lights ignores the file's integrator volpath (integrator scene uses it) and the media of 1 shapes "
         "(integrator volpath renders them)"
     )
-    assert not [
-        line for line in noted(scene, integrator="volpath") + noted(scene, integrator="scene") if "ignores" in line
-    ]
+    for integrator in ("volpath", "scene"):
+        assert "ignores" not in " ".join(noted(scene, integrator=integrator))
     dark = load_scene(write_scene(tmp_path / "dark.xml", card(-10.0)))
     assert noted(dark) == ["note: the scene has no light, so the picture is black; add an <emitter> to the file"]
     # An integrator that does not exist is refused before the first remark.

@@ -27,9 +27,12 @@ ROW |= {"workers": 2, "workers_seconds": 15.0, "workers_cpu_seconds": 31.0}
 def measured(monkeypatch):
     """`bench animate`, with a row that is made up; what it was called with."""
     calls = []
-    monkeypatch.setattr(
-        motion_speed, "measure_animate", lambda scenes, seed: calls.append((str(scenes), seed)) or iter([ROW])
-    )
+
+    def measure(scenes, seed):
+        calls.append((str(scenes), seed))
+        yield ROW
+
+    monkeypatch.setattr(motion_speed, "measure_animate", measure)
     return calls
 
 
@@ -71,7 +74,6 @@ def test_the_origin_tells_a_command_that_runs(monkeypatch, capfd):
 def test_rows_as_text_and_as_page(measured, capfd, tmp_path):
     assert bench.main(["animate", "--scenes", SCENES, "--device", "llvm", "--report", str(tmp_path)]) == 0
     text = capfd.readouterr().out
-    assert "machine: " in text
     assert text.splitlines()[-1].split()[:4] == ["vga-square", "24", "640", "480"]
     origin, rows = read_csv(tmp_path / "measured/animate.csv")
     assert rows[0]["ratio"] == 0.75
@@ -81,30 +83,24 @@ def test_rows_as_text_and_as_page(measured, capfd, tmp_path):
     assert "Not measured yet." in page
 
 
-@pytest.mark.parametrize("name", ["fixed", "rtl", "link"])
-def test_a_device_that_is_not_used_is_still_accepted(name):
-    command = bench.command.get_command(None, name)
-    assert any("--device" in option.opts and option.hidden for option in command.params)
-
-
 def test_each_measurement_has_its_own_options_only(capfd):
-    assert bench.main(["trace", "--scenes", SCENES, "--quick"]) == 2
-    assert "No such option" in capfd.readouterr().err
-    assert bench.main(["link", "--scenes", SCENES, "--configuration", "widest-square"]) == 2
-    assert "No such option" in capfd.readouterr().err
+    for words in (["trace", "--quick"], ["link", "--configuration", "widest-square"]):
+        assert bench.main([*words, "--scenes", SCENES]) == 2
+        assert "No such option" in capfd.readouterr().err
+    # A device that is not used is still accepted.
+    for name in ("fixed", "rtl", "link"):
+        command = bench.command.get_command(None, name)
+        assert any("--device" in option.opts and option.hidden for option in command.params)
 
 
-@pytest.mark.parametrize("name", bench.MEASUREMENTS)
-def test_every_measurement_has_an_example(name):
-    result = click.testing.CliRunner().invoke(bench.command, [name, "--help"])
-    assert result.exit_code == 0
-    assert f"Example: python -m tools.bench {name}" in result.output
-
-
-def test_every_measurement_is_listed():
-    listed = click.testing.CliRunner().invoke(bench.command, ["--help"]).output
-    for names in ("trace render animate observe fixed rtl link", "view depth seed peers hard layers"):
-        assert all(name in listed for name in names.split())
+def test_every_measurement_is_listed_and_has_an_example():
+    runner = click.testing.CliRunner()
+    listed = runner.invoke(bench.command, ["--help"]).output
+    for name in bench.MEASUREMENTS:
+        assert name in listed
+        result = runner.invoke(bench.command, [name, "--help"])
+        assert result.exit_code == 0
+        assert f"Example: python -m tools.bench {name}" in result.output
 
 
 def test_ratios_of_two_renders_are_taken_within_a_round(monkeypatch):
@@ -120,10 +116,9 @@ def test_the_page_of_calibrations():
     errors = {"rms_px": 0.01, "worst_px": 0.02, "rotation_deg": 1e-4, "pitch_ppm": 7.0, "gap_percent": 0.5}
     row = {**errors, "display": "one", "grid": "hex", "plano_side": "panel", "lenslets": 9, "outside": 1, "numbers": 7,
            "seconds": 3.0}  # fmt: skip
-    tried = [
-        {**errors, "display": "one", "over": "noise", "value": k, "photographs": 99, "eye_px": 0.003} for k in (1, 2)
-    ]
-    tried.append({"display": "one", "over": "noise", "value": 4, "photographs": 99, "refused": "too dark"})
+    trial = {"display": "one", "over": "noise", "photographs": 99}
+    tried = [{**errors, **trial, "value": k, "eye_px": 0.003} for k in (1, 2)]
+    tried.append({**trial, "value": 4, "refused": "too dark"})
     seen = [{**errors, "display": "two", "before_db": 25.5, "after_db": 35.7, "ideal_db": 35.4}]
     made = {"rows": [row, {"display": "bad", "refused": "blurred"}], "sweep": tried, "views": seen}
     made |= {"solids": [row | {"rms_px": 0.061}], "bowed": [row | {"rms_px": 0.052, "bow_um": 29.5}]}
@@ -136,8 +131,6 @@ def test_the_page_of_calibrations():
     assert "by POV-Ray: at most 0.061 px rms on 1 displays" in text
     assert "at most 0.052 px rms on 1 displays" in text
     assert "from 120 photographs of 12 megapixels: 2.5 minutes and 2.1 GB; 0.010 px rms, pitches within 7.0 ppm" in text
-    assert "1280 pixels wide" in text
-    assert "with 4000 pixels across" in text
     assert "with 25.5 dB before, 35.7 dB after, and 35.4 dB" in text
     assert "| one | noise | 4 | 99 | - | - | - | - | - | - | too dark |" in text
 

@@ -1,5 +1,6 @@
 """`make bitstream`: what a board cannot show is refused in one line, and what nextpnr says is read as it is meant."""
 
+import contextlib
 import re
 import shlex
 import shutil
@@ -48,6 +49,8 @@ def refused(capsys, *arguments):
         ("ulx3s", (1280, 960), "MHz for DVI's bits, ulx3s has 375 at most"),
         ("ulx3s_lcd", (1920, 1080), "148.5 MHz for the system, ulx3s_lcd has 80 at most"),
         ("ulx3s", (16, 16384), "give a board at most 16383"),
+        ("ulx3s", (480, 272), "display '480x272' on ulx3s: 3000000 baud does not fit a clock of "),
+        ("ulx3s_lcd", (480, 272), f" baud, by baud in {TOP}/rtl/board/ulx3s_lcd/board.toml"),
     ],
 )
 def test_a_display_that_the_board_cannot_show(board, size, said, tmp_path, capsys):
@@ -56,12 +59,10 @@ def test_a_display_that_the_board_cannot_show(board, size, said, tmp_path, capsy
     assert "; " in line
 
 
-def test_a_display_of_other_bits_and_one_whose_line_is_too_slow(tmp_path, capsys):
+def test_a_display_of_other_bits(tmp_path, capsys):
     deep = shown(640, 480, tmp_path)
     deep.write_text(deep.read_text().replace("[panel]", "[panel]\nbits = 10"))
     assert "the panel has 10 bits a colour, ulx3s sends 8; give bits = 8" in refused(capsys, "--display", deep)
-    line = refused(capsys, "--display", shown(480, 272, tmp_path))
-    assert re.search(r"display '480x272' on ulx3s: 3000000 baud does not fit a clock of \d+ Hz", line)
 
 
 def test_a_half_written_result_is_made_again(tmp_path, monkeypatch):
@@ -82,7 +83,7 @@ def test_a_half_written_result_is_made_again(tmp_path, monkeypatch):
     (tmp_path / "seed-1.json").write_text('{"seco')
     for _ in range(2):
         (row,) = bitstream.place(made, [1])
-        assert (row["missed"], row["seconds"], row["memory_mhz"]) == ("", 7.0, 150.0)
+        assert (row["missed"], row["seconds"], row["memory_mhz"]) == ("", 7.0, 130.0)
     assert ran == ["yosys", "nextpnr"]
 
 
@@ -91,10 +92,9 @@ def test_a_panel_for_which_the_memory_is_too_slow(tmp_path, monkeypatch):
     display = load_display(str(shown(1280, 720, tmp_path)))
     board = fpga_board("ulx3s")
     assert bitstream.plan(board, display).pll.memory_div == 6
-    slow = type(board.limits)(**{**vars(board.limits), "memory_mhz": 97.0})
-    narrow = type(board)(**{**vars(board), "limits": slow})
+    slow = replace(board, limits=replace(board.limits, memory_mhz=97.0))
     with pytest.raises(InputError, match=r"takes 96% of the SDRAM's clocks in a line, 90% are there"):
-        bitstream.plan(narrow, display)
+        bitstream.plan(slow, display)
 
 
 def test_other_bad_input(tmp_path, capsys):
@@ -143,18 +143,13 @@ def test_a_wrong_board_file_is_named_and_hinders_no_other_board(folder):
         assert fpga_board("ulx3s").baud == 3_000_000
 
 
-def test_a_board_like_another_has_its_keys_in_tables_too(folder):
+def test_a_board_like_another_has_its_keys_its_pins_and_its_rtl(folder):
+    """Keys in tables too; pins and RTL from the folders where they are; what it names itself is beside its own file."""
     board(folder, "second", 'name = "second"\nlike = "ulx3s"\n[memory]\nmegabytes = 64\n')
-    board(folder, "third", 'name = "third"\nlike = "second"\n[limits]\nsystem_mhz = 50.0\n')
-    third, first = fpga_board("third"), fpga_board("ulx3s")
-    assert (third.memory.megabytes, third.memory.grade) == (64, first.memory.grade)
-    assert (third.limits.system_mhz, third.limits.memory_mhz) == (50.0, first.limits.memory_mhz)
-
-
-def test_a_board_like_another_has_its_pins_and_its_rtl(folder):
-    """Both from the folders where they are; what it names itself is beside its own file."""
-    board(folder, "second", 'name = "second"\nlike = "ulx3s"\n[memory]\nmegabytes = 64\n')
-    board(folder, "third", 'name = "third"\nlike = "second"\nvideo = "parallel"\n')
+    board(folder, "third", 'name = "third"\nlike = "second"\nvideo = "parallel"\n[limits]\nsystem_mhz = 50.0\n')
+    third, plain = fpga_board("third"), fpga_board("ulx3s")
+    assert (third.memory.megabytes, third.memory.grade) == (64, plain.memory.grade)
+    assert (third.limits.system_mhz, third.limits.memory_mhz) == (50.0, plain.limits.memory_mhz)
     board(folder, "fourth", 'name = "fourth"\nlike = "third"\nconstraints = ["../ulx3s/ulx3s.lpf", "own.lpf"]\n')
     board(folder, "fifth", 'name = "fifth"\nlike = "fourth"\n')
     (folder / "fourth/own.lpf").write_text("")
@@ -227,10 +222,7 @@ def test_a_board_file_that_names_what_there_is_not(change, said):
         ('FREQUENCY PORT "clk" 25 MHZ;', True),
         ("  frequency  port\n  clk 25000.0 kHz ;", True),
         ('IOBUF PORT "clk" IO_TYPE=LVCMOS33; FREQUENCY PORT "clk" 25000000 HZ;', True),
-        (
-            'FREQUENCY PORT "other" 48 MHZ; # a comment; with a semicolon\nFREQUENCY PORT "clk" 25. MHZ; // its clock',
-            True,
-        ),
+        ('FREQUENCY PORT "other" 48 MHZ; # it; is\nFREQUENCY PORT "clk" 25. MHZ; // its clock', True),
         ('FREQUENCY PORT "clk" 25 KHZ;', False),
         ('FREQUENCY PORT "clk" 25.1 MHZ;', False),
         ('# FREQUENCY PORT "clk" 25 MHZ;', False),
@@ -240,16 +232,9 @@ def test_a_board_file_that_names_what_there_is_not(change, said):
 def test_the_oscillators_clock_in_a_file_of_pins(folder, line, good):
     board(folder, "mine", 'name = "mine"\nlike = "ulx3s"\nconstraints = ["own.lpf"]\n')
     (folder / "mine/own.lpf").write_text(line)
-    if good:
+    refusal = pytest.raises(InputError, match="oscillator_mhz: 25 MHz, and ")
+    with contextlib.nullcontext() if good else refusal:
         bitstream.check_board(fpga_board("mine"))
-    else:
-        with pytest.raises(InputError, match="oscillator_mhz: 25 MHz, and "):
-            bitstream.check_board(fpga_board("mine"))
-
-
-def test_a_panel_for_which_the_line_is_too_fast_names_the_key(tmp_path, capsys):
-    line = refused(capsys, "--board", "ulx3s_lcd", "--display", shown(480, 272, tmp_path))
-    assert line.endswith(f" baud, by baud in {TOP}/rtl/board/ulx3s_lcd/board.toml")
 
 
 def test_every_key_of_a_board_file_is_documented():
@@ -261,15 +246,7 @@ def test_every_key_of_a_board_file_is_documented():
     assert [key for key in keys - {""} if f"`{key}`" not in text] == []
 
 
-#: nextpnr's lines after routing, 640 x 480: two clocks are equal to two others.
-VGA_SAID = """
-Info: Max frequency for clock '$glbnet$i_clocks.memory_clk_o': 150.00 MHz (PASS at 125.00 MHz)
-Info: Max frequency for clock '$glbnet$i_clocks.shift_clk_o': 400.00 MHz (PASS at 125.00 MHz)
-Info: Max frequency for clock 'clk_25mhz$TRELLIS_IO_IN': 500.00 MHz (PASS at 25.00 MHz)
-Info: Max frequency for clock             '$glbnet$clk': 83.25 MHz (PASS at 25.00 MHz)
-Info: Max delay posedge $glbnet$clk             -> posedge $glbnet$i_clocks.shift_clk_o : 3.27 ns
-"""
-#: The same of 720p.
+#: nextpnr's lines after routing, of 720p.
 SAID = """
 Info: Max frequency for clock '$glbnet$clk': 61.00 MHz (FAIL at 75.00 MHz)
 Info: Max frequency for clock '$glbnet$i_clocks.shift_clk_o': 400.00 MHz (PASS at 375.00 MHz)
@@ -278,6 +255,8 @@ Info: Max frequency for clock 'clk_25mhz$TRELLIS_IO_IN': 500.00 MHz (PASS at 25.
 Info: Max frequency for clock             '$glbnet$clk': 83.25 MHz (PASS at 75.00 MHz)
 Info: Max delay posedge $glbnet$clk             -> posedge $glbnet$i_clocks.shift_clk_o : 3.27 ns
 """
+#: The same of 640 x 480: two clocks are equal to two others.
+VGA_SAID = SAID.replace("at 375.00", "at 125.00").replace("at 75.00", "at 25.00")
 
 
 def hd():
@@ -382,8 +361,8 @@ def test_a_seed_that_is_never_routed_is_given_up(routed, tmp_path, monkeypatch):
 
 
 def _soon(run_program, *arguments, timeout_s, **more):
-    """Run a program with a hundredth of its time."""
-    return run_program(*arguments, timeout_s=None if timeout_s is None else timeout_s / 100, **more)
+    """Run a program with little of its time."""
+    return run_program(*arguments, timeout_s=None if timeout_s is None else timeout_s / 500, **more)
 
 
 def test_seeds_for_each_display(tmp_path, monkeypatch, capsys):
@@ -416,8 +395,8 @@ def test_seeds_are_tried_until_one_meets_every_clock(tmp_path, monkeypatch):
         (netlist.parent / f"seed-{seed}.config").write_text(f".device LFE5U-85F\n.seed {seed}\n")
         if seed < 3:
             raise bitstream.LippmannError("nextpnr failed")
-        return {"utilization": {cell: {"used": 1} for cell in
-                                ("TRELLIS_COMB", "TRELLIS_FF", "MULT18X18D", "DP16KD", "TRELLIS_RAMW")}}  # fmt: skip
+        cells = "TRELLIS_COMB", "TRELLIS_FF", "MULT18X18D", "DP16KD", "TRELLIS_RAMW"
+        return {"utilization": {cell: {"used": 1} for cell in cells}}
 
     def anchor(netlist, options, seed, output):
         assert "--package" in options
@@ -436,9 +415,9 @@ def test_seeds_are_tried_until_one_meets_every_clock(tmp_path, monkeypatch):
     monkeypatch.setattr(bitstream, "repository", lambda: tmp_path)
     monkeypatch.setattr(bitstream.flow, "build_folder", lambda: tmp_path / "build")
     monkeypatch.setattr(bitstream.Plan, "constraints", property(lambda plan: []))
-    display = str(TOP / "scenes/displays/hd-square.toml")
+    words = ["--display", str(TOP / "scenes/displays/hd-square.toml"), "--seeds"]
     for _ in range(2):
-        done = CliRunner().invoke(bitstream.main, ["--display", display, "--seeds", "1 2,3,4"])
+        done = CliRunner().invoke(bitstream.main, [*words, "1 2,3,4"])
         assert done.exit_code == 0, done.output
         assert "seed 1" in done.output
         assert "not met: system 70.0 of 75.0 MHz" in done.output
@@ -448,13 +427,13 @@ def test_seeds_are_tried_until_one_meets_every_clock(tmp_path, monkeypatch):
     assert lines[0] == ".device LFE5U-85F"
     head = ".comment Lippmann board=ulx3s display=hd-square identity=507097880726521b design="
     assert re.fullmatch(re.escape(head) + r"[0-9a-f]{16} seed=3 sha256=[0-9a-f]{64}", lines[1])
-    done = CliRunner().invoke(bitstream.main, ["--display", display, "--seeds", "1,2"])
+    done = CliRunner().invoke(bitstream.main, [*words, "1,2"])
     assert isinstance(done.exception, bitstream.TimingError)
     assert done.exception.exit_code == 4
     assert "no seed of 1,2 meets every clock; try others with --seeds" in str(done.exception)
     report = tmp_path / "report"
     report.mkdir()
-    done = CliRunner().invoke(bitstream.main, ["--display", display, "--seeds", "3,4", "--report", str(report)])
+    done = CliRunner().invoke(bitstream.main, [*words, "3,4", "--report", str(report)])
     assert done.exit_code == 0, done.output
     assert routed[-1] == 4
     text = (report / "bitstream.md").read_text()
@@ -464,35 +443,28 @@ def test_seeds_are_tried_until_one_meets_every_clock(tmp_path, monkeypatch):
     assert "hd-square,3" in (report / "bitstream.csv").read_text()
 
 
-def test_make_takes_no_display_from_the_environment():
-    """X11 has a variable DISPLAY too."""
-    make = ["make", "-n", "-o", ".venv/.ready", "bitstream"]
-    environment = {"PATH": "/usr/bin:/bin", "DISPLAY": ":0"}
-    plain = subprocess.run(make, cwd=TOP, env=environment, capture_output=True, text=True, check=True).stdout
-    assert plain.split()[-1] == "tools.bitstream"
-    asked = ["BOARD=ulx3s_lcd", "DISPLAY=x.toml", "SEEDS=1,2", "LAYERS=0", "BILINEAR=1"]
-    full = subprocess.run([*make, *asked], cwd=TOP, env=environment, capture_output=True, text=True, check=True).stdout
-    words = "tools.bitstream --board ulx3s_lcd --display x.toml --seeds 1,2 --layers 0 --bilinear"
-    assert shlex.split(full)[-10:] == words.split()
-
-
 @pytest.mark.parametrize(
     ("asked", "words"),
     [
-        (["BOARD=", "DISPLAY=x.toml", "LAYERS=", "SEEDS= "], ["--display", "x.toml"]),
-        (["SEEDS=1 2", "DISPLAY=my display's.toml"], ["--display", "my display's.toml", "--seeds", "1 2"]),
+        ([], ""),
+        (
+            ["BOARD=ulx3s_lcd", "DISPLAY=x.toml", "SEEDS=1,2", "LAYERS=0", "BILINEAR=1"],
+            "--board ulx3s_lcd --display x.toml --seeds 1,2 --layers 0 --bilinear",
+        ),
+        (["BOARD=", "DISPLAY=x.toml", "LAYERS=", "SEEDS= "], "--display x.toml"),
+        (["SEEDS=1 2", "DISPLAY=my display's.toml"], """--display "my display's.toml" --seeds '1 2'"""),
     ],
 )
-def test_make_takes_values_with_blanks_and_none(asked, words):
+def test_make_hands_its_values_on(asked, words):
+    """Also with blanks and of no value; and no display from the environment: X11 has a variable DISPLAY too."""
     # Under make test this make is an inner one, which would tell the folders that it enters and leaves.
     make = ["make", "--no-print-directory", "-n", "-o", ".venv/.ready", "bitstream", *asked]
-    said = subprocess.run(make, cwd=TOP, capture_output=True, text=True, check=True).stdout
-    assert shlex.split(said)[-len(words) - 1 :] == ["tools.bitstream", *words]
+    environment = {"PATH": "/usr/bin:/bin", "DISPLAY": ":0"}
+    said = subprocess.run(make, cwd=TOP, env=environment, capture_output=True, text=True, check=True).stdout
+    assert shlex.split(said.rpartition("tools.bitstream")[2]) == shlex.split(words)
 
 
 def test_it_is_a_command(tmp_path):
-    done = subprocess.run(
-        [sys.executable, "-m", "tools.bitstream", "--board", "x"], cwd=tmp_path, capture_output=True, text=True,
-        check=False,
-    )  # fmt: skip
+    command = [sys.executable, "-m", "tools.bitstream", "--board", "x"]
+    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False)
     assert (done.returncode, done.stdout, len(done.stderr.splitlines())) == (2, "", 1)

@@ -175,22 +175,17 @@ def found(monkeypatch, *ports):
     monkeypatch.setattr(port_module.list_ports, "comports", lambda: list(ports))
 
 
-def test_only_known_adapters_are_asked(asked, monkeypatch, capsys):
-    found(monkeypatch, MODEM, ARDUINO, FTDI)
+@pytest.mark.parametrize(("ports", "urls"), [((MODEM, ARDUINO, FTDI), ["/dev/ttyUSB0"]), ((MODEM, ARDUINO), [])])
+def test_only_known_adapters_are_asked_without_a_terminal(asked, monkeypatch, capsys, ports, urls):
+    found(monkeypatch, *ports)
     assert run(["board", "info"]) == 1
-    assert asked == ["/dev/ttyUSB0"]
+    assert asked == urls
     line = capsys.readouterr().err
     assert "--port" in line
     assert "/dev/ttyACM0" in line
-
-
-def test_other_ports_are_not_written_to_without_a_terminal(asked, monkeypatch, capsys):
-    found(monkeypatch, MODEM, ARDUINO)
-    assert run(["board", "info"]) == 1
-    assert asked == []
-    line = capsys.readouterr().err
-    assert "/dev/ttyACM0" in line
-    assert "--port" in line
+    # One that is named is used.
+    assert run(["board", "info", "--port", "/dev/ttyS0"]) == 1
+    assert asked == [*urls, "/dev/ttyS0"]
 
 
 @pytest.mark.parametrize(("answer", "urls"), [("y", ["/dev/ttyACM0", "/dev/ttyS0"]), ("n", [])])
@@ -201,8 +196,8 @@ def test_a_person_is_asked_before_other_ports_are(answer, urls, asked, monkeypat
     monkeypatch.setattr("click.confirm", lambda text, **_: questions.append(text) or answer == "y")
     assert run(["board", "info"]) == 1
     assert asked == urls
-    assert len(questions) == 1
-    assert "/dev/ttyACM0" in questions[0]
+    (question,) = questions
+    assert "/dev/ttyACM0" in question
 
 
 def test_doctor_opens_known_adapters_only(monkeypatch, capsys):
@@ -214,9 +209,3 @@ def test_doctor_opens_known_adapters_only(monkeypatch, capsys):
     assert opened == ["/dev/ttyUSB0"]
     checks = {check["check"]: check["detail"] for check in json.loads(capsys.readouterr().out)["checks"]}
     assert "not opened" in checks["/dev/ttyACM0"]
-
-
-def test_a_port_that_is_named_is_used(asked, monkeypatch):
-    found(monkeypatch, MODEM)
-    assert run(["board", "info", "--port", "/dev/ttyS0"]) == 1
-    assert asked == ["/dev/ttyS0"]

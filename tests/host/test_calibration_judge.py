@@ -1,6 +1,5 @@
 """The judge of a calibration: displays whose errors are known, and the random displays that it is given."""
 
-import dataclasses
 import math
 
 import numpy as np
@@ -97,23 +96,9 @@ def test_random_displays_are_as_the_requirement_asks():
     stretch = [judge(one.nominal, one.built).pitch_ppm for one in cases]
     assert max(stretch) < 1.15e4
     for case in cases:
-        assert len({dataclasses.replace(one, position_mm=(0.0, 0.0, 1.0)).k1 for one in case.cameras}) == 1
-        assert len({one.focal_px for one in case.cameras}) == 1
+        assert len({(one.k1, one.focal_px) for one in case.cameras}) == 1
         for camera in case.cameras:
             # The whole panel is in view.
             at = camera.project(corners_mm(case.built)) / (camera.width_px, camera.height_px)
             assert at.min() > 0.0
             assert at.max() < 1.0
-
-
-def test_its_photographs_are_written(tmp_path):
-    case = random_case(5, panel_px=64, photo_px=80, positions=2)
-    nominal, built = case.nominal, case.built
-    folder = case.shoot(tmp_path / "case")
-    assert load_display(tmp_path / "case/built.toml") == built
-    assert load_display(tmp_path / "case/nominal.toml").identity == nominal.identity
-    names = sorted(one.name for one in (tmp_path / "case/patterns").glob("*.png"))
-    assert len(names) > 20
-    for number in (1, 2):
-        assert sorted(one.name for one in (folder / f"position-{number}").iterdir()) == names
-    assert (folder / "patterns.toml").is_file()

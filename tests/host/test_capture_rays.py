@@ -8,7 +8,6 @@ import pytest
 from independent import last_point, surface
 from lippmann.capturing.capture import rays_from_picture, system_of
 from lippmann.capturing.capture_setup import Camera, Pickup, Setup, Subject, load_setup
-from lippmann.capturing.imaging_lens import ThinLens
 from lippmann.engines import trace
 from lippmann.optics.backend import DrJitBackend, NumpyBackend
 from lippmann.optics.models import leave_panel
