@@ -21,25 +21,13 @@ import rtl_coverage
 #: Files that take longest, the longest first. `make test` gives each file to one worker, so that what its tests share
 #: is made once; a long one at the end would leave the other workers idle. The run ends with the slowest tests.
 FIRST = (
-    "test_virtual_board.py", "test_formal.py", "test_elaboration.py", "test_board_scene.py", "test_cells.py",
-    "test_viewer.py", "test_demo.py", "test_fit.py", "test_renderer.py", "test_site.py", "test_batch.py",
-    "test_docs.py", "test_fixed_error.py", "test_diagnose_regress.py", "test_fast_engine.py", "test_report_command.py",
-    "test_film_cluster.py", "test_golden_exact.py", "test_panel.py", "test_scan_out.py", "test_host_mutation.py",
-    "test_async_fifo.py", "test_random_requests.py", "test_povray_scene.py", "test_viewing.py",
-    "test_conditioning_cases.py", "test_bus.py", "test_manifests.py", "test_optics_block.py", "test_board_commands.py",
-    "test_ray_pipeline.py", "test_dispatcher.py", "test_cli.py", "test_aim.py", "test_povray_optics.py",
-    "test_mitsuba_sensor.py", "test_film.py", "test_truth.py", "test_view_page.py", "test_observer.py", "test_api.py",
-    "test_scene.py", "test_select_model.py", "test_tile_writer.py", "test_converged.py",
-    "test_conditioning_registers.py", "test_packet_fifo.py", "test_capture_depth.py", "test_presenter.py",
-    "test_leave_dome.py", "test_register_bus.py", "test_cell_step.py", "test_simulated_rates.py", "test_converge.py",
-    "test_display_properties.py", "test_uart_rx.py", "test_board_requests.py", "test_fixed_affine.py",
-    "test_dev_commands.py", "test_parallax.py", "test_raster.py", "test_golden_analytic.py", "test_images.py",
-    "test_golden_pictures.py", "test_layers_cut.py", "test_integral_image.py", "test_arrange.py",
-    "test_file_declarations.py", "test_packet_out.py", "test_patterns.py", "test_conditioning_fixed.py",
-    "test_ray_stream.py", "test_cobs_encoder.py", "test_layers_bench.py", "test_scene_twin.py", "test_sqrt.py",
-    "test_exit_line.py", "test_frame_check.py", "test_wheel.py", "test_link_faults.py", "test_blend.py",
-    "test_cobs_decoder.py", "test_meet_dome.py", "test_uart_tx.py", "test_move_lenslet.py", "test_fifo.py",
-    "test_reply_writer.py", "test_composite.py", "test_frame_gate.py",
+    "test_virtual_board.py", "test_formal.py", "test_foreign_stream.py", "test_viewer.py", "test_docs.py",
+    "test_cells.py", "test_elaboration.py", "test_fast_engine.py", "test_diagnose_regress.py", "test_board_commands.py",
+    "test_calibration.py", "test_fuzz.py", "test_bands.py", "test_fit.py", "test_renderer.py", "test_site.py",
+    "test_demo.py", "test_board_scene.py", "test_povray_scene.py", "test_link_faults.py", "test_foreign_rtl.py",
+    "test_film_cluster.py", "test_report_command.py", "test_cli.py", "test_board_line.py", "test_scan_out.py",
+    "test_fixed_error.py", "test_batch.py", "test_golden_exact.py", "test_povray_optics.py", "test_scene_files.py",
+    "test_live.py", "test_observer.py", "test_aim.py",
 )  # fmt: skip
 
 

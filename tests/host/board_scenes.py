@@ -49,11 +49,7 @@ def moved(rng, display, build, stack):
     layers = []
     for layer in stack.layers:
         other = random_layer(rng, display, build, layer.sky)
-        layers.append(
-            dataclasses.replace(
-                layer, depth_mm=other.depth_mm, matrix=other.matrix, brightness=other.brightness, visible=other.visible
-            )
-        )
+        layers.append(dataclasses.replace(other, texels=layer.texels, palette=layer.palette))
     return dataclasses.replace(stack, layers=tuple(layers))
 
 

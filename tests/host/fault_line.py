@@ -8,9 +8,9 @@ import select
 import socket
 import threading
 import time
+import tty
 from collections import Counter
 from dataclasses import dataclass
-from types import TracebackType
 
 import numpy as np
 import numpy.typing as npt
@@ -29,40 +29,26 @@ MAX_LAG_S = 0.25
 
 @dataclass(frozen=True)
 class Faults:
-    """Probabilities of faults in one direction.
+    """Probabilities of faults in one direction."""
 
-    Attributes
-    ----------
-    flip, drop, insert, duplicate, garble
-        Per byte: one bit is inverted, the byte is lost, followed by a random byte, sent twice, or replaced by a random
-        byte (garble = 1 simulates a wrong baud rate).
-    reorder, cut
-        Per byte: the next two runs of `run` bytes change places, or the next run is lost.
-    stall
-        Per byte: the line stops for `stall_s`.
-    lose, repeat, swap
-        Per packet: it is lost, sent twice, or sent after the next one.
-    run
-        Bytes of a run.
-    stall_s
-        Duration of a stall, s.
-    delay_s
-        Delay of each chunk, s.
-    """
-
+    # Per byte: one bit is inverted, the byte is lost, followed by a random byte, sent twice, or replaced by a random
+    # byte (garble = 1 simulates a wrong baud rate).
     flip: float = 0.0
     drop: float = 0.0
     insert: float = 0.0
     duplicate: float = 0.0
     garble: float = 0.0
+    # Per byte: the next two runs of `run` bytes change places, the next run is lost, or the line stops for `stall_s`.
     reorder: float = 0.0
     cut: float = 0.0
     stall: float = 0.0
+    # Per packet: it is lost, sent twice, or sent after the next one.
     lose: float = 0.0
     repeat: float = 0.0
     swap: float = 0.0
     run: int = 64
     stall_s: float = 0.2
+    #: Delay of each chunk, s.
     delay_s: float = 0.0
 
 
@@ -175,35 +161,12 @@ class Mangler:
 class Proxy:
     """A line with faults between `url`, which the host opens, and the board at `board_url`.
 
-    On TCP each connection of the host opens one to the board; on a pty the connection stays open. `down` (to the board)
-    and `up` may be set at any time.
-
-    Parameters
-    ----------
-    board_url
-        The board's port, as for `open_port`.
-    seed
-        Of the faults.
-    down, up
-        Faults of the two directions.
-    baud
-        Limits the rate of both directions, 10 bits a byte; None: no limit.
-    pty
-        A pty for the host instead of TCP on the loopback interface.
+    On TCP each connection of the host opens one to the board; on a pty the connection stays open. `down` (faults to the
+    board) and `up` may be set at any time. `baud` limits the rate of both directions, 10 bits a byte; None: no limit.
     """
 
-    def __init__(
-        self,
-        board_url: str,
-        seed: int,
-        down: Faults = NO_FAULTS,
-        up: Faults = NO_FAULTS,
-        baud: int | None = None,
-        pty: bool = False,
-    ) -> None:
-        self.down = down
-        self.up = up
-        self.baud = baud
+    def __init__(self, board_url, seed, down=NO_FAULTS, up=NO_FAULTS, baud=None, pty=False) -> None:
+        self.down, self.up, self.baud = down, up, baud
         self._board_url = board_url
         self._manglers = Mangler(seed, 0), Mangler(seed, 1)
         #: Numbers of faults of each kind, down and up.
@@ -226,9 +189,7 @@ class Proxy:
     def __enter__(self) -> Proxy:
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self.close()
 
     def restore(self) -> None:
@@ -261,8 +222,6 @@ class Proxy:
 
     def _serve_pty(self, master: int, slave: int) -> None:
         try:
-            import tty
-
             tty.setraw(slave)
             while not self._ended.is_set():
                 self._connect(master)

@@ -18,16 +18,6 @@ def old_places(pixel, sample, _, seed, number):
     return points_in_square(pixel, sample, seed, 0)
 
 
-def main() -> None:
-    start_mitsuba("llvm")
-    for name in STANDS:
-        scene = load_scene(SCENES / name / f"{name}.xml", placement_of(name))
-        for grid in SUBPIXELS:
-            save_picture(render_golden(scene, grid), path_of(name, grid))
-            with mock.patch.object(sampling, "points_in_pixel", old_places):
-                save_picture(render_golden(scene, grid), BEFORE / f"{name}-{grid}.png")
-
-
 def save_picture(picture, path):
     path.parent.mkdir(exist_ok=True)
     Image.fromarray(picture).save(path, optimize=True)
@@ -35,4 +25,10 @@ def save_picture(picture, path):
 
 
 if __name__ == "__main__":
-    main()
+    start_mitsuba("llvm")
+    for name in STANDS:
+        scene = load_scene(SCENES / name / f"{name}.xml", placement_of(name))
+        for grid in SUBPIXELS:
+            save_picture(render_golden(scene, grid), path_of(name, grid))
+            with mock.patch.object(sampling, "points_in_pixel", old_places):
+                save_picture(render_golden(scene, grid), BEFORE / f"{name}-{grid}.png")

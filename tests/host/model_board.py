@@ -9,6 +9,7 @@ import socket
 import struct
 import threading
 import time
+import tty
 import zlib
 from collections import Counter, deque
 from types import SimpleNamespace
@@ -89,9 +90,7 @@ class ModelBoard:
     `scene` is that of a board that draws: its layers, slots, and a slot's columns as a power of two and rows.
     """
 
-    def __init__(
-        self, width=96, height=72, identity=0x79EE8471D40B2533, pty=False, latency_s=0.0, delay_s=0.0, scene=None
-    ):
+    def __init__(self, width=96, height=72, identity=0x79EE8471D40B2533, pty=False, delay_s=0.0, scene=None):
         self.scene = scene
         self.width, self.height, self.identity = width, height, identity
         self.columns = -(-width // 32)
@@ -99,16 +98,13 @@ class ModelBoard:
         self.version = 3 if scene else 2
         #: Requests that are answered while a frame runs.
         self.frame_requests = 2
-        #: Work on each request, and how long replies are on their way, s.
-        self.latency_s = latency_s
+        #: How long replies are on their way, s.
         self.delay_s = delay_s
         #: Every frame shown, the blank one at reset not counted.
         self.shown = []
         #: Good TILE packets by tile, requests carried out by type, and by status.
-        self.tile_writes = Counter()
-        self.block_writes = Counter()
-        self.executed = Counter()
-        self.statuses = Counter()
+        self.tile_writes, self.block_writes = Counter(), Counter()
+        self.executed, self.statuses = Counter(), Counter()
         self.writes = []
         self.longest = 0
         #: While set, nothing is read.
@@ -125,8 +121,6 @@ class ModelBoard:
         self.power_cycle()
         if pty:
             self._master, self._slave = os.openpty()
-            import tty
-
             tty.setraw(self._slave)
             self.url = os.ttyname(self._slave)
             self._thread = threading.Thread(target=self._serve_pty, daemon=True)
@@ -223,7 +217,6 @@ class ModelBoard:
             return b""
         if not 7 <= len(packet) <= MAX_PACKET or struct.pack("<I", zlib.crc32(packet[:-4])) != packet[-4:]:
             return b""
-        time.sleep(self.latency_s)
         kind, seq = struct.unpack("<BH", packet[:3])
         body = packet[3:-4]
         try:

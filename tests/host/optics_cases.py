@@ -107,10 +107,8 @@ def random_display(
     made = display_of(grid, side, **lens, **panel, **lattice)
     if kind == "skewed" and rng.random() < 0.5 and ends:
         # Lenslets that need not be many, and borders that run between lenslets and through them.
-        extent = tuple(
-            float(max(side * rng.uniform(0.3, 1.2), 2.1 * pitch))
-            for side in (made.panel.width_mm, made.panel.height_mm)
-        )
+        sides = made.panel.width_mm, made.panel.height_mm
+        extent = tuple(float(max(side * rng.uniform(0.3, 1.2), 2.1 * pitch)) for side in sides)
         made = replace(made, array=replace(made.array, extent_mm=extent))
     return with_random_eye(rng, made) if kind == "near" or (kind == "skewed" and rng.random() < 0.5) else made
 
@@ -157,11 +155,9 @@ def random_in_cell(rng: np.random.Generator, display: Display, n: int) -> Floats
         # Projections on 60 and 120 degrees; the one on 0 holds already.
         slanted = points @ np.array([[0.5, -0.5], [math.sqrt(0.75), math.sqrt(0.75)]])
         points = points[np.abs(slanted).max(axis=1) < pitch / 2][:n]
-    return (
-        points
-        if display.array.regular
-        else points @ np.array([[1, 0], [display.array.shear * rows / pitch, rows / pitch]])
-    )
+    if display.array.regular:
+        return points
+    return points @ np.array([[1, 0], [display.array.shear * rows / pitch, rows / pitch]])
 
 
 def _lens_numbers(display: Display) -> dict[str, Any]:

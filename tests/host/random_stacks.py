@@ -20,9 +20,8 @@ def random_layer(random: np.random.Generator, display: Display, most: int = 64) 
     scale = np.exp(random.uniform(-1.0, 2.0)) * np.array([width, height]) / (0.3 if sky else side)
     angle = random.choice([0.0, random.uniform(-math.pi, math.pi)])
     turn = np.array([[math.cos(angle), -math.sin(angle)], [math.sin(angle), math.cos(angle)]])
-    linear = np.diag(scale * random.choice([-1.0, 1.0], 2)) @ turn + random.choice([0.0, 0.2]) * random.normal(
-        size=(2, 2)
-    )
+    linear = np.diag(scale * random.choice([-1.0, 1.0], 2)) @ turn
+    linear += random.choice([0.0, 0.2]) * random.normal(size=(2, 2))
     shift = random.uniform(-0.2, 1.2, 2) * (width, height)
     depth = math.inf if sky else float(random.choice([0.0, random.uniform(-60.0, 60.0)]))
     brightness = float(random.choice([0.0, 1.0, random.random()]))
