@@ -23,10 +23,7 @@ def trace(display, pixels, aims, fault=""):
         R = array.focal_length_mm
     if fault == "gap wrong":
         gap += 0.0125
-    if fault == "pixel pitch wrong":
-        panel_pitch = panel.pixel_pitch_mm * 1.0005
-    else:
-        panel_pitch = panel.pixel_pitch_mm
+    panel_pitch = panel.pixel_pitch_mm * (1.0005 if fault == "pixel pitch wrong" else 1.0)
     turn = array.rotation_deg if fault == "degrees for radians" else math.radians(array.rotation_deg)
     if fault == "rotation sense":
         turn = -turn

@@ -14,7 +14,7 @@ from tools.depth import SETUPS as FIGURE
 SETUPS = Path(__file__).parents[2] / "scenes/setups"
 
 
-def lens_equations(z, position, camera=True, focal=3.3, gap=4.8, rotated=True):
+def lens_equations(z, position, focal=3.3, gap=4.8, rotated=True):
     """Depth by hand for the paper's numbers: object at 1000 - z, f = 293.29, lenslet of 3.3 mm, n = 1.5."""
     f = 1000 * 415 / 1415
     image = 1 / (1 / f - 1 / (1000 - z))
@@ -22,18 +22,14 @@ def lens_equations(z, position, camera=True, focal=3.3, gap=4.8, rotated=True):
     # Thinnest lenslet of R = 1.65: its principal plane T/1.5 from the flat face.
     thickness = 1.65 - np.sqrt(1.65**2 - 0.5)
     g = gap + thickness / 1.5
-    if not camera:
-        depth = behind * g / g
-    else:
-        length = 1450 - (415 + position) - thickness / 3
-        v = 1 / (1 / focal - 1 / length)
-        depth = g / v * (behind + v) * length / (length - behind)
+    length = 1450 - (415 + position) - thickness / 3
+    v = 1 / (1 / focal - 1 / length)
+    depth = g / v * (behind + v) * length / (length - behind)
     return depth if rotated else -depth
 
 
-@pytest.mark.parametrize("position", [-60.0, -40.0, -20.0, 10.0])
-def test_the_formula_is_the_one_of_the_equations(position):
-    name = {-60.0: "fig8a", -40.0: "fig8b", -20.0: "fig8c", 10.0: "fig8d"}[position]
+@pytest.mark.parametrize(("name", "position"), [("fig8a", -60.0), ("fig8b", -40.0), ("fig8c", -20.0), ("fig8d", 10.0)])
+def test_the_formula_is_the_one_of_the_equations(name, position):
     setup = load_setup(SETUPS / f"{name}.toml")
     z = np.array([50.0, 0.0, -120.0, -300.0])
     for rotated in (True, False):
@@ -57,7 +53,6 @@ def test_an_eye_that_moves_sees_the_depth(mi, name, z, sign):
     for rotated in (True, False):
         (depth,) = measure_depths(setup, z, rotated)
         theory = lens_equations(z, setup.position_mm, gap=gap, rotated=rotated)
-        print(f"{name} {z:g} {'rotated' if rotated else 'as captured'}: {depth:.2f}, theory {theory:.2f}")
         assert np.sign(depth) == np.sign(theory) == (sign if rotated else -sign)
         assert depth == pytest.approx(theory, rel=0.05)
 
@@ -89,7 +84,6 @@ def test_a_display_for_a_near_eye(mi, name, rotated):
         expected = 1.0 / (1.0 / z + 2.0 / eye_mm) if rotated else z
     assert float(shown_depth(setup, 0.0, rotated)) == pytest.approx(expected, rel=1e-12)
     (depth,) = measure_depths(setup, 0.0, rotated)
-    print(f"{name} {'rotated' if rotated else 'as captured'}: {depth:.2f}, theory {expected:.2f}, far eye {z:.2f}")
     assert depth == pytest.approx(expected, rel=0.05)
     assert abs(expected - z) > 0.1 * abs(z) or (name == "pickup" and not rotated)
 
@@ -123,7 +117,6 @@ def test_an_eye_that_moves_far_sees_aberrations(mi):
     setup = strip_of(load_setup(SETUPS / "fig8a.toml"))
     near, wide = measure_depths(setup, 0.0, True, (CENTRES, WIDE))
     theory = lens_equations(0.0, -60.0)
-    print(f"{near:.2f}, {wide:.2f}, theory {theory:.2f}")
     assert near == pytest.approx(theory, rel=0.005)
     assert -0.095 < wide / theory - 1.0 < -0.02
 
@@ -141,7 +134,5 @@ def test_the_report_says_how_far_its_eyes_move():
     assert "moves -30 to +30 mm" in text
     assert "shift the depths by -5.0 to 10.0 mm" in text
     for name, shift in zip(FIGURE, ("-1.5", "-2.5", "-5.0", "+10.0"), strict=True):
-        for images in ("rotated", "as captured"):
-            line = next(line for line in text.splitlines() if line.startswith(f"| {name} |") and images in line)
-            assert line.endswith(f"| {shift} to {shift} |")
-    assert rows[0]["wide_error_percent"] == pytest.approx(-3.0)
+        lines = [line for line in text.splitlines() if line.startswith(f"| {name} |")]
+        assert sum(line.endswith(f"| {shift} to {shift} |") for line in lines) == 2

@@ -67,9 +67,8 @@ def test_figure_8(name, array, real):
 
 
 def test_the_other_set_ups():
-    hexagonal, thin, pickup, concave, plain = (
-        load_setup(SETUPS / f"{name}.toml") for name in ("hex", "thin", "pickup", "concave", "plain")
-    )
+    names = "hex", "thin", "pickup", "concave", "plain"
+    hexagonal, thin, pickup, concave, plain = (load_setup(SETUPS / f"{name}.toml") for name in names)
     assert (hexagonal.array.grid, hexagonal.array.pitch_mm) == ("hex", 2.3)
     assert isinstance(thin.lens, ThinLens)
     assert pickup.pickup == Pickup(4.8)
@@ -92,56 +91,54 @@ def test_resized():
     assert setup.resized(204)
 
 
-@pytest.mark.parametrize(
-    ("parts", "said"),
-    [
-        ((DISPLAY, THIN, ARRAY, CAMERA), "object: the key is missing"),
-        ((DISPLAY, "[object]\ndistance_mm = -1", THIN, ARRAY, CAMERA),
-         "object.distance_mm: -1 is not valid; give a finite number, from 1e-09 to 1e+12"),
-        ((DISPLAY, OBJECT + "size = 2", THIN, ARRAY, CAMERA),
-         "object.size: unknown key; known here: distance_mm, scale"),
-        ((DISPLAY, "[object]\ndistance_mm = 200", PAIR.replace("image_distance_mm = 415", "focal_length_mm = 300"),
-          ARRAY, CAMERA), "object.distance_mm: 200 mm is within the focal length 300 mm"),
-        ((DISPLAY, "[object]\ndistance_mm = 300", THIN.replace("image_distance_mm = 415", "focal_length_mm = 300"),
-          ARRAY, CAMERA), "object.distance_mm: 300 mm is within the focal length 300 mm"),
-        ((DISPLAY, OBJECT, THIN.replace("thin", "fat"), ARRAY, CAMERA),
-         'lens.kind: "fat" is not valid; choose from "pair", "thin"'),
-        ((DISPLAY, OBJECT, THIN + "focal_length_mm = 3", ARRAY, CAMERA), "several are given; give exactly one"),
-        ((DISPLAY, OBJECT, THIN + "index = 1.5", ARRAY, CAMERA),
-         "lens.index: unknown key of a thin lens; leave it out"),
-        ((DISPLAY, OBJECT, PAIR.replace("320", "620"), ARRAY, CAMERA), "lens.aperture_mm: 620 mm is wider than domes"),
-        ((DISPLAY, OBJECT, PAIR.replace("60", "40"), ARRAY, CAMERA), "lens.thickness_mm: 40 mm is below the sag"),
-        ((DISPLAY, OBJECT, PAIR.replace("N-BK7", "jelly"), ARRAY, CAMERA), "lens.glass: unknown glass 'jelly'"),
-        ((DISPLAY, OBJECT, PAIR.replace("separation_mm = 1", "separation_mm = 500"), ARRAY, CAMERA),
-         "lens.image_distance_mm: no pair of such thick lenses"),
-        ((DISPLAY, OBJECT, THIN, CAMERA), "array.position_mm: the key is missing"),
-        ((DISPLAY, OBJECT, THIN, "[array]\nposition_mm = -500", CAMERA), "array.position_mm: -500 mm puts the array"),
-        # Behind the principal plane, yet inside the thick lens.
-        ((DISPLAY, OBJECT, PAIR, "[array]\nposition_mm = -390", CAMERA), "outside the image space"),
-        ((DISPLAY, OBJECT, THIN, "[array]\nposition_mm = 1040", CAMERA), "not before the camera: outside the image"),
-        ((DISPLAY, OBJECT, THIN, ARRAY + "focal_length_mm = 0", CAMERA), "0 is no focal length"),
-        ((DISPLAY, OBJECT, THIN, ARRAY + "focal_length_mm = -1", CAMERA),
-         "array.focal_length_mm: radius 0.5 mm is too small to span its cell"),
-        ((DISPLAY, OBJECT, THIN, ARRAY + "thickness_mm = 0.01", CAMERA), "array.thickness_mm: 0.01 mm is below"),
-        ((DISPLAY + 'plano_side = "viewer"\n', OBJECT, THIN, ARRAY + "focal_length_mm = -3.3", CAMERA),
-         "concave lenslets are traced with their plano side to the camera only"),
-        ((DISPLAY, OBJECT, THIN, ARRAY), "camera or pickup: none is given"),
-        ((DISPLAY, OBJECT, THIN, ARRAY, CAMERA, "[pickup]\ngap_mm = 3"), "camera or pickup: several are given"),
-        ((DISPLAY.replace("pixel_pitch_mm = 0.1", "pixel_pitch_mm = 0.6"), OBJECT, THIN, ARRAY, CAMERA),
-         "the picture has 1.67 pixels for a lenslet, fewer than 2"),
-        ((DISPLAY.replace("[display.array]", 'subpixels = "rgb"\n[display.array]'), OBJECT, THIN, ARRAY, CAMERA),
-         "has colour sub-pixels"),
-        ((DISPLAY.replace("pitch_mm = 1.0", "pitch_mm = 9.0"), OBJECT, THIN, ARRAY, CAMERA),
-         "display.array.radius_mm: radius 1.65 mm is too small"),
-        (('display = "none.toml"', OBJECT, THIN, ARRAY, CAMERA), "none.toml: no such file"),
-        (("display = 3", OBJECT, THIN, ARRAY, CAMERA),
-         "display: 3 is not valid; put it in quotes or write it as [display]"),
-        (("display =",), "not TOML"),
-        ((DISPLAY, OBJECT, CAMERA.replace("1450", "0.01")), "camera.distance_mm: the camera stands within the array"),
-    ],
-)  # fmt: skip
+WHOLE = {"display": DISPLAY, "object": OBJECT, "lens": THIN, "array": ARRAY, "camera": CAMERA}
+FOCAL_300 = "focal_length_mm = 300"
+#: Parts that are others than in the whole file, and what is said of them.
+REFUSED = [
+    ({"object": ""}, "object: the key is missing"),
+    ({"object": "[object]\ndistance_mm = -1"},
+     "object.distance_mm: -1 is not valid; give a finite number, from 1e-09 to 1e+12"),
+    ({"object": OBJECT + "size = 2"}, "object.size: unknown key; known here: distance_mm, scale"),
+    ({"object": "[object]\ndistance_mm = 200", "lens": PAIR.replace("image_distance_mm = 415", FOCAL_300)},
+     "object.distance_mm: 200 mm is within the focal length 300 mm"),
+    ({"object": "[object]\ndistance_mm = 300", "lens": THIN.replace("image_distance_mm = 415", FOCAL_300)},
+     "object.distance_mm: 300 mm is within the focal length 300 mm"),
+    ({"lens": THIN.replace("thin", "fat")}, 'lens.kind: "fat" is not valid; choose from "pair", "thin"'),
+    ({"lens": THIN + "focal_length_mm = 3"}, "several are given; give exactly one"),
+    ({"lens": THIN + "index = 1.5"}, "lens.index: unknown key of a thin lens; leave it out"),
+    ({"lens": PAIR.replace("320", "620")}, "lens.aperture_mm: 620 mm is wider than domes"),
+    ({"lens": PAIR.replace("60", "40")}, "lens.thickness_mm: 40 mm is below the sag"),
+    ({"lens": PAIR.replace("N-BK7", "jelly")}, "lens.glass: unknown glass 'jelly'"),
+    ({"lens": PAIR.replace("separation_mm = 1", "separation_mm = 500")},
+     "lens.image_distance_mm: no pair of such thick lenses"),
+    ({"array": ""}, "array.position_mm: the key is missing"),
+    ({"array": "[array]\nposition_mm = -500"}, "array.position_mm: -500 mm puts the array"),
+    # Behind the principal plane, yet inside the thick lens.
+    ({"lens": PAIR, "array": "[array]\nposition_mm = -390"}, "outside the image space"),
+    ({"array": "[array]\nposition_mm = 1040"}, "not before the camera: outside the image"),
+    ({"array": ARRAY + "focal_length_mm = 0"}, "0 is no focal length"),
+    ({"array": ARRAY + "focal_length_mm = -1"}, "array.focal_length_mm: radius 0.5 mm is too small to span its cell"),
+    ({"array": ARRAY + "thickness_mm = 0.01"}, "array.thickness_mm: 0.01 mm is below"),
+    ({"display": DISPLAY + 'plano_side = "viewer"\n', "array": ARRAY + "focal_length_mm = -3.3"},
+     "concave lenslets are traced with their plano side to the camera only"),
+    ({"camera": ""}, "camera or pickup: none is given"),
+    ({"pickup": "[pickup]\ngap_mm = 3"}, "camera or pickup: several are given"),
+    ({"display": DISPLAY.replace("pixel_pitch_mm = 0.1", "pixel_pitch_mm = 0.6")},
+     "the picture has 1.67 pixels for a lenslet, fewer than 2"),
+    ({"display": DISPLAY.replace("[display.array]", 'subpixels = "rgb"\n[display.array]')}, "has colour sub-pixels"),
+    ({"display": DISPLAY.replace("pitch_mm = 1.0", "pitch_mm = 9.0")},
+     "display.array.radius_mm: radius 1.65 mm is too small"),
+    ({"display": 'display = "none.toml"'}, "none.toml: no such file"),
+    ({"display": "display = 3"}, "display: 3 is not valid; put it in quotes or write it as [display]"),
+    ({"display": "display ="}, "not TOML"),
+    ({"lens": "", "array": "", "camera": CAMERA.replace("1450", "0.01")},
+     "camera.distance_mm: the camera stands within the array"),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("parts", "said"), REFUSED)
 def test_refusals(tmp_path, parts, said):
     with pytest.raises(InputError, match=re.escape(said)) as caught:
-        load(tmp_path, *parts)
+        load(tmp_path, *(WHOLE | parts).values())
     assert "\n" not in str(caught.value)
     assert str(tmp_path) in str(caught.value)
