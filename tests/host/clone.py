@@ -7,14 +7,14 @@ from pathlib import Path
 TOP = Path(__file__).parents[2]
 
 
-def files(*folders: str) -> list[str]:
+def files(*folders):
     """The files of some folders of the checkout, or of all."""
     command = ["git", "-C", str(TOP), "ls-files", "-z", "--cached", "--others", "--exclude-standard", "--", *folders]
     found = subprocess.run(command, capture_output=True, text=True, check=True).stdout.split("\0")
     return sorted({name for name in found if name and (TOP / name).is_file()})
 
 
-def clone(into: Path) -> Path:
+def clone(into):
     """Copy them."""
     for name in files():
         (into / name).parent.mkdir(parents=True, exist_ok=True)

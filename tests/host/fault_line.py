@@ -13,7 +13,6 @@ from collections import Counter
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 from lippmann.board.packets import DELIMITER, MAX_STUFFED
 from lippmann.board.port import BITS_A_BYTE, open_port
 from lippmann.errors import DeviceError
@@ -75,15 +74,15 @@ class Mangler:
     on the bytes, not on the size of the chunks.
     """
 
-    def __init__(self, seed: int, direction: int) -> None:
-        self.done: Counter[str] = Counter()
+    def __init__(self, seed, direction):
+        self.done = Counter()
         self._seed = seed, direction
-        self._generators: dict[str, np.random.Generator] = {}
+        self._generators = {}
         self._packet = bytearray()
         self._behind = b""
         self._cutting = 0
 
-    def __call__(self, data: bytes, faults: Faults) -> tuple[bytes, float]:
+    def __call__(self, data, faults):
         """Return bytes with faults, and the pause before them, s."""
         data = self._packets(data, faults)
         if faults == NO_FAULTS:
@@ -108,12 +107,12 @@ class Mangler:
         copies = np.insert(copies, np.flatnonzero(inserted) + 1, 1)
         return np.repeat(values, copies).tobytes(), rest_s
 
-    def _generator(self, kind: str) -> np.random.Generator:
+    def _generator(self, kind):
         if kind not in self._generators:
             self._generators[kind] = np.random.default_rng([*self._seed, *kind.encode()])
         return self._generators[kind]
 
-    def _hits(self, kind: str, count: int, chance: float) -> npt.NDArray[np.bool_]:
+    def _hits(self, kind, count, chance):
         """Return which of the next bytes or packets a fault hits."""
         if not chance:
             return np.zeros(count, np.bool_)
@@ -121,12 +120,12 @@ class Mangler:
         self.done[kind] += int(hits.sum())
         return hits
 
-    def _values(self, kind: str, count: int) -> npt.NDArray[np.uint8]:
+    def _values(self, kind, count):
         """Return random bytes."""
         # Narrow integers are drawn several at once, which would depend on the chunks.
         return self._generator(kind + " values").integers(0, 256, count).astype(np.uint8)
 
-    def _cut(self, count: int, faults: Faults) -> npt.NDArray[np.bool_]:
+    def _cut(self, count, faults):
         """Return which of the next bytes lie in a run that is lost."""
         lost = np.zeros(count, np.bool_)
         starts = np.flatnonzero(self._hits("cut", count, faults.cut)).tolist()
@@ -135,7 +134,7 @@ class Mangler:
             self._cutting = max(start + length - count, 0)
         return lost
 
-    def _packets(self, data: bytes, faults: Faults) -> bytes:
+    def _packets(self, data, faults):
         """Lose, repeat and swap whole packets; without such faults, return all bytes, held ones first."""
         if not (faults.lose or faults.repeat or faults.swap):
             out = self._behind + bytes(self._packet) + data
@@ -165,7 +164,7 @@ class Proxy:
     board) and `up` may be set at any time. `baud` limits the rate of both directions, 10 bits a byte; None: no limit.
     """
 
-    def __init__(self, board_url, seed, down=NO_FAULTS, up=NO_FAULTS, baud=None, pty=False) -> None:
+    def __init__(self, board_url, seed, down=NO_FAULTS, up=NO_FAULTS, baud=None, pty=False):
         self.down, self.up, self.baud = down, up, baud
         self._board_url = board_url
         self._manglers = Mangler(seed, 0), Mangler(seed, 1)
@@ -173,7 +172,7 @@ class Proxy:
         self.done = self._manglers[0].done, self._manglers[1].done
         self._ended = threading.Event()
         self._unplugged = threading.Event()
-        self._down_bytes: int | None = None
+        self._down_bytes = None
         if pty:
             master, slave = os.openpty()
             os.set_blocking(master, False)
@@ -186,30 +185,30 @@ class Proxy:
             self._thread = threading.Thread(target=self._serve_tcp, args=(listener,), daemon=True)
         self._thread.start()
 
-    def __enter__(self) -> Proxy:
+    def __enter__(self):
         return self
 
-    def __exit__(self, *_: object) -> None:
+    def __exit__(self, *_):
         self.close()
 
-    def restore(self) -> None:
+    def restore(self):
         """Remove all faults."""
         self.down = self.up = NO_FAULTS
 
-    def unplug(self) -> None:
+    def unplug(self):
         """Close the host's connection; it may connect again."""
         self._unplugged.set()
 
-    def unplug_after(self, count: int) -> None:
+    def unplug_after(self, count):
         """Close the connection when `count` more bytes have gone to the board over TCP, which takes all of them."""
         self._down_bytes = count
 
-    def close(self) -> None:
+    def close(self):
         """End the proxy."""
         self._ended.set()
         self._thread.join()
 
-    def _serve_tcp(self, listener: socket.socket) -> None:
+    def _serve_tcp(self, listener):
         with listener:
             while not self._ended.is_set():
                 if not select.select([listener], [], [], LOOK_S)[0]:
@@ -220,7 +219,7 @@ class Proxy:
                     host.setblocking(False)
                     self._connect(host.fileno())
 
-    def _serve_pty(self, master: int, slave: int) -> None:
+    def _serve_pty(self, master, slave):
         try:
             tty.setraw(slave)
             while not self._ended.is_set():
@@ -230,7 +229,7 @@ class Proxy:
             os.close(master)
             os.close(slave)
 
-    def _connect(self, host: int) -> None:
+    def _connect(self, host):
         """Connect the host to the board until either closes."""
         try:
             port = open_port(self._board_url)
@@ -248,7 +247,7 @@ class Proxy:
         finally:
             port.close()
 
-    def _carry(self, source: int, target: int, direction: int, gone: threading.Event) -> None:
+    def _carry(self, source, target, direction, gone):
         """Copy bytes in one direction until a side has closed."""
         due = time.monotonic()
         # A side that has closed ends both directions.
@@ -285,12 +284,12 @@ class Proxy:
                     return
         gone.set()
 
-    def _write(self, target: int, data: bytes, gone: threading.Event) -> None:
+    def _write(self, target, data, gone):
         """Write all bytes, as fast as the target accepts them."""
         while data and not self._over(gone):
             if select.select([], [target], [], LOOK_S)[1]:
                 with contextlib.suppress(BlockingIOError):
                     data = data[os.write(target, data) :]
 
-    def _over(self, gone: threading.Event) -> bool:
+    def _over(self, gone):
         return gone.is_set() or self._ended.is_set() or self._unplugged.is_set()

@@ -5,14 +5,10 @@ A middle part of each scene, 96 x 96 pixels of 0.25 mm behind lenslets of 2 mm: 
 
 from pathlib import Path
 
-import numpy as np
-import numpy.typing as npt
 from lippmann.base.tones import encoded_values
-from lippmann.display.description import Display, Grid
 from lippmann.rendering.options import Settings
 from lippmann.rendering.renderer import render_integral
 from lippmann.scenes.placement import Placement
-from lippmann.scenes.scene import Scene
 from scene_cases import focused_display
 
 SCENES = Path(__file__).parents[2] / "scenes"
@@ -25,7 +21,7 @@ SUBPIXELS = {"square": "none", "hex": "rgb"}
 SETTINGS = Settings(samples=16, seed=2005, shading="each")
 
 
-def display_for(grid: Grid) -> Display:
+def display_for(grid):
     """96 x 96 pixels; the hexagonal one with colour stripes and turned by 11 degrees."""
     return focused_display(
         grid,
@@ -39,16 +35,16 @@ def display_for(grid: Grid) -> Display:
     )
 
 
-def placement_of(scene: str) -> Placement:
+def placement_of(scene):
     """The whole depth of each scene."""
     return Placement(offset_mm=STANDS[scene], near_mm=90.0, far_mm=-180.0)
 
 
-def path_of(scene: str, grid: Grid) -> Path:
+def path_of(scene, grid):
     """Where a golden picture is stored."""
     return GOLDEN / f"{scene}-{grid}.png"
 
 
-def render_golden(scene: Scene, grid: Grid) -> npt.NDArray[np.uint8]:
+def render_golden(scene, grid):
     """(96, 96, 3), sRGB."""
     return encoded_values(render_integral(scene, display_for(grid), "exact", SETTINGS).radiance, "srgb", 8)

@@ -4,20 +4,17 @@ The drawing is written apart from `lippmann.layers` and `lippmann.fixed`: it jud
 """
 
 import math
-from typing import Any
 
 import numpy as np
 import numpy.typing as npt
-from lippmann.display.description import Display
 from lippmann.errors import InputError
-from lippmann.fixed.scene_build import SceneBuild
 from lippmann.fixed.scene_configuration import scene_words
 from lippmann.layers.stack import Layer, LayerStack
 
 Floats = npt.NDArray[np.float64]
 
 
-def random_palette(rng: np.random.Generator) -> npt.NDArray[np.uint8]:
+def random_palette(rng):
     """A palette of any colours: opaque, transparent and everything between, black and white among them."""
     palette = rng.integers(0, 256, (256, 4), dtype=np.uint8)
     palette[:, 3] = np.where(rng.random(256) < 0.6, rng.choice([0, 255, 127, 128], 256), palette[:, 3])
@@ -26,7 +23,7 @@ def random_palette(rng: np.random.Generator) -> npt.NDArray[np.uint8]:
     return palette
 
 
-def smooth_palette(rng: np.random.Generator) -> npt.NDArray[np.uint8]:
+def smooth_palette(rng):
     """A palette whose neighbours are alike: a ramp of colour and one of opacity, as pictures with soft edges have."""
     ramp = np.linspace(0.0, 255.0, 256)
     ends = rng.integers(0, 256, (2, 3))
@@ -35,7 +32,7 @@ def smooth_palette(rng: np.random.Generator) -> npt.NDArray[np.uint8]:
     return np.concatenate([colours, alpha[:, None]], axis=1).astype(np.uint8)
 
 
-def random_texels(rng: np.random.Generator, width: int, height: int, smooth: bool) -> npt.NDArray[np.uint8]:
+def random_texels(rng, width, height, smooth):
     """Texels of noise, or of a few waves."""
     if not smooth:
         return rng.integers(0, 256, (height, width), dtype=np.uint8)
@@ -44,7 +41,7 @@ def random_texels(rng: np.random.Generator, width: int, height: int, smooth: boo
     return np.clip(127.5 + 45.0 * waves, 0.0, 255.0).astype(np.uint8)
 
 
-def random_layer(rng: np.random.Generator, display: Display, build: SceneBuild, smooth: bool) -> Layer:
+def random_layer(rng, display, build, smooth):
     """A layer at any depth, in view: turned, sheared and mirrored, larger or smaller than the panel."""
     radius, panel = display.array.radius_mm, display.panel
     size = math.hypot(panel.width_mm, panel.height_mm)
@@ -73,12 +70,10 @@ def random_layer(rng: np.random.Generator, display: Display, build: SceneBuild, 
     )  # fmt: skip
 
 
-def random_stack(
-    rng: np.random.Generator, display: Display, build: SceneBuild, layers: int | None = None, smooth: bool = False
-) -> LayerStack:
+def random_stack(rng, display, build, layers=None, smooth=False):
     """A stack that the registers hold, of `layers` layers, or of up to as many as the build has."""
     count = int(rng.integers(1, build.layers + 1)) if layers is None else layers
-    chosen: list[Layer] = []
+    chosen = []
     for _ in range(1000):
         if len(chosen) == count:
             return LayerStack(tuple(chosen), rng.uniform(0.0, 1.0, 3))
@@ -91,7 +86,7 @@ def random_stack(
     raise AssertionError(f"no layers for {display}")
 
 
-def float_coordinates(layer: Layer, x: Floats, y: Floats, slope_x: Floats, slope_y: Floats) -> Floats:
+def float_coordinates(layer, x, y, slope_x, slope_y):
     """Texture coordinates (2, N) where lines through (x, y, 0), mm, meet a layer."""
     at = np.stack([slope_x, slope_y]) if math.isinf(layer.depth_mm) else (
         np.stack([x + layer.depth_mm * slope_x, y + layer.depth_mm * slope_y])
@@ -99,7 +94,7 @@ def float_coordinates(layer: Layer, x: Floats, y: Floats, slope_x: Floats, slope
     return layer.matrix[:, :2] @ at + layer.matrix[:, 2:]
 
 
-def float_light(stack: LayerStack, lines: tuple[Floats, ...], draws: Any, bilinear: bool) -> Floats:
+def float_light(stack, lines, draws, bilinear):
     """Linear light (N, 3), 1 at white, of lines x, y (mm at z = 0), slope_x, slope_y; back to front, unlike the RTL."""
     light = np.tile(np.asarray(stack.background, np.float64), (len(lines[0]), 1))
     for layer in reversed(stack.layers):

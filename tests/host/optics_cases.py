@@ -2,24 +2,21 @@
 
 import itertools
 import math
-from collections.abc import Iterable
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 import pytest
 import truth
-from lippmann.display.description import Array, Display, Grid, Panel, PlanoSide
+from lippmann.display.description import Array, Display, Panel
 
-GRIDS: tuple[Grid, ...] = ("square", "hex")
-SIDES: tuple[PlanoSide, ...] = ("panel", "viewer")
+GRIDS = ("square", "hex")
+SIDES = ("panel", "viewer")
 #: Regular arrays, such that converge on an eye, and such of two pitches and a shear, which may end and converge.
 KINDS = ("far", "near", "skewed")
 kinds = pytest.mark.parametrize("kind", KINDS)
 
 
-def cases(several: Iterable[tuple[str, ...]], most: tuple[str, ...]) -> list[Any]:
+def cases(several, most):
     """Each kind of display with each of several; at every commit all with kind "far", the other kinds with `most`."""
     return [
         pytest.param(kind, *one, marks=() if kind == "far" or one == most else pytest.mark.full)
@@ -32,32 +29,14 @@ somewhere = pytest.mark.parametrize(("kind", "grid", "side"), cases(itertools.pr
 
 
 #: Of their seeds.
-KEYS: dict[str, list[str]] = {"far": [], "near": ["eye"], "skewed": ["skewed"]}
+KEYS = {"far": [], "near": ["eye"], "skewed": ["skewed"]}
 LONG_PI = np.longdouble("3.14159265358979323846264338327950288")
-
-Floats = npt.NDArray[np.float64]
 
 
 def display_of(
-    grid: Grid,
-    side: PlanoSide,
-    *,
-    pitch: float = 1.0,
-    radius: float = 1.5,
-    index: float = 1.5,
-    thickness: float | None = 2.0,
-    gap: float = 0.5,
-    rotation: float = 0.0,
-    offset: tuple[float, float] = (0.0, 0.0),
-    width_px: int = 200,
-    height_px: int = 160,
-    pixel_pitch: float = 0.0625,
-    eye: float | None = None,
-    axis: tuple[float, float] = (0.0, 0.0),
-    shear: float = 0.0,
-    row_pitch: float | None = None,
-    extent: tuple[float, float] | None = None,
-) -> Display:
+    grid, side, *, pitch=1.0, radius=1.5, index=1.5, thickness=2.0, gap=0.5, rotation=0.0, offset=(0.0, 0.0),
+    width_px=200, height_px=160, pixel_pitch=0.0625, eye=None, axis=(0.0, 0.0), shear=0.0, row_pitch=None, extent=None,
+):  # fmt: skip
     """A display of plain numbers, mm and degrees; thickness None is the thinnest lenslet."""
     pitches = pitch if row_pitch is None else (pitch, row_pitch)
     array = Array(grid, pitches, radius, index, thickness or radius, side, None, rotation, offset, shear, extent)
@@ -66,17 +45,8 @@ def display_of(
 
 
 def random_display(
-    rng: np.random.Generator,
-    grid: Grid,
-    side: PlanoSide,
-    *,
-    steepest: float = 1.02,
-    shallowest: float = 30.0,
-    index: tuple[float, float] = (1.3, 2.4),
-    widest_mm: float = 700.0,
-    kind: str = "far",
-    ends: bool = True,
-) -> Display:
+    rng, grid, side, *, steepest=1.02, shallowest=30.0, index=(1.3, 2.4), widest_mm=700.0, kind="far", ends=True
+):
     """A display that could be built, drawn wide: pitch 0.1 to 5 mm, panels to 700 mm, any turn.
 
     R goes from `steepest` half diagonals (nearly hemispheres) logarithmically to `shallowest`; a
@@ -113,21 +83,21 @@ def random_display(
     return with_random_eye(rng, made) if kind == "near" or (kind == "skewed" and rng.random() < 0.5) else made
 
 
-def lattice(rng: np.random.Generator, kind: str, pitch: float) -> dict[str, float]:
+def lattice(rng, kind, pitch):
     """Two pitches and a shear for `display_of`, if `kind` is "skewed": cells that a dome of a pitch's radius spans."""
     if kind != "skewed":
         return {}
     return {"shear": float(rng.uniform(-0.2, 0.2)), "row_pitch": pitch * float(rng.uniform(0.8, 1.2))}
 
 
-def farthest_corner(grid: Grid, pitch: float, rows: float, shear: float) -> float:
+def farthest_corner(grid, pitch, rows, shear):
     """Half the longest diagonal of a cell: of the regular cell's corners, brought to the lattice."""
     turns = np.radians({"square": [45, 135], "hex": [30, 90, 150]}[grid])
     x, y = np.stack([np.cos(turns), np.sin(turns)]) / math.sqrt({"square": 2, "hex": 3}[grid])
     return float(np.hypot(pitch * x + shear * rows * y, rows * y).max())
 
 
-def with_random_eye(rng: np.random.Generator, display: Display) -> Display:
+def with_random_eye(rng, display):
     """The display, converged on an eye as `random_display` draws it."""
     panel = display.panel
     nearest = 4.0 * max(display.array.focal_length_mm, display.aperture_distance_mm)
@@ -137,7 +107,7 @@ def with_random_eye(rng: np.random.Generator, display: Display) -> Display:
     return replace(display, viewing_distance_mm=eye, viewing_axis_mm=(x, y))
 
 
-def random_pixels(rng: np.random.Generator, display: Display, n: int) -> Floats:
+def random_pixels(rng, display, n):
     """Points of the panel, (n, 2), half of them pixel centres."""
     size = (display.panel.width_px, display.panel.height_px)
     points = rng.uniform(0, size, (n, 2))
@@ -145,7 +115,7 @@ def random_pixels(rng: np.random.Generator, display: Display, n: int) -> Floats:
     return points
 
 
-def random_in_cell(rng: np.random.Generator, display: Display, n: int) -> Floats:
+def random_in_cell(rng, display, n):
     """Points spread evenly over a cell, (n, 2), mm, array's axes, from the lenslet's centre."""
     pitch, rows = display.array.pitches_mm
     if display.array.grid == "square":
@@ -160,14 +130,14 @@ def random_in_cell(rng: np.random.Generator, display: Display, n: int) -> Floats
     return points @ np.array([[1, 0], [display.array.shear * rows / pitch, rows / pitch]])
 
 
-def _lens_numbers(display: Display) -> dict[str, Any]:
+def _lens_numbers(display):
     """What both forms of truth.py call alike."""
     array = display.array
     numbers = {name: getattr(array, name) for name in ("shear", "radius_mm", "index", "thickness_mm", "offset_mm")}
     return numbers | {"pitch_mm": array.pitches_mm[0], "row_pitch_mm": array.pitches_mm[1], "gap_mm": display.gap_mm}
 
 
-def optics_of(display: Display) -> truth.Optics:
+def optics_of(display):
     """The display's numbers for truth.py; the rotation in radians with 50 digits."""
     array, panel = display.array, display.panel
     return truth.Optics(
@@ -180,7 +150,7 @@ def optics_of(display: Display) -> truth.Optics:
     )
 
 
-def long_optics_of(display: Display) -> dict[str, Any]:
+def long_optics_of(display):
     """The display's numbers as keywords of `truth.back_to_panel_many`."""
     array = display.array
     return {
@@ -191,7 +161,7 @@ def long_optics_of(display: Display) -> dict[str, Any]:
     }
 
 
-def exit_cosine(display: Display, local_mm: Floats, direction: Floats) -> Floats:
+def exit_cosine(display, local_mm, direction):
     """Cosine between exit rays and the last face's normal, the dome's or the flat face's.
 
     local_mm as `Rays` has them: from the lenslet's centre, the dome's vertex at z = 0.

@@ -4,38 +4,32 @@ The RTL is compared with its twin on them (tests/rtl, `make mutation`).
 """
 
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
-from lippmann.display.description import NEAREST_EYE, Array, Display, Grid, Panel
+from lippmann.display.description import NEAREST_EYE, Array, Display, Panel
 from lippmann.errors import InputError, LippmannError
-from lippmann.fixed.build import Build
-from lippmann.fixed.configuration import Configuration, configuration
-from lippmann.fixed.words import Ints
-from lippmann.optics.rays import Model
+from lippmann.fixed.configuration import configuration
 
 #: The largest coordinates of random aims, in pitches and rows.
 AIMS = 0.75
 
 
-def reach_mm(array: Array) -> float:
+def reach_mm(array):
     """Return the largest distance of random aims from their lenslet's centre, in [-AIMS, AIMS]^2."""
     row = array.row_pitch_mm
     return 1.01 * AIMS * float(np.hypot(array.pitches_mm[0] + abs(array.shear) * row, row))
 
 
-def random_lattice(random: np.random.Generator, pitch: float, shear: bool) -> dict[str, Any]:
+def random_lattice(random, pitch, shear):
     """Return the keys of a random lattice: one pitch, two close ones, or any two; with `shear` a shear up to 1."""
     ratio = np.exp(random.choice([0.0, 0.0, 0.001, 1.0]) * random.uniform(-np.log(4.0), np.log(4.0)))
-    lattice: dict[str, Any] = {"pitch_mm": (pitch, float(pitch * ratio)) if ratio != 1.0 else pitch}
+    lattice = {"pitch_mm": (pitch, float(pitch * ratio)) if ratio != 1.0 else pitch}
     if shear:
         lattice["shear"] = float(random.choice([0.0, 0.001, 0.3, 1.0, 1.0]) * random.uniform(-1.0, 1.0))
     return lattice
 
 
-def random_display(
-    random: np.random.Generator, grid: Grid, viewer: bool, converge: bool = False, shear: bool = False
-) -> Display:
+def random_display(random, grid, viewer, converge=False, shear=False):
     """Return optics near the limits of the registers: strong and weak domes, thick and thin, rotated and shifted.
 
     Half of the lattices have two pitches, and with `shear` most have one; a third of the arrays end on the panel. With
@@ -71,7 +65,7 @@ def random_display(
     return replace(display, viewing_distance_mm=eye, viewing_axis_mm=(float(axis[0]), float(axis[1])))
 
 
-def configured_display(random: np.random.Generator, build: Build, model: Model) -> tuple[Display, Configuration]:
+def configured_display(random, build, model):
     """Return a random display that fits the registers, and its registers."""
     for _ in range(1000):
         display = random_display(random, build.grid, build.viewer, build.converge, build.shear)
@@ -82,9 +76,7 @@ def configured_display(random: np.random.Generator, build: Build, model: Model) 
     raise LippmannError("no random display fits the registers")
 
 
-def random_rays(
-    random: np.random.Generator, display: Display, build: Build, count: int
-) -> tuple[Ints, Ints, Ints, Ints]:
+def random_rays(random, display, build, count):
     """Return pixel and aim words (count,): the whole panel, aims over a cell and a half, a third on edges and axes."""
     half = 8 * np.array([display.panel.width_px, display.panel.height_px])
     u, v = (random.integers(-half[k], half[k] + 1, count) for k in range(2))

@@ -3,11 +3,10 @@
 import math
 
 import numpy as np
-from lippmann.display.description import Display
 from lippmann.layers.stack import MAX_LAYERS, Layer, LayerStack
 
 
-def random_layer(random: np.random.Generator, display: Display, most: int = 64) -> Layer:
+def random_layer(random, display, most=64):
     """A layer of any size, depth, turn, shear, flip and opacity, which covers some of the display or nearly none."""
     height, width = random.integers(1, most + 1, 2)
     palette = random.integers(0, 256, (256, 4), np.uint8)
@@ -28,7 +27,7 @@ def random_layer(random: np.random.Generator, display: Display, most: int = 64) 
     return Layer(texels, palette, depth, np.column_stack([linear, shift]), brightness, bool(random.random() < 0.9))
 
 
-def random_stack(random: np.random.Generator, display: Display, most: int = 64) -> LayerStack:
+def random_stack(random, display, most=64):
     """1 to 8 layers in any order of depths, before any background."""
     count = int(random.integers(1, MAX_LAYERS + 1))
     return LayerStack(tuple(random_layer(random, display, most) for _ in range(count)), random.random(3))

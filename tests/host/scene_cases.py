@@ -1,38 +1,22 @@
 """Small scenes and displays for the tests of renderer and observer."""
 
 import dataclasses
-import json
 import math
-from collections.abc import Iterable
-from pathlib import Path
-from typing import Any
+import re
 
 import numpy as np
-import numpy.typing as npt
-from lippmann.display.description import Display, Grid, PlanoSide
-from lippmann.eye.observer import Window
+from lippmann.display.description import display_text
 from optics_cases import display_of
 
-Floats = npt.NDArray[np.float64]
 
-
-def generator(seed: int, *key: int | str) -> np.random.Generator:
+def generator(seed, *key):
     """A generator of its own for each case; pytest shows the line when the case fails."""
     seeds = [seed, *(sum(map(ord, k)) if isinstance(k, str) else k for k in key)]
     print(f"numpy.random.default_rng({seeds})")
     return np.random.default_rng(seeds)
 
 
-def focused_display(
-    grid: Grid,
-    side: PlanoSide = "panel",
-    *,
-    focal: float = 2.0,
-    pitch: float = 1.0,
-    index: float = 1.5,
-    subpixels: str = "none",
-    **others: Any,
-) -> Display:
+def focused_display(grid, side="panel", *, focal=2.0, pitch=1.0, index=1.5, subpixels="none", **others):
     """A display whose panel stands in the lenslets' focal plane: D = f, by the definition of D in optics.md."""
     made = display_of(
         grid, side, pitch=pitch, radius=focal * (index - 1.0), index=index, thickness=None, gap=focal, **others
@@ -41,35 +25,12 @@ def focused_display(
     return dataclasses.replace(made, gap_mm=gap, panel=dataclasses.replace(made.panel, subpixels=subpixels))
 
 
-def display_toml(display: Display) -> str:
-    """The display as a file."""
-    panel, array = display.panel, display.array
-    eye_mm, axis_mm = display.viewing_distance_mm, list(display.viewing_axis_mm)
-    eye = "" if eye_mm is None else f"viewing_distance_mm = {eye_mm!r}\nviewing_axis_mm = {axis_mm!r}"
-    return f"""
-name = "{display.name}"
-gap_mm = {display.gap_mm!r}
-{eye}
-[panel]
-width_px = {panel.width_px}
-height_px = {panel.height_px}
-pixel_pitch_mm = {panel.pixel_pitch_mm!r}
-subpixels = "{panel.subpixels}"
-[array]
-grid = "{array.grid}"
-pitch_mm = {json.dumps(array.pitch_mm)}
-shear = {array.shear!r}
-{"" if array.extent_mm is None else f"extent_mm = {json.dumps(array.extent_mm)}"}
-radius_mm = {array.radius_mm!r}
-index = {array.index!r}
-thickness_mm = {array.thickness_mm!r}
-plano_side = "{array.plano_side}"
-rotation_deg = {array.rotation_deg!r}
-offset_mm = {list(array.offset_mm)!r}
-"""
+def display_toml(display):
+    """The display as a file, without the panel's usual tones."""
+    return re.sub(r'^(bits = 8|transfer = "srgb")\n', "", display_text(display), flags=re.MULTILINE)
 
 
-def small_toml(width_px: int, height_px: int, pixels: str = "pixel_pitch_mm = 0.1", gap_mm: float = 3.3) -> str:
+def small_toml(width_px, height_px, pixels="pixel_pitch_mm = 0.1", gap_mm=3.3):
     """A display file of square lenslets of 1 mm and f/3.3; `pixels` gives their pitch, and what else the panel has."""
     return f"""gap_mm = {gap_mm}
 [panel]
@@ -84,12 +45,12 @@ index = 1.5
 """
 
 
-def rgb(name: str, values: Iterable[float]) -> str:
+def rgb(name, values):
     """A colour in Mitsuba's XML."""
     return f'<rgb name="{name}" value="{" ".join(repr(float(v)) for v in values)}"/>'
 
 
-def glowing_sphere(centre: Iterable[float], radius: float, radiance: Iterable[float] = (1.0, 1.0, 1.0)) -> str:
+def glowing_sphere(centre, radius, radiance=(1.0, 1.0, 1.0)):
     """A sphere that shines alike in all directions."""
     x, y, z = centre
     return (
@@ -98,9 +59,7 @@ def glowing_sphere(centre: Iterable[float], radius: float, radiance: Iterable[fl
     )
 
 
-def glowing_card(
-    name: str, z: float, radiance: Iterable[float], half: float = 1000.0, x: float = 0.0, turn: str = ""
-) -> str:
+def glowing_card(name, z, radiance, half=1000.0, x=0.0, turn=""):
     """A square that shines, at a depth."""
     return (
         f'<shape type="rectangle" id="{name}"><transform name="to_world"><scale value="{half}"/>{turn}'
@@ -108,7 +67,7 @@ def glowing_card(
     )
 
 
-def write_scene(path: Path, *parts: str, placement: str = "") -> Path:
+def write_scene(path, *parts, placement=""):
     """Write a scene file, and its placement beside it."""
     path.write_text(f'<scene version="3.0.0">{"".join(parts)}</scene>')
     if placement:
@@ -116,7 +75,7 @@ def write_scene(path: Path, *parts: str, placement: str = "") -> Path:
     return path
 
 
-def centres(window: Window) -> tuple[Floats, Floats]:
+def centres(window):
     """x and y of the pixels' centres of a view on the plane z = 0, mm."""
     x = ((np.arange(window.width_px) + 0.5) / window.width_px - 0.5) * window.width_mm
     y = (0.5 - (np.arange(window.height_px) + 0.5) / window.height_px) * window.height_mm
@@ -124,15 +83,13 @@ def centres(window: Window) -> tuple[Floats, Floats]:
     return gx, gy
 
 
-def on_screen(point: tuple[float, float, float], eye: tuple[float, float, float]) -> tuple[float, float]:
+def on_screen(point, eye):
     """Where the line from an eye to a point crosses z = 0: E + (P - E) ez / (ez - z)."""
     reach = eye[2] / (eye[2] - point[2])
     return eye[0] + (point[0] - eye[0]) * reach, eye[1] + (point[1] - eye[1]) * reach
 
 
-def first_sphere(
-    origin: Floats, direction: Floats, centre: Floats, radius: Floats
-) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.bool_]]:
+def first_sphere(origin, direction, centre, radius):
     """Tell which sphere a viewer meets first who looks back along rays (N, 3) that leave a display; -1 for none.
 
     Also tell which rays are clear of every outline by 1e-3 mm, so that float32 cannot change the answer.

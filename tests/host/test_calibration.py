@@ -410,28 +410,34 @@ def too_bright(picture):
     return np.where(picture > 60, 255, picture).astype(picture.dtype)
 
 
+def shifted(*way):
+    """A change: the picture moves by (x, y) pixels."""
+    move = np.column_stack([np.eye(2), way]).astype(np.float32)
+    return lambda light: cv2.warpAffine(light, move, light.shape[1::-1], borderMode=cv2.BORDER_REPLICATE)
+
+
+UNFIT = r"position-1: the photographs do not fit together: only \d+ % of the lenslets"
+
+
 @pytest.mark.parametrize(
-    ("name", "change", "said"),
+    ("spoils", "change", "said"),
     [
-        ("23-phase-y-1.png", lambda picture: picture[:-8], "is 520 x 382 pixels, the first"),
-        ("01-white.png", too_bright, r"is too bright: \d+ % of the panel is clipped"),
-        ("05-gray-x-3.png", dimmed, "is darker than its pattern"),
+        (slice(23, 24), lambda picture: picture[:-8], r"23-phase-y-1\.png: is 520 x 382 pixels, the first"),
+        (slice(1, 2), too_bright, r"01-white\.png: is too bright: \d+ % of the panel is clipped"),
+        (slice(5, 6), dimmed, r"05-gray-x-3\.png: is darker than its pattern"),
+        (slice(None), dimmed, r"01-white\.png: is too dark"),
+        (slice(None), defocused, r"14-phase-x-0\.png: is blurred: stripes of 16 panel pixels keep"),
+        (slice(None), lambda picture: picture[:, 110:], r"00-marks\.png: the panel is partly out of view, at the left"),
+        (slice(-8, None), shifted(2.0, -1.0), r"marks-again\.png: the camera moved by"),
+        # A camera that moved and came back: the marks, first and last, stay where they were.
+        (slice(6, 10), shifted(3.0, 0.0), UNFIT),
+        (slice(6, 14), shifted(3.0, 0.0), UNFIT),
     ],
 )
-def test_a_spoiled_photograph_is_named(case, spoiled, name, change, said):
-    changed(spoiled / name, change)
-    with pytest.raises(InputError, match=f"{name}: {said}"):
-        calibrate(spoiled.parent, case.nominal)
-
-
-def test_dark_and_blurred_photographs(case, spoiled):
-    for path in spoiled.iterdir():
-        changed(path, defocused)
-    with pytest.raises(InputError, match=r"14-phase-x-0\.png: is blurred: stripes of 16 panel pixels keep"):
-        calibrate(spoiled.parent, case.nominal)
-    for path in spoiled.iterdir():
-        changed(path, dimmed)
-    with pytest.raises(InputError, match=r"01-white\.png: is too dark"):
+def test_a_spoiled_photograph_is_named(case, spoiled, spoils, change, said):
+    for path in sorted(spoiled.glob("*.png"))[spoils]:
+        changed(path, change)
+    with pytest.raises(InputError, match=said):
         calibrate(spoiled.parent, case.nominal)
 
 
@@ -443,33 +449,6 @@ def test_exchanged_photographs_are_named(case, spoiled, pair):
     (spoiled / "aside").rename(files[1])
     first, second = sorted(one.name for one in files)
     with pytest.raises(InputError, match=rf"{first} and {second} look exchanged"):
-        calibrate(spoiled.parent, case.nominal)
-
-
-def test_a_moved_camera(case, spoiled):
-    shift = np.float32([[1, 0, 2.0], [0, 1, -1.0]])
-    for path in sorted(spoiled.iterdir())[-8:]:
-        changed(path, lambda picture: cv2.warpAffine(picture, shift, picture.shape[1::-1]))
-    with pytest.raises(InputError, match=r"marks-again\.png: the camera moved by"):
-        calibrate(spoiled.parent, case.nominal)
-
-
-@pytest.mark.parametrize("kind", ["gray", "coded"])
-def test_a_camera_that_moved_and_came_back(case, spoiled, kind):
-    """By three pixels, in the middle of the photographs: the marks, first and last, stay where they were."""
-    files = sorted(spoiled.glob("*-gray-*") if kind == "gray" else spoiled.glob("*.png"))
-    move = np.float32([[1, 0, 3], [0, 1, 0]])
-    for path in files[3:7] if kind == "gray" else files[6:14]:
-        changed(path, lambda light: cv2.warpAffine(light, move, light.shape[1::-1], borderMode=cv2.BORDER_REPLICATE))
-    said = r"position-1: the photographs do not fit together: only \d+ % of the lenslets"
-    with pytest.raises(InputError, match=said):
-        calibrate(spoiled.parent, case.nominal)
-
-
-def test_a_panel_partly_out_of_view(case, spoiled):
-    for path in spoiled.iterdir():
-        changed(path, lambda picture: picture[:, 110:])
-    with pytest.raises(InputError, match=r"00-marks\.png: the panel is partly out of view, at the left"):
         calibrate(spoiled.parent, case.nominal)
 
 

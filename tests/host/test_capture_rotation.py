@@ -5,7 +5,6 @@ import pytest
 from lippmann.capturing.elemental_rotation import cells_of, rotated, rotation_map
 from lippmann.engines import trace
 from optics_cases import display_of
-from scene_cases import generator
 
 CASES = [
     (grid, rotation, offset, ratio)
@@ -90,27 +89,6 @@ def test_cells_of_a_near_eye_are_those_of_the_trace(grid, lattice):
     pixel = np.array([panel.width_px, panel.height_px]) / 2 + at / panel.pixel_pitch_mm * (1, -1)
     assert np.abs(centre[cell] - pixel).max() < 1e-9
     assert display.convergence == pytest.approx(0.2, abs=0.01)
-
-
-@pytest.mark.parametrize("offset", [(0.0, 0.0), (0.137, -0.41), (0.05, 0.05)])
-@pytest.mark.parametrize("ratio", [2.0, 5.0, 7.3, 12.0, 23.6220472440945])
-def test_square_cells_are_turned_whole(offset, ratio):
-    """By hand: each cell's block of pixels, reversed along both axes."""
-    display = display_for("square", 0.0, offset, ratio)
-    cell, centre, _ = cells_of(display)
-    height, width = display.panel.height_px, display.panel.width_px
-    picture = generator(1).random((height, width, 3))
-    turned = rotated(picture, rotation_map(display))
-    number = cell.reshape(height, width)
-    blocks = 0
-    for k in range(len(centre)):
-        rows, columns = np.flatnonzero((number == k).any(axis=1)), np.flatnonzero((number == k).any(axis=0))
-        whole = rows[0] > 0 and rows[-1] < height - 1 and columns[0] > 0 and columns[-1] < width - 1
-        if whole:
-            block = np.s_[rows[0] : rows[-1] + 1, columns[0] : columns[-1] + 1]
-            assert np.array_equal(turned[block], picture[block][::-1, ::-1])
-            blocks += 1
-    assert blocks > 20
 
 
 def test_by_hand():
