@@ -85,8 +85,8 @@ def test_fit_fills_view_or_depth_range(mi, tmp_path, case, viewing):
     far, near = scene.depth_range_mm
     assert far == pytest.approx(low[2], abs=1e-4)
     assert high[2] < near < high[2] + 0.1
-    np.testing.assert_allclose(scene.placement.display_from_scene[:3, :3] / scene.placement.scale,
-                               Placement(1.0, turn).display_from_scene[:3, :3], atol=1e-12)  # fmt: skip
+    turned = scene.placement.display_from_scene[:3, :3] / scene.placement.scale
+    np.testing.assert_allclose(turned, Placement(1.0, turn).display_from_scene[:3, :3], atol=1e-12)
 
 
 def test_a_film_is_fitted_as_a_whole(mi, tmp_path):
@@ -102,8 +102,7 @@ def test_a_film_is_fitted_as_a_whole(mi, tmp_path):
     # 110 x 10 x 70 mm: s (110 + 32 x 70 / 1200) = 32 by the width, less than 40 / 70 by the depths.
     scale = 32.0 / (110.0 + 32.0 * 35.0 / 600.0)
     for shot, x, z in ((shots[0], -50.0, 30.0), (shots[4], 50.0, -30.0)):
-        scene = load_scene(shot.film.scene, shot.placement, shot.moves)
-        box = scene.mitsuba.bbox()
+        box = load_scene(shot.film.scene, shot.placement, shot.moves).mitsuba.bbox()
         corners = np.array([np.array(box.min).ravel(), np.array(box.max).ravel()])
         placed = corners @ shot.placement.display_from_scene[:3, :3].T + shot.placement.offset_mm
         np.testing.assert_allclose(placed.mean(axis=0), [scale * x, 0.0, scale * z], atol=1e-4)
@@ -155,8 +154,8 @@ def test_the_eye_sees_what_the_files_camera_sees(mi, tmp_path, case):
 
 def test_a_camera_that_looks_past_everything_places_the_middle_of_the_scene_in_the_panels_plane(mi, tmp_path):
     """A sphere 10 to 16 in front of it and 6 aside: 13 in front is the panel, whose 32 mm fill 40 degrees."""
-    camera = '<sensor type="perspective"><float name="fov" value="40"/><transform name="to_world">'
-    camera += '<lookat origin="0,0,5" target="0,0,0" up="0,1,0"/></transform></sensor>'
+    camera = """<sensor type="perspective"><float name="fov" value="40"/><transform name="to_world">
+    <lookat origin="0,0,5" target="0,0,0" up="0,1,0"/></transform></sensor>"""
     path = write_scene(tmp_path / "past.xml", camera + glowing_sphere((6.0, 0.0, -8.0), 3.0))
     placement = arranged(load_scene(path), small_display(), "camera").placement
     scale = 16.0 / math.tan(math.radians(20.0)) / 13.0
@@ -175,17 +174,16 @@ def test_a_scene_without_bounds_has_an_infinite_box(low, high):
         assert (corner == end).all()
 
 
+LOOKING_AWAY = """<sensor type="perspective"><transform name="to_world">
+<lookat origin="0,0,9" target="0,0,20" up="0,1,0"/></transform></sensor>"""
+
+
 @pytest.mark.parametrize(
     ("body", "arrange", "said"),
     [
         (glowing_sphere((0, 0, 0), 1.0), "camera", "contains no camera with a field of view"),
         ('<sensor type="orthographic"/>' + glowing_sphere((0, 0, 0), 1.0), "camera", "contains no camera"),
-        (
-            '<sensor type="perspective"><transform name="to_world"><lookat origin="0,0,9" target="0,0,20" up="0,1,0"/>'
-            "</transform></sensor>" + glowing_sphere((0, 0, 0), 1.0),
-            "camera",
-            "the camera does not look at the scene",
-        ),
+        (LOOKING_AWAY + glowing_sphere((0, 0, 0), 1.0), "camera", "the camera does not look at the scene"),
         ('<emitter type="constant"/>', "fit", "no bounded extent to fit"),
         (glowing_sphere((0, 0, 0), 1.0), "from-camera", "arrange: 'from-camera' is unknown; choose from fit, camera"),
         (glowing_sphere((0, 0, 0), 1.0), True, "arrange: 'True' is unknown"),

@@ -69,6 +69,10 @@ def spoiled(photos, tmp_path):
     return tmp_path / "photos" / "position-1"
 
 
+def with_array(display, **keys):
+    return dataclasses.replace(display, array=dataclasses.replace(display.array, **keys))
+
+
 def changed(path, change):
     cv2.imwrite(str(path), change(cv2.imread(str(path), cv2.IMREAD_UNCHANGED)))
 
@@ -98,7 +102,7 @@ def test_every_pixel_is_coded(sides):
 def test_a_lattice_is_found_among_wrong_points(request, grid):
     display = load_display(request.config.rootpath / f"scenes/displays/vga-{grid}.toml")
     if grid == "hex":
-        display = dataclasses.replace(display, array=dataclasses.replace(display.array, pitch_mm=1.2))
+        display = with_array(display, pitch_mm=1.2)
     rng = np.random.default_rng(5)
     built = display.misaligned(rotation_deg=5.0, pitch_scale=0.99)
     steps, origin = steps_of(built) * 1.01, np.array([0.3, -0.2])
@@ -319,8 +323,7 @@ def test_a_panel_of_640_pixels_is_known_as_well_as_promised(seed, tmp_path):
 @pytest.mark.full
 def test_the_radius_is_found_where_asked(case, tmp_path, capfd):
     """Lenslets 3 % rounder than the file's: without --radius its radius stays."""
-    array = case.built.array
-    rounder = dataclasses.replace(case.built, array=dataclasses.replace(array, radius_mm=0.97 * array.radius_mm))
+    rounder = with_array(case.built, radius_mm=0.97 * case.built.array.radius_mm)
     photos = dataclasses.replace(case, built=rounder).shoot(tmp_path / "bench", seed=SEED)
     out = tmp_path / "calibrated.toml"
     words = ["calibrate", "solve", str(photos), "--display", str(photos.parent / "nominal.toml"), "-o", str(out)]
@@ -338,19 +341,18 @@ def test_the_radius_is_found_where_asked(case, tmp_path, capfd):
 def test_the_radius_of_a_dome_that_hardly_spans_its_cell(request):
     """A quarter less than the file's would not; panel points that move as 1.1 times its radius moves them."""
     display = load_display(request.config.rootpath / "scenes/displays/paper-hex.toml")
-    array = dataclasses.replace(display.array, radius_mm=1.05 * display.array.half_diagonal_mm)
-    array = dataclasses.replace(array, thickness_mm=2.0 * array.sag_mm)
-    display = dataclasses.replace(display, array=array)
-    rounder = dataclasses.replace(array, radius_mm=1.1 * array.radius_mm)
+    display = with_array(display, radius_mm=1.05 * display.array.half_diagonal_mm)
+    display = with_array(display, thickness_mm=2.0 * display.array.sag_mm)
+    rounder = with_array(display, radius_mm=1.1 * display.array.radius_mm)
     centres = np.random.default_rng(SEED).uniform(-20.0, 20.0, (60, 2))
-    moves = movement(dataclasses.replace(display, array=rounder), -centres[:48] / 600.0, 600.0)
-    spread = moves * float(np.mean(array.pitches_mm)) * np.eye(2)
+    moves = movement(rounder, -centres[:48] / 600.0, 600.0)
+    spread = moves * float(np.mean(display.array.pitches_mm)) * np.eye(2)
     place = {"place_x_0": 0.0, "place_y_0": 0.0, "place_z_0": 600.0}
     views = [SimpleNamespace(name="position-1", spread=spread)]
     problem = SimpleNamespace(views=views, places=[centres], centres=lambda x, places: places)
     found = radius_of(display, SimpleNamespace(problem=problem, x=None, value=place.get))
     # Other lenslets of the same display: the movement depends a little on the slope.
-    assert found.value_mm == pytest.approx(rounder.radius_mm, rel=0.01)
+    assert found.value_mm == pytest.approx(rounder.array.radius_mm, rel=0.01)
     views[0].spread = 0.5 * np.eye(2)
     with pytest.raises(InputError, match=r"position-1: no radius from .* as photographed; correct radius_mm"):
         radius_of(display, SimpleNamespace(problem=problem, x=None, value=place.get))
@@ -365,8 +367,7 @@ def test_one_position_says_what_it_leaves_open(case, photos, tmp_path):
     assert not found.parameter("gap").determined
     # What is not determined is not guessed; an eye at the camera sees what the file says.
     assert found.display.gap_mm == pytest.approx(case.nominal.gap_mm, rel=1e-4)
-    x, y, z = found.cameras[0]["place_mm"]
-    off = eye_difference(found.display, case.built, case.cameras[0].position_mm, (x, y, z))
+    off = eye_difference(found.display, case.built, case.cameras[0].position_mm, found.cameras[0]["place_mm"])
     assert np.sqrt((off**2).mean()) < 0.2
     # What this camera sees is right all the same.
     kept = found.field[found.field[:, 7] > 0]
@@ -474,9 +475,8 @@ def test_a_wrong_nominal_file_gives_no_result(case, photos):
     array = case.nominal.array
     other = {"square": "hex", "hex": "square"}[array.grid]
     for wrong in ({"pitch_mm": 1.25 * array.pitches_mm[0], "thickness_mm": 3.0}, {"grid": other}):
-        nominal = dataclasses.replace(case.nominal, array=dataclasses.replace(array, **wrong))
         with pytest.raises(InputError, match=r"position-1: .*may be off by"):
-            calibrate(photos, nominal)
+            calibrate(photos, with_array(case.nominal, **wrong))
 
 
 # --- check and shoot ------------------------------------------------------------------------------
@@ -495,7 +495,6 @@ def test_check_draws_and_judges(case, tmp_path, capfd, refusal_of):
     assert right.right
     assert right.dark_share == pytest.approx(0.05 / 1.05, abs=0.01)
     half = np.where(np.arange(400) < 200, light, 0.05 * light)
-    assert not check.judge(half, light - half).right
     assert check.judge(half, light - half).right_share == pytest.approx(0.5, abs=0.05)
     for dark_columns, wanted in ((288, True), (275, False)):  # of 300 with panel, so 96 and 91.7 %
         mostly = np.where(np.arange(400) < 50 + dark_columns, light, 0.05 * light)
@@ -521,36 +520,22 @@ def test_shooting_photographs_what_is_shown(case, tmp_path):
         assert np.array_equal(drawn, taken), one.name
 
 
-class Driver:
+def camera_of(backend, refused=(), ignored=()):
     """A driver's camera: V4L2 rounds settings to whole numbers; some properties are refused, some silently ignored."""
+    values = {cv2.CAP_PROP_AUTO_EXPOSURE: 3.0, cv2.CAP_PROP_AUTOFOCUS: 1.0, cv2.CAP_PROP_AUTO_WB: 1.0}
 
-    def __init__(self, backend, refused=(), ignored=()):
-        self.backend, self.refused, self.ignored = backend, refused, ignored
-        self.values = {cv2.CAP_PROP_AUTO_EXPOSURE: 3.0, cv2.CAP_PROP_AUTOFOCUS: 1.0, cv2.CAP_PROP_AUTO_WB: 1.0}
+    def put(prop, value):
+        if prop not in (*refused, *ignored):
+            values[prop] = round(value) if backend == "V4L2" else value
+        return prop not in refused
 
-    def getBackendName(self):  # noqa: N802
-        return self.backend
-
-    def isOpened(self):  # noqa: N802
-        return True
-
-    def release(self):
-        pass
-
-    def get(self, prop):
-        return self.values.get(prop, 0.0)
-
-    def set(self, prop, value):
-        if prop in self.refused:
-            return False
-        if prop not in self.ignored:
-            self.values[prop] = round(value) if self.backend == "V4L2" else value
-        return True
+    calls = {"getBackendName": lambda: backend, "isOpened": lambda: True, "release": lambda: None}
+    return SimpleNamespace(**calls, get=lambda prop: values.get(prop, 0.0), set=put)
 
 
 @pytest.mark.parametrize(("backend", "manual"), [("V4L2", 1.0), ("DSHOW", 0.25), ("AVFOUNDATION", 0.25)])
 def test_a_webcam_s_automatic_settings_are_off(monkeypatch, backend, manual):
-    camera = Driver(backend)
+    camera = camera_of(backend)
     monkeypatch.setattr(cv2, "VideoCapture", lambda number: camera)
     with open_webcam(0):
         assert camera.get(cv2.CAP_PROP_AUTO_EXPOSURE) == manual
@@ -560,7 +545,7 @@ def test_a_webcam_s_automatic_settings_are_off(monkeypatch, backend, manual):
 
 def test_settings_that_a_webcam_does_not_take_are_named(monkeypatch):
     sizes = (cv2.CAP_PROP_FRAME_WIDTH, cv2.CAP_PROP_FRAME_HEIGHT)
-    camera = Driver("V4L2", (cv2.CAP_PROP_AUTO_EXPOSURE, *sizes), (cv2.CAP_PROP_AUTOFOCUS,))
+    camera = camera_of("V4L2", (cv2.CAP_PROP_AUTO_EXPOSURE, *sizes), (cv2.CAP_PROP_AUTOFOCUS,))
     monkeypatch.setattr(cv2, "VideoCapture", lambda number: camera)
     refused = r"camera 2 \(V4L2\) does not let the size, exposure, focus be set"
     with pytest.warns(LippmannWarning, match=refused), open_webcam(2):
