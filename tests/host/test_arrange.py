@@ -57,9 +57,6 @@ def noted(scene, display=None, **settings):
     return [f"note: {one.message}" for one in caught]
 
 
-# --- fit ------------------------------------------------------------------------------------------
-
-
 @pytest.mark.parametrize("viewing", [None, 150.0])
 @pytest.mark.parametrize("case", range(6))
 def test_fit_fills_view_or_depth_range(mi, tmp_path, case, viewing):
@@ -108,9 +105,6 @@ def test_a_film_is_fitted_as_a_whole(mi, tmp_path):
         np.testing.assert_allclose(placed.mean(axis=0), [scale * x, 0.0, scale * z], atol=1e-4)
         np.testing.assert_allclose(np.ptp(placed, axis=0), 10.0 * scale, atol=1e-4)
         assert shot.film.near_mm is None
-
-
-# --- from the camera ------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("case", range(4))
@@ -223,9 +217,6 @@ def test_the_box_of_rectangles_that_mitsuba_merges(mi, tmp_path):
     assert scene.depth_range_mm[0] == -30.0
     assert 7.0 < scene.depth_range_mm[1] < 7.1
     assert scene.width_mm == 40.0
-
-
-# --- remarks --------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(("z", "outside"), [(-19.0, False), (-21.0, True), (19.0, False), (21.0, True), (-300.0, True)])

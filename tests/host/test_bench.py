@@ -128,9 +128,6 @@ def test_the_page_of_calibrations():
     assert "| one | noise | 4 | 99 | - | - | - | - | - | - | too dark |" in text
 
 
-# ---- kept pages ----
-
-
 def kept(name):
     """The origin and the rows of a kept CSV, with truth values as such."""
     origin, rows = read_csv(REPORTS / f"{name}.csv")

@@ -142,8 +142,6 @@ print(cached_file(Path({str(tmp_path / "board")!r}), ["inputs"], make).read_text
     assert (tmp_path / "made").read_text() == "x"
 
 
-# --- the search of ports ------------------------------------------------------------------------------
-
 FTDI = SimpleNamespace(device="/dev/ttyUSB0", vid=0x0403, pid=0x6010, product="Dual RS232-HS")
 ARDUINO = SimpleNamespace(device="/dev/ttyACM0", vid=0x2341, pid=0x0043, product=None)
 MODEM = SimpleNamespace(device="/dev/ttyS0", vid=None, pid=None, product=None)

@@ -159,7 +159,7 @@ def test_the_blur_of_readings_is_found_and_makes_points_finer(cell, pupil):
 
     x, y = rng.uniform(-0.35, 0.35, (2, len(group)))
     mean = (6.0 + 4.0) * 0.35**2 / 3.0
-    blur = rng.normal(size=(3, 500))
+    blur = rng.normal(size=(3, 300))
     blur = ((blur - blur.mean(axis=1, keepdims=True)) / blur.std(axis=1, keepdims=True))[..., None]
     seen = np.floor(true[group] + moved(x + cell * blur[0], y + cell * blur[1]) - mean + pupil * blur[2]).mean(axis=0)
     seen = (seen + 0.5 + rng.normal(0.0, 0.02, len(seen))).astype(np.float32)
