@@ -416,7 +416,10 @@ def test_own_workers_and_a_killed_command(large, mi):
 
 
 def test_nobody_else_may_use_own_workers():
-    """Who reaches the scheduler may run programs there: without its key, which no other process has, nobody does."""
+    """Who reaches the scheduler may run programs there: without its key, which no other process has, nobody does.
+
+    Dask's own limit of memory is off.
+    """
     from distributed import Client, Security
 
     with local_workers(1) as (address, security):
@@ -425,7 +428,8 @@ def test_nobody_else_may_use_own_workers():
             with pytest.raises(OSError, match=r"certificate does not match|Timed out|in <TCP"):
                 Client(where, security=key, timeout=3)
         with Client(address, security=security, timeout=20) as client:
-            assert client.run_on_scheduler(lambda: 7) == 7
+            limits = client.run(lambda dask_worker: dask_worker.memory_manager.memory_limit)
+            assert list(limits.values()) == [None]
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
@@ -441,16 +445,11 @@ def test_a_signal_to_all_processes_of_a_terminal_is_one_line(large, mi, number):
 
 
 def test_workers_that_lack_memory_are_refused_not_waited_for(large, monkeypatch, refusal_of):
-    """Dask would have them wait for memory: its limit is off, and what all of them need is looked at before."""
+    """Dask would have them wait for memory: what all of them need is looked at before."""
     monkeypatch.chdir(large)
     said = refusal_of(*RENDER, "-o", "a.png", "--workers", "64", "--memory-mb", "2000")
     assert re.search(r"a band of \d+ rows of \d+ pixels for each of 4 workers: needs \d+ MB.*fewer --workers", said)
     assert not (large / "a.png.bands").exists()
-    from distributed import Client
-
-    with local_workers(1) as (address, security), Client(address, security=security, timeout=20) as client:
-        limits = client.run(lambda dask_worker: dask_worker.memory_manager.memory_limit)
-    assert list(limits.values()) == [None]
 
 
 class DeadlyPlan:
