@@ -409,6 +409,11 @@ def test_a_scene_belongs_to_its_device(small, mi):
         lp.render(scene, small, device="cuda")
 
 
+def test_names_are_public():
+    assert {"load_display", "render", "capture", "observe", "view", "trace", "Board", "IntegralImage"} <= set(dir(lp))
+    assert all(getattr(lp, name) is not None for name in lp.__all__)
+
+
 def test_importing_loads_nothing_large():
     """Nor scipy for a render, which took as long to load as everything else of its command."""
     code = """
