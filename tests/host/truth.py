@@ -1,36 +1,27 @@
 """The optics of docs/reference/optics.md once more, in 50 digits, from first principles.
 
-This is the independent leg for the golden engine: nothing of `lippmann` is imported, and the
+This is the independent leg for the golden engine: it imports nothing of `lippmann`, and its
 formulation differs on purpose.
 
-* Everything happens in world coordinates (the panel frame with z); a lenslet is a whole ball of
-  glass around its centre of curvature, and its cell decides which part of the ball's surface
-  counts. No lens-local frame, no tangent plane, no cell walk.
-* A line meets a ball at `t0 -+ sqrt(R^2 - h^2)`, t0 the foot of the perpendicular from the ball's
-  centre and h its length.
+* Everything happens in world coordinates (the panel frame with z). A lenslet is a whole ball of
+  glass, and its cell decides which part of the ball's surface counts.
 * Snell's law is kept as what it says: the tangential part of the direction scales by n1 / n2.
-* The first point of the height field along a ray is found by brute force: all balls near the path
-  are intersected, a point counts when it lies in the cell of its own lenslet, and the nearest along
-  the ray wins. Cells are found by brute force too.
+* Brute force finds cells, and the first point of the height field along a ray: all balls near
+  the path are intersected, a point counts in the cell of its own lenslet, the nearest wins.
 
-Scalar code, one ray a call, about 800 rays a second. Units: millimetres and radians; `Mpf` is a
-number of the private 50-digit context `mp`. Inputs may be int, float (taken at their exact binary
-value) or mpf. Vectors are tuples of three.
+Units: millimetres and radians. `Mpf` is a number of the private 50-digit context `mp`. Inputs may
+be int, float (taken at their exact binary value) or mpf. Vectors are tuples of three.
 
-`back_to_panel_many` at the end is a second, separate implementation of the way back: numpy
-longdouble, vectorised, one display a ray. It needs the 64-bit mantissa of x86 (eps 1.1e-19), which
-leaves eight digits below the 1e-11 mm that it has to judge.
+`back_to_panel_many` is a second, separate implementation of the way back: numpy longdouble,
+vectorised, one display a ray. It needs the 64-bit mantissa of x86.
 
 Where optics.md leaves room this file reads it so:
 
 * "Within 16 cells" is 16 pitches of horizontal way through the layer of the domes, from where the
-  ray enters it: the vertices' plane, or the rims' plane for a ray in the glass. `margin` is 0 from 6
-  to 32 pitches, for a ray that runs along a seam of hexagons walks over two cells a pitch.
-* A ray from the world is the whole line through its origin, so that an origin on a dome, or a
-  rounding error below it, is good.
+  ray enters it. `margin` is 0 from 6 to 32 pitches.
+* A ray from the world is the whole line through its origin.
 * A blocked ray carries, other than in optics.md, the point on the neighbour's dome that stops it: a
-  stricter check, for the point where it left the dome lies behind on the same line. A ray that does
-  not head for the viewer carries the point where it left.
+  stricter check. A ray that does not head for the viewer carries the point where it left.
 * The lenslet of a ray that fails at or after a dome is the dome's; the one of a ray that missed is
   the pixel's own.
 * Light that enters a steep dome and leaves it again through a seam's valley, status 3 by optics.md,
@@ -68,16 +59,9 @@ UNSURE_FROM, UNSURE_TO = 6, 32
 
 @dataclass(frozen=True)
 class Optics:
-    """The numbers of one display that decide where rays go; plain numbers, each taken at its exact
-    value.
+    """The numbers of one display that decide where rays go, named as in a display file.
 
-    width_px, height_px: pixels of the panel. pixel_pitch_mm: mm. grid: 'square' or 'hex' (hex: rows
-    along x). pitch_mm: lenslet to lenslet, hex across flats. radius_mm: R of the dome, positive.
-    index: of the glass, in air. thickness_mm: T, from the flat face to the vertices' plane. gap_mm:
-    panel to near face (flat face or vertices). plano_side: 'panel' or 'viewer'. rotation_rad: of
-    the array, counter-clockwise. offset_mm: (x, y) of the array's origin. row_pitch_mm: pitch py
-    that rows follow from (None: pitch_mm). shear: rows are shifted along x by so much of their y.
-    extent_mm: (w, h) of the area with lenslets.
+    row_pitch_mm: pitch py that rows follow from (None: pitch_mm). extent_mm: (w, h).
     """
 
     width_px: int
@@ -102,13 +86,11 @@ class Optics:
 class Ray(NamedTuple):
     """What `trace` returns.
 
-    status: 0..4. lenslet: (i, j) that the ray passed (see the module's notes for rays that fail).
-    origin: mpf triple, mm, panel frame: on the last face, or the last point reached when status is
-    1, 2, 3. direction: mpf triple, unit: of the ray that left, or the one it had at that last
-    point. cos_theta_t: cosine between the ray that left and the last face's normal; 0 when nothing
-    left (1, 2). margin: distance to the nearest edge between two statuses or two lenslets, the
+    origin: mm, panel frame, on the last face, or the last point reached when status is 1, 2, 3.
+    direction: unit, there. cos_theta_t: between the ray that left and the last face's normal; 0
+    when nothing left. margin: distance to the nearest edge between two statuses or two lenslets, the
     smallest of: cell edges and near misses in pitches, 1 - sin^2 of the refracted angle, z
-    component of the direction. Dimensionless, >= 0.
+    component of the direction.
     """
 
     status: int
@@ -120,10 +102,7 @@ class Ray(NamedTuple):
 
 
 class PanelPoint(NamedTuple):
-    """What `back_to_panel` returns.
-
-    x, y: mm, panel frame. off_mm: distance of the given origin from the last face, mm.
-    """
+    """A panel point, mm, and the distance of the given origin from the last face."""
 
     x: Mpf
     y: Mpf
@@ -133,10 +112,8 @@ class PanelPoint(NamedTuple):
 class Landing(NamedTuple):
     """What `world_to_panel` returns.
 
-    status: 0..4. lenslet: (i, j) that the ray passed, None when it met none. pixel: (u, v),
-    continuous pixel coordinates of the panel point, None when the panel was not reached. point:
-    last point reached, mm. direction: the ray's there, unit. margin: as in `Ray`, with the panel's
-    border in pitches of the lenslets.
+    lenslet: None when it met none. pixel: None when the panel was not reached. point: the last one
+    reached, mm. margin: as in `Ray`, with the panel's border in pitches of the lenslets.
     """
 
     status: int
@@ -186,7 +163,7 @@ def _refract(d: Vec, normal: Vec, ratio: Mpf) -> tuple[Vec | None, Mpf]:
     """Snell's law: the tangential part of a unit direction scales by ratio = n1 / n2.
 
     normal: unit, either side. Returns the refracted unit direction (None: total internal
-    reflection) and its squared cosine to the normal, negative for total internal reflection.
+    reflection) and its squared cosine to the normal.
     """
     across = _dot(d, normal)
     tangential = _times(ratio, _along(d, normal, -across))
@@ -211,10 +188,7 @@ _UP: Vec = (mp.mpf(0), mp.mpf(0), mp.mpf(1))
 
 @lru_cache(maxsize=64)
 def _model(optics: Optics) -> SimpleNamespace:
-    """An `Optics` in mpf, with what follows from it.
-
-    bulge: +1 when the domes bulge to the viewer, -1 to the panel.
-    """
+    """An `Optics` in mpf, with what follows from it; bulge is +1 when the domes bulge to the viewer, else -1."""
     p, R, T, gap = (mp.mpf(q) for q in (optics.pitch_mm, optics.radius_mm, optics.thickness_mm, optics.gap_mm))
     py = p if optics.row_pitch_mm is None else mp.mpf(optics.row_pitch_mm)
     shear = mp.mpf(optics.shear)
@@ -256,8 +230,7 @@ def pixel_of(optics: Optics, x: Any, y: Any) -> tuple[Mpf, Mpf]:
 
 
 def projections(grid: str, u: Any, w: Any, lenslet: Lenslet) -> tuple[Any, ...]:
-    """Return the projections q_k / p of a point, measured from a lenslet's centre: 2 for square, 3
-    for hex.
+    """Return the projections q_k / p of a point, from a lenslet's centre: 2 for square, 3 for hex.
 
     u = X / p; w = Y / p (square) or sqrt(3) Y / p (hex), array frame. In these units the hex
     lattice is rational, so that `fractions.Fraction` decides edges and vertices exactly.
@@ -271,10 +244,7 @@ def projections(grid: str, u: Any, w: Any, lenslet: Lenslet) -> tuple[Any, ...]:
 
 
 def cell_of(grid: str, u: Any, w: Any) -> Lenslet:
-    """Return the lenslet whose half-open cell holds a point, by trying all lenslets around it.
-
-    u, w: as in `projections`.
-    """
+    """Return the lenslet whose half-open cell holds a point, by trying all lenslets around it."""
     j0 = round(float(w) if grid == "square" else float(w) * 2 / 3)
     i0 = round(float(u) if grid == "square" else float(u) - j0 / 2)
     around = [(i0 + di, j0 + dj) for di in range(-2, 3) for dj in range(-2, 3)]
@@ -306,10 +276,7 @@ def lenslet_of(optics: Optics, x: Any, y: Any) -> Lenslet:
 
 
 def seen_through(optics: Optics, x: Any, y: Any) -> tuple[Mpf, Mpf]:
-    """Return where the straight line from the eye to a panel point crosses the aperture plane, mm.
-
-    Without an eye (it is infinitely far, in front of every point) that is the point itself.
-    """
+    """Return where the straight line from the eye to a panel point crosses the aperture plane, mm."""
     x, y = mp.mpf(x), mp.mpf(y)
     if optics.eye_mm is None:
         return x, y
@@ -320,10 +287,7 @@ def seen_through(optics: Optics, x: Any, y: Any) -> tuple[Mpf, Mpf]:
 
 
 def owner_of(optics: Optics, x: Any, y: Any) -> Lenslet:
-    """Return (i, j) of the lenslet that owns a panel-frame point in mm.
-
-    It is the lenslet whose cell the straight line to the eye crosses.
-    """
+    """Return the lenslet that owns a panel-frame point: the one whose cell the line to the eye crosses."""
     return lenslet_of(optics, *seen_through(optics, x, y))
 
 
@@ -353,10 +317,7 @@ def _ball(optics: Optics, lenslet: Lenslet) -> Vec:
 
 
 def _lenslets_near(optics: Optics, p: Vec, q: Vec) -> list[Lenslet]:
-    """Return all lenslets whose cells come near the horizontal way from p to q.
-
-    Generous, so that floats are enough here.
-    """
+    """Return all lenslets whose cells come near the horizontal way from p to q, by floats: generous."""
     root3 = math.sqrt(3)
     ends = []
     for x, y, _ in (p, q):
@@ -455,8 +416,7 @@ def _walls(
 ) -> list[tuple[Mpf, Mpf, bool]]:  # fmt: skip
     """Return t where a line comes into a lenslet's cell, the margin, and whether a wall stops it.
 
-    There the ray stays in the glass, or in the air, or there is a wall between two domes. `here` and `ahead` are the
-    projections of p and p + d; t lies in the span, without its begin.
+    `here` and `ahead` are the projections of p and p + d; t lies in the span, without its begin.
     """
     m, found = _model(optics), []
     for k, (q, r) in enumerate(zip(here, ahead, strict=True)):
@@ -481,9 +441,7 @@ def _meet_in_reach(optics: Optics, start: Vec, d: Vec, *, leaving: bool) -> tupl
     # In the glass the layer begins at the rims' plane, in the air at the vertices' plane.
     start = _to_plane(start, d, -m.bulge * m.sag if leaving else mp.mpf(0))
     meeting, margin = _meet(optics, start, d, leaving=leaving)
-    if meeting is None:
-        return None, margin
-    if meeting.normal is d:
+    if meeting is None or meeting.normal is d:
         return None, margin
     way = mp.hypot(meeting.point[0] - start[0], meeting.point[1] - start[1]) / min(m.p, m.py)
     if UNSURE_FROM < way < UNSURE_TO:
@@ -505,8 +463,7 @@ def _blocked(optics: Optics, p: Vec, d: Vec) -> tuple[Vec | None, Mpf]:
 
 def _leaves_the_shoulder(optics: Optics, p: Vec, d: Vec) -> bool:
     """Tell whether a ray that entered a dome at p meets the height field again from inside."""
-    meeting, _ = _meet(optics, p, d, leaving=True, after=mp.mpf(0))
-    return meeting is not None
+    return _meet(optics, p, d, leaving=True, after=mp.mpf(0))[0] is not None
 
 
 # --- panel to world -------------------------------------------------------------------------------
@@ -519,10 +476,9 @@ def aperture_distance(optics: Optics) -> Mpf:
 
 
 def chief_or_aperture_direction(optics: Optics, x: Any, y: Any, lenslet: Lenslet, a: Any = 0, b: Any = 0) -> Vec:
-    """Return the unit direction in which a ray leaves the panel point (x, y), mm, panel frame.
+    """Return the unit direction in which a ray leaves the panel point (x, y), mm.
 
-    a, b: aperture point, mm, measured from the lenslet's centre along the array's axes; (0, 0) is
-    the chief ray.
+    a, b: aperture point, mm, from the lenslet's centre along the array's axes.
     """
     m = _model(optics)
     cx, cy = centre_of(optics, lenslet)
@@ -534,10 +490,7 @@ def chief_or_aperture_direction(optics: Optics, x: Any, y: Any, lenslet: Lenslet
 def trace(  # noqa: PLR0911 (one return a fate)
     optics: Optics, u: Any, v: Any, a: Any = 0, b: Any = 0
 ) -> Ray:
-    """Trace one ray of model `exact` from the pixel point (u, v) to the aperture point (a, b).
-
-    u, v: pixels. a, b: mm, from the centre of the pixel's lenslet, array's axes. See `Ray`.
-    """
+    """Trace one ray of model `exact` from the pixel point (u, v) to the aperture point (a, b), mm."""
     m = _model(optics)
     start = panel_point(optics, u, v)
     home = owner_of(optics, start[0], start[1])
@@ -590,10 +543,8 @@ def trace(  # noqa: PLR0911 (one return a fate)
 def back_to_panel(optics: Optics, origin: Any, direction: Any, lenslet: Lenslet) -> PanelPoint:
     """Trace an exit ray backwards through one given lenslet's last and first face to the panel.
 
-    origin: 3 numbers, mm, panel frame, on or near the last face; the ray's line is intersected with
-    the face anew, at the point nearest to it. direction: 3 numbers, of the ray that left;
-    normalised here. Nothing is asked about cells or blocking. Raises ValueError when the line
-    misses the dome or reflects totally: no panel point leads to such a ray.
+    The ray's line is intersected with the last face anew, at the point nearest to `origin`. Nothing
+    is asked about cells or blocking. Raises ValueError when no panel point leads to such a ray.
     """
     m = _model(optics)
     p, back = _exact(origin), _times(-1, _unit(_exact(direction)))
@@ -636,8 +587,7 @@ def world_to_panel(  # noqa: PLR0911 (one return a fate)
 ) -> Landing:
     """Trace a ray of model `exact` from the world to the panel.
 
-    origin: 3 numbers, mm, panel frame, any point of the ray's line. direction: 3 numbers, towards
-    the panel (z negative), normalised here. See `Landing`.
+    `origin` is any point of the ray's line.
     """
     m = _model(optics)
     p, d = _exact(origin), _unit(_exact(direction))
@@ -705,10 +655,8 @@ def lensmaker_focal_length(radius_mm: Any, index: Any) -> Mpf:
 def back_focal_length(radius_mm: Any, index: Any, thickness_mm: Any, first: Literal["curved", "flat"]) -> Mpf:
     """Return the paraxial distance from the last vertex to the focus of parallel light, mm.
 
-    Curved face first: the sphere alone draws the light together at n f behind its vertex, inside
-    glass; the flat face, T behind it, brings what is left of that, n f - T, to (n f - T) / n = f -
-    T / n. Flat face first: parallel light passes it unbent, and the sphere stands last, so f
-    whatever the thickness.
+    Curved face first: the sphere's focus lies n f behind its vertex; the flat face brings the rest,
+    n f - T, to (n f - T) / n. Flat face first: parallel light passes it unbent.
     """
     f = lensmaker_focal_length(radius_mm, index)
     return f - mp.mpf(thickness_mm) / mp.mpf(index) if first == "curved" else f
@@ -720,27 +668,21 @@ def third_order_longitudinal_aberration(
     """Return the third-order longitudinal spherical aberration (Seidel) for parallel light, mm.
 
     That is the term in h^2 of L(h) - L(0): L(h) is the distance behind the last vertex at which a
-    ray that came in parallel to the axis at height h crosses it. Negative: the rim focuses short.
-    Derivation, with x = h / R:
+    ray that came in parallel to the axis at height h crosses it. With x = h / R:
 
-    Flat face first. The ray meets the sphere from inside at sin i = x, leaves at sin t = n x, turns
-    by delta = t - i = (n - 1) x + (n^3 - 1) x^3 / 6 and crosses the axis at L = h / tan(delta) - (R
-    - sqrt(R^2 - h^2)). With h / tan(delta) = f (1 - (n^2 - n + 1) x^2 / 2) and the sag R x^2 / 2 =
-    f (n - 1) x^2 / 2 the terms collect to
+    Flat face first. The ray leaves the sphere turned by delta = (n - 1) x + (n^3 - 1) x^3 / 6 and
+    crosses the axis at L = h / tan(delta) - (R - sqrt(R^2 - h^2)):
 
-        LSA = -f n^2 x^2 / 2 = -n^2 h^2 / (2 (n - 1)^2 f),    whatever the thickness.
+        LSA = -f n^2 x^2 / 2,    whatever the thickness.
 
-    Curved face first. At the sphere the same with n -> 1/n and the sag added: the ray aims at the
-    depth z1 = n f (1 - x^2 / (2 n^2)) under the slope delta = (n - 1) x / n. The flat face turns
-    delta into theta, sin(theta) = n sin(delta), so that tan(delta) / tan(theta) = (1 - (n^2 - 1)
-    delta^2 / 2) / n and L = (z1 - T) tan(delta) / tan(theta):
+    Curved face first. The ray aims at the depth z1 = n f (1 - x^2 / (2 n^2)) under the slope
+    delta = (n - 1) x / n. The flat face turns delta into theta, sin(theta) = n sin(delta), so that
+    L = (z1 - T) tan(delta) / tan(theta):
 
-        LSA = -x^2 / (2 n^2) (f + (n f - T) (n^2 - 1) (n - 1)^2 / n),
-        thin: -(n^3 - 2 n^2 + 2) h^2 / (2 n (n - 1)^2 f).
+        LSA = -x^2 / (2 n^2) (f + (n f - T) (n^2 - 1) (n - 1)^2 / n).
 
     For T = 0 both are the formula of F. A. Jenkins and H. E. White, Fundamentals of Optics, 4th
-    edition, chapter 9 (spherical aberration of a thin lens, position factor -1, shape factor +-1):
-    4.5 and 7/6 times h^2 / f for n = 1.5.
+    edition, chapter 9: 4.5 and 7/6 times h^2 / f for n = 1.5.
     """
     n, T = mp.mpf(index), mp.mpf(thickness_mm)
     f = lensmaker_focal_length(radius_mm, index)
@@ -777,17 +719,9 @@ def back_to_panel_many(
 ) -> tuple[LongArray, LongArray]:
     """Trace n exit rays backwards to the panel, each through its own display, in longdouble.
 
-    Shares no code with the rest of this file.
-
-    origin: (n, 3), mm, panel frame, near the last face. direction: (n, 3), of the rays that left;
-    normalised here. lenslet: (n, 2) int, the (i, j) passed. All others are one display's numbers,
-    (n,) or a scalar for all, offset_mm (n, 2) or (2,): hexagonal, plano_viewer bool; mm and radians
-    as in `Optics`. Returns the panel points (n, 2) and the distance of each origin from its last
-    face (n,), longdouble, mm. NaN where no panel point leads to the ray (the dome missed, total
-    internal reflection).
-
-    The error against `back_to_panel` stays below 1e-15 mm for panels of some 100 mm and exit rays
-    not closer to grazing than cos_theta_t = 0.01.
+    Shares no code with the rest of this file. Each of a display's numbers may be an array, (n,) or
+    (n, 2). Returns the panel points (n, 2) and the distance of each origin from its last face (n,),
+    mm; NaN where no panel point leads to the ray.
     """
     if not has_long_longdouble():
         raise RuntimeError("back_to_panel_many needs a longdouble of 64 bits of mantissa or more")
