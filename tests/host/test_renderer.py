@@ -30,7 +30,16 @@ from lippmann.rendering.sampling import Seeds, Window, display_source, sampler_o
 from lippmann.scenes.placement import Placement, load_placement
 from lippmann.scenes.scene import load_scene
 from optics_cases import GRIDS, SIDES, display_of
-from scene_cases import centres, first_sphere, focused_display, generator, glowing_sphere, rgb, write_scene
+from scene_cases import (
+    centres,
+    first_sphere,
+    focused_display,
+    generator,
+    glowing_card,
+    glowing_sphere,
+    rgb,
+    write_scene,
+)
 from scipy.spatial.transform import Rotation
 
 SEED = 7301
@@ -48,14 +57,6 @@ def pixel_centres(display):
     panel = display.panel
     v, u = np.mgrid[0 : panel.height_px, 0 : panel.width_px] + 0.5
     return np.stack([u.ravel(), v.ravel()], axis=1)
-
-
-def luminaire(corners: float, z: float, radiance=(1.0, 1.0, 1.0), x: float = 0.0) -> str:
-    """A glowing square of half side `corners` at depth z, centred on x, that faces the viewer."""
-    return (
-        f'<shape type="rectangle"><transform name="to_world"><scale value="{corners}"/>'
-        f'<translate x="{x}" z="{z}"/></transform><emitter type="area">{rgb("radiance", radiance)}</emitter></shape>'
-    )
 
 
 def programs_of(work):
@@ -109,7 +110,7 @@ def sky(mi, tmp_path_factory):
     return load_scene(write_scene(path, SKY, placement="near_mm = 10.0\nfar_mm = -10.0"))
 
 
-@pytest.mark.parametrize("subpixels", ["none", "rgb", "bgr"])
+@pytest.mark.parametrize("subpixels", ["none", "rgb"])
 @pytest.mark.parametrize("model", MODELS)
 @pytest.mark.parametrize("grid", GRIDS)
 def test_furnace(mi, sky, grid, model, subpixels):
@@ -223,7 +224,7 @@ def edge_error(points, rng, edges=4000):
     return math.sqrt(np.mean((found - wanted) ** 2))
 
 
-@pytest.mark.parametrize("samples", [1, 2, 3, 4, 5, 8, 16, 50])
+@pytest.mark.parametrize("samples", [1, 2, 5, 16])
 def test_places_in_a_pixel(mi, samples):
     """The golden steps in exact arithmetic, mirrored and exchanged in all eight ways; a random shift errs more."""
     import drjit as dr
@@ -272,15 +273,6 @@ def test_passes_of_a_picture_fill_its_pixels(mi):
     one, every = (edge_error(np.tile(some.reshape(pixels, -1, 2), (10, 1, 1)), rng) for some in (points[:, :1], points))
     print(one, every)
     assert every < one / math.sqrt(passes)
-
-
-def test_another_seed_turns_other_pixels(mi):
-    import drjit as dr
-
-    index = dr.arange(mi.UInt32, 4000)
-    first, again, other = (np.array(points_in_pixel(index // 4, index % 4, 4, seed)[0]) for seed in (1, 1, 2))
-    np.testing.assert_array_equal(first, again)
-    assert 0.3 < (np.abs(first - other) > 1e-6).reshape(-1, 4).any(axis=1).mean() < 0.95
 
 
 def test_neighbouring_pixels_have_independent_places(mi):
@@ -479,19 +471,12 @@ def test_light_of_points_by_hand(mi, points):
     np.testing.assert_allclose(seen[sure], (ALBEDO / math.pi * irradiance)[sure], rtol=2e-5)
 
 
-def test_point_lights_leave_no_noise(mi, points):
-    """At one sample through the pixel's centre no seed matters; Mitsuba's own `direct` picks lights at random."""
-    display = display_for()
-    quiet = [render_integral(points, display, "exact", Settings(seed=s)).radiance for s in (1, 2)]
-    np.testing.assert_array_equal(*quiet)
-    noisy = [render_integral(points, display, "exact", Settings(seed=s, integrator="direct")).radiance for s in (1, 2)]
-    assert (noisy[0] != noisy[1]).mean() > 0.5
-
-
 @pytest.mark.parametrize("name", ["fish/fish", "chart/chart", "knot/knot", "seed/full"])
 def test_who_needs_chance_has_noise_and_who_does_not_has_none(mi, request, name):
     """A rough eye's view by two seeds."""
     scene = load_scene(request.config.rootpath / f"scenes/{name}.xml")
+    far, near = scene.depth_range_mm
+    assert far < 0.0 < near
     window = Window(100.0, 100.0, 64, 64)
     one, other = (render_view(scene, EYE, window, Settings(seed=seed)).radiance for seed in (1, 2))
     assert needs_chance(scene.mitsuba) == bool((one != other).any())
@@ -535,15 +520,9 @@ def test_mirrors_are_followed_to_the_depth_allowed(mi, tmp_path):
     window = Window(8.0, 8.0, 16, 16)
     # CUDA's quick square roots and quotients, in Mitsuba's Fresnel formula.
     rounding = 1e-5 if current_device() == "llvm" else 1e-3
-    for integrator, depth in itertools.product(("lights", "path"), (1, 2, 3, 6)):
+    for integrator, depth in itertools.product(("lights", "path"), (2, 3)):
         seen = render_view(scene, EYE, window, Settings(integrator=integrator, max_depth=depth)).radiance
         np.testing.assert_allclose(seen, 0.125 if depth >= 3 else 0.0, rtol=rounding)
-    one = write_scene(
-        tmp_path / "one.xml", mirror(20.0, "0, 0, -20", "0, 0, 0", 0.5), SKY, placement="near_mm = 10\nfar_mm = -60"
-    )
-    for depth, light in ((1, 0.0), (2, 0.5)):
-        seen = render_view(load_scene(one), EYE, window, Settings(max_depth=depth)).radiance
-        np.testing.assert_allclose(seen, light, rtol=rounding)
 
 
 def test_mirrors_and_diffuse_surfaces_have_no_noise(mi, tmp_path):
@@ -579,49 +558,24 @@ def test_mirrors_and_diffuse_surfaces_have_no_noise(mi, tmp_path):
 # --- views without a display ----------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("eye", [(0.0, 0.0, 600.0), (60.0, -35.0, 500.0)])
-def test_a_view_matches_mitsubas_own_sensor(mi, spheres, eye):
-    """Their perspective sensor with its principal point moved, and a box filter; nothing is random but the samples."""
-    window = Window(15.0, 10.0, 90, 60)
-    ours = render_view(spheres, eye, window, Settings(samples=256)).radiance
-    sensor = mi.load_dict(
-        {
-            "type": "perspective",
-            "fov": math.degrees(2.0 * math.atan(0.5 * window.width_mm / eye[2])),
-            "fov_axis": "x",
-            "principal_point_offset_x": -eye[0] / window.width_mm,
-            "principal_point_offset_y": eye[1] / window.height_mm,
-            "near_clip": 1.0,
-            "far_clip": 2000.0,
-            "to_world": mi.ScalarTransform4f().look_at(origin=eye, target=[eye[0], eye[1], 0.0], up=[0, 1, 0]),
-            "film": {
-                "type": "hdrfilm",
-                "width": window.width_px,
-                "height": window.height_px,
-                "rfilter": {"type": "box"},
-                "component_format": "float32",
-            },
-            "sampler": {"type": "independent", "sample_count": 1024},
-        }
-    )
-    theirs = np.array(
-        mi.render(spheres.mitsuba, sensor=sensor, integrator=mi.load_dict({"type": "direct"}), spp=1024, seed=3)
-    )
-    # Pixels on outlines: noise of 0.5 / sqrt(1024) of theirs; a view beside by 0.1 pixel would differ by 0.1.
-    assert np.abs(ours - theirs).max() < 0.08
-    assert np.abs(ours - theirs).mean() < 0.001
-    assert theirs.std() > 0.2
-
-
 @pytest.mark.parametrize("eye", [EYE, (60.0, -35.0, 500.0)])
 def test_near_things_in_a_view_hide_farther_ones(mi, spheres, eye):
+    """Through the pixels' centres exactly; 256 samples find as much of each as a dense grid of lines."""
     window = Window(15.0, 10.0, 90, 60)
-    seen = render_view(spheres, eye, window, Settings()).radiance.reshape(-1, 3)
     x, y = (c.ravel() for c in centres(window))
-    on_plane = np.stack([x, y, 0 * x], axis=1)
-    way = np.array(eye) - on_plane
-    which, clear = first_sphere(on_plane, way / np.linalg.norm(way, axis=1)[:, None], SPHERES, RADII)
-    np.testing.assert_array_equal(seen[clear], np.concatenate([COLOURS, np.zeros((1, 3))])[which][clear])
+
+    def first_colours(dx, dy):
+        on_plane = np.stack([x + dx, y + dy, 0 * x], axis=1)
+        way = np.array(eye) - on_plane
+        which, clear = first_sphere(on_plane, way / np.linalg.norm(way, axis=1)[:, None], SPHERES, RADII)
+        return np.concatenate([COLOURS, np.zeros((1, 3))])[which], clear
+
+    once, often = (render_view(spheres, eye, window, Settings(n)).radiance.reshape(-1, 3) for n in (1, 256))
+    colours, clear = first_colours(0.0, 0.0)
+    np.testing.assert_array_equal(once[clear], colours[clear])
+    steps = ((np.arange(16) + 0.5) / 16 - 0.5) * window.width_mm / window.width_px
+    total = np.mean([first_colours(dx, dy)[0] for dx, dy in itertools.product(steps, steps)], axis=0)
+    assert np.abs(often - total).max() < 0.05
 
 
 # --- placement ------------------------------------------------------------------------------------
@@ -649,18 +603,6 @@ offset_mm = {offset.tolist()}"""
     far, near = scene.depth_range_mm
     assert near >= (SPHERES[:, 2] + RADII).max()
     assert far <= (SPHERES[:, 2] - RADII).min()
-
-
-def test_placement_matrices_are_inverse_and_follow_scipy():
-    rng = generator(SEED, "matrix")
-    for _ in range(200):
-        angles = rng.uniform(-360.0, 360.0, 3)
-        placement = Placement(float(10.0 ** rng.uniform(-3, 3)), tuple(angles), tuple(rng.uniform(-99, 99, 3)))
-        forward = placement.display_from_scene
-        turn = Rotation.from_euler("xyz", angles, degrees=True).as_matrix()
-        np.testing.assert_allclose(forward[:3, :3], placement.scale * turn, atol=1e-12 * placement.scale)
-        np.testing.assert_allclose(forward[:3, 3], placement.offset_mm)
-        np.testing.assert_allclose(forward @ placement.scene_from_display, np.eye(4), atol=1e-9)
 
 
 @pytest.mark.parametrize(
@@ -734,29 +676,22 @@ def test_settings_out_of_range_are_refused(arguments, message):
         Settings(**arguments)
 
 
-@pytest.mark.parametrize("name", ["nonsense", "ptracer", "prb", ""])
+@pytest.mark.parametrize("name", ["nonsense", "ptracer", ""])
 def test_integrators_that_cannot_are_refused(mi, spheres, name):
     with pytest.raises(InputError, match=r"integrator.*choose lights"):
         render_integral(spheres, display_for(), "exact", Settings(integrator=name))
 
 
 def test_the_scenes_own_integrator(mi, tmp_path):
-    parts = [luminaire(50.0, -10.0), '<integrator type="path"><integer name="max_depth" value="1"/></integrator>']
-    scene = load_scene(write_scene(tmp_path / "own.xml", *parts))
+    own = '<integrator type="path"><integer name="max_depth" value="1"/></integrator>'
+    scene = load_scene(write_scene(tmp_path / "own.xml", glowing_card("wall", -10.0, (1, 1, 1), 50.0), own))
     seen = render_integral(scene, display_for(), "exact", Settings(integrator="scene")).radiance
     np.testing.assert_allclose(seen, 1.0, rtol=1e-6)
 
 
-def test_shipped_scenes_load(mi):
-    for name in ("fish", "chart", "knot"):
-        scene = load_scene(ROOT / f"scenes/{name}/{name}.xml")
-        far, near = scene.depth_range_mm
-        assert far < 0.0 < near
-
-
 def test_a_view_leaves_out_what_stands_behind_the_eye(mi, tmp_path):
     """A wall at z = 100 hides all from 600 mm; an eye at 50 mm, in front of it, sees the ball at z = -20."""
-    text = glowing_sphere((0.0, 0.0, -20.0), 8.0) + luminaire(200.0, 100.0, radiance=(0.0, 0.0, 0.5))
+    text = glowing_sphere((0.0, 0.0, -20.0), 8.0) + glowing_card("wall", 100.0, (0.0, 0.0, 0.5), 200.0)
     scene = load_scene(write_scene(tmp_path / "behind.xml", text))
     window = Window(4.0, 4.0, 5, 5)
     far = render_view(scene, EYE, window, Settings()).radiance
@@ -783,9 +718,8 @@ def test_pictures_by_the_rays_of_each_engine(mi, tmp_path, monkeypatch, grid, en
     monkeypatch.setattr(sources, "trace", lambda *a, **k: asked.append((a[4], *k.values())) or trace(*a, **k))
     scene = load_scene(write_scene(tmp_path / "ball.xml", glowing_sphere((0.3, -0.2, -6.0), 2.5)))
     display = display_for(grid)
-    picture = render_integral(scene, display, "exact", Settings(), engine=engine, fraction_bits=fraction_bits).radiance[
-        ..., 0
-    ]
+    options = {"engine": engine, "fraction_bits": fraction_bits}
+    picture = render_integral(scene, display, "exact", Settings(), **options).radiance[..., 0]
     assert set(asked) == {(engine, fraction_bits)}
     for who, bits in ((engine, fraction_bits), ("golden", None)):
         rays = trace(display, pixel_centres(display), engine=who, fraction_bits=bits)
@@ -794,13 +728,13 @@ def test_pictures_by_the_rays_of_each_engine(mi, tmp_path, monkeypatch, grid, en
         np.testing.assert_array_equal(picture.ravel()[clear], sphere[clear] == 0)
 
 
-@pytest.mark.parametrize(("grid", "subpixels", "samples"), [("square", "none", 4), ("hex", "rgb", 4)])
-def test_engines_but_the_fast_one_have_the_same_places_in_a_pixel(mi, spheres, monkeypatch, grid, subpixels, samples):
+@pytest.mark.parametrize(("grid", "subpixels"), [("square", "none"), ("hex", "rgb")])
+def test_engines_but_the_fast_one_have_the_same_places_in_a_pixel(mi, spheres, monkeypatch, grid, subpixels):
     """Sixteenths of a pixel, spread over all of it: the picture by fixed point is that by golden's rays."""
     asked = []
     monkeypatch.setattr(sources, "trace", lambda *a, **k: asked.append(a[1]) or trace(*a, **k))
     display = display_for(grid, subpixels=subpixels, offset=(0.13, -0.21))
-    settings = Settings(samples=samples)
+    settings = Settings(samples=4)
     by = {e: render_integral(spheres, display, "exact", settings, engine=e).radiance for e in ("golden", "twin")}
     places = 16.0 * np.concatenate(asked)
     np.testing.assert_array_equal(places, np.rint(places))
