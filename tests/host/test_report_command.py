@@ -30,12 +30,12 @@ def report(folder, *options, display=None):
 
 @pytest.fixture(scope="module")
 def made(tmp_path_factory):
-    """The folder of a quick run, whose peaks of memory are measured once, and what it said."""
+    """The folder of a quick run that measures each figure twice at most, and what it said."""
     folder = tmp_path_factory.mktemp("report") / "new" / "folder"
     with pytest.MonkeyPatch.context() as patch:
         said = []
         patch.setattr("lippmann.cli.report.emit", lambda result, text: said.append(result))
-        patch.setattr(full_report, "QUICK", replace(full_report.QUICK, memory_rounds=1))
+        patch.setattr(full_report, "QUICK", replace(full_report.QUICK, rounds=2, memory_rounds=1))
         assert report(folder, "--quick", "--seed", "3") == 0
     return folder, json.loads(json.dumps(said[0]))
 
