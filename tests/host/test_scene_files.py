@@ -26,8 +26,6 @@ from scene_cases import glowing_card, glowing_sphere, write_scene
 from test_export_views import told
 from test_film import DISPLAY
 from test_raw_images import chunk, png
-from trimesh.visual import TextureVisuals
-from trimesh.visual.material import PBRMaterial, SimpleMaterial
 
 #: A picture of four fields in sRGB: top left, top right, bottom left, bottom right.
 FIELDS = np.array([[[200, 40, 40], [40, 200, 40]], [[40, 40, 200], [200, 200, 40]]], np.uint8)
@@ -80,6 +78,14 @@ def glb(path, material, images=(), extra=(), change=lambda told: None):
     return path
 
 
+def obj(folder, material, colour=""):
+    """Write the square as a.obj: the lines of its material, and the colour that follows each vertex."""
+    (folder / "a.mtl").write_text(f"newmtl paint\n{material}\n")
+    corners = "".join(f"v {x} {y} {z}{colour}\nvt {u} {v}\n" for (x, y, z), (u, v) in zip(CORNERS, UV, strict=True))
+    (folder / "a.obj").write_text(f"mtllib a.mtl\n{corners}usemtl paint\nf 1/1 2/2 3/3\nf 1/1 3/3 4/4\n")
+    return folder / "a.obj"
+
+
 def dielectric(**more):
     return {"pbrMetallicRoughness": {"metallicFactor": 0.0, "roughnessFactor": 1.0, **more}}
 
@@ -128,11 +134,8 @@ def test_a_glb_may_have_holes(tmp_path, mi):
     """Alpha 0 in the top left field: nothing is seen there."""
     alpha = np.dstack([FIELDS, np.array([[0, 255], [255, 255]], np.uint8)])
     image = Image.fromarray(alpha.repeat(32, axis=0).repeat(32, axis=1))
-    path = glb(
-        tmp_path / "a.glb", dielectric(baseColorTexture={"index": 0}) | {"alphaMode": "MASK"},
-        [png_of(image, tmp_path / "a.png")],
-    )  # fmt: skip
-    found = fields(seen(path))
+    paint = dielectric(baseColorTexture={"index": 0}) | {"alphaMode": "MASK"}
+    found = fields(seen(glb(tmp_path / "a.glb", paint, [png_of(image, tmp_path / "a.png")])))
     assert found[0, 0].max() == 0.0
     assert found[0, 1] == pytest.approx(LIGHT[0, 1], abs=0.04)
 
@@ -149,28 +152,12 @@ def test_a_normal_map_turns_surfaces_towards_the_key_light(tmp_path, mi):
     assert found["flat"] > 1.2 * found["down"], found
 
 
-def test_an_obj_with_a_material_shows_its_albedo(tmp_path, mi):
-    """A diffuse surface that faces the viewer has its albedo as radiance, to a thousandth."""
-    visual = TextureVisuals(uv=UV, material=SimpleMaterial(image=picture()))
-    trimesh.Scene(trimesh.Trimesh(CORNERS, FACES, visual=visual, process=False)).export(tmp_path / "a.obj")
-    assert fields(seen(tmp_path / "a.obj")) == pytest.approx(LIGHT, abs=1e-3)
-
-
 def test_an_obj_without_a_texture_has_its_kd(tmp_path, mi):
-    (tmp_path / "a.mtl").write_text("newmtl paint\nKd 0.3 0.6 0.1\n")
-    corners = "".join(f"v {x} {y} {z}\n" for x, y, z in CORNERS)
-    (tmp_path / "a.obj").write_text(f"mtllib a.mtl\n{corners}usemtl paint\nf 1 2 3\nf 1 3 4\n")
-    assert fields(seen(tmp_path / "a.obj")) == pytest.approx(np.full((2, 2, 3), [0.3, 0.6, 0.1]), abs=1e-3)
-
-
-def test_colours_of_vertices_are_srgb(tmp_path, mi):
-    colours = [[*FIELDS[0, 0], 255]] * 4
-    trimesh.Trimesh(CORNERS, FACES, vertex_colors=colours, process=False).export(tmp_path / "a.ply")
-    assert fields(seen(tmp_path / "a.ply")) == pytest.approx(np.full((2, 2, 3), LIGHT[0, 0]), abs=1e-3)
+    assert fields(seen(obj(tmp_path, "Kd 0.3 0.6 0.1"))) == pytest.approx(np.full((2, 2, 3), [0.3, 0.6, 0.1]), abs=1e-3)
 
 
 @pytest.mark.parametrize("text", [False, True])
-@pytest.mark.parametrize(("kind", "times"), [("u1", 1), ("u2", 257), ("u2", 1), ("u4", 1), ("i4", 1), (None, 0)])
+@pytest.mark.parametrize(("kind", "times"), [("u1", 1), ("u2", 257), ("u2", 1), ("i4", 1), (None, 0)])
 def test_colours_of_any_whole_numbers(tmp_path, mi, text, kind, times):
     """Of 16 bits, 257 times a byte is that byte's colour; so is a byte in a wider type. Text and binary files."""
     kinds = [*((name, "f4") for name in "xyz"), *((name, kind) for name in ("red", "green", "blue") if kind)]
@@ -195,18 +182,16 @@ def test_a_scene_of_hardly_any_size_is_not_fitted(tmp_path, mi):
             arranged(scene, load_display(tmp_path / "d.toml"), "fit")
 
 
-def test_an_stl_stands_upright(tmp_path, mi, capfd, monkeypatch):
+def test_an_stl_stands_upright(tmp_path, mi):
     """Its z is up: a tower along z is high in the picture."""
     trimesh.creation.box((1.0, 1.0, 4.0)).export(tmp_path / "tower.stl")
-    (tmp_path / "d.toml").write_text(DISPLAY)
     scene = api.load_scene(tmp_path / "tower.stl")
     assert scene.usual == "fit"
-    low, high = np.array(scene.depth_range_mm), scene.width_mm
-    assert high == pytest.approx(4.0)
-    assert low == pytest.approx([-0.5, 0.5], abs=0.01)
+    assert scene.width_mm == pytest.approx(4.0)
+    assert scene.depth_range_mm == pytest.approx([-0.5, 0.5], abs=0.01)
 
 
-@pytest.mark.parametrize("turn", [(0.0, 0.0, 0.0), (0.0, 180.0, 0.0), (0.0, 90.0, 0.0), (-90.0, 0.0, 30.0)])
+@pytest.mark.parametrize("turn", [(0.0, 180.0, 0.0), (-90.0, 0.0, 30.0)])
 def test_lights_stay_before_a_turned_mesh(tmp_path, mi, turn):
     """A cube shows another face, lit as the first was."""
     trimesh.creation.box((2.0, 2.0, 2.0)).export(tmp_path / "cube.glb")
@@ -228,17 +213,10 @@ def test_nodes_move_meshes_and_mirrored_ones_are_not_inside_out(tmp_path, mi):
 def test_a_factor_multiplies_the_texture_of_metal_and_roughness(tmp_path, mi):
     """Of a picture that says metal, a factor of 0 makes paint: white, as if its file said so."""
     images = [png_of(Image.new("RGB", (8, 8), (255, 128, 255)), tmp_path / "a.png")]
-    both = {"metallicRoughnessTexture": {"index": 0}}
-    lights = {
-        factor: float(
-            seen(glb(tmp_path / "a.glb", {"pbrMetallicRoughness": both | {"metallicFactor": factor}}, images)).mean()
-        )
-        for factor in (0.0, 1.0)
-    }
-    assert lights[0.0] > 0.9
-    assert lights[0.0] == pytest.approx(
-        float(seen(glb(tmp_path / "b.glb", dielectric(roughnessFactor=0.5))).mean()), 0.1
-    )
+    metal = {"metallicRoughnessTexture": {"index": 0}, "metallicFactor": 0.0}
+    found = seen(glb(tmp_path / "a.glb", {"pbrMetallicRoughness": metal}, images)).mean()
+    assert found > 0.9
+    assert found == pytest.approx(seen(glb(tmp_path / "b.glb", dielectric(roughnessFactor=0.5))).mean(), 0.1)
 
 
 def test_a_glb_without_a_scene_shows_its_meshes(tmp_path, mi):
@@ -249,14 +227,12 @@ def test_a_glb_without_a_scene_shows_its_meshes(tmp_path, mi):
 
 
 def test_what_of_a_gltf_is_left_out_is_told(tmp_path, mi):
-    path = glb(
-        tmp_path / "a.glb", dielectric(), change=lambda told: told.update(extensionsUsed=["KHR_texture_transform"])
-    )
-    assert "KHR_texture_transform" in load_scene(path).notes[0]
+    def with_extension(key, name):
+        return glb(tmp_path / "a.glb", dielectric(), change=lambda told: told.update({key: [name]}))
+
+    assert "KHR_texture_transform" in load_scene(with_extension("extensionsUsed", "KHR_texture_transform")).notes[0]
     for name in ("KHR_draco_mesh_compression", "KHR_mesh_quantization", "EXT_meshopt_compression"):
-        refused(
-            glb(tmp_path / "b.glb", dielectric(), change=lambda told, n=name: told.update(extensionsRequired=[n])), name
-        )
+        refused(with_extension("extensionsRequired", name), name)
 
     def integers(told):
         told["accessors"][1]["componentType"] = 5123
@@ -267,11 +243,8 @@ def test_what_of_a_gltf_is_left_out_is_told(tmp_path, mi):
 def test_textures_are_found_by_any_spelling(tmp_path, mi):
     """MTL's options and backslashes, and a glTF's web addresses."""
     picture().save(tmp_path / "tex ä.png")
-    corners = "".join(f"v {x} {y} {z}\nvt {u} {v}\n" for (x, y, z), (u, v) in zip(CORNERS, UV, strict=True))
     for name in ("tex ä.png", ".\\tex ä.png", "-s 1 1 1 tex ä.png", "-clamp on -o 0 0 0 ./tex ä.png"):
-        (tmp_path / "a.mtl").write_text(f"newmtl paint\nmap_Kd {name}\n")
-        (tmp_path / "a.obj").write_text(f"mtllib a.mtl\n{corners}usemtl paint\nf 1/1 2/2 3/3\nf 1/1 3/3 4/4\n")
-        assert fields(seen(tmp_path / "a.obj")) == pytest.approx(LIGHT, abs=1e-3), name
+        assert fields(seen(obj(tmp_path, f"map_Kd {name}"))) == pytest.approx(LIGHT, abs=1e-3), name
     image = {"uri": "tex%20%C3%A4.png"}
     told = dielectric(baseColorTexture={"index": 0})
     path = glb(tmp_path / "a.glb", told, change=lambda made: made.update(images=[image], textures=[{"source": 0}]))
@@ -281,15 +254,10 @@ def test_textures_are_found_by_any_spelling(tmp_path, mi):
 def test_a_texture_hides_the_colours_of_vertices(tmp_path, mi):
     """Photogrammetry writes both; white ones are no loss, others are told."""
     picture().save(tmp_path / "t.png")
-    (tmp_path / "a.mtl").write_text("newmtl paint\nmap_Kd t.png\n")
-    for colour, notes in ((1.0, 0), (0.5, 1)):
-        corners = "".join(
-            f"v {x} {y} {z} {colour} {colour} {colour}\nvt {u} {v}\n"
-            for (x, y, z), (u, v) in zip(CORNERS, UV, strict=True)
-        )
-        (tmp_path / "a.obj").write_text(f"mtllib a.mtl\n{corners}usemtl paint\nf 1/1 2/2 3/3\nf 1/1 3/3 4/4\n")
-        assert fields(seen(tmp_path / "a.obj")) == pytest.approx(LIGHT, abs=1e-3)
-        assert len(load_scene(tmp_path / "a.obj").notes) == notes
+    for colour, notes in ((" 1 1 1", 0), (" 0.5 0.5 0.5", 1)):
+        path = obj(tmp_path, "map_Kd t.png", colour)
+        assert fields(seen(path)) == pytest.approx(LIGHT, abs=1e-3)
+        assert len(load_scene(path).notes) == notes
 
 
 def test_colours_of_faces_do_not_run(tmp_path, mi):
@@ -342,25 +310,18 @@ def test_splats_are_where_and_as_mitsubas_camera_sees_them(tmp_path, mi):
     random = np.random.default_rng(3)
     rest = random.normal(0.0, 0.1, (40, HARMONICS))
     path = splats(tmp_path / "a.ply", random.normal(0, 0.5, (40, 3)), random.random((40, 3)), rest=rest)
-    for eye in ([0.0, 0.0, 8.0], [3.0, 1.0, 7.0]):
-        window = 4.0 / eye[2] * (eye[2] - 0.0)
-        camera = {
-            "type": "perspective", "near_clip": 0.01,
-            "to_world": mi.ScalarTransform4d().look_at([0, 0, eye[2]], [0, 0, 0], [0, 1, 0]),
-            "fov": float(np.degrees(2 * np.arctan(0.5 * window / eye[2]))),
-            "film": {"type": "hdrfilm", "width": 64, "height": 64, "rfilter": {"type": "box"}},
-        }  # fmt: skip
-        theirs = mi.load_dict({
-            "type": "scene", "integrator": {"type": "volprim_rf_basic", "max_depth": 256}, "camera": camera,
-            "splats": {"type": "ellipsoids", "filename": str(path), "to_world": mi.ScalarTransform4d()},
-        })  # fmt: skip
-        if eye[0] == 0.0:
-            wanted = np.array(mi.render(theirs, spp=64))[..., :3]
-            found = seen(path, window, eye=tuple(eye), placement=Placement(near_mm=6.0, far_mm=-6.0), samples=64)
-            assert psnr_db(found, wanted) > 40.0
-        else:
-            turned = seen(path, window, eye=tuple(eye), placement=Placement(near_mm=6.0, far_mm=-6.0), samples=16)
-            assert psnr_db(turned, wanted) < 35.0
+    camera = {
+        "type": "perspective", "near_clip": 0.01, "fov": float(np.degrees(2 * np.arctan(0.25))),
+        "to_world": mi.ScalarTransform4d().look_at([0, 0, 8], [0, 0, 0], [0, 1, 0]),
+        "film": {"type": "hdrfilm", "width": 64, "height": 64, "rfilter": {"type": "box"}},
+    }  # fmt: skip
+    theirs = mi.load_dict({
+        "type": "scene", "integrator": {"type": "volprim_rf_basic", "max_depth": 256}, "camera": camera,
+        "splats": {"type": "ellipsoids", "filename": str(path), "to_world": mi.ScalarTransform4d()},
+    })  # fmt: skip
+    wanted = np.array(mi.render(theirs, spp=64))[..., :3]
+    found = seen(path, 4.0, eye=(0.0, 0.0, 8.0), placement=Placement(near_mm=6.0, far_mm=-6.0), samples=64)
+    assert psnr_db(found, wanted) > 40.0
 
 
 def test_splats_have_no_light_of_ours_and_y_down(tmp_path, mi):
@@ -426,7 +387,7 @@ def test_between_two_eyes_both_views_are_mixed(place, capfd):
 
 def test_a_quilt_is_shown_by_its_name_alone(place, capfd):
     """The quilt of the scene, and the scene, as an eye aside sees them on the display: alike; in another order not."""
-    tiling = ("--width", 200, "--columns", 6, "--rows", 8)
+    tiling = ("--width", 150, "--columns", 6, "--rows", 8)
     quilt = told(capfd, "export", "quilt", "balls.xml", "-o", "q.png", *tiling, *SHORT)["output"]
     whole = read_picture(quilt)
     height, width, _ = whole.radiance.shape
@@ -495,12 +456,8 @@ def test_a_picture_with_depths_is_the_scene_for_its_camera(place, mi):
     assert scene.usual == "camera"
     assert not scene.notes
     side = 2 * 60.0 * np.tan(np.radians(6.0))
-    found = render_view(
-        scene.placed(Placement(offset_mm=(0.0, 0.0, 60.0))),
-        (0.0, 0.0, 60.0),
-        Window(side, 0.75 * side, 160, 120),
-        Settings(),
-    ).radiance
+    placed, window = scene.placed(Placement(offset_mm=(0.0, 0.0, 60.0))), Window(side, 0.75 * side, 160, 120)
+    found = render_view(placed, (0.0, 0.0, 60.0), window, Settings()).radiance
     wanted = read_picture(place / "colour.png").radiance
     assert psnr_db(found[1:-1, 1:-1], wanted[1:-1, 1:-1]) > 35.0
 
@@ -532,18 +489,16 @@ def test_holes_of_depths_are_counted_and_filled(place, mi, capfd):
 
 def test_every_kind_renders_without_an_option(place, mi, capfd):
     depth_pair(place, mi)
-    material = PBRMaterial(baseColorTexture=picture(), metallicFactor=0.0, roughnessFactor=1.0)
-    square = trimesh.Trimesh(CORNERS, FACES, visual=TextureVisuals(uv=UV, material=material), process=False)
-    trimesh.Scene(square).export(place / "a.glb")
+    ball = trimesh.creation.icosphere(2)
+    for kind in ("glb", "obj", "ply", "stl"):
+        ball.export(place / f"ball.{kind}")
     (place / "gltf").mkdir()
-    for name, data in trimesh.exchange.gltf.export_gltf(trimesh.Scene(square)).items():
+    for name, data in trimesh.exchange.gltf.export_gltf(trimesh.Scene(ball)).items():
         (place / "gltf" / name).write_bytes(data)
-    for kind in ("obj", "ply", "stl"):
-        trimesh.creation.icosphere(2).export(place / f"ball.{kind}")
     splats(place / "s.ply", [[0, 0, 0]], [[1, 1, 1]])
     told(capfd, "export", "views", "balls.xml", "-o", "v", "--across", 3, "--width", 64, *SHORT)
     quilt = told(capfd, "export", "quilt", "balls.xml", "-o", "q.png", "--width", 64, *SHORT)["output"]
-    for name in ("a.glb", "gltf/model.gltf", "ball.obj", "ball.ply", "ball.stl", "s.ply", "v", quilt, "pair.toml"):
+    for name in ("ball.glb", "gltf/model.gltf", "ball.obj", "ball.ply", "ball.stl", "s.ply", "v", quilt, "pair.toml"):
         told(capfd, "render", name, "-o", "out.exr", "--samples", 1, *SHORT)
         light = read_picture(place / "out.exr").radiance
         assert light.max() > 0.2, name
@@ -623,18 +578,16 @@ def test_broken_meshes_are_refused_in_a_line(tmp_path, mi):
     for cut in (0, 3, 12, 30, 200, len(good) - 40):
         (tmp_path / "b.glb").write_bytes(good[:cut])
         refused(tmp_path / "b.glb", "b.glb")
-    (tmp_path / "b.stl").write_bytes(b"\0" * 80 + struct.pack("<I", 1 << 30) + b"\0" * 50)
-    refused(tmp_path / "b.stl", "b.stl")
-    (tmp_path / "b.obj").write_text("f 1 2 3\nv 0 0\n")
-    refused(tmp_path / "b.obj", "b.obj")
-    (tmp_path / "c.obj").write_text("v 0 0 0\nv 1 0 0\n")
-    refused(tmp_path / "c.obj", "c.obj")
-    (tmp_path / "d.obj").write_text("v 0 0 0\nv 1 0 0\nv 0 nan 0\nf 1 2 3\n")
-    refused(tmp_path / "d.obj", "finite")
-    (tmp_path / "e.obj").write_text("v 0 0 0\nv 1 0 0\nv 2 0 0\nf 1 2 3\n")
-    refused(tmp_path / "e.obj", "no area")
-    (tmp_path / "f.glb").write_bytes(b"")
-    refused(tmp_path / "f.glb", "empty")
+    for name, data, word in (
+        ("b.stl", b"\0" * 80 + struct.pack("<I", 1 << 30) + b"\0" * 50, "b.stl"),
+        ("b.obj", b"f 1 2 3\nv 0 0\n", "b.obj"),
+        ("c.obj", b"v 0 0 0\nv 1 0 0\n", "c.obj"),
+        ("d.obj", b"v 0 0 0\nv 1 0 0\nv 0 nan 0\nf 1 2 3\n", "finite"),
+        ("e.obj", b"v 0 0 0\nv 1 0 0\nv 2 0 0\nf 1 2 3\n", "no area"),
+        ("f.glb", b"", "empty"),
+    ):
+        (tmp_path / name).write_bytes(data)
+        refused(tmp_path / name, word)
 
 
 def test_numbered_vertices_without_bytes_are_not_expanded(tmp_path, mi):
@@ -644,14 +597,12 @@ def test_numbered_vertices_without_bytes_are_not_expanded(tmp_path, mi):
 
 
 def test_missing_and_broken_textures_are_named(tmp_path, mi):
-    (tmp_path / "a.mtl").write_text("newmtl paint\nmap_Kd bark.png\n")
-    corners = "".join(f"v {x} {y} {z}\nvt {u} {v}\n" for (x, y, z), (u, v) in zip(CORNERS, UV, strict=True))
-    (tmp_path / "a.obj").write_text(f"mtllib a.mtl\n{corners}usemtl paint\nf 1/1 2/2 3/3\nf 1/1 3/3 4/4\n")
-    refused(tmp_path / "a.obj", ("bark.png", "texture"))
-    (tmp_path / "c.obj").write_text(f"mtllib none.mtl\n{corners}usemtl paint\nf 1/1 2/2 3/3\n")
+    path = obj(tmp_path, "map_Kd bark.png")
+    refused(path, ("bark.png", "texture"))
+    (tmp_path / "c.obj").write_text(path.read_text().replace("a.mtl", "none.mtl"))
     refused(tmp_path / "c.obj", ("none.mtl", "material"))
     (tmp_path / "bark.png").write_bytes(b"no picture")
-    refused(tmp_path / "a.obj", "texture")
+    refused(path, "texture")
     refused(glb(tmp_path / "b.glb", dielectric(baseColorTexture={"index": 0}), [b"no picture"]), "texture")
     whole = png_of(picture(), tmp_path / "whole.png")
     refused(glb(tmp_path / "c.glb", dielectric(baseColorTexture={"index": 0}), [whole[:-60]]), "texture")
@@ -685,26 +636,21 @@ def test_bad_views_are_told(place, capfd, mi):
     told(capfd, "export", "views", "balls.xml", "-o", "v", "--across", 3, "--width", 64, "--samples", 1, *SHORT)
     eyes = json.loads((place / "v/views.json").read_text())
 
-    def with_change(change):
+    for number, values, words in (
+        (0, {"eye_mm": [0, 0]}, "three numbers"),
+        (1, {"eye_mm": [-60, 20, 600]}, "grid"),
+        (1, {"eye_mm": eyes["views"][0]["eye_mm"]}, "eyes at"),
+        (1, {"eye_mm": [0, 0, -600]}, "distances"),
+        (1, {"file": "other.png"}, "other.png"),
+        (None, {"window_mm": [-24, 10]}, "window_mm"),
+    ):
         changed = json.loads(json.dumps(eyes))
-        change(changed)
+        (changed if number is None else changed["views"][number]).update(values)
         (place / "v/views.json").write_text(json.dumps(changed))
-
-    with_change(lambda told: told["views"][0].update(eye_mm=[0, 0]))
-    refused(place / "v", "three numbers")
-    with_change(lambda told: told["views"][1].update(eye_mm=[-60, 20, 600]))
-    refused(place / "v", "grid")
-    with_change(lambda told: told.update(window_mm=[-24, 10]))
+        refused(place / "v", words)
+    (place / "v/views.json").write_text(json.dumps({key: eyes[key] for key in eyes if key != "window_mm"}))
     refused(place / "v", "window_mm")
-    with_change(lambda told: told["views"][1].update(eye_mm=told["views"][0]["eye_mm"]))
-    refused(place / "v", "eyes at")
-    with_change(lambda told: told["views"][1].update(eye_mm=[0, 0, -600]))
-    refused(place / "v", "distances")
-    with_change(lambda told: told["views"][1].update(file="other.png"))
-    refused(place / "v", "other.png")
-    with_change(lambda told: told.pop("window_mm"))
-    refused(place / "v", "window_mm")
-    with_change(lambda told: None)
+    (place / "v/views.json").write_text(json.dumps(eyes))
     Image.new("RGB", (32, 48)).save(place / "v/view_0002.png")
     refused(place / "v", ("view_0002.png", "32 x 48"))
     (place / "v/views.json").unlink()
@@ -727,14 +673,16 @@ def test_bad_quilts_are_told(tmp_path, mi):
 
 def test_bad_depths_are_told(place, mi):
     depth_pair(place, mi)
-    Image.new("I;16", (10, 10)).save(place / "depth.png")
-    refused(place / "pair.toml", ("10 x 10", "160 x 120"))
-    Image.new("I;16", (160, 120)).save(place / "depth.png")
-    refused(place / "pair.toml", "no pixel has a depth")
+    coloured = np.random.default_rng(1).integers(0, 255, (120, 160, 3), np.uint8)
+    for image, words in (
+        (Image.new("I;16", (10, 10)), ("10 x 10", "160 x 120")),
+        (Image.new("I;16", (160, 120)), "no pixel has a depth"),
+        (Image.fromarray(coloured), "has colours"),
+    ):
+        image.save(place / "depth.png")
+        refused(place / "pair.toml", words)
     (place / "depth.png").write_bytes(b"no picture")
     refused(place / "pair.toml", "cannot be read")
-    Image.fromarray(np.random.default_rng(1).integers(0, 255, (120, 160, 3), np.uint8)).save(place / "depth.png")
-    refused(place / "pair.toml", "has colours")
     (place / "depth.png").unlink()
     refused(place / "pair.toml", "depth: depth.png: no such file; correct the name")
 
@@ -789,16 +737,13 @@ def test_each_file_that_a_scene_is_loaded_from_counts_in_its_hash(mi, tmp_path, 
     assert digest_of(scene) != before
 
 
-@pytest.mark.parametrize("name", ["m.mtl", "skin.png"])
+@pytest.mark.parametrize("name", ["a.mtl", "skin.png"])
 def test_the_files_of_a_mesh_count_in_its_hash(mi, tmp_path, name):
-    (tmp_path / "m.obj").write_text(
-        "mtllib m.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nvt 1 0\nvt 0 1\nusemtl skin\nf 1/1 2/2 3/3\n"
-    )
-    (tmp_path / "m.mtl").write_text("newmtl skin\nKd 1 1 1\nmap_Kd skin.png\n")
-    Image.new("RGB", (2, 2), (200, 0, 0)).save(tmp_path / "skin.png")
-    before = digest_of(tmp_path / "m.obj")
-    if name == "m.mtl":
-        (tmp_path / name).write_text("newmtl skin\nKd 1 0 0\n")
+    picture().save(tmp_path / "skin.png")
+    path = obj(tmp_path, "Kd 1 1 1\nmap_Kd skin.png")
+    before = digest_of(path)
+    if name == "a.mtl":
+        obj(tmp_path, "Kd 1 0 0")
     else:
-        Image.new("RGB", (2, 2), (0, 200, 0)).save(tmp_path / name)
-    assert digest_of(tmp_path / "m.obj") != before
+        picture().rotate(90).save(tmp_path / "skin.png")
+    assert digest_of(path) != before
