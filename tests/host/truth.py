@@ -101,6 +101,17 @@ class Ray(NamedTuple):
     margin: Mpf
 
 
+class _Passage(NamedTuple):
+    """How far a ray got through the array; as in `Ray`, with no lenslet where it met none."""
+
+    status: int
+    lenslet: Lenslet | None
+    point: Vec
+    direction: Vec
+    cos_theta_t: Mpf
+    margin: Mpf
+
+
 class PanelPoint(NamedTuple):
     """A panel point, mm, and the distance of the given origin from the last face."""
 
@@ -291,12 +302,17 @@ def owner_of(optics: Optics, x: Any, y: Any) -> Lenslet:
     return lenslet_of(optics, *seen_through(optics, x, y))
 
 
+def _regular_centre(optics: Optics, lenslet: Lenslet) -> tuple[Mpf, Mpf]:
+    """Return a lenslet's centre on the regular lattice of pitch 1."""
+    i, j = lenslet
+    return (mp.mpf(i), mp.mpf(j)) if optics.grid == "square" else (i + mp.mpf(j) / 2, j * mp.sqrt(3) / 2)
+
+
 @lru_cache(maxsize=4096)
 def centre_of(optics: Optics, lenslet: Lenslet) -> tuple[Mpf, Mpf]:
     """Return the panel-frame centre (x, y) of a lenslet, mm."""
     m = _model(optics)
-    i, j = lenslet
-    u, w = (mp.mpf(i), mp.mpf(j)) if optics.grid == "square" else (i + mp.mpf(j) / 2, j * mp.sqrt(3) / 2)
+    u, w = _regular_centre(optics, lenslet)
     X, Y = m.p * u + m.shear * m.py * w, m.py * w
     return (m.offset[0] + m.cos * X - m.sin * Y, m.offset[1] + m.sin * X + m.cos * Y)
 
@@ -305,8 +321,7 @@ def there(optics: Optics, lenslet: Lenslet) -> bool:
     """Tell whether a lenslet is one of the array's."""
     if optics.extent_mm is None:
         return True
-    m, (i, j) = _model(optics), lenslet
-    u, w = (mp.mpf(i), mp.mpf(j)) if optics.grid == "square" else (i + mp.mpf(j) / 2, j * mp.sqrt(3) / 2)
+    m, (u, w) = _model(optics), _regular_centre(optics, lenslet)
     return bool(2 * abs(u * m.p) <= optics.extent_mm[0] and 2 * abs(w * m.py) <= optics.extent_mm[1])
 
 
@@ -487,54 +502,47 @@ def chief_or_aperture_direction(optics: Optics, x: Any, y: Any, lenslet: Lenslet
     return _unit((aim_x - mp.mpf(x), aim_y - mp.mpf(y), aperture_distance(optics)))
 
 
-def trace(  # noqa: PLR0911 (one return a fate)
-    optics: Optics, u: Any, v: Any, a: Any = 0, b: Any = 0
-) -> Ray:
+def _through_the_array(optics: Optics, p: Vec, d: Vec, margin: Mpf, *, flat_first: bool) -> _Passage:
+    """Take a ray from p along d through both faces, as far as it gets."""
+    m, none = _model(optics), mp.mpf(0)
+    if flat_first:
+        p, d = _to_plane(p, d, m.z_flat), _into_glass(d, _UP, m.n)
+    meeting, near = _meet_in_reach(optics, p, d, leaving=flat_first)
+    margin = min(margin, near)
+    if meeting is None:
+        return _Passage(MISSED, None, p, d, none, margin)
+    lenslet, point, normal = meeting.lenslet, meeting.point, meeting.normal
+    if not there(optics, lenslet):
+        return _Passage(BLOCKED, lenslet, point, d, none, margin)
+    if not flat_first:
+        d = _into_glass(d, normal, m.n)
+        if _leaves_the_shoulder(optics, point, d):
+            margin = none
+        point, normal = _to_plane(point, d, m.z_flat), _UP
+    out, cos2 = _refract(d, normal, m.n)
+    margin = min(margin, abs(cos2))
+    if out is None:
+        return _Passage(REFLECTED, lenslet, point, d, none, margin)
+    if flat_first:
+        stop, near = _blocked(optics, point, out)
+        margin = min(margin, near)
+        if stop is not None:
+            return _Passage(BLOCKED, lenslet, stop, out, mp.sqrt(cos2), margin)
+    return _Passage(OK, lenslet, point, out, mp.sqrt(cos2), margin)
+
+
+def trace(optics: Optics, u: Any, v: Any, a: Any = 0, b: Any = 0) -> Ray:
     """Trace one ray of model `exact` from the pixel point (u, v) to the aperture point (a, b), mm."""
-    m = _model(optics)
     start = panel_point(optics, u, v)
     home = owner_of(optics, start[0], start[1])
     margin = _clearance(optics.grid, *_lattice(optics, *seen_through(optics, start[0], start[1])), home)
     if not there(optics, home):
         return Ray(BLOCKED, home, start, _UP, mp.mpf(0), margin)
     d = chief_or_aperture_direction(optics, start[0], start[1], home, a, b)
-    none = mp.mpf(0)
-
-    if optics.plano_side == "panel":
-        face = _to_plane(start, d, m.z_flat)
-        d = _into_glass(d, _UP, m.n)
-        meeting, near = _meet_in_reach(optics, face, d, leaving=True)
-        margin = min(margin, near)
-        if meeting is None:
-            return Ray(MISSED, home, face, d, none, margin)
-        if not there(optics, meeting.lenslet):
-            return Ray(BLOCKED, meeting.lenslet, meeting.point, d, none, margin)
-        out, cos2 = _refract(d, meeting.normal, m.n)
-        margin = min(margin, abs(cos2))
-        if out is None:
-            return Ray(REFLECTED, meeting.lenslet, meeting.point, d, none, margin)
-        stop, near = _blocked(optics, meeting.point, out)
-        margin = min(margin, near)
-        if stop is not None:
-            return Ray(BLOCKED, meeting.lenslet, stop, out, mp.sqrt(cos2), margin)
-        origin = meeting.point
-    else:
-        meeting, near = _meet_in_reach(optics, start, d, leaving=False)
-        margin = min(margin, near)
-        if meeting is None:
-            return Ray(MISSED, home, start, d, none, margin)
-        if not there(optics, meeting.lenslet):
-            return Ray(BLOCKED, meeting.lenslet, meeting.point, d, none, margin)
-        d = _into_glass(d, meeting.normal, m.n)
-        if _leaves_the_shoulder(optics, meeting.point, d):
-            margin = none
-        origin = _to_plane(meeting.point, d, m.z_flat)
-        out, cos2 = _refract(d, _UP, m.n)
-        margin = min(margin, abs(cos2))
-        if out is None:
-            return Ray(REFLECTED, meeting.lenslet, origin, d, none, margin)
-    status = OK if meeting.lenslet == home else CROSSTALK
-    return Ray(status, meeting.lenslet, origin, out, mp.sqrt(cos2), margin)
+    passage = _through_the_array(optics, start, d, margin, flat_first=optics.plano_side == "panel")
+    lenslet = home if passage.lenslet is None else passage.lenslet
+    status = CROSSTALK if passage.status == OK and lenslet != home else passage.status
+    return Ray(status, lenslet, *passage[2:])
 
 
 # --- and back -------------------------------------------------------------------------------------
@@ -582,62 +590,25 @@ def back_to_panel(optics: Optics, origin: Any, direction: Any, lenslet: Lenslet)
     return PanelPoint(x, y, off)
 
 
-def world_to_panel(  # noqa: PLR0911 (one return a fate)
-    optics: Optics, origin: Any, direction: Any
-) -> Landing:
-    """Trace a ray of model `exact` from the world to the panel.
-
-    `origin` is any point of the ray's line.
-    """
-    m = _model(optics)
+def world_to_panel(optics: Optics, origin: Any, direction: Any) -> Landing:
+    """Trace a ray of model `exact` to the panel from the world; `origin` is any point of the ray's line."""
     p, d = _exact(origin), _unit(_exact(direction))
     if d[2] >= 0:
         return Landing(MISSED, None, None, p, d, d[2])
-    margin = -d[2]
-
-    if optics.plano_side == "panel":
-        meeting, near = _meet_in_reach(optics, _to_plane(p, d, mp.mpf(0)), d, leaving=False)
-        margin = min(margin, near)
-        if meeting is None:
-            return Landing(MISSED, None, None, p, d, margin)
-        if not there(optics, meeting.lenslet):
-            return Landing(BLOCKED, meeting.lenslet, None, meeting.point, d, margin)
-        d = _into_glass(d, meeting.normal, m.n)
-        if _leaves_the_shoulder(optics, meeting.point, d):
-            margin = mp.mpf(0)
-        face = _to_plane(meeting.point, d, m.z_flat)
-        out, cos2 = _refract(d, _UP, m.n)
-        margin = min(margin, abs(cos2))
-        if out is None:
-            return Landing(REFLECTED, meeting.lenslet, None, face, d, margin)
-    else:
-        entry = _to_plane(p, d, m.z_flat)
-        d = _into_glass(d, _UP, m.n)
-        meeting, near = _meet_in_reach(optics, entry, d, leaving=True)
-        margin = min(margin, near)
-        if meeting is None:
-            return Landing(MISSED, None, None, entry, d, margin)
-        if not there(optics, meeting.lenslet):
-            return Landing(BLOCKED, meeting.lenslet, None, meeting.point, d, margin)
-        face = meeting.point
-        out, cos2 = _refract(d, meeting.normal, m.n)
-        margin = min(margin, abs(cos2))
-        if out is None:
-            return Landing(REFLECTED, meeting.lenslet, None, face, d, margin)
-        stop, near = _blocked(optics, face, out)
-        margin = min(margin, near)
-        if stop is not None:
-            return Landing(BLOCKED, meeting.lenslet, None, stop, out, margin)
-
+    passage = _through_the_array(optics, p, d, -d[2], flat_first=optics.plano_side == "viewer")
+    status, lenslet, face, out, _, margin = passage
+    if status != OK:
+        return Landing(status, lenslet, None, face, out, margin)
+    m = _model(optics)
     point = _to_plane(face, out, m.z_panel)
     u, v = pixel_of(optics, point[0], point[1])
     margin = min(margin, *(abs(q) * m.pixel / m.p for q in (u, v, u - optics.width_px, v - optics.height_px)))
     if not (0 <= u < optics.width_px and 0 <= v < optics.height_px):
-        return Landing(BLOCKED, meeting.lenslet, (u, v), point, out, margin)
+        return Landing(BLOCKED, lenslet, (u, v), point, out, margin)
     u_cell, w_cell = _lattice(optics, *seen_through(optics, point[0], point[1]))
     owner = cell_of(optics.grid, u_cell, w_cell)
     margin = min(margin, _clearance(optics.grid, u_cell, w_cell, owner))
-    return Landing(OK if owner == meeting.lenslet else CROSSTALK, meeting.lenslet, (u, v), point, out, margin)
+    return Landing(OK if owner == lenslet else CROSSTALK, lenslet, (u, v), point, out, margin)
 
 
 # --- closed cases ---------------------------------------------------------------------------------
