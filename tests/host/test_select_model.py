@@ -11,7 +11,7 @@ from hypothesis import example, given, seed, settings
 from hypothesis import strategies as st
 from lippmann.conformance.ray_sets import random_aims, random_pixels
 from lippmann.errors import InputError
-from lippmann.optics.model_choice import Choice, choose_model, reconstructed_pixel_mm
+from lippmann.optics.model_choice import choose_model, reconstructed_pixel_mm
 from lippmann.optics.rays import MODELS, Status
 from optics_cases import display_of, random_display
 from scene_cases import focused_display, generator
@@ -37,12 +37,6 @@ def displays(draw):
     return display_of(grid, side, radius=radius, index=index, thickness=thickness, gap=gap, **place, **PANEL)
 
 
-def rays_at(rays, z):
-    """Where rays cross the plane z, panel frame."""
-    t = (z - rays.origin_mm[:, 2]) / rays.direction[:, 2]
-    return rays.origin_mm[:, :2] + t[:, None] * rays.direction[:, :2]
-
-
 def brute_force(display, model, depths):
     """The largest distance from exact over every pixel's centre, in reconstructed pixels; inf where rays differ."""
     v, u = np.mgrid[0 : display.panel.height_px, 0 : display.panel.width_px] + 0.5
@@ -50,8 +44,12 @@ def brute_force(display, model, depths):
     truth, rays = lippmann.trace(display, pixels, None, "exact"), lippmann.trace(display, pixels, None, model)
     if not np.isin(truth.status, COUNTED).all() or (truth.lenslet != rays.lenslet).any():
         return math.inf
+
+    def at(rays, z):
+        return (rays.origin_mm + ((z - rays.origin_mm[:, 2]) / rays.direction[:, 2])[:, None] * rays.direction)[:, :2]
+
     return max(
-        np.linalg.norm(rays_at(truth, z) - rays_at(rays, z), axis=1).max()
+        np.linalg.norm(at(truth, z) - at(rays, z), axis=1).max()
         # A reconstructed pixel: the lenslet, or what a pixel spreads to at that depth.
         / max(display.array.pitch_mm, abs(z) * display.panel.pixel_pitch_mm / display.aperture_distance_mm)
         for z in depths
@@ -145,30 +143,18 @@ def test_over_the_full_aperture_only_the_very_rim_may_leave_elsewhere(grid, side
     assert worst < 0.005
 
 
-def test_tolerance_decides():
+def test_tolerance_decides_and_the_message_says_why():
     display = focused_display("square", focal=4.0, width_px=200, height_px=160, pixel_pitch=0.05)
     chosen = [choose_model(display, (-60.0, 60.0), "full", t).model for t in (1e-9, 0.01, 0.25, 1.0, 10.0, 1e3)]
     ranks = [MODELS.index(model) for model in chosen]
     assert ranks == sorted(ranks, reverse=True)
     assert chosen[0] == "exact"
     assert chosen[-1] == "pinhole"
-
-
-def test_the_message_says_what_and_why():
-    display = focused_display("square", focal=2.0, width_px=200, height_px=160, pixel_pitch=0.05)
     choice = choose_model(display, (-60.0, 60.0))
     assert str(choice).startswith(f"model {choice.model}: the cheapest within 0.25 pixel")
-    for model, error in choice.error_px.items():
-        assert f"{model} {error:.2g}" in str(choice)
-    assert "\n" not in str(Choice("exact", 0.25, {"pinhole": math.inf, "exact": 0.0}))
-
-
-def test_reconstructed_pixel():
-    display = focused_display("square", focal=2.0, width_px=200, height_px=160, pixel_pitch=0.05)
-    # At 80 mm a pixel of 0.05 mm behind D = 2 mm spreads to 2 mm, twice the lenslet.
-    assert reconstructed_pixel_mm(display, -80.0) == pytest.approx(2.0)
-    assert reconstructed_pixel_mm(display, 20.0) == 1.0
-    assert reconstructed_pixel_mm(display, 0.0) == 1.0
+    assert all(f"{model} {error:.2g}" in str(choice) for model, error in choice.error_px.items())
+    # At 80 mm a pixel of 0.05 mm behind D = 4 mm spreads to the lenslet's pitch, beyond that to more.
+    assert [reconstructed_pixel_mm(display, depth) for depth in (0.0, 20.0, -160.0)] == pytest.approx([1.0, 1.0, 2.0])
 
 
 @pytest.mark.parametrize("tolerance", [0.0, -1.0, math.nan, math.inf, "x"])

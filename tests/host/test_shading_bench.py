@@ -4,8 +4,6 @@ import math
 
 import numpy as np
 import pytest
-from lippmann.base.tones import psnr_db
-from lippmann.rendering.options import Settings
 from lippmann.rendering.pixel_filter import noise_fraction
 from lippmann.scenes.scene import load_scene
 from lippmann.simulation.toolchain import repository
@@ -26,28 +24,12 @@ def fish(mi, tmp_path):
     return load_scene(shading_speed.with_lamps(SCENES / "fish/fish.xml", 2, tmp_path))
 
 
-def drawn(scene, display, samples, way):
-    return shading_speed._drawn(scene, display, Settings(samples), way)[1]
-
-
 def test_a_scene_has_as_many_lamps_as_asked_and_their_power(fish, mi):
     lamps = [mi.traverse(lamp) for lamp in fish.mitsuba.emitters()]
     assert len(lamps) == 2
     power = [np.array(lamp["intensity.value"]).ravel() for lamp in lamps]
     np.testing.assert_allclose(np.sum(power, axis=0), shading_speed.POWER, rtol=1e-5)
     np.testing.assert_allclose(np.array(lamps[0]["position"]).ravel()[2], shading_speed.HEIGHT_MM)
-
-
-def test_one_sample_is_decoupled_from_nothing(fish, display):
-    """It finds its own light: only the rounding of its place on the surface differs."""
-    assert psnr_db(drawn(fish, display, 1, "decoupled"), drawn(fish, display, 1, "each")) > 50.0
-
-
-def test_samples_of_a_pixel_share_the_light_of_its_first(fish, display):
-    """With more samples it differs from each one's own, and less than a picture of one sample does."""
-    each, decoupled = (drawn(fish, display, 8, way) for way in ("each", "decoupled"))
-    alike, rough = psnr_db(decoupled, each), psnr_db(drawn(fish, display, 1, "each"), each)
-    assert rough + 3.0 < alike < 45.0
 
 
 def test_the_page_shows_every_way(tmp_path, monkeypatch, display, mi):

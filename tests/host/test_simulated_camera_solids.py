@@ -11,7 +11,7 @@ from lippmann.errors import InputError
 from lippmann.optics.rays import gets_through
 from lippmann.optics.trace import trace_to_panel
 from tools.simulated_bench import framed
-from tools.simulated_povray import SolidsBench, numbered, numbers, read_picture, render, write_model, write_picture
+from tools.simulated_povray import SolidsBench, numbered, numbers, render, write_model, write_picture
 
 #: A panel so fine that its pixels' edges do not count, columns.
 FINE_PX = 2560
@@ -108,9 +108,3 @@ def test_a_panel_in_contact_and_one_with_sub_pixels(request, tmp_path):
     striped = dataclasses.replace(display, panel=dataclasses.replace(display.panel, subpixels="rgb"))
     with pytest.raises(InputError, match="has colour sub-pixels"):
         SolidsBench().project(striped, camera)
-
-
-def test_it_reads_what_it_writes(tmp_path):
-    values = np.random.default_rng(0).integers(0, 65536, (5, 7, 3)).astype(np.uint16)
-    write_picture(tmp_path / "a.png", values)
-    np.testing.assert_array_equal(read_picture(tmp_path / "a.png"), values)
