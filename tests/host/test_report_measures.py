@@ -13,12 +13,9 @@ from lippmann.conformance.figures import Figures, Measured
 from lippmann.display.description import load_display
 from lippmann.engines import trace
 from lippmann.errors import InputError
-from lippmann.fixed.words import FRACTIONS
 from lippmann.optics.rays import Status
 from lippmann.simulation.toolchain import repository
 from tools import full_report, renderer_speed
-from tools.full_report import WHOLE
-from tools.named_builds import CONFIGURATIONS
 from tools.renderer_speed import noise_levels, size_label
 
 SCENES = repository() / "scenes"
@@ -141,40 +138,7 @@ def test_sizes_have_short_labels(size, label):
     assert size_label(size) == label
 
 
-@pytest.mark.parametrize("across", [600, 1200, 4800])
-def test_more_pixels_fill_the_same_window(across):
-    display = shipped("uhd-4k")
-    panel = renderer_speed.resized(display, across).panel
-    assert panel.width_px == across
-    assert panel.width_mm == pytest.approx(display.panel.width_mm)
-    assert abs(panel.height_mm - display.panel.height_mm) <= 0.5 * panel.pixel_pitch_mm
-
-
-@pytest.mark.parametrize(("triangles", "lights"), [(200, 1), (2_000, 5)])
-def test_the_sheet_has_as_many_triangles_and_lights(mi, triangles, lights):
-    scene = renderer_speed.waves(triangles, lights).mitsuba
-    (mesh,) = scene.shapes()
-    assert mesh.face_count() == pytest.approx(triangles, rel=0.05)
-    assert len(scene.emitters()) == lights
-    # It faces the viewer, everywhere: a ray along -z from anywhere above it meets its front.
-    x, y = np.random.default_rng(1).uniform(-79.0, 79.0, (2, 50))
-    si = scene.ray_intersect(mi.Ray3f(mi.Point3f(x, y, 0.0), mi.Vector3f(0.0, 0.0, -1.0)))
-    z = -30.0 + 8.0 * np.sin(0.3 * x) * np.cos(0.2 * y)
-    assert np.asarray(si.is_valid()).all()
-    assert (np.asarray(si.n.z) > 0.0).all()
-    if triangles >= 2_000:  # chords of 5 mm below waves of 1/0.3 mm
-        assert np.abs(np.asarray(si.p.z) - z).max() < 8.0 * (0.3**2 + 0.2**2) * 5.1**2 / 8.0 + 1e-3
-
-
-# ---- configurations ----
-
-
-def test_the_whole_plan_measures_every_configuration_and_word_length():
-    found = full_report.configurations(WHOLE)
-    assert {c.name for c in found} >= set(CONFIGURATIONS)
-    assert len({c.name for c in found}) == len({c.build for c in found}) == len(found)
-    exact = {(c.build.grid, c.build.fraction_bits) for c in found if c.build.model == "exact"}
-    assert exact == {(grid, bits) for grid in ("square", "hex") for bits in FRACTIONS}
+# ---- figures of the RTL ----
 
 
 def test_missing_figures_of_place_and_route_are_told(monkeypatch, tmp_path):

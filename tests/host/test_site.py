@@ -7,8 +7,6 @@ from html.parser import HTMLParser
 from pathlib import Path
 from urllib.parse import unquote
 
-import pytest
-
 TOP = Path(__file__).parents[2]
 #: As `make site` has it, which is asked.
 OPTIONS = ("--quiet", "--fail-on-warning", "--keep-going", "-b", "html", "-c")
@@ -83,22 +81,17 @@ def test_it_builds_and_every_link_within_it_leads_somewhere(tmp_path):
         assert f'id="{name}"' in api
 
 
-@pytest.mark.parametrize(
-    "wrong",
-    [
-        {},
-        {"[file](CHANGES.md)": "CHANGES.md", "[anchor](CHANGELOG.md#released)": "released",
-         "[here](#nowhere)": "nowhere", "![picture](none.png)": "none.png"},
-    ],
-    ids=["good", "broken"],
-)  # fmt: skip
-def test_a_broken_link_stops_it(tmp_path, wrong):
-    """Each has its warning, and each warning fails the build."""
+def test_a_broken_link_stops_it(tmp_path):
+    """Each has its warning, and nothing else has one."""
+    wrong = {
+        "[file](CHANGES.md)": "CHANGES.md", "[anchor](CHANGELOG.md#released)": "released",
+        "[here](#nowhere)": "nowhere", "![picture](none.png)": "none.png",
+    }  # fmt: skip
     links = "\n\n".join(["[good](CHANGELOG.md#unreleased)", *wrong])
     (tmp_path / "README.md").write_text(f"# Title\n\n{links}\n")
     (tmp_path / "CHANGELOG.md").write_text("# Changes\n\n## Unreleased\n\nNothing.\n")
     done = build(tmp_path, tmp_path / "site", tmp_path / "work")
-    assert (done.returncode != 0) == bool(wrong), done.stderr
+    assert done.returncode != 0
     warnings = [line for line in done.stderr.splitlines() if "WARNING" in line]
     for said in wrong.values():
         assert sum(said in line for line in warnings) == 1, done.stderr

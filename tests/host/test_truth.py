@@ -7,11 +7,10 @@ import itertools
 import math
 import random
 from dataclasses import replace
-from fractions import Fraction
 
 import pytest
 import truth
-from truth import BLOCKED, CROSSTALK, MISSED, OK, REFLECTED, Optics, mp
+from truth import CROSSTALK, OK, REFLECTED, Optics, mp
 
 GRIDS = ("square", "hex")
 SIDES = ("panel", "viewer")
@@ -26,28 +25,6 @@ STEEP = replace(PLAIN, radius_mm=0.72, index=1.9)
 def far(p, q):
     """The largest difference of two vectors' components."""
     return max(abs(a - b) for a, b in zip(p, q, strict=True))
-
-
-# --- frames and lattice ---------------------------------------------------------------------------
-
-
-def test_panel_corners_and_pixels():
-    assert truth.panel_point(PLAIN, 0, 0) == (-3.125, 2.5, -2.5)
-    assert truth.panel_point(PLAIN, 100, 80) == (3.125, -2.5, -2.5)
-    assert truth.panel_point(replace(PLAIN, plano_side="viewer"), 50, 40) == (0, 0, -0.5)
-    assert truth.pixel_of(PLAIN, 3.125, -2.5) == (100, 80)
-
-
-def test_edges_and_vertices_by_hand():
-    half = Fraction(1, 2)
-    assert truth.cell_of("square", half, Fraction(0)) == (1, 0)
-    assert truth.cell_of("square", -half, -half) == (0, 0)
-    assert truth.cell_of("square", half, half) == (1, 1)
-    # Hexagon: edge at 0 degrees, then the vertices at 30, 90, ... 330 degrees.
-    assert truth.cell_of("hex", half, Fraction(0)) == (1, 0)
-    vertices = ((1, 1), (0, 2), (-1, 1), (-1, -1), (0, -2), (1, -1))
-    owners = [truth.cell_of("hex", Fraction(a, 2), Fraction(b, 2)) for a, b in vertices]
-    assert owners == [(0, 1), (0, 1), (-1, 1), (0, 0), (0, 0), (1, 0)]
 
 
 def test_owner_is_passed_on_the_way_to_the_eye_by_hand():
@@ -72,9 +49,6 @@ def test_centres_and_aperture_points_turn_with_the_array():
     assert far([d[0], d[1] / d[2]], [0, mp.mpf(0.375) / depth]) < TINY
 
 
-# --- rays known by hand ---------------------------------------------------------------------------
-
-
 @pytest.mark.parametrize("height_px", [1, 3, 7])
 def test_vertical_ray_turns_by_the_two_angles(height_px):
     """Aimed at the point above its pixel a ray runs parallel to the axis; one face bends it."""
@@ -94,34 +68,6 @@ def test_vertical_ray_turns_by_the_two_angles(height_px):
     assert far(ray.direction, (-sin_out, 0, mp.sqrt(1 - sin_out**2))) < TINY
 
 
-# --- status ---------------------------------------------------------------------------------------
-
-
-def test_missed_when_the_canyon_between_the_domes_is_long():
-    """Along the seams at y = p / 2 the domes hang p^2 / (8 R) deep or deeper, ever again.
-
-    A panel in contact aims along that line at the rims' plane, twice as deep, a pitches ahead: the
-    first dome comes after about a / 2.
-    """
-    optics = replace(PLAIN, plano_side="viewer", radius_mm=100.0, gap_mm=0.0)
-    assert truth.trace(optics, 50, 32, a=100, b=-0.5).status == MISSED
-    ray = truth.trace(optics, 50, 32, a=20, b=-0.5)
-    # Level all but a trace, it comes to the flat face past the critical angle; the dome is met.
-    assert ray.status == REFLECTED
-    assert abs(ray.lenslet[0] - 10) <= 1
-    # The seam belongs to two lenslets all along, so nobody should rely on it.
-    assert ray.margin == 0
-
-
-def test_world_rays_outside_the_panel_and_in_the_wrong_cell():
-    outside = truth.world_to_panel(PLAIN, (4.0, 0, 5), (0, 0, -1))
-    assert outside.status == BLOCKED
-    assert far(outside.pixel, (114, 40)) < TINY
-    # Parallel light at 45 degrees lands about f = 3 mm aside of a 1 mm cell.
-    slanted = truth.world_to_panel(PLAIN, (0, 0, 0), (-0.6, 0, -0.8))
-    assert (slanted.status, slanted.lenslet) == (CROSSTALK, (0, 0))
-
-
 def height(optics: Optics, x: float, y: float) -> float:
     """The curved face at (x, y) in floats: the plain definition, nearest centre and sphere."""
     u, w = (float(q) for q in truth._lattice(optics, mp.mpf(x), mp.mpf(y)))
@@ -139,37 +85,6 @@ def clear_until(optics: Optics, p, d, t_end: float, in_glass: bool, steps: int =
         if glass != in_glass:
             return False
     return True
-
-
-@pytest.mark.parametrize("grid", GRIDS)
-def test_blocked_rays_stand_on_a_neighbour(grid):
-    """Blocking takes thin glass of low index, steep domes and rays all but in the panel's plane."""
-    rng = random.Random(6)
-    radius = 0.72 if grid == "square" else 0.59
-    optics = replace(PLAIN, grid=grid, radius_mm=radius, index=1.25, gap_mm=0.0)
-    optics = replace(optics, thickness_mm=float(truth.sag(optics)))
-    blocked = 0
-    for _ in range(3000):
-        u, v = rng.uniform(40, 60), rng.uniform(30, 50)
-        angle = rng.uniform(-math.pi, math.pi)
-        ray = truth.trace(optics, u, v, 4 * math.cos(angle), 4 * math.sin(angle))
-        if ray.status != BLOCKED or ray.margin < 1e-6:
-            continue
-        x, y, z = (float(q) for q in ray.origin)
-        assert abs(z - height(optics, x, y)) < 1e-12
-        assert truth.lenslet_of(optics, x, y) != ray.lenslet
-        # The dome that it left lies behind it on the same line, and the pixel behind that.
-        x, y, _ = truth.back_to_panel(optics, ray.origin, ray.direction, ray.lenslet)
-        assert far((x, y), truth.panel_point(optics, u, v)[:2]) < TINY
-        # Air before the neighbour, glass behind it.
-        ahead = [o + mp.mpf(1e-9) * d for o, d in zip(ray.origin, ray.direction, strict=True)]
-        assert clear_until(optics, ahead, ray.direction, 1e-9, in_glass=True)
-        back = [-d for d in ray.direction]
-        assert clear_until(optics, ray.origin, back, 1e-8, in_glass=False)
-        blocked += 1
-        if blocked == 10:
-            return
-    pytest.fail(f"only {blocked} rays were blocked")
 
 
 def test_marching_finds_the_same_first_meeting():
