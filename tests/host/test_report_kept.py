@@ -66,14 +66,3 @@ def test_configurations_pictures_and_front(kept):
         assert row["image_db"].median >= 50.0
         assert row["mhz"] is not None
     assert any(on_front(table).values())
-
-
-def test_growth_and_renderer_are_whole(kept):
-    assert {row["with"] for row in kept.tables["report-growth"].rows} == {
-        "pixels", "lenslets", "triangles", "lights", "threads", "samples",
-    }  # fmt: skip
-    memory = [row["memory_mb"].median for row in rows(kept, "report-growth", **{"with": "pixels"})]
-    assert memory == sorted(memory)
-    assert memory[-1] > memory[0] + 500.0
-    assert len(kept.tables["report-renderer"].rows) == 3 * len(WHOLE.noise_samples)
-    assert {row["configuration"] for row in kept.tables["report-budget"].rows} == set(WHOLE.budget)

@@ -26,9 +26,6 @@ def shipped(name):
     return load_display(SCENES / f"displays/{name}.toml")
 
 
-# ---- rays ----
-
-
 @pytest.mark.parametrize("angle", [1e-7, 1e-5, 1e-3])
 @pytest.mark.parametrize("shift_mm", [0.0, 2e-6, 1e-3])
 def test_errors_of_turned_and_shifted_rays(angle, shift_mm):
@@ -93,9 +90,6 @@ def test_a_display_that_no_word_holds_is_measured_without_the_twin(caplog):
     assert "vga-square: measured without the twin and the RTL: register index: 1.05" in caplog.text
 
 
-# ---- pictures ----
-
-
 @pytest.mark.parametrize("levels", [0.5, 2.0, 8.0])
 def test_noise_is_its_standard_deviation(levels):
     seed = 3
@@ -120,9 +114,6 @@ def test_the_middle_of_a_panel(most, size):
     assert np.allclose(one.direction, other.direction, rtol=0, atol=1e-15)
 
 
-# ---- growth ----
-
-
 @pytest.mark.parametrize("power", [-1.0, 0.0, 0.5, 1.0, 2.0])
 def test_exponent_of_a_power_law(power):
     sizes = np.array([1, 2, 5, 30])
@@ -136,9 +127,6 @@ def test_exponent_of_a_power_law(power):
 def test_sizes_have_short_labels(size, label):
     """Ticks of 10.323k and 41.453k ran into each other."""
     assert size_label(size) == label
-
-
-# ---- figures of the RTL ----
 
 
 def test_missing_figures_of_place_and_route_are_told(monkeypatch, tmp_path):
@@ -166,9 +154,6 @@ def test_the_front_counts_cells_clock_and_error():
     ]
     found = full_report.on_front(Figures("report-rtl", ("configuration", "display", "rays"), rows))
     assert found == {"small": True, "exact": True, "worse": False, "fast": True, "elsewhere": True, "aims": True}
-
-
-# ---- load ----
 
 
 @pytest.mark.parametrize(("everybody", "others"), [(100.0, "70 of 100"), (10.0, "0 of 10"), (None, None)])

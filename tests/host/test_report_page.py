@@ -1,10 +1,10 @@
 """The report's pages need nothing else, tell where each figure comes from, and can be read without seeing."""
 
-import html.parser
 import re
 
 import jinja2
 import pytest
+from html_page import HtmlPage
 from lippmann.conformance.figures import Figures, Measured
 from lippmann.conformance.pages import Page
 from lippmann.conformance.plots import Plot, finish_picture, make_axes
@@ -17,39 +17,6 @@ ORIGIN = {
     "versions": "lippmann 9.9.9",
     "seed": "5",
 }
-#: Elements that have no end tag.
-VOID = {"meta", "img", "link", "br"}
-
-
-class Reader(html.parser.HTMLParser):
-    """Collects what a page's elements are and say, and that each is closed by itself."""
-
-    def __init__(self, text):
-        super().__init__()
-        self.elements, self.open, self.said = [], [], {}
-        self.feed(text)
-        self.close()
-        assert not self.open
-
-    def handle_starttag(self, tag, attributes):
-        self.elements.append((tag, dict(attributes)))
-        if tag not in VOID:
-            self.open.append(tag)
-        if tag in ("figcaption", "caption"):
-            self.said.setdefault(tag, []).append("")
-
-    def handle_endtag(self, tag):
-        assert self.open.pop() == tag
-
-    def handle_data(self, data):
-        for tag in ("figcaption", "caption"):
-            if tag in self.open:
-                self.said[tag][-1] += data
-
-    def named(self, tag):
-        return [attributes for name, attributes in self.elements if name == tag]
-
-
 TEMPLATE = """{% from macros import plot, table, file, link, origins with context %}
 # Speed & error
 
@@ -82,24 +49,24 @@ def page(tmp_path):
 
 def check_page(text, origin, images, tables):
     """Assert what holds for every page: self-contained, told where from, read without seeing."""
-    page = Reader(text)
+    page = HtmlPage(text)
+    assert page.well_formed
     assert len(page.named("img")) >= images
     assert len(page.named("table")) >= tables
     # Nothing is fetched from anywhere.
     assert {name for name, _ in page.elements} & {"script", "link", "iframe", "object", "base"} == set()
-    addresses = [value for _, a in page.elements for key, value in a.items() if key in ("src", "href", "srcset")]
-    assert all(value.startswith(("data:image/png;base64,", "#")) for value in addresses)
+    assert all(value.startswith(("data:image/png;base64,", "#")) for value in page.values("src", "href", "srcset"))
     assert not re.search(r"url\(|@import|https?:", text)
     assert any("default-src 'none'" in a.get("content", "") for a in page.named("meta"))
     # Each figure and table says where it comes from.
-    assert len(page.said["figcaption"]) == len(page.named("img"))
-    assert len(page.said["caption"]) == len(page.named("table"))
-    for said in page.said["figcaption"] + page.said["caption"]:
+    assert len(page.captions["figcaption"]) == len(page.named("img"))
+    assert len(page.captions["caption"]) == len(page.named("table"))
+    for said in page.captions["figcaption"] + page.captions["caption"]:
         assert [
             key for key in ("machine", "date", "versions", "command", "seed") if f"{key}: {origin[key]}" not in said
         ] == []
     # Links lead somewhere, pictures are told in words, tables that scroll can be reached by the keys.
-    ids = [a["id"] for _, a in page.elements if "id" in a]
+    ids = page.values("id")
     assert len(ids) == len(set(ids))
     assert {a["href"][1:] for a in page.named("a")} <= set(ids)
     assert all(len(a["alt"]) > 10 for a in page.named("img"))
@@ -109,7 +76,7 @@ def check_page(text, origin, images, tables):
     assert all(a.get("scope") in ("row", "col") for a in page.named("th"))
 
 
-def test_the_page_is_self_contained_and_says_where_its_figures_come_from(page):
+def test_page_and_markdown_are_self_contained_and_say_where_their_figures_come_from(page):
     text = page.html()
     check_page(text, ORIGIN, images=1, tables=1)
     assert "<code>code</code> &lt; 3" in text
@@ -117,9 +84,6 @@ def test_the_page_is_self_contained_and_says_where_its_figures_come_from(page):
     assert "<td>1234567</td>" in text
     assert "<td>-</td>" in text
     assert '<li><a href="#section-1">First &amp; best</a></li>' in text
-
-
-def test_markdown_says_it_too_and_links_the_data(page):
     text = page.text()
     assert text.startswith("# Speed & error\n")
     assert '![A line that falls, "so".](report-made.png)' in text

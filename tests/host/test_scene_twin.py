@@ -281,9 +281,6 @@ def test_whole_frames_are_drawn_in_raster_order():
     assert (u[:2].tolist(), v[:2].tolist()) == ([-956, -948], [636, 628])
 
 
-# ---- values by hand ----
-
-
 def test_a_single_texel_by_hand():
     build = SceneBuild(1, width=32, height=32)
     slot = np.zeros(build.slot_bytes, np.uint8)
@@ -349,9 +346,6 @@ def test_curve_of_a_panel():
     assert (got[:4096] == exact[:4096]).all()
     assert np.abs(got - exact).max() <= 1
     assert len(entry_light()) == 8192
-
-
-# ---- errors ----
 
 
 def layer(depth=20.0, scale=5.0, zero=(50.0, 50.0), **rest):

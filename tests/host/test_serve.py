@@ -61,10 +61,10 @@ def test_pages_of_other_sites_get_nothing(server, headers):
 
 
 def test_threads_are_bounded_and_silent_clients_let_go(server, monkeypatch):
-    monkeypatch.setattr(serve._Handler, "timeout", 1.0)
+    monkeypatch.setattr(serve._Handler, "timeout", 0.7)
     before = threading.active_count()
     with ExitStack() as lines:
-        silent = [lines.enter_context(socket.create_connection(server.server_address)) for _ in range(4 * MAX_REQUESTS)]
+        silent = [lines.enter_context(socket.create_connection(server.server_address)) for _ in range(MAX_REQUESTS + 4)]
         time.sleep(0.3)
         assert threading.active_count() - before <= MAX_REQUESTS
         silent[-1].settimeout(2.0)

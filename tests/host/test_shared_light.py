@@ -73,9 +73,6 @@ def views_db(shared, each, display):
     return min(psnr_db(*(observe(one, display, eye, window).radiance for one in (shared, each))) for eye in eyes)
 
 
-# ---- lattices ----
-
-
 #: Corners of a slender triangle, from its apex on.
 SLENDER = np.array([[30.0, 0.3, 0.0], [0.0, 0.7, 0.0], [0.0, 0.0, 0.0]])
 
@@ -268,9 +265,6 @@ def test_another_picture_needs_no_other_programs(mi, display):
         assert programs(seed) <= first
 
 
-# ---- pictures ----
-
-
 def test_pictures_are_those_of_each_rays_light(mi, display):
     """Shadows, a mirror, glass, and one-sided paint from behind; light and dark."""
     glass = {"type": "dielectric", "int_ior": 1.5}
@@ -376,20 +370,6 @@ def test_the_tolerance_is_kept_on_random_scenes(mi, fine, first, eager):
             assert views_db(auto.radiance, each.radiance, fine) >= renderers.CACHE_DB, seed
     if current_device() == "llvm":
         assert "shared" in ways
-
-
-@pytest.mark.parametrize("cutoff", [4.0, 30.0])
-def test_spots_and_directions_share(mi, display, cutoff):
-    """The edge of a spot's light is a shadow's edge, and its soft rim is smooth."""
-    to_world = mi.ScalarTransform4f().look_at([10, 15, 40], [0, 0, -6], [0, 1, 0])
-    spot = {"type": "spot", "to_world": to_world, "intensity": 3000.0, "cutoff_angle": cutoff}
-    sun = {"type": "directional", "direction": [10.0, -15.0, -40.0], "irradiance": 0.5}
-    shared, each = both_ways(scene(wall=wall(mi), ball=ball(2, 1, 0, 1.5), spot=spot, sun=sun), display)
-    assert each.max() > 0.3
-    assert psnr_db(shared, each) > 40.0
-
-
-# ---- when the cache is not used ----
 
 
 def lamp_with_picture(mi, kind):

@@ -59,24 +59,6 @@ def test_its_rays_meet_the_panel_where_ours_do(request, tmp_path, grid, side):
         assert np.sqrt((means[count > 50] ** 2).mean()) < 0.01
 
 
-def test_a_pattern_is_what_its_numbers_say(request, tmp_path):
-    """Three patterns as the colours of one picture: POV-Ray's picture of it, against the numbers of its pixels."""
-    display = built(request, "square", "panel")
-    camera = camera_before(display)
-    write_model(display, tmp_path)
-    patterns = np.random.default_rng(2).integers(0, 65536, (480, 640, 3)).astype(np.uint16)
-    pictures = []
-    for picture in (patterns, numbered(display.panel)):
-        write_picture(tmp_path / "panel.png", picture)
-        pictures.append(render(tmp_path, camera)[0])
-    place, lit = numbers(pictures[1], display.panel)
-    column, row = np.floor(place[lit]).astype(int).T
-    assert lit.sum() > 10000
-    # Linear from end to end; POV-Ray computes in single precision.
-    assert np.abs(pictures[0][lit].astype(int) - patterns[row, column].astype(int)).max() <= 2
-    assert (pictures[0][~lit] == 0).all()
-
-
 def test_its_photographs_are_ours(request):
     """The whole camera, with distortion and a pupil out of focus: smooth pictures, the same but for the samples."""
     display = built(request, "square", "panel")

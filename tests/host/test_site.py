@@ -3,9 +3,10 @@
 import re
 import subprocess
 import sys
-from html.parser import HTMLParser
 from pathlib import Path
 from urllib.parse import unquote
+
+from html_page import HtmlPage
 
 TOP = Path(__file__).parents[2]
 #: As `make site` has it, which is asked.
@@ -17,20 +18,6 @@ def build(source, out, work):
     return subprocess.run(command, check=False, cwd=TOP, capture_output=True, text=True)
 
 
-class Page(HTMLParser):
-    """What a page leads to, and the anchors that it has."""
-
-    def __init__(self, text):
-        super().__init__()
-        self.links, self.anchors = [], set()
-        self.feed(text)
-
-    def handle_starttag(self, tag, attributes):
-        given = dict(attributes)
-        self.anchors |= {given[key] for key in ("id", "name") if given.get(key)}
-        self.links += [given[key] for key in ("href", "src") if given.get(key)]
-
-
 def test_the_makefile_builds_it_the_same_way():
     done = subprocess.run(["make", "-n", "site"], check=True, cwd=TOP, capture_output=True, text=True)
     assert f"sphinx-build {' '.join(OPTIONS)} docs/site " in done.stdout
@@ -40,16 +27,17 @@ def test_it_builds_and_every_link_within_it_leads_somewhere(tmp_path):
     done = build(TOP, tmp_path / "site", tmp_path / "work")
     assert done.returncode == 0, done.stderr
     assert not done.stderr
-    pages = {path: Page(path.read_text()) for path in (tmp_path / "site").rglob("*.html")}
+    pages = {path: HtmlPage(path.read_text()) for path in (tmp_path / "site").rglob("*.html")}
     wanted = {
         *("README", "CONTRIBUTING", "CHANGELOG", "docs/models", "docs/site/api", "scenes/README"),
         *(str(path.relative_to(TOP).with_suffix("")) for path in TOP.glob("docs/*/*.md")),
     }
     names = {str(path.relative_to(tmp_path / "site").with_suffix("")) for path in pages}
     assert wanted <= names
+    anchors = {path: set(page.values("id", "name")) for path, page in pages.items()}
     links = 0
     for path, page in pages.items():
-        for link in page.links:
+        for link in page.values("href", "src"):
             target, _, anchor = unquote(link).partition("#")
             if "://" in target or target.startswith(("data:", "mailto:")):
                 assert not target.endswith((".js", ".css")), f"{path.name} needs a network: {target}"
@@ -58,17 +46,16 @@ def test_it_builds_and_every_link_within_it_leads_somewhere(tmp_path):
             there = (path.parent / target.split("?")[0]).resolve() if target else path
             assert there.exists(), f"{path.name}: {link}"
             if anchor and there in pages:
-                assert anchor in pages[there].anchors, f"{path.name}: {link}: no such anchor"
+                assert anchor in anchors[there], f"{path.name}: {link}: no such anchor"
     assert links > 1000
     # From the first page every page can be reached.
-    first = {
-        (tmp_path / "site" / link.partition("#")[0]).resolve() for link in pages[tmp_path / "site/README.html"].links
-    }
+    first_links = pages[tmp_path / "site/README.html"].values("href", "src")
+    first = {(tmp_path / "site" / link.partition("#")[0]).resolve() for link in first_links}
     assert {tmp_path / f"site/{name}.html" for name in wanted - {"README"}} <= first
     # Options stay what can be copied; there are no dashes of typography in the pages.
     assert not [path.name for path in pages if "\N{EN DASH}" in path.read_text()]
     # In the order of the first page's table, which begins where a reader does.
-    text = "\n".join(pages[tmp_path / "site/README.html"].links)
+    text = "\n".join(first_links)
     order = list(dict.fromkeys(re.findall(r"^docs/how-to/([\w-]+)\.html$", text, re.M)))
     table = (TOP / "README.md").read_text().partition("## Documentation")[2]
     assert order == re.findall(r"\(docs/how-to/([\w-]+)\.md\)", table)

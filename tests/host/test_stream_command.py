@@ -207,11 +207,3 @@ def test_a_test_pattern_that_hides_the_frame_is_told(picture, capsys, more):
 def test_a_time_to_wait_that_is_none_is_refused(seconds, capsys):
     assert run(["stream", "image.png", "--port", "socket://127.0.0.1:1", "--resume", seconds]) == 2
     assert "--resume" in capsys.readouterr().err
-
-
-def test_an_empty_port_is_refused(picture, capsys):
-    with ModelBoard() as model:
-        path, _ = picture(model)
-    for words in (["stream", path], ["board", "info"], ["board", "read", "display"]):
-        assert run([*words, "--port", ""]) == 2
-        assert "an empty port" in capsys.readouterr().err

@@ -77,23 +77,21 @@ def log_lines(monkeypatch):
     return lines_of
 
 
-def test_long_work_tells_its_progress_in_a_log(log_lines):
-    """A render that goes on after a quarter: 50 rows in ten seconds, and what an earlier run did took no time."""
-    assert log_lines((100, 150, 200, 250, 300, 400), 400) == [
-        "render: 50 % after 30 s, about 40 s left",
-        "render: 100 % after 60 s, about 0 s left",
-    ]
-
-
-def test_the_remaining_time_is_not_estimated_from_what_comes_before_the_work(log_lines):
-    """A stream whose board is compiled for 33 s first: the first reports say nothing of 33,000 tiles."""
-    lines = log_lines((0, 1000, 2000, 3000), 33_000, starts_s=33.0)
-    assert lines == ["render: 3 % after 53 s, about 320 s left"]
-
-
-def test_no_remaining_time_before_there_is_a_rate(log_lines, monkeypatch):
-    monkeypatch.setattr(progress_bar, "MIN_RATE_S", 15.0)
-    assert log_lines((0, 6), 33_000, starts_s=25.0) == ["render: 0 % after 45 s"]
+@pytest.mark.parametrize(
+    ("reports", "total", "starts_s", "min_rate_s", "lines"),
+    [
+        # What an earlier run did took no time: 50 rows in ten seconds.
+        ((100, 150, 200, 250, 300, 400), 400, 0.0, None, ["50 % after 30 s, about 40 s left",
+                                                          "100 % after 60 s, about 0 s left"]),
+        # A board is compiled for 33 s first: the first reports say nothing of 33,000 tiles.
+        ((0, 1000, 2000, 3000), 33_000, 33.0, None, ["3 % after 53 s, about 320 s left"]),
+        # No rate yet.
+        ((0, 6), 33_000, 25.0, 15.0, ["0 % after 45 s"]),
+    ],
+)  # fmt: skip
+def test_long_work_tells_its_progress_in_a_log(log_lines, monkeypatch, reports, total, starts_s, min_rate_s, lines):
+    monkeypatch.setattr(progress_bar, "MIN_RATE_S", min_rate_s or progress_bar.MIN_RATE_S)
+    assert log_lines(reports, total, starts_s) == [f"render: {line}" for line in lines]
 
 
 @pytest.mark.parametrize("as_json", [False, True])

@@ -135,9 +135,6 @@ class Landing(NamedTuple):
     margin: Mpf
 
 
-# --- vectors --------------------------------------------------------------------------------------
-
-
 def _dot(p: Vec, q: Vec) -> Mpf:
     return p[0] * q[0] + p[1] * q[1] + p[2] * q[2]
 
@@ -194,9 +191,6 @@ def _into_glass(d: Vec, normal: Vec, index: Mpf) -> Vec:
 _UP: Vec = (mp.mpf(0), mp.mpf(0), mp.mpf(1))
 
 
-# --- the display in 50 digits ---------------------------------------------------------------------
-
-
 @lru_cache(maxsize=64)
 def _model(optics: Optics) -> SimpleNamespace:
     """An `Optics` in mpf, with what follows from it; bulge is +1 when the domes bulge to the viewer, else -1."""
@@ -235,9 +229,6 @@ def pixel_of(optics: Optics, x: Any, y: Any) -> tuple[Mpf, Mpf]:
     """Return the continuous pixel coordinates (u, v) of a panel-frame point in mm."""
     m = _model(optics)
     return (mp.mpf(x) / m.pixel + mp.mpf(optics.width_px) / 2, mp.mpf(optics.height_px) / 2 - mp.mpf(y) / m.pixel)
-
-
-# --- lattice --------------------------------------------------------------------------------------
 
 
 def projections(grid: str, u: Any, w: Any, lenslet: Lenslet) -> tuple[Any, ...]:
@@ -353,9 +344,6 @@ def _lenslets_near(optics: Optics, p: Vec, q: Vec) -> list[Lenslet]:
             if abs(to - foot * way) <= near:
                 found.append((i, j))
     return found
-
-
-# --- the height field -----------------------------------------------------------------------------
 
 
 class _Meeting(NamedTuple):
@@ -481,9 +469,6 @@ def _leaves_the_shoulder(optics: Optics, p: Vec, d: Vec) -> bool:
     return _meet(optics, p, d, leaving=True, after=mp.mpf(0))[0] is not None
 
 
-# --- panel to world -------------------------------------------------------------------------------
-
-
 def aperture_distance(optics: Optics) -> Mpf:
     """Return D, the distance of the aperture plane from the panel, mm."""
     m = _model(optics)
@@ -543,9 +528,6 @@ def trace(optics: Optics, u: Any, v: Any, a: Any = 0, b: Any = 0) -> Ray:
     lenslet = home if passage.lenslet is None else passage.lenslet
     status = CROSSTALK if passage.status == OK and lenslet != home else passage.status
     return Ray(status, lenslet, *passage[2:])
-
-
-# --- and back -------------------------------------------------------------------------------------
 
 
 def back_to_panel(optics: Optics, origin: Any, direction: Any, lenslet: Lenslet) -> PanelPoint:
@@ -609,9 +591,6 @@ def world_to_panel(optics: Optics, origin: Any, direction: Any) -> Landing:
     owner = cell_of(optics.grid, u_cell, w_cell)
     margin = min(margin, _clearance(optics.grid, u_cell, w_cell, owner))
     return Landing(OK if owner == lenslet else CROSSTALK, lenslet, (u, v), point, out, margin)
-
-
-# --- closed cases ---------------------------------------------------------------------------------
 
 
 def lensmaker_focal_length(radius_mm: Any, index: Any) -> Mpf:
