@@ -54,20 +54,21 @@ def test_missing_data_do_not_stop_the_generator(tmp_path):
         assert (TOP / path).read_text() == (tmp_path / path).read_text()
 
 
-def test_a_definition_without_descriptions_is_refused(tmp_path):
+@pytest.mark.parametrize(
+    ("part", "instead", "message"),
+    [
+        ('desc = "Number of further domes to try.";', "", "walk has no desc"),
+        ("addrmap optics_registers {", "addrmap optics_registers { nonsense;", r"registers\.rdl is wrong"),
+    ],
+)
+def test_a_wrong_definition_is_refused(tmp_path, capsys, part, instead, message):
     text = (TOP / "rtl/registers.rdl").read_text()
+    assert part in text
     (tmp_path / "rtl").mkdir()
-    (tmp_path / "rtl/registers.rdl").write_text(text.replace('desc = "Number of further domes to try.";', ""))
-    with pytest.raises(InputError, match="walk has no desc"):
+    (tmp_path / "rtl/registers.rdl").write_text(text.replace(part, instead))
+    with pytest.raises(InputError, match=message):
         generate(tmp_path, tmp_path)
-
-
-def test_a_wrong_definition_is_refused(tmp_path, capsys):
-    (tmp_path / "rtl").mkdir()
-    (tmp_path / "rtl/registers.rdl").write_text("addrmap optics_registers { nonsense };")
-    with pytest.raises(InputError, match=r"registers\.rdl is wrong"):
-        generate(tmp_path, tmp_path)
-    assert "error" in capsys.readouterr().err
+    assert ("nonsense" in capsys.readouterr().err) == ("nonsense" in instead)
 
 
 def package_fields():
@@ -145,16 +146,6 @@ def test_words_have_the_fraction_bits_that_the_registers_tell():
             bits = sum({"F": f, "E": 0}.get(part) or int(part.replace("E", "0")) for part in fraction.split(" + "))
             value = math.ldexp(getattr(config, name), -bits)
             assert abs(value - known[name]) <= 2.0**-f, name
-
-
-@pytest.mark.parametrize(("f", "extra"), [(16, 0), (17, 1), (23, 1)])
-def test_slopes_have_a_bit_more_on_their_way_into_the_glass(f, extra):
-    """D = gap + T/n = 1 + 0.9 / 1.6 = 1.5625, and p / D = 0.512; the models without a dome have none more."""
-    display = display_of("square", "panel", pitch=0.8, radius=2.0, index=1.6, thickness=0.9, gap=1.0)
-    build = Build.of(display, "exact", f, aims=False)
-    assert configuration(display, build, "exact").slope_x == math.floor(0.512 * 2.0 ** (f + extra) + 0.5)
-    build = Build.of(display, "pinhole", f, aims=False)
-    assert configuration(display, build, "pinhole").slope_x == math.floor(-0.512 * 2.0**f + 0.5)
 
 
 def test_a_configuration_is_written_and_read_back():

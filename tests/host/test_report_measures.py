@@ -16,7 +16,7 @@ from lippmann.errors import InputError
 from lippmann.optics.rays import Status
 from lippmann.simulation.toolchain import repository
 from tools import full_report, renderer_speed
-from tools.renderer_speed import noise_levels, size_label
+from tools.renderer_speed import noise_levels
 
 SCENES = repository() / "scenes"
 DEPTHS = (-165.0, 78.0)
@@ -121,14 +121,6 @@ def test_exponent_of_a_power_law(power):
     assert renderer_speed.exponent([4], [1.0]) is None
 
 
-@pytest.mark.parametrize(
-    ("size", "label"), [(1, "1"), (112, "112"), (2560, "2.56k"), (41453, "41.5k"), (23040000, "23M")]
-)
-def test_sizes_have_short_labels(size, label):
-    """Ticks of 10.323k and 41.453k ran into each other."""
-    assert size_label(size) == label
-
-
 def test_missing_figures_of_place_and_route_are_told(monkeypatch, tmp_path):
     (tmp_path / "docs/generated/reports").mkdir(parents=True)
     (tmp_path / full_report.SYNTHESIS).write_text("# machine: one\nconfiguration,lut\nwidest-square,5\n")
@@ -164,12 +156,3 @@ def test_load_tells_the_work_that_was_not_ours(monkeypatch, everybody, others):
     monkeypatch.setattr(engine_report.Load, "now", lambda: now)
     told = "" if others is None else f"; {others} s of processor time since then were other programs'"
     assert engine_report.load_since(start) == f"average 0.2 at the start{told}"
-
-
-def test_load_counts_our_own_work():
-    start = engine_report.Load.now()
-    x = np.random.default_rng(0).random(1_000_000)
-    while engine_report.Load.now().ours - start.ours < 0.3:
-        np.sort(x)
-    end = engine_report.Load.now()
-    assert end.everybody is None or end.everybody - start.everybody >= 0.25

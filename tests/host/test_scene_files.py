@@ -102,9 +102,6 @@ def fields(radiance):
     return radiance[side :: 2 * side, side :: 2 * side][:2, :2]
 
 
-# ---- meshes ----
-
-
 def test_a_glb_has_its_texture_the_right_way_up(tmp_path, mi):
     """Rough glass-like paint: its albedo, and of the lights in front less than glTF's 4 % of a mirror more."""
     path = glb(tmp_path / "a.glb", dielectric(baseColorTexture={"index": 0}), [png_of(picture(), tmp_path / "a.png")])
@@ -281,8 +278,6 @@ def test_a_depth_pictures_file_places_no_mesh(tmp_path, mi):
     assert (scene.usual, scene.placement.scale) == (None, 3.0)
 
 
-# ---- splats ----
-
 HARMONICS = 45
 
 
@@ -342,9 +337,6 @@ def test_stray_splats_do_not_shrink_the_scene(tmp_path, mi):
         centres[:strays] = random.uniform(-500.0, 500.0, (strays, 3))
         scene = api.load_scene(splats(tmp_path / "a.ply", centres, [[1.0, 1.0, 1.0]] * 400))
         assert 1.5 < scene.width_mm < 3.5, strays
-
-
-# ---- quilts and views ----
 
 
 @pytest.fixture
@@ -417,9 +409,6 @@ def test_a_quilt_of_another_tool_has_a_cone_of_forty_degrees(tmp_path, mi):
         assert found == pytest.approx(decode(np.full(3, (40 * number + 20) / 255.0), "srgb"), rel=1e-2)
 
 
-# ---- a picture and its depths ----
-
-
 def depth_pair(place, mi, hole=False):
     """A picture and depths of the balls by Mitsuba's own camera; depths in tenths of a millimetre, 16 bits."""
     scene = mi.load_file(str(place / "balls.xml"))
@@ -484,9 +473,6 @@ def test_holes_of_depths_are_counted_and_filled(place, mi, capfd):
     assert found[10:-10, 10:-10].max(axis=2).min() > 0.05
 
 
-# ---- one command for all, and Python's scenes ----
-
-
 def test_every_kind_renders_without_an_option(place, mi, capfd):
     depth_pair(place, mi)
     ball = trimesh.creation.icosphere(2)
@@ -524,9 +510,6 @@ def test_a_window_fills_the_panel(place, mi):
     panel = built.panel
     assert scene.width_mm == pytest.approx(min(panel.width_mm, 1.5 * panel.height_mm))
     assert scene.placement.near_mm > 0.0 > scene.placement.far_mm
-
-
-# ---- bad input ----
 
 
 def refused(path, words):
@@ -705,8 +688,6 @@ def test_commands_that_place_nothing_say_so(place, capfd, mi):
     assert run(["export", "povray", "ball.glb", "--display", "d.toml", "-o", "p", "--device", "llvm"]) == 2
     assert "no Mitsuba scene" in capfd.readouterr().err
 
-
-# ---- the hash of a scene ----
 
 #: Parts of a scene that name a file each.
 FILES_OF_SCENES = {

@@ -94,19 +94,8 @@ class Ray(NamedTuple):
     """
 
     status: int
-    lenslet: Lenslet
-    origin: Vec
-    direction: Vec
-    cos_theta_t: Mpf
-    margin: Mpf
-
-
-class _Passage(NamedTuple):
-    """How far a ray got through the array; as in `Ray`, with no lenslet where it met none."""
-
-    status: int
     lenslet: Lenslet | None
-    point: Vec
+    origin: Vec
     direction: Vec
     cos_theta_t: Mpf
     margin: Mpf
@@ -487,18 +476,18 @@ def chief_or_aperture_direction(optics: Optics, x: Any, y: Any, lenslet: Lenslet
     return _unit((aim_x - mp.mpf(x), aim_y - mp.mpf(y), aperture_distance(optics)))
 
 
-def _through_the_array(optics: Optics, p: Vec, d: Vec, margin: Mpf, *, flat_first: bool) -> _Passage:
-    """Take a ray from p along d through both faces, as far as it gets."""
+def _through_the_array(optics: Optics, p: Vec, d: Vec, margin: Mpf, *, flat_first: bool) -> Ray:
+    """Take a ray from p along d through both faces, as far as it gets; the lenslet is None where it met none."""
     m, none = _model(optics), mp.mpf(0)
     if flat_first:
         p, d = _to_plane(p, d, m.z_flat), _into_glass(d, _UP, m.n)
     meeting, near = _meet_in_reach(optics, p, d, leaving=flat_first)
     margin = min(margin, near)
     if meeting is None:
-        return _Passage(MISSED, None, p, d, none, margin)
+        return Ray(MISSED, None, p, d, none, margin)
     lenslet, point, normal = meeting.lenslet, meeting.point, meeting.normal
     if not there(optics, lenslet):
-        return _Passage(BLOCKED, lenslet, point, d, none, margin)
+        return Ray(BLOCKED, lenslet, point, d, none, margin)
     if not flat_first:
         d = _into_glass(d, normal, m.n)
         if _leaves_the_shoulder(optics, point, d):
@@ -507,13 +496,13 @@ def _through_the_array(optics: Optics, p: Vec, d: Vec, margin: Mpf, *, flat_firs
     out, cos2 = _refract(d, normal, m.n)
     margin = min(margin, abs(cos2))
     if out is None:
-        return _Passage(REFLECTED, lenslet, point, d, none, margin)
+        return Ray(REFLECTED, lenslet, point, d, none, margin)
     if flat_first:
         stop, near = _blocked(optics, point, out)
         margin = min(margin, near)
         if stop is not None:
-            return _Passage(BLOCKED, lenslet, stop, out, mp.sqrt(cos2), margin)
-    return _Passage(OK, lenslet, point, out, mp.sqrt(cos2), margin)
+            return Ray(BLOCKED, lenslet, stop, out, mp.sqrt(cos2), margin)
+    return Ray(OK, lenslet, point, out, mp.sqrt(cos2), margin)
 
 
 def trace(optics: Optics, u: Any, v: Any, a: Any = 0, b: Any = 0) -> Ray:
@@ -525,9 +514,10 @@ def trace(optics: Optics, u: Any, v: Any, a: Any = 0, b: Any = 0) -> Ray:
         return Ray(BLOCKED, home, start, _UP, mp.mpf(0), margin)
     d = chief_or_aperture_direction(optics, start[0], start[1], home, a, b)
     passage = _through_the_array(optics, start, d, margin, flat_first=optics.plano_side == "panel")
-    lenslet = home if passage.lenslet is None else passage.lenslet
-    status = CROSSTALK if passage.status == OK and lenslet != home else passage.status
-    return Ray(status, lenslet, *passage[2:])
+    if passage.lenslet is None:
+        return passage._replace(lenslet=home)
+    crosstalk = passage.status == OK and passage.lenslet != home
+    return passage._replace(status=CROSSTALK) if crosstalk else passage
 
 
 def back_to_panel(optics: Optics, origin: Any, direction: Any, lenslet: Lenslet) -> PanelPoint:
