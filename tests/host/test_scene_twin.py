@@ -387,8 +387,8 @@ def test_words_of_a_build_and_of_a_layer(rng):
     assert SceneBuild(4, bilinear=True, samples=2).word == 4 | 5 << 4 | 8 << 8 | 192 << 12 | 1 << 23 | 1 << 24
     with pytest.raises(InputError, match="unknown bits"):
         SceneBuild.of_word(1 << 26)
-    layer = LayerWords(-1, 2, 3, 4, 5, 6, 7, visible=True, infinite=True, slot=9, brightness=200)
-    assert layer.words == (0xFFFFFFFF, 2, 3, 4, 5, 6, 7, 1 | 2 | 9 << 4 | 200 << 8)
+    made = LayerWords(-1, 2, 3, 4, 5, 6, 7, visible=True, infinite=True, slot=9, brightness=200)
+    assert made.words == (0xFFFFFFFF, 2, 3, 4, 5, 6, 7, 1 | 2 | 9 << 4 | 200 << 8)
 
 
 def test_a_slot_belongs_to_the_first_visible_layer():

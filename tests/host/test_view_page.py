@@ -53,9 +53,8 @@ def page():
 
 def picture_of(text):
     """The picture that a page holds as base64 or as an address of data."""
-    return np.asarray(
-        Image.open(io.BytesIO(base64.b64decode(text.removeprefix("data:image/png;base64,")))).convert("RGB")
-    )
+    png = base64.b64decode(text.removeprefix("data:image/png;base64,"))
+    return np.asarray(Image.open(io.BytesIO(png)).convert("RGB"))
 
 
 def panel_of(page, across=1):
