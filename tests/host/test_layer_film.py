@@ -94,20 +94,21 @@ def test_order_and_visibility_change_at_their_keys(place):
     np.testing.assert_allclose(sky.matrix @ (0.2 + 0.4, 0.4, 1.0), [5 * 0.1 + 3, -5 * 0.2 + 2], atol=1e-12)
 
 
+def keys_of(*keys, name="fish"):
+    return f'[[layer]]\nname = "{name}"\nkeys = [{", ".join(f"{{ {key} }}" for key in keys)}]\n'
+
+
 @pytest.mark.parametrize(
     ("text", "says"),
     [
-        ('[[layer]]\nname = "fisch"\nkeys = [{ frame = 0 }]\n', r"layer\[0\].name: cut has no layer 'fisch'; .*fish"),
-        ('[[layer]]\nname = "fish"\nkeys = [{ frame = 9 }]\n', r"keys\[0\].frame: 9 is beyond .*at most 8"),
-        (
-            '[[layer]]\nname = "fish"\nkeys = [{ frame = 3 }, { frame = 3 }]\n',
-            r"keys\[1\].frame: 3 does not come after 3",
-        ),
-        ('[[layer]]\nname = "fish"\nkeys = []\n', r"film.toml: layer\[0\].keys: is empty; give at least 1"),
-        ('[[layer]]\nname = "fish"\nkeys = [{ frame = 0, brightness = 1.5 }]\n', "brightness"),
-        ('[[layer]]\nname = "fish"\nkeys = [{ frame = 0, scale = 0 }]\n', "scale"),
-        ('[[layer]]\nname = "water"\nkeys = [{ frame = 0, offset_mm = [0, 0, 1] }]\n', "'water' is a sky"),
-        ('[[layer]]\nname = "fish"\nkeys = [{ frame = 0 }]\n' * 2, r"layer\[1\].name: 'fish' moves already"),
+        (keys_of("frame = 0", name="fisch"), r"layer\[0\].name: cut has no layer 'fisch'; .*fish"),
+        (keys_of("frame = 9"), r"keys\[0\].frame: 9 is beyond .*at most 8"),
+        (keys_of("frame = 3", "frame = 3"), r"keys\[1\].frame: 3 does not come after 3"),
+        (keys_of(), r"film.toml: layer\[0\].keys: is empty; give at least 1"),
+        (keys_of("frame = 0, brightness = 1.5"), "brightness"),
+        (keys_of("frame = 0, scale = 0"), "scale"),
+        (keys_of("frame = 0, offset_mm = [0, 0, 1]", name="water"), "'water' is a sky"),
+        (keys_of("frame = 0") * 2, r"layer\[1\].name: 'fish' moves already"),
         ("", r"film.toml: layers: .*cut: is no folder of layers; give a folder with layers.toml"),
     ],
 )
@@ -118,16 +119,15 @@ def test_bad_films_are_refused(place, text, says):
         film_of(place, text)
 
 
-def test_a_frame_that_cannot_be_made_is_named(place):
-    film = film_of(place, '[[layer]]\nname = "fish"\nkeys = [{ frame = 0 }, { frame = 8, offset_mm = [0, 0, -4e6] }]\n')
-    with pytest.raises(InputError, match=r"film.toml: frame \d: layer: depth_mm .* is out of range"):
-        check_keys(film, DISPLAY, "film.toml")
-
-
-def test_a_layer_that_passes_the_eyes_is_named(place):
-    """They are at 600 mm, and the fish gets there in the film, not at rest."""
-    film = film_of(place, '[[layer]]\nname = "fish"\nkeys = [{ frame = 0 }, { frame = 8, offset_mm = [0, 0, 900] }]\n')
-    with pytest.raises(
-        InputError, match=r"film.toml: frame \d: layer 'fish': depth: .* in front of the eyes .* 600 mm"
-    ):
+@pytest.mark.parametrize(
+    ("shift", "says"),
+    [
+        (-4e6, r"film.toml: frame \d: layer: depth_mm .* is out of range"),
+        # The eyes are at 600 mm, and the fish gets there in the film, not at rest.
+        (900, r"film.toml: frame \d: layer 'fish': depth: .* in front of the eyes .* 600 mm"),
+    ],
+)
+def test_a_frame_that_cannot_be_made_is_named(place, shift, says):
+    film = film_of(place, keys_of("frame = 0", f"frame = 8, offset_mm = [0, 0, {shift}]"))
+    with pytest.raises(InputError, match=says):
         check_keys(film, DISPLAY, "film.toml")

@@ -16,9 +16,9 @@ from lippmann.errors import InputError
 from lippmann.eye.observer import observe, whole_window
 from lippmann.layers.layer_choice import cost_of, eyes_of
 from lippmann.layers.layer_drawing import exit_lines, texel_coordinates
-from lippmann.layers.layers_folder import load_named_layers
+from lippmann.layers.layers_folder import load_named_layers, save_layers
 from lippmann.layers.scene_cutting import Area, check_slot, cut_scene, reach_of, seen_depths, texels_for
-from lippmann.layers.stack import Layer, light_of
+from lippmann.layers.stack import Layer, LayerStack, light_of
 from lippmann.rendering.options import Settings
 from lippmann.scenes.placement import Placement
 from lippmann.scenes.scene import Part, load_scene
@@ -99,11 +99,8 @@ def test_a_slanted_card_has_no_hole_for_a_moving_eye(scene, axis, steep):
     stack = dataclasses.replace(stack, background=np.zeros(3))
     drawn = lp.draw(stack, DISPLAY, filter="bilinear").radiance
     reach = reach_of(DISPLAY)
-    eyes = [
-        *eyes_of(reach),
-        *(dataclasses.replace(e, position_mm=(0.0, e.position_mm[0], 600.0)) for e in eyes_of(reach)),
-    ]
-    for eye in eyes:
+    upright = [dataclasses.replace(e, position_mm=(0.0, e.position_mm[0], 600.0)) for e in eyes_of(reach)]
+    for eye in (*eyes_of(reach), *upright):
         seen = observe(drawn, DISPLAY, eye, whole_window(DISPLAY, 96), 16).radiance[4:-4, 4:-4]
         # Between slabs nothing of the black background shows.
         assert seen.min() > 0.49, eye.position_mm
@@ -121,10 +118,7 @@ def test_what_moves_becomes_a_layer_of_its_own(scene):
     assert len(seen) > 1
     # Where the fish was, the back goes on.
     assert (back.palette[back.texels][..., 1] > back.palette[back.texels][..., 0]).all()
-    for pattern, message in (
-        ("bird-*", "no shape's id matches 'bird-.'.*fish-body, fish-tail, back"),
-        ("*", "every shape"),
-    ):
+    for pattern, message in (("bird-*", "no shape's id matches 'bird-.'.*fish-body, fish-tail"), ("*", "every shape")):
         with pytest.raises(InputError, match=message):
             scene(*parts, part=Part(pattern))
 
@@ -262,23 +256,6 @@ def test_the_command_names_what_is_apart(place, capfd):
     assert "note" not in capfd.readouterr().err
 
 
-def test_an_engine_that_draws_no_layers_is_refused(place, refusal_of):
-    assert run(CUT_BOOK) == 0
-    assert "engine 'fast'; choose from golden, twin, rtl" in refusal_of(*DRAW, "--samples", "1", "--engine", "fast")
-    assert not (place / "a.png").exists()
-
-
-@pytest.mark.parametrize(
-    "option", ["--memory-mb=9", "--device=llvm", "--tolerance=1", "--max-depth=3", "--depth=2", "--shading=each"]
-)
-def test_options_of_scenes_are_refused_with_layers(place, refusal_of, option):
-    assert run(CUT_BOOK) == 0
-    line = refusal_of(*DRAW, "--samples", "1", option)
-    assert f"{option.partition('=')[0]} is for scenes; leave it out with layers" in line
-    line = refusal_of("render", "cards.xml", *DRAW[2:], "--filter", "bilinear")
-    assert "--filter is for layers; leave it out with a scene" in line
-
-
 def test_layers_that_no_board_can_draw_are_told(place, capfd):
     """Depths of a board end at 2048 radii of the lenslets; golden draws farther ones."""
     pictures = (place / "book/pictures.toml").read_text()
@@ -321,20 +298,13 @@ def test_a_folder_of_pictures_becomes_layers(place, capfd):
     assert stack.background.tolist() == [0.0, 0.0, 1.0]
 
 
-def test_the_pictures_themselves_are_not_overwritten(place, refusal_of):
-    before = {path.name: path.read_bytes() for path in (place / "book").iterdir()}
-    assert "book/front.png: is there" in refusal_of(*CUT_BOOK[:5], "book", *CUT_BOOK[6:])
-    assert {path.name: path.read_bytes() for path in (place / "book").iterdir()} == before
-
-
 def test_names_are_made_different(place):
     """Of pictures in several folders, one of which has the name that another would get."""
+    keys = ""
     for name in ("a.png", "x/a.png", "a_1.png", "A_0.png"):
         (place / "book" / name).parent.mkdir(exist_ok=True)
         Image.new("RGB", (8, 8), (200, 9, 9)).save(place / "book" / name)
-    keys = "".join(
-        f'[[picture]]\nfile = "{name}"\ndepth_mm = 0\n' for name in ("a.png", "x/a.png", "a_1.png", "A_0.png")
-    )
+        keys += f'[[picture]]\nfile = "{name}"\ndepth_mm = 0\n'
     (place / "book/pictures.toml").write_text(keys)
     assert run(CUT_BOOK) == 0
     names = load_named_layers("out")[1]
@@ -387,28 +357,30 @@ def test_bad_pictures_are_one_line(place, refusal_of, find, put, message):
 @pytest.mark.parametrize(
     ("words", "message"),
     [
-        (["layers", "book", "--display", "tiny.toml", "-o", "o", "--scale", "2"], "pictures have places"),
-        (["layers", "cards.xml", "--display", "tiny.toml", "-o", "o", "--slot", "64"], "'64' is not WIDTHxHEIGHT"),
-        (["layers", "cards.xml", "--display", "tiny.toml", "-o", "o", "--slot", "60x64"], "choose 32, 64, 128"),
-        (
-            ["layers", "book", "--display", "tiny.toml", "-o", "o", "--count", "3"],
-            "its 2 pictures make 2 layers, not 3; ",
+        ("layers book --scale 2", "pictures have places"),
+        ("layers cards.xml --slot 64", "'64' is not WIDTHxHEIGHT"),
+        ("layers cards.xml --slot 60x64", "choose 32, 64, 128"),
+        ("layers book --count 3", "its 2 pictures make 2 layers, not 3; "),
+        ("layers cards.xml --count 9", "--count"),
+        ("layers cards.xml --apart bird", "there are fish, back"),
+        ("layers cards.xml --apart fish --count 1", "count"),
+        ("render out --samples 3", "1, 2, 4 samples a pixel, not 3"),
+        ("render out --fit", "--fit is for scenes"),
+        ("render out --aperture full", "--aperture is for scenes"),
+        ("render out --offset 0,0,900", "900 mm is not in front"),
+        ("render out --scale 0", "scale 0 is out"),
+        ("render out --engine fast", "engine 'fast'; choose from golden, twin, rtl"),
+        *(
+            (f"render out {option}", f"{option.partition('=')[0]} is for scenes; leave it out with layers")
+            for option in ("--memory-mb=9", "--device=llvm", "--tolerance=1", "--max-depth=3", "--depth=2")
         ),
-        (["layers", "cards.xml", "--display", "tiny.toml", "-o", "o", "--count", "9"], "--count"),
-        (["layers", "cards.xml", "--display", "tiny.toml", "-o", "o", "--apart", "bird"], "there are fish, back"),
-        (["layers", "cards.xml", "--display", "tiny.toml", "-o", "o", "--apart", "fish", "--count", "1"], "count"),
-        ([*DRAW, "--samples", "3"], "1, 2, 4 samples a pixel, not 3"),
-        ([*DRAW, "--fit"], "--fit is for scenes"),
-        ([*DRAW, "--aperture", "full"], "--aperture is for scenes"),
-        ([*DRAW, "--offset", "0,0,900"], "900 mm is not in front"),
-        ([*DRAW, "--samples", "1", "--scale", "0"], "scale 0 is out"),
+        ("render out --shading=each", "--shading is for scenes; leave it out with layers"),
+        ("render cards.xml --filter bilinear", "--filter is for layers; leave it out with a scene"),
     ],
 )
 def test_bad_commands_are_one_line(place, refusal_of, words, message):
-    from lippmann.layers.layers_folder import save_layers
-    from lippmann.layers.stack import LayerStack
-
     plain = Layer(np.zeros((2, 2), np.uint8), np.zeros((256, 4), np.uint8), 0.0, np.eye(3)[:2])
     save_layers("out", LayerStack((plain,)))
-    assert message in refusal_of(*words)
-    assert not (place / "o").exists()
+    output = "o.png" if words.startswith("render") else "o"
+    assert message in refusal_of(*words.split(), "--display", "tiny.toml", "-o", output)
+    assert not (place / output).exists()

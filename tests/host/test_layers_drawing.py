@@ -15,6 +15,7 @@ from lippmann.errors import InputError
 from lippmann.layers.layer_drawing import BOARD_BITS, FILTERS, draw_golden, exit_lines, panel_bytes, scene_build_of
 from lippmann.layers.stack import Layer, LayerStack
 from lippmann.optics.rays import Status
+from PIL import Image
 from random_stacks import random_stack
 from scene_cases import focused_display, generator
 
@@ -101,32 +102,6 @@ def test_layers_are_composited_from_front_to_back():
     )
 
 
-def test_brightness_dims_the_light_and_not_the_opacity():
-    white = Layer(np.zeros((9, 9), np.uint8), palette_of((255, 255, 255, 255)), 16.0, MATRIX)
-    dim = dataclasses.replace(white, brightness=0.25)
-    assert drawn(dim, background=(1, 1, 1)).light[3, 3] == pytest.approx([0.25] * 3)
-    hidden = dataclasses.replace(white, visible=False)
-    assert drawn(hidden, background=(0.5, 0.25, 1)).light[3, 3] == pytest.approx([0.5, 0.25, 1])
-
-
-def test_a_sky_follows_the_slopes_alone():
-    """Slope -0.125 / 4 in pixel 0, and 0.03125 for each 0.125 mm: texel floor(16 slope + 4) of both lenslets."""
-    sky = numbered(math.inf, np.array([[16.0, 0.0, 4.0], [0.0, -16.0, 4.0]]))
-    light = drawn(sky).light
-    slopes = np.array([-0.125, -0.375, 0.375, 0.125, -0.125, -0.375, 0.375, 0.125]) / 4.0
-    assert (np.rint(255.0 * np.sqrt(light[0, :, 0]) / 25.0) == np.floor(16.0 * slopes + 4.0)).all()
-
-
-@pytest.mark.parametrize("samples", [1, 2, 4])
-def test_samples_are_averaged_in_linear_light(samples):
-    """At D a quarter of a pixel is 1/64 of slope, at z = 16 mm a quarter of a texel of 1 mm: white starts between."""
-    # Pixel 0 meets x = -1.5 mm at its centre; samples 1/4 pixel to its right meet -1.75 mm, to its left -1.25 mm.
-    half = np.array([[0, 0, 1, 1, 1, 1, 1, 1]] * 8, np.uint8)
-    matrix = np.array([[1.0, 0.0, 3.375], [0.0, -1.0, 4.0]])  # white from x = -1.375 mm
-    light = drawn(Layer(half, palette_of((0, 0, 0, 255), (255, 255, 255, 255)), 16.0, matrix), samples=samples).light
-    assert light[0, 0, 0] == {1: 0.0, 2: 0.5, 4: 0.5}[samples]
-
-
 def test_the_panel_s_bytes_follow_iec_61966():
     """The curve, written out from the standard: 12.92 L below 0.0031308, else 1.055 L^(1/2.4) - 0.055."""
     values = [0, 5, 12, 13, 14, 60, 128, 180, 255]
@@ -136,14 +111,11 @@ def test_the_panel_s_bytes_follow_iec_61966():
         light = (value / 255) ** 2
         encoded = 12.92 * light if light <= 0.0031308 else 1.055 * light ** (1 / 2.4) - 0.055
         assert set(drawn(layer).panel.ravel().tolist()) == {round(255 * encoded)}
-    # A panel of 5 bits has 32 levels, spread over the bytes.
-    five = dataclasses.replace(HAND, panel=dataclasses.replace(HAND.panel, bits=5))
+    # A panel of 5 bits has 32 levels, spread over the bytes. One of 12 bits gets bytes, too.
+    five, deep = (dataclasses.replace(HAND, panel=dataclasses.replace(HAND.panel, bits=bits)) for bits in (5, 12))
+    layer = Layer(np.full((9, 9), 7, np.uint8), palette, 16.0, MATRIX)
     level = round(31 * (1.055 * (180 / 255) ** (2 / 2.4) - 0.055))
-    assert set(
-        drawn(layer := Layer(np.full((9, 9), 7, np.uint8), palette, 16.0, MATRIX), display=five).panel.ravel()
-    ) == {round(level * 255 / 31)}
-    # One of 12 bits gets bytes, too.
-    deep = dataclasses.replace(HAND, panel=dataclasses.replace(HAND.panel, bits=12))
+    assert set(drawn(layer, display=five).panel.ravel()) == {round(level * 255 / 31)}
     assert (drawn(layer, display=deep).panel == drawn(layer).panel).all()
     assert BOARD_BITS == 8
 
@@ -242,8 +214,7 @@ def test_slopes_beyond_four_do_not_draw():
 def test_a_tall_picture_is_drawn_in_parts(monkeypatch):
     import lippmann.layers.layer_drawing as module
 
-    random = generator(SEED, "parts")
-    stack = random_stack(random, HAND)
+    stack = random_stack(generator(SEED, "parts"), HAND)
     whole = draw_golden(HAND, stack, "bilinear", 4)
     monkeypatch.setattr(module, "CHUNK_RAYS", 70)
     assert len(list(exit_lines(HAND, 4))) == 4
@@ -255,19 +226,12 @@ def test_a_tall_picture_is_drawn_in_parts(monkeypatch):
 
 
 def test_draw_returns_an_image_whose_png_has_the_panel_s_bytes(tmp_path):
-    random = generator(SEED, "image")
-    stack = random_stack(random, HAND)
+    stack = random_stack(generator(SEED, "image"), HAND)
     image = lp.draw(stack, HAND, filter="bilinear", samples=2)
     light = draw_golden(HAND, stack, "bilinear", 2)
     assert image.radiance == pytest.approx(light, abs=1e-6)
-    assert (image.metadata["engine"], image.metadata["samples"], image.metadata["filter"]) == (
-        "golden",
-        "2",
-        "bilinear",
-    )
+    assert [image.metadata[name] for name in ("engine", "samples", "filter")] == ["golden", "2", "bilinear"]
     image.save(tmp_path / "drawn.png")
-    from PIL import Image
-
     with Image.open(tmp_path / "drawn.png") as picture:
         values = np.asarray(picture)
     # float32 may round a light in the middle between two bytes the other way.
@@ -285,7 +249,7 @@ def test_draw_returns_an_image_whose_png_has_the_panel_s_bytes(tmp_path):
         ({"samples": "2"}, "samples a pixel, not '2'; give one of these integers"),
         ({"engine": "twin", "fraction_bits": "16"}, '"16" is not valid; give a whole number from 14 to 23'),
         ({"engine": "twin", "fraction_bits": 16.0}, "fraction_bits: 16 is not valid; give a whole number from 14"),
-        ({"engine": "twin", "fraction_bits": 0}, "fraction_bits: 0 is not valid; give a whole number from 14 to 23"),
+        ({"engine": "twin", "fraction_bits": 24}, "fraction_bits: 24 is not valid; give a whole number from 14 to 23"),
         ({"engine": "golden", "fraction_bits": 16}, "belongs to the engines twin and rtl; leave it out with golden"),
         ({"engine": "fast"}, "layers are not drawn by engine 'fast'; choose from golden, twin, rtl"),
         ({"model": "thick"}, "unknown model 'thick'"),
@@ -298,20 +262,12 @@ def test_bad_options_are_refused(options, message):
 
 def test_a_texture_that_no_board_holds_is_named():
     """260 blocks of 1024 texels; a slot has 255 at most. Golden has no slots."""
-    small, big = (
-        Layer(np.zeros(size, np.uint8), np.zeros((256, 4), np.uint8), 1.0, np.eye(3)[:2])
-        for size in ((4, 4), (259, 1000))
-    )
+    small, big = (Layer(np.zeros(size, np.uint8), palette_of(), 1.0, np.eye(3)[:2]) for size in ((4, 4), (259, 1000)))
     stack = LayerStack((small, big))
     says = r"layers: layer\[1\]: 1000 x 259 texels need slots of 1024 x 260, .* at most 261120 texels"
     with pytest.raises(InputError, match=says):
         lp.draw(stack, focused_display("square"), engine="twin")
     assert lp.draw(stack, focused_display("square")).radiance.shape[2] == 3
-
-
-def test_layers_at_the_eyes_are_refused_before_drawing():
-    with pytest.raises(InputError, match=r"layers: layer\[0\].depth_mm: 600 mm is not in front of the eyes"):
-        lp.draw(LayerStack((numbered(600.0),)), HAND)
 
 
 @pytest.mark.parametrize("filter", FILTERS)
@@ -329,17 +285,12 @@ def test_the_twin_draws_what_golden_draws(filter):
     differ = abs(values[0] - values[1])
     assert (differ <= 1).mean() > 0.995
     assert twin.metadata["engine"] == "twin"
-    with pytest.raises(InputError, match="fraction_bits: 40 is not valid"):
-        lp.draw(stack, display, engine="twin", fraction_bits=40)
 
 
 @pytest.mark.parametrize(
     ("sizes", "wanted"),
-    [
-        ([(256, 192)], (256, 192)), ([(1, 1)], (32, 32)), ([(33, 5), (20, 17)], (64, 32)), ([(300, 3)], (512, 4)),
-        ([(1000, 7)], (1024, 8)),
-    ],
-)  # fmt: skip
+    [([(256, 192)], (256, 192)), ([(1, 1)], (32, 32)), ([(33, 5), (20, 17)], (64, 32)), ([(1000, 7)], (1024, 8))],
+)
 def test_the_least_build_holds_all_textures(sizes, wanted):
     layers = tuple(Layer(np.zeros((h, w), np.uint8), palette_of(), 0.0, MATRIX) for w, h in sizes)
     for filter, samples in itertools.product(FILTERS, (1, 2, 4)):

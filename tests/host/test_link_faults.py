@@ -1,13 +1,11 @@
 """The fault line against the model board: frames shown are frames sent, and the host ends in time."""
 
-import select
-import socket
 import threading
 import time
 
 import numpy as np
 import pytest
-from fault_line import FAULTS, NO_FAULTS, Faults, Mangler, Proxy
+from fault_line import FAULTS, NO_FAULTS, Faults, Proxy
 from lippmann.board.board import Board
 from lippmann.board.port import SEND_S
 from lippmann.board.streaming import send_frame
@@ -97,21 +95,28 @@ def test_the_first_request_after_an_outage_is_repeated_as_often():
     assert min(sends) >= 3
 
 
-@pytest.mark.parametrize("fault", [Faults(lose=1.0), Faults(garble=1.0), Faults(flip=0.5), Faults(drop=0.5)])
-@pytest.mark.parametrize("down", [False, True])
-def test_a_dead_line_ends_in_time(fault, down):
-    with ModelBoard(256, 160) as model, Proxy(model.url, SEED) as line, Board.open(line.url, FAST_BAUD, 1.0) as board:
+@pytest.mark.parametrize(
+    ("down", "up"),
+    [
+        (Faults(lose=1.0), NO_FAULTS),
+        (NO_FAULTS, Faults(garble=1.0)),
+        (Faults(flip=0.5), NO_FAULTS),
+        (NO_FAULTS, Faults(drop=0.5)),
+    ],
+)
+def test_a_dead_line_ends_in_time(down, up):
+    with ModelBoard(256, 160) as model, Proxy(model.url, SEED) as line, Board.open(line.url, FAST_BAUD, 0.5) as board:
         first, second = frames(model)
         send_frame(board, first)
 
         def spoil(done, _):
             if done == 2:
-                line.down, line.up = (fault, NO_FAULTS) if down else (NO_FAULTS, fault)
+                line.down, line.up = down, up
 
         begun = time.monotonic()
         with pytest.raises(DeviceError, match=r"not answered.*cable"):
             send_frame(board, second, spoil, window_bytes=4000)
-        assert time.monotonic() - begun < 1.0 + SEND_S
+        assert time.monotonic() - begun < 0.5 + SEND_S
         np.testing.assert_array_equal(model.shown, [first])
         # The line is back: the frame goes on where it was.
         line.restore()
@@ -129,7 +134,7 @@ def test_a_stalled_board_goes_on(pty):
             if model.tile_writes.total() == 10 and not stalled:
                 stalled.append(1)
                 model.stalled.set()
-                threading.Timer(0.8, model.stalled.clear).start()
+                threading.Timer(0.4, model.stalled.clear).start()
 
         stalled = []
         model.on_packet = stall
@@ -140,13 +145,13 @@ def test_a_stalled_board_goes_on(pty):
 
 @pytest.mark.parametrize("pty", [False, True], ids=["tcp", "pty"])
 def test_a_board_that_stalls_for_good_ends_in_time(pty):
-    with ModelBoard(640, 480, pty=pty) as model, Board.open(model.url, FAST_BAUD, 1.0) as board:
+    with ModelBoard(640, 480, pty=pty) as model, Board.open(model.url, FAST_BAUD, 0.5) as board:
         image = generator(SEED).integers(0, 256, (480, 640, 3), np.uint8)
         model.on_packet = lambda model, _: model.tile_writes.total() == 10 and model.stalled.set()
         begun = time.monotonic()
         with pytest.raises(DeviceError, match="not answered"):
             send_frame(board, image)
-        assert time.monotonic() - begun < 1.0 + SEND_S
+        assert time.monotonic() - begun < 0.5 + SEND_S
     assert model.shown == []
 
 
@@ -161,61 +166,3 @@ def test_requests_get_through_and_are_done_once():
                 expected.append((0x200, (k, ~k & 0xFFFFFFFF)))
                 assert board.read(0x200, 2) == [k, ~k & 0xFFFFFFFF]
         assert model.writes == expected
-
-
-# --- the fault line itself --------------------------------------------------------------------------
-
-
-def mangled(faults, size, chunk, seed=SEED):
-    mangler = Mangler(seed, 0)
-    data = generator(seed, "data").bytes(size)
-    out = b"".join(mangler(data[at : at + chunk], faults)[0] for at in range(0, size, chunk))
-    return data, out
-
-
-@pytest.mark.parametrize("kind", ["flip", "drop", "insert", "duplicate", "garble", "cut"])
-def test_faults_are_as_many_as_said_and_follow_the_seed(kind):
-    faults = Faults(**{kind: 0.01}, run=5)
-    data, out = mangled(faults, 50_000, 1000)
-    assert mangled(faults, 50_000, 77)[1] == out
-    assert mangled(faults, 50_000, 1000, SEED + 1)[1] != out
-    sizes = {"drop": -500, "insert": 500, "duplicate": 500, "cut": -2440}
-    # Five sigma of a binomial; runs that are cut count five times and overlap now and then.
-    slack = 5 * 22.3 * (kind in sizes) * (5 if kind == "cut" else 1)
-    assert abs(len(out) - len(data) - sizes.get(kind, 0)) <= slack
-    if kind == "flip":
-        bits = np.unpackbits(np.frombuffer(data, np.uint8) ^ np.frombuffer(out, np.uint8))
-        assert 500 - 112 <= bits.sum() <= 500 + 112
-    if kind == "garble":
-        assert 500 - 112 <= (np.frombuffer(data, np.uint8) != np.frombuffer(out, np.uint8)).sum() <= 500 + 112
-
-
-def test_reordered_runs_and_packets():
-    mangler = Mangler(SEED, 0)
-    assert mangler(b"abcdef", Faults(reorder=1.0, run=8))[0] == b"abcdef"
-    swapped = Mangler(SEED, 1)(bytes(range(100)), Faults(reorder=0.02, run=10))[0]
-    assert swapped != bytes(range(100))
-    assert sorted(swapped) == list(range(100))
-    assert Mangler(SEED, 0)(b"a\0bc\0d", Faults(repeat=1.0))[0] == b"a\0a\0bc\0bc\0"
-    assert Mangler(SEED, 0)(b"a\0bc\0d", Faults(lose=1.0))[0] == b""
-    assert Mangler(SEED, 0)(b"a\0bc\0d\0e\0f", Faults(swap=1.0))[0] == b"bc\0a\0e\0d\0"
-    # What is held comes out when the line is good again.
-    held = Mangler(SEED, 0)
-    assert held(b"a\0b", Faults(swap=1.0))[0] == b""
-    assert held(b"c\0", NO_FAULTS) == (b"a\0bc\0", 0.0)
-
-
-def test_a_paced_line_keeps_its_rate():
-    with (
-        ModelBoard() as model,
-        Proxy(model.url, SEED, baud=200_000) as line,
-        socket.create_connection(("127.0.0.1", int(line.url.rsplit(":", 1)[1]))) as host,
-    ):
-        begun = time.monotonic()
-        # Packets without a byte: nothing comes back. The board's counter tells when the last has come.
-        host.sendall(b"\1\0" * 5000)
-        while model.packets < 5000:
-            time.sleep(0.002)
-        # Never faster; slower only where the machine is busy.
-        assert 0.5 <= time.monotonic() - begun < 8.0
-        assert not select.select([host], [], [], 0)[0]

@@ -95,7 +95,7 @@ def test_what_the_board_holds_is_not_sent():
         send_frame(board, first)
         again = send_frame(board, first)
         assert again.unchanged
-        assert (again.sends, again.payload_bytes, again.skipped) == (0, 0, again.tiles)
+        assert (again.sends, again.payload_bytes, again.overhead, again.skipped) == (0, 0, 0.0, again.tiles)
         # One tile of the frame that is shown changes: the others are copied on the board.
         changed = first.copy()
         changed[40, 40] ^= 1
@@ -118,15 +118,9 @@ def test_overhead_of_raw_tiles():
     assert sent.wire_bytes == board.line.written - before
     # 12 bytes of packet, 13 of COBS at most, one delimiter to 3072 bytes; the tables come on top.
     assert 0.0 < sent.overhead <= 0.01
-    with joined() as (model, board):
-        send_frame(board, noise(model))
-        again = send_frame(board, noise(model))
-    assert (again.unchanged, again.payload_bytes, again.overhead) == (True, 0, 0.0), "nothing was sent to share it"
 
 
-@pytest.mark.parametrize(
-    ("baud", "size"), [(115200, (64, 96)), (921600, (160, 128)), (3_000_000, (256, 224)), (12_000_000, (480, 320))]
-)
+@pytest.mark.parametrize(("baud", "size"), [(460_800, (128, 96)), (12_000_000, (480, 320))])
 def test_efficiency_on_a_paced_line(baud, size):
     """Little but tiles is on the line, and it is never empty: counted, as times tell of the machine's other work."""
     ahead = []
@@ -205,12 +199,8 @@ def test_codings_that_the_board_refuses_are_sent_raw():
         model._tile = lambda body: original(body if body[4] == 0 else body[:4] + b"\4")
         sent = send_frame(board, image)
         assert (sent.raw, sent.qoi, sent.resends) == (sent.tiles, 0, sent.tiles)
-    np.testing.assert_array_equal(model.shown, [image])
-
-
-def test_raw_tiles_that_the_board_refuses_end_it():
-    with joined() as (model, board):
-        original = model._tile
+        np.testing.assert_array_equal(model.shown, [image])
+        # Raw tiles are the last resort.
         model._tile = lambda body: original(body[:4] + b"\4")
         with pytest.raises(DeviceError, match=r"refuses TILE.*cannot decode"):
             send_frame(board, noise(model))
@@ -219,7 +209,7 @@ def test_raw_tiles_that_the_board_refuses_end_it():
 # --- the window -------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("lost", [{4}, {10, 11, 20}, {5, 30}, set(range(5, 15))])
+@pytest.mark.parametrize("lost", [{4}, {10, 11, 20}, set(range(5, 15))])
 def test_a_loss_that_later_replies_tell_of_waits_for_no_time_out(lost, monkeypatch):
     with joined(width=256, height=160) as (model, board):
         # HELLO and two TILES came before the 40 tiles.
@@ -266,7 +256,7 @@ def test_a_board_that_never_has_the_frame_ends_it():
     assert model.shown == []
 
 
-@pytest.mark.parametrize("shape", [(72, 95, 3), (96, 72, 3), (72, 96), (72, 96, 4)])
+@pytest.mark.parametrize("shape", [(72, 95, 3), (72, 96), (72, 96, 4)])
 def test_an_image_of_another_size_is_refused(shape):
     with joined() as (model, board), pytest.raises(InputError, match="96 x 72"):
         send_frame(board, np.zeros(shape, np.uint8))
@@ -285,7 +275,7 @@ def test_late_tiles_of_another_frame_do_no_harm():
 
 def test_a_good_line_that_is_slow_at_times_is_given_its_time():
     """Every second reply comes a third of a second later: only late replies tell that it is worth the wait."""
-    with joined(width=320, height=96) as (model, board):
+    with joined(width=224, height=96) as (model, board):
         image = noise(model)
         model.on_packet = lambda model, number: setattr(model, "delay_s", 0.01 if number % 2 else 0.3)
         sent = send_frame(board, image, window_bytes=3000)
@@ -305,7 +295,7 @@ def patient(monkeypatch):
     monkeypatch.setattr(retries, "SHORTEST_S", retries.LONGEST_S)
 
 
-@pytest.mark.parametrize(("count", "held"), [(20_000, 6), (95_000, 30), (181_000, 58), (191_500, 67)])
+@pytest.mark.parametrize(("count", "held"), [(20_000, 6), (191_500, 67)])
 def test_resume_after_a_replug(count, held, patient):
     """The line is cut after a number of bytes: the board has the tiles that were whole by then, and no other."""
     with ModelBoard(320, 200) as model, Proxy(model.url, SEED, baud=3_000_000) as line:
@@ -345,8 +335,7 @@ def test_what_a_frame_took_is_summed_over_a_loss_of_the_line(patient):
     assert sum(model.tile_writes.values()) <= sent.sends
 
 
-@pytest.mark.parametrize("before", [0, 1])
-@pytest.mark.parametrize("share", [0.05, 0.5, 0.99])
+@pytest.mark.parametrize(("before", "share"), [(0, 0.05), (1, 0.5), (0, 0.99)])
 def test_a_power_cycle_within_a_frame(before, share):
     with joined(width=320, height=200) as (model, board):
         for k in range(before):
@@ -401,8 +390,7 @@ def test_a_lost_reply_to_present_shows_once():
 
         model._present = present
         model.on_packet = lambda model, _: setattr(model, "mute", False)
-        image = noise(model)
-        assert send_frame(board, image).epoch == 1
+        assert send_frame(board, noise(model)).epoch == 1
         assert model.executed[5] == 2
     assert len(model.shown) == 1
 

@@ -1,6 +1,5 @@
-"""From the pinhole to the exact lens each model refines the one before, and agrees near the axis."""
+"""The models: paraxial and exact agree near the axis; crosstalk of all; dispersion; what is refused."""
 
-import functools
 import inspect
 import itertools
 import math
@@ -9,16 +8,14 @@ import drjit
 import lippmann
 import numpy as np
 import pytest
-import scene_cases
 import truth
 from lippmann.display.description import parse_display
 from lippmann.errors import MissingLibraryError
 from lippmann.optics.rays import MODELS, Status
 from lippmann.optics.trace import backend_of
-from optics_cases import GRIDS, SIDES, display_of, random_in_cell, random_pixels
+from optics_cases import GRIDS, SIDES, display_of
 
 SEED = 2005
-generator = functools.partial(scene_cases.generator, SEED)
 everywhere = pytest.mark.parametrize(("grid", "side"), list(itertools.product(GRIDS, SIDES)))
 #: The step in (i, j) and in mm to a neighbour, pitch 1 mm.
 STEPS = {"square": [(1, 0), (0, 1), (-1, 0), (0, -1), (1, 1)], "hex": [(1, 0), (0, 1), (-1, 1), (-1, 0), (0, -1)]}
@@ -29,35 +26,14 @@ def centre(grid, i, j):
     return np.array([i, j]) if grid == "square" else np.array([i + j / 2, j * math.sqrt(0.75)])
 
 
-def near_axis(display, scale, rng, n=40):
-    """Pixels and aperture points within `scale` mm of the axis of lenslet (0, 0)."""
-    half = 0.5 * np.array([display.panel.width_px, display.panel.height_px])
-    points, aims = rng.uniform(-1, 1, (n, 2)), rng.uniform(-1, 1, (n, 2))
-    return half + scale * points / display.panel.pixel_pitch_mm * (1, -1), scale * aims
-
-
-def line_at(out, z):
-    """Where the rays cross the plane at height z, (n, 2) mm, and their slopes (n, 2)."""
-    slope = out.direction[:, :2] / out.direction[:, 2:]
-    return out.origin_mm[:, :2] + (z - out.origin_mm[:, 2:]) * slope, slope
-
-
 # --- agreement near the axis ----------------------------------------------------------------------
 
 
-def disagreement(display, one, other, chief, scales, seed):
-    """Largest differences of slopes and of the lines' crossings of the vertices' plane, for rays
-    that shrink towards the axis.
-    """
-    rows = []
-    for scale in scales:
-        pixels, aims = near_axis(display, scale, np.random.default_rng(seed))
-        aims = None if chief else aims
-        (place, slope), (place_2, slope_2) = (
-            line_at(lippmann.trace(display, pixels, aims, model), 0.0) for model in (one, other)
-        )
-        rows.append([np.abs(slope - slope_2).max(), np.abs(place - place_2).max()])
-    return np.array(rows)
+def line_of(display, pixels, aims, model):
+    """Slopes (n, 2) of the rays, and where they cross z = 0, (n, 2) mm."""
+    out = lippmann.trace(display, pixels, aims, model)
+    slope = out.direction[:, :2] / out.direction[:, 2:]
+    return slope, out.origin_mm[:, :2] - out.origin_mm[:, 2:] * slope
 
 
 @pytest.mark.parametrize("chief", [True, False])
@@ -67,9 +43,14 @@ def test_paraxial_is_exact_to_third_order(grid, side, chief):
     dome that faces the panel go through its vertex.
     """
     display = display_of(grid, side, radius=1.5, thickness=1.2, gap=1.7)
-    scales = np.array([0.04, 0.02, 0.01, 0.005])
-    gaps = disagreement(display, "paraxial", "exact", chief, scales, SEED)
-    print(gaps)
+    half = 0.5 * np.array([display.panel.width_px, display.panel.height_px])
+    points, aims = np.random.default_rng(SEED).uniform(-1, 1, (2, 40, 2))
+    gaps = []
+    for scale in (0.04, 0.02, 0.01, 0.005):
+        pixels = half + scale * points / display.panel.pixel_pitch_mm * (1, -1)
+        one, other = (line_of(display, pixels, None if chief else scale * aims, m) for m in ("paraxial", "exact"))
+        gaps.append([np.abs(a - b).max() for a, b in zip(one, other, strict=True)])
+    gaps = np.array(gaps)
     if chief and side == "viewer":
         # Straight on at the vertex and through a plate: no angle is lost in any model.
         assert gaps[:, 0].max() < 1e-15
@@ -77,71 +58,6 @@ def test_paraxial_is_exact_to_third_order(grid, side, chief):
     assert (gaps[0] > 1e-9).all()  # they do differ
     ratios = gaps[:-1] / gaps[1:]
     assert np.abs(ratios - 8).max() < 0.25, ratios
-
-
-@everywhere
-def test_thin_is_paraxial_with_the_plano_side_to_the_panel(grid, side):
-    """The second principal plane is the vertices' plane; with the plano side to the viewer it lies
-    T (1 - 1/n) in front of it, and only slopes agree where the aperture is in the vertices' plane.
-    """
-    T, n = 1.2, 1.5
-    display = display_of(grid, side, radius=1.5, index=n, thickness=T, gap=1.7)
-    pixels, aims = near_axis(display, 0.3, generator(grid, side))
-    thin, paraxial = (lippmann.trace(display, pixels, aims, m) for m in ("thin", "paraxial"))
-    np.testing.assert_allclose(thin.direction, paraxial.direction, 0, 1e-15)
-    place, slope = line_at(thin, 0.0)
-    drawn, _ = line_at(paraxial, 0.0 if side == "panel" else T * (1 - 1 / n))
-    np.testing.assert_allclose(place, drawn, 0, 2e-15)
-    if side == "viewer":
-        plain, _ = line_at(paraxial, 0.0)
-        np.testing.assert_allclose(plain - place, -slope * T * (1 - 1 / n), 0, 2e-15)
-
-
-@everywhere
-def test_pinhole_is_the_thin_lens_for_chief_rays(grid, side):
-    rng = generator(2, grid, side)
-    display = display_of(grid, side, rotation=20.0, offset=(0.1, 0.2))
-    pixels = random_pixels(rng, display, 200)
-    pinhole, thin = (lippmann.trace(display, pixels, None, m) for m in ("pinhole", "thin"))
-    np.testing.assert_array_equal(pinhole.direction, thin.direction)
-    np.testing.assert_array_equal(pinhole.origin_mm, thin.origin_mm)
-    # The pinhole takes no notice of an aperture point, the thin lens does.
-    aims = random_in_cell(rng, display, 200)
-    aimed = lippmann.trace(display, pixels, aims, "pinhole")
-    np.testing.assert_array_equal(aimed.direction, pinhole.direction)
-    np.testing.assert_array_equal(aimed.origin_mm, pinhole.origin_mm)
-    moved = lippmann.trace(display, pixels, aims, "thin")
-    assert (np.abs(moved.direction - thin.direction).max(axis=1) > 0).all()
-
-
-@everywhere
-def test_all_models_agree_on_chief_rays_near_the_axis(grid, side):
-    """Slopes of chief rays: pinhole = thin = paraxial, exact off by the third power; not even that
-    where the chief ray goes straight through the vertex of a dome that faces the panel.
-    """
-    display = display_of(grid, side, radius=1.5, thickness=1.2, gap=1.7)
-    for one, other in itertools.combinations(MODELS, 2):
-        gaps = disagreement(display, one, other, True, np.array([0.02, 0.01]), SEED)[:, 0]
-        if "exact" in (one, other) and side == "panel":
-            assert abs(gaps[0] / gaps[1] - 8) < 0.1, (one, other)
-            assert gaps[0] < 4 * 0.02**3
-        else:
-            assert gaps.max() < 1e-15, (one, other)
-
-
-def test_each_model_is_nearer_to_exact_than_the_one_before():
-    """Plano side to the viewer, half-aperture rays: errors at 100 mm fall from model to model."""
-    display = display_of("square", "viewer", radius=2.5, thickness=2.0, gap=4.4)
-    rng = generator(3)
-    pixels, aims = near_axis(display, 0.25, rng, 500)
-    exact = lippmann.trace(display, pixels, aims)
-    assert (exact.status == Status.OK).all()
-    errors = []
-    for model in MODELS[:-1]:
-        place, _ = line_at(lippmann.trace(display, pixels, aims, model), 100.0)
-        errors.append(float(np.abs(place - line_at(exact, 100.0)[0]).max()))
-    print(errors)
-    assert errors[0] > 3 * errors[1] > 3 * errors[2] > 0
 
 
 # --- crosstalk ------------------------------------------------------------------------------------
@@ -230,7 +146,7 @@ plano_side = "{side}"
 
 @pytest.mark.parametrize("model", ["thin", "paraxial", "exact"])
 @pytest.mark.parametrize("side", SIDES)
-@pytest.mark.parametrize("glass", ["PMMA", "N-BK7", "polycarbonate", "fused silica", "polystyrene"])
+@pytest.mark.parametrize("glass", ["N-BK7", "polycarbonate"])
 def test_blue_comes_to_its_focus_before_red(glass, side, model):
     display = parse_display(TEXT.format(glass=glass, side=side))
     h = 0.125
@@ -252,18 +168,6 @@ def test_blue_comes_to_its_focus_before_red(glass, side, model):
     assert 0.01 < (focus[2] - focus[0]) / focus[1] < 0.09
 
 
-@pytest.mark.parametrize("side", SIDES)
-def test_identity_is_that_of_the_thing_and_not_of_the_light_or_the_model(side):
-    display = parse_display(TEXT.format(glass="PMMA", side=side))
-    identity = display.identity
-    for wavelength in (400.0, 587.5618, 700.0):
-        assert display.at_wavelength(wavelength).identity == identity
-    for model in MODELS:
-        lippmann.trace(display, [(100.5, 80.5)], None, model)
-    assert display.identity == identity
-    assert parse_display(TEXT.format(glass="N-BK7", side=side)).identity != identity
-
-
 # --- what is refused ------------------------------------------------------------------------------
 
 
@@ -278,7 +182,6 @@ def test_identity_is_that_of_the_thing_and_not_of_the_light_or_the_model(side):
         ([(1.0, 2.0)], {"model": "wave"}, "choose from pinhole, thin, paraxial, exact"),
         ([(1.0, 2.0)], {"engine": "steam"}, "choose from golden, fast"),
         ([(1.0, 2.0)], {"device": "foo"}, "unknown device 'foo'; choose from auto, llvm, cuda"),
-        ([(1.0, 2.0)], {"engine": "fast", "device": "foo"}, "unknown device 'foo'"),
         ([(1.0, 2.0)], {"engine": "twin", "fraction_bits": 0}, "fraction_bits: 0 is not valid"),
     ],
 )
