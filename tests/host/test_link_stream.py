@@ -9,7 +9,7 @@ from fault_line import Proxy
 from lippmann.base.tones import encode
 from lippmann.board import retries
 from lippmann.board.board import Board
-from lippmann.board.packets import BACK, FRONT, Kind, packed
+from lippmann.board.packets import Kind, packed
 from lippmann.board.retries import RoundTrip
 from lippmann.board.streaming import BoardSink, Sent, send_frame
 from lippmann.errors import DeviceError, InputError, NoBoardError
@@ -408,14 +408,3 @@ def test_another_board_in_the_middle_is_refused():
         with pytest.raises(DeviceError, match="another board"):
             send_frame(board, noise(model, 2))
     assert len(model.shown) == 1
-
-
-def test_the_board_is_asked_what_it_holds():
-    with joined(width=1920, height=320) as (_, board):
-        image = np.zeros((320, 1920, 3), np.uint8)
-        image[:] = np.arange(1920)[None, :, None] // 32
-        send_frame(board, image)
-        # 600 tiles: more than one TILES holds.
-        np.testing.assert_array_equal(board.tiles(FRONT).crcs, board.info.grid.crcs(image))
-        assert not board.tiles(BACK).crcs.any()
-        assert board.tiles(FRONT).epoch == 1

@@ -1,7 +1,6 @@
 """`lippmann live` on SDL's dummy desktop: pictures against the renderer's, motions by hand, and the board's frames."""
 
 import json
-import threading
 from dataclasses import replace
 
 import numpy as np
@@ -12,11 +11,11 @@ from lippmann.board.panel_frames import panel_values
 from lippmann.board.streaming import Sender
 from lippmann.cli import run
 from lippmann.display.description import load_display
-from lippmann.errors import DeviceError, InputError
+from lippmann.errors import DeviceError
 from lippmann.motion.film import load_film
 from lippmann.motion.film_frames import Reel, plan_film
 from lippmann.motion.live_picture import Encoder, LivePicture, LiveShow, least_radiance
-from lippmann.motion.screens import Hand, screens
+from lippmann.motion.screens import Hand, Screens, screens
 from lippmann.rendering.options import RenderOptions, Settings
 from lippmann.rendering.renderer import render_integral
 from lippmann.rendering.sinks import render_picture
@@ -60,7 +59,7 @@ def refined(picture):
     return picture.radiance
 
 
-@pytest.mark.parametrize("moves", [0, 1, 2])
+@pytest.mark.parametrize("moves", [0, 2])
 def test_pictures_are_the_renderers(made, moves):
     """A quick one is a render of one sample, the first finer one of four, bit for bit, wherever the scene stands."""
     display, scene, picture, hand = made
@@ -127,12 +126,11 @@ MEASURED = ((0.0, 0.0), (0.2, 0.01), (0.5, 0.0100001), (0.7, 0.6), (1.0, 1.0))  
 
 
 @pytest.mark.parametrize("transfer", ["srgb", "gamma2.2", "linear", MEASURED])
-@pytest.mark.parametrize("bits", [1, 5, 8, 10])
+@pytest.mark.parametrize("bits", [1, 8, 10])
 def test_values_are_those_of_the_file(mi, transfer, bits):
     """Of random light, dark and too bright light, and the least light of each level and the float before it."""
     panel = load_display(repository() / "scenes/displays/vga-square.toml").panel
-    panel = replace(panel, width_px=256, height_px=9, transfer=transfer)
-    panel = replace(panel, bits=bits)
+    panel = replace(panel, width_px=256, height_px=9, transfer=transfer, bits=bits)
     least = least_radiance(panel, min(bits, 8))
     rng = generator(11, bits, str(transfer))
     light = np.concatenate([
@@ -261,21 +259,18 @@ def test_the_command_turns_a_scene_by_itself(place, capfd):
     assert "Traceback" not in error
 
 
-def test_a_key_ends_the_command(place, capfd):
+def test_a_key_ends_the_command(place, capfd, monkeypatch):
     import pygame
 
-    ended = threading.Event()
+    calls, obey = iter(range(9)), Screens.obey
 
-    def press():
-        while not ended.wait(0.2):
-            if pygame.display.get_init():
-                post(pygame, pygame.KEYDOWN, key=pygame.K_q, mod=0)
+    def press_at_last(self, *moved):
+        if next(calls) == 3:
+            post(pygame, pygame.KEYDOWN, key=pygame.K_q, mod=0)
+        return obey(self, *moved)
 
-    presser = threading.Thread(target=press, daemon=True)
-    presser.start()
+    monkeypatch.setattr(Screens, "obey", press_at_last)
     assert run(["live", "s.xml", "--display", "d.toml", "--device", "llvm"]) == 0
-    ended.set()
-    presser.join()
     assert "samples at the end" in capfd.readouterr().out
 
 
@@ -317,7 +312,7 @@ def test_a_films_frames_are_those_of_animate(reel):
         shown.open("panel", (display.panel.width_px, display.panel.height_px))
         show = shown.show
         shown.show = lambda name, pixels, title: (given.append(np.array(pixels)), show(name, pixels, title))
-        played = LiveShow(picture, hand, shown, reel=reel).run(moving_s=5.0, seconds=5.0, samples=4)
+        played = LiveShow(picture, hand, shown, reel=reel).run(moving_s=1.5, seconds=1.5, samples=4)
     *frames, last = given
     assert len(frames) >= 9
     for number, frame in enumerate(frames):
@@ -359,11 +354,8 @@ def test_the_command_plays_a_film(reel, capfd, refusal_of):
     told = json.loads(capfd.readouterr().out)
     assert told["frames"] > 3
     assert told["samples"] == 4
-    for words, part in (
-        (["--offset", "1,2,3"], "--offset does not place a film"),
-        (["--fit", "--scale", "2"], "leave one"),
-    ):
-        assert part in refusal_of(*common, *words)
+    assert "--offset does not place a film" in refusal_of(*common, "--offset", "1,2,3")
+    assert "leave one" in refusal_of(*common, "--fit", "--scale", "2")
 
 
 # ---- the board ----
@@ -417,17 +409,16 @@ def test_a_board_that_fails_ends_the_picture(made):
 
 
 def test_mistakes(place, capfd):
-    common = ["live", "s.xml", "--display", "d.toml", "--device", "llvm"]
     for words, code, part in (
-        (["--monitor", "7"], 2, "no monitor 7"),
-        (["--monitor", "0"], 2, "monitor 0 has 1024 x 768 pixels, the image 46 x 32"),
-        (["--monitor", "0", "--port", "socket://127.0.0.1:1"], 2, "leave one out"),
-        (["--monitor", "0", "--window"], 2, "leave one out"),
-        (["--no-window"], 2, "give --port"),
-        (["--no-window", "--port", "socket://127.0.0.1:1", "--eye", "0,0,600"], 2, "leave out --eye"),
-        (["--port", "socket://127.0.0.1:1"], 1, "127.0.0.1:1"),
+        ("--monitor 7", 2, "no monitor 7"),
+        ("--monitor 0", 2, "monitor 0 has 1024 x 768 pixels, the image 46 x 32"),
+        ("--monitor 0 --port socket://127.0.0.1:1", 2, "leave one out"),
+        ("--monitor 0 --window", 2, "leave one out"),
+        ("--no-window", 2, "give --port"),
+        ("--no-window --port socket://127.0.0.1:1 --eye 0,0,600", 2, "leave out --eye"),
+        ("--port socket://127.0.0.1:1", 1, "127.0.0.1:1"),
     ):
-        assert run([*common, *words]) == code
+        assert run(["live", "s.xml", "--display", "d.toml", "--device", "llvm", *words.split()]) == code
         error = capfd.readouterr().err
         assert part in error.splitlines()[-1], error
 
@@ -456,8 +447,3 @@ def test_memory_is_flat_over_a_thousand_frames(made):
                 shown.show("panel", picture.values, "turning")
             sizes.append(resident_mb())
     assert sizes[-1] - sizes[1] < 0.02 * sizes[1], sizes
-
-
-def test_a_monitor_that_went_away_is_told(place):
-    with screens() as shown, pytest.raises(InputError, match="no monitor 3"):
-        shown.open("panel", (64, 48), 3)

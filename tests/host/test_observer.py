@@ -143,36 +143,6 @@ def test_without_crosstalk_it_is_black_there(mi):
 # --- misalignment ---------------------------------------------------------------------------------
 
 
-def test_an_array_moved_by_one_pixel_shifts_the_view_by_one_pixel(mi):
-    display = display_for()
-    moved = display.misaligned(offset_mm=(PIXEL, -2.0 * PIXEL))
-    # A view as fine as the panel, so that the lenslets' new borders fall between its pixels.
-    window = whole_window(display, ACROSS * UNDER)
-    before = see(mi, painted(display), display, window=window, model="thin", samples=4).radiance
-    after = see(mi, painted(display), moved, window=window, model="thin", samples=4).radiance
-    # Moved by a pixel to the right and two down: so is the picture, and each lenslet shows the next pixel in both ways.
-    inner = after[2 * UNDER : -2 * UNDER, 2 * UNDER : -2 * UNDER]
-    old = before[2 * UNDER - 2 : -2 * UNDER - 2, 2 * UNDER - 1 : -2 * UNDER - 1]
-    same = np.isclose(inner[:, :, 0], old[:, :, 0] + 1) & np.isclose(inner[:, :, 1], old[:, :, 1] + 2)
-    # Rays on a border may round to either side: it runs along the view's pixels' edges.
-    assert same.mean() > 0.99
-
-
-def test_an_array_turned_by_a_quarter_looks_the_same(mi):
-    """On the square lattice. Turned by a third of it, it must not."""
-    display = display_for()
-    rng = generator(SEED, "turn")
-    noise = rng.random((display.panel.height_px, display.panel.width_px, 3), np.float32)
-    eye = (20.0, 13.0, 600.0)
-    straight = see(mi, noise, display, eye).radiance
-    turned = see(mi, noise, display.misaligned(rotation_deg=90.0), eye).radiance
-    # Sums of other order: a ray in a million lands beside a pixel's border, one of 16 of its view pixel.
-    assert np.abs(turned - straight).max() <= 2.5 / 16
-    assert (turned != straight).mean() < 0.01
-    skew = see(mi, noise, display.misaligned(rotation_deg=30.0), eye).radiance
-    assert (np.abs(skew - straight) > 0.05).mean() > 0.3
-
-
 def test_gap_and_pitch_errors_magnify(mi):
     """An eye at the angle a sees D tan(a) beside the centre: a gap longer by 10 % sees 10 % farther."""
     display = display_for()
@@ -238,8 +208,8 @@ def test_impossible_eyes_are_refused(arguments, message):
 # --- colour stripes -------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(("layout", "order"), [("rgb", "rgb"), ("bgr", "bgr")])
-def test_a_stripe_shows_its_colour_three_times_as_bright(mi, layout, order):
+@pytest.mark.parametrize("layout", ["rgb", "bgr"])
+def test_a_stripe_shows_its_colour_three_times_as_bright(mi, layout):
     """The array stands a third of a pixel beside: the far eye looks at the left, middle or right stripe."""
     display = display_for(subpixels=layout)
     ones = np.ones((display.panel.height_px, display.panel.width_px, 3), np.float32)
@@ -248,39 +218,23 @@ def test_a_stripe_shows_its_colour_three_times_as_bright(mi, layout, order):
         built = display.misaligned(offset_mm=(step * PIXEL, 0.0))
         # Rays through the outer strip of a lenslet's cell belong to its neighbour; both stand alike.
         seen = see(mi, ones, built, window=window, model="thin").radiance
-        expected = [3.0 if name == order[stripe] else 0.0 for name in "rgb"]
+        expected = [3.0 if name == layout[stripe] else 0.0 for name in "rgb"]
         np.testing.assert_array_equal(seen, np.broadcast_to(expected, seen.shape))
-
-
-@pytest.mark.parametrize("layout", ["rgb", "bgr"])
-def test_stripes_keep_the_mean(mi, layout):
-    """Thirty eyes look at thirty places across one pixel: ten see each stripe, so the mean is the pixel's colour."""
-    display = display_for(subpixels=layout)
-    colour = np.array([0.25, 0.5, 0.75], np.float32)
-    image = np.broadcast_to(colour, (display.panel.height_px, display.panel.width_px, 3))
-    window = Window(3.0, 3.0, 3, 3)
-    places = (np.arange(30) + 0.5) / 30 - 0.5
-    total = sum(
-        see(mi, image, display, (-place * PIXEL * FAR / FOCAL, 0.0, FAR), window, model="thin", samples=4).radiance
-        for place in places
-    )
-    np.testing.assert_allclose(total / 30, np.broadcast_to(colour, total.shape), rtol=1e-6)
 
 
 # --- bookkeeping ----------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("shape", [(10, 10, 3), (DOWN * UNDER, ACROSS * UNDER, 4), (ACROSS * UNDER, DOWN * UNDER, 3)])
+@pytest.mark.parametrize("shape", [(DOWN * UNDER, ACROSS * UNDER, 4), (ACROSS * UNDER, DOWN * UNDER, 3)])
 def test_a_picture_of_another_size_is_refused(mi, shape):
     with pytest.raises(InputError, match=rf"{shape[1]} x {shape[0]}.*{ACROSS * UNDER} x {DOWN * UNDER}"):
         see(mi, np.ones(shape, np.float32), display_for())
 
 
-@pytest.mark.parametrize("samples", [0, -1, 65537])
-def test_samples_out_of_range_are_refused(mi, samples):
-    display = display_for()
-    with pytest.raises(InputError, match="samples"):
-        see(mi, painted(display), display, samples=samples)
+def test_samples_out_of_range_are_refused(mi):
+    for samples in (0, -1, 65537):
+        with pytest.raises(InputError, match="samples"):
+            see(mi, painted(display_for()), display_for(), samples=samples)
 
 
 @pytest.mark.parametrize("model", MODELS)
@@ -319,8 +273,14 @@ def test_views_repeat_and_do_not_depend_on_chunks(mi, monkeypatch):
 
 
 @pytest.mark.usefixtures("four_threads")
-@pytest.mark.parametrize("suffix", ["exr", "png", "tif"])
-@pytest.mark.parametrize("eye", [Eye((20.0, 13.0, 600.0)), Eye((-30.0, 5.0, 200.0), 4.0, 10.0)])
+@pytest.mark.parametrize(
+    ("suffix", "eye"),
+    [
+        ("exr", Eye((20.0, 13.0, 600.0))),
+        ("png", Eye((-30.0, 5.0, 200.0), 4.0, 10.0)),
+        ("tif", Eye((-30.0, 5.0, 200.0), 4.0, 10.0)),
+    ],
+)
 def test_an_image_on_disk_is_seen_alike_by_parts(mi, monkeypatch, tmp_path, suffix, eye):
     display = display_for(grid="hex")
     noise = generator(SEED, "stored").random((display.panel.height_px, display.panel.width_px, 3), np.float32)

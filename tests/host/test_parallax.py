@@ -53,14 +53,6 @@ def centroid(light, x, y, row):
     return float((x * there).sum() / there.sum())
 
 
-def test_the_viewing_angle_is_wide_enough():
-    display = display_for("square")
-    half = math.degrees(math.atan2(0.5 * PITCH, display.aperture_distance_mm))
-    worst = math.degrees(math.atan2(SWEEP[-1] + 0.5 * display.panel.width_mm, DISTANCE))
-    assert half > 12.0
-    assert worst < half
-
-
 @pytest.mark.parametrize(
     ("grid", "side", "rotation", "model", "axis"),
     [

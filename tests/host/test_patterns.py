@@ -131,22 +131,6 @@ def test_patterns_of_the_lenslets_by_brute_force(grid, eye, transfer, skewed):
     assert (got > 0).any()
 
 
-def test_two_cells_that_share_a_side_differ():
-    for grid, steps in (("square", [(1, 0), (0, 1)]), ("hex", [(1, 0), (0, 1), (-1, 1)])):
-        display = display_for(generator(SEED, grid), grid, None)
-        i, j, *_ = by_brute_force(display)
-        shown = levels(display, "cells")
-        colour = {(int(a), int(b)): tuple(c) for a, b, c in zip(i.flat, j.flat, shown.reshape(-1, 3), strict=True)}
-        pairs = [
-            (one, colour[other])
-            for (a, b), one in colour.items()
-            for s, t in steps
-            if (other := (a + s, b + t)) in colour
-        ]
-        assert len(pairs) > 100
-        assert all(one != other for one, other in pairs)
-
-
 @pytest.mark.parametrize("bits", [6, 8, 10])
 def test_ramps_and_checker_by_hand(bits):
     display = display_for(generator(SEED, bits), "square", None, bits=bits, transfer="gamma2.2")
@@ -193,9 +177,8 @@ def test_files_go_to_the_panel_and_the_observer_unchanged(tmp_path, capsys):
     target = Target(int(display.identity, 16), WIDTH, HEIGHT)
     for kind in ON_BOARD:
         path = tmp_path / f"{kind}.png"
-        assert (
-            run(["pattern", kind, "--display", str(tmp_path / "d.toml"), "-o", str(path), "--fraction-bits", "16"]) == 0
-        )
+        words = ["pattern", kind, "--display", str(tmp_path / "d.toml"), "-o", str(path), "--fraction-bits", "16"]
+        assert run(words) == 0
         wanted = levels(display, kind, fraction_bits=16)
         np.testing.assert_array_equal(np.asarray(Image.open(path)), wanted)
         np.testing.assert_array_equal(load_frame(path, target), wanted)
@@ -212,14 +195,7 @@ def eye_display(grid, side, eye):
 
 
 @pytest.mark.parametrize("eye_mm", [None, 150.0])
-@pytest.mark.parametrize(
-    ("grid", "side"),
-    [
-        ("square", "panel"),
-        ("hex", "viewer"),
-        *(pytest.param(*g, marks=pytest.mark.full) for g in (("square", "viewer"), ("hex", "panel"))),
-    ],
-)
+@pytest.mark.parametrize(("grid", "side"), [("square", "panel"), ("hex", "viewer")])
 def test_the_eye_sees_white_and_others_black(mi, grid, side, eye_mm):
     """At 150 mm there is no crosstalk only because the display converges there: 12 mm aside are 5 degrees of its 7."""
     display = eye_display(grid, side, eye_mm)
@@ -257,7 +233,7 @@ def test_what_an_eye_sees_by_crosstalk_stays_black(mi):
     assert abs(own.radiance.mean() - own.status_share["ok"]) < 2e-3
     # By golden rays at random: the pixels that rays reach through their own lenslets are lit, but for grazed ones; and
     # rays that cross a cell's side end on lit pixels as often as the observer says (0.51 of them).
-    count, panel = 1_000_000, display.panel
+    count, panel = 300_000, display.panel
     points = np.pad(generator(SEED).uniform(-0.5, 0.5, (count, 2)) * (21.0, 13.0), ((0, 0), (0, 1)))
     rays = points - eye.position_mm
     hits = trace_to_panel(
@@ -279,8 +255,6 @@ def test_what_an_eye_sees_by_crosstalk_stays_black(mi):
 @pytest.mark.parametrize(
     ("options", "said"),
     [
-        (["white-for-eye"], "give its place, --eye X,Y,Z in mm"),
-        (["ramp", "--eye", "0,0,600"], "--eye belongs to the pattern white-for-eye"),
         (["white-for-eye", "--eye", "0,0,-600"], "eye: z -600 mm is behind the display"),
         (["cells", "--lens", "0,0"], "--lens belongs to the pattern single-lens"),
         (["single-lens", "--lens", "900,0"], "lenslet 900,0 owns no pixel"),
@@ -312,8 +286,7 @@ def test_observe_says_where_rays_end(tmp_path, monkeypatch, capfd, extent, eye):
     assert run(["pattern", "checker", "--display", "it.toml", "-o", "it.png"]) == 0
     capfd.readouterr()
     assert run(["observe", "it.png", "--display", "it.toml", "--eye", eye, "--width", "80", "-o", "view.png"]) == 0
-    notes = [line for line in capfd.readouterr().err.splitlines() if "rays end" in line]
-    (note,) = notes
+    (note,) = [line for line in capfd.readouterr().err.splitlines() if "rays end" in line]
     assert ("on the array's mount" in note) == (extent is not None)
     assert "beside the panel" in note
     if extent is not None:

@@ -90,14 +90,6 @@ def test_sums_written_out(mi, samples):
         np.testing.assert_allclose(picture[row, column], sum_ / total, rtol=1e-5)
 
 
-def test_nothing_crosses_from_one_lenslet_to_another(mi):
-    """Each lenslet has a colour of its own, and all its pixels have it."""
-    row, column = np.divmod(np.arange(WIDTH * HEIGHT), WIDTH)
-    own = generator(2).uniform(0.1, 9.0, (6, 14, 3))[column // 7, row // 11]
-    picture = filtered(mi, np.repeat(own[:, None], 4, axis=1), number_of(mi))
-    np.testing.assert_allclose(picture.reshape(-1, 3), own, rtol=1e-6)
-
-
 @pytest.mark.parametrize(("samples", "most"), [(2, 0.86), (3, 0.87), (4, 0.91)])
 def test_straight_edges_are_nearer_to_the_truth(mi, samples, most):
     """Of half planes in all directions.

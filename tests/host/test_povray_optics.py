@@ -19,9 +19,10 @@ from lippmann.rendering.options import Settings
 from lippmann.rendering.renderer import render_rays
 from lippmann.scenes.placement import placement_beside
 from lippmann.scenes.scene import load_scene
+from lippmann.simulation.toolchain import repository
 from PIL import Image
 from scene_cases import write_scene
-from test_povray_scene import ball, card, diffuse, light
+from test_povray_scene import PICTURE, ball, card, diffuse, light
 from tools import bench
 from tools.peers import OUTLINE_PX, Pair, around, compare, near_seams
 from tools.peers import page as peers_page
@@ -41,9 +42,9 @@ def spots(mi, tmp_path_factory):
     return folder
 
 
-def small(name, repository, radii=None, **changes):
+def small(name, radii=None, **changes):
     """A shipped set-up with a small window, its array changed; `radii` is a thickness in radii of the dome."""
-    setup = load_setup(repository / f"scenes/setups/{name}.toml")
+    setup = load_setup(repository() / f"scenes/setups/{name}.toml")
     if "pitch_mm" in changes:
         # Of the set-up's own pitch, with domes that span the skewed cells.
         pitch = setup.array.pitches_mm[0]
@@ -58,11 +59,6 @@ def small(name, repository, radii=None, **changes):
     array = dataclasses.replace(setup.array, **changes)
     display = dataclasses.replace(setup.display, array=dataclasses.replace(setup.display.array, **changes))
     return dataclasses.replace(setup, array=array, display=display)
-
-
-@pytest.fixture
-def repository(request):
-    return request.config.rootpath
 
 
 #: Set-ups: square, hexagonal, hollow, without a lens; turned, off the axis, turned round; thick, up to four radii,
@@ -98,21 +94,14 @@ USUAL = (0, 3, 9, 13)
         for k, case in enumerate(CASES)
     ],
 )
-def test_its_picture_through_the_optics_is_ours(mi, spots, tmp_path, repository, name, changes):
+def test_its_picture_through_the_optics_is_ours(mi, spots, tmp_path, name, changes):
     """Spheres before a coloured card: the colour of a pixel tells where its ray went, of 81 places and more."""
-    setup = small(name, repository, **changes)
+    setup = small(name, **changes)
     half = 90.0 if setup.lens is not None else 60.0
-    picture = (
-        '<bsdf type="twosided"><bsdf type="diffuse"><texture type="bitmap" name="reflectance">'
-        f'<string name="filename" value="{spots / "spots.png"}"/></texture></bsdf></bsdf>'
-    )
-    parts = [
-        light((0.0, 300.0, 600.0), (4e5, 4e5, 4e5)),
-        card(picture, -40.0, half),
-        ball(-12.0, 20.0, 9.0),
-        card(diffuse((0.1, 0.2, 0.7)), -300.0, 3000.0),
-    ]
-    path = write_scene(tmp_path / "scene.xml", *parts, placement="near_mm = 60\nfar_mm = -300")
+    picture = f'<bsdf type="twosided">{PICTURE.format("").replace("flag.png", str(spots / "spots.png"))}</bsdf>'
+    parts = light((0.0, 300.0, 600.0), (4e5, 4e5, 4e5)), card(picture, -40.0, half), ball(-12.0, 20.0, 9.0)
+    wall = card(diffuse((0.1, 0.2, 0.7)), -300.0, 3000.0)
+    path = write_scene(tmp_path / "scene.xml", *parts, wall, placement="near_mm = 60\nfar_mm = -300")
     scene = load_scene(path, placement_beside(path).then(setup.subject.placement))
     theirs, _ = render_folder(write_folder(scene, setup_view(setup), tmp_path / "pov"))
     source = capture_source(setup)
@@ -120,7 +109,6 @@ def test_its_picture_through_the_optics_is_ours(mi, spots, tmp_path, repository,
     assert (ours > 0.0).any(axis=-1).mean() > 0.5
     assert len(np.unique(np.round(ours, 2).reshape(-1, 3), axis=0)) > 50
     difference, _ = compare(theirs, ours, around(scene, source, OUTLINE_PX[:1]), setup)
-    print(difference)
     assert difference["median"] <= 0.5
     assert difference["differing"] < 0.05
     # What differs by more is an edge a pixel away, an outline that is passed, or at a seam.
@@ -130,9 +118,9 @@ def test_its_picture_through_the_optics_is_ours(mi, spots, tmp_path, repository,
     np.testing.assert_allclose(rows, ours[4::8], atol=1e-4 * ours.max())
 
 
-def test_a_mirror_does_not_show_the_stops(mi, tmp_path, repository):
+def test_a_mirror_does_not_show_the_stops(mi, tmp_path):
     """A mirror ball before the lens reflects walls beside and behind the camera, which the stops' discs would hide."""
-    setup = small("fig8a", repository)
+    setup = small("fig8a")
     mirror = '<bsdf type="conductor"><string name="material" value="none"/></bsdf>'
     parts = [
         light((0.0, 0.0, 0.0), (4e5, 4e5, 4e5)),
@@ -144,15 +132,14 @@ def test_a_mirror_does_not_show_the_stops(mi, tmp_path, repository):
     scene = load_scene(path, placement_beside(path).then(setup.subject.placement))
     theirs, _ = render_folder(write_folder(scene, setup_view(setup), tmp_path / "pov"))
     ours = render_rays(scene, capture_source(setup), Settings()).radiance
-    print(theirs.sum() / ours.sum())
     assert (ours > 0.0).mean() > 0.05
     assert theirs.sum() == pytest.approx(ours.sum(), rel=0.02)
 
 
-def test_the_array_covers_the_window(repository):
+def test_the_array_covers_the_window():
     """Every lenslet whose cell the window touches is there, whatever its turn."""
     for name, changes in CASES:
-        setup = small(name, repository, **changes)
+        setup = small(name, **changes)
         rows = {j: (first, last) for j, first, last in lattice_rows(setup.captured)}
         frame, lattice = PanelFrame.of(setup.captured), Lattice.of(setup.array)
         v, u = np.mgrid[0 : SMALL_PX + 1, 0 : SMALL_PX + 1].astype(float)
@@ -161,24 +148,22 @@ def test_the_array_covers_the_window(repository):
         for a, b in set(zip(i.astype(int).tolist(), j.astype(int).tolist(), strict=True)):
             assert rows[b][0] <= a <= rows[b][1]
         # And no more than some around it.
-        assert (
-            sum(last - first + 1 for first, last in rows.values())
-            < len(set(zip(i, j, strict=True))) + 12 * len(rows) + 90
-        )
+        count = sum(last - first + 1 for first, last in rows.values())
+        assert count < len(set(zip(i, j, strict=True))) + 12 * len(rows) + 90
 
 
-def test_an_ideal_lens_and_a_sensor_are_refused(repository):
+def test_an_ideal_lens_and_a_sensor_are_refused():
     with pytest.raises(InputError, match="ideal thin lens"):
-        setup_view(load_setup(repository / "scenes/setups/thin.toml"))
+        setup_view(load_setup(repository() / "scenes/setups/thin.toml"))
     with pytest.raises(InputError, match="no sensor"):
-        setup_view(load_setup(repository / "scenes/setups/pickup.toml"))
-    setup = load_setup(repository / "scenes/setups/fig8a.toml")
+        setup_view(load_setup(repository() / "scenes/setups/pickup.toml"))
+    setup = load_setup(repository() / "scenes/setups/fig8a.toml")
     with pytest.raises(InputError, match=r"viewing_distance_mm.*give a display without one"):
         setup_view(dataclasses.replace(setup, display=dataclasses.replace(setup.display, viewing_distance_mm=600.0)))
 
 
-def test_the_command_with_a_set_up(mi, tmp_path, capfd, repository, monkeypatch):
-    monkeypatch.chdir(repository)
+def test_the_command_with_a_set_up(mi, tmp_path, capfd, monkeypatch):
+    monkeypatch.chdir(repository())
     scene = write_scene(tmp_path / "s.xml", light(), card(diffuse()), placement="near_mm = 20\nfar_mm = -30")
     common = ["export", "povray", str(scene), "-o", str(tmp_path / "pov"), "--json"]
     assert run([*common, "--setup", "scenes/setups/fig8a.toml"]) == 0
@@ -191,9 +176,10 @@ def test_the_command_with_a_set_up(mi, tmp_path, capfd, repository, monkeypatch)
     assert run([*common, "--setup", "scenes/setups/fig8a.toml", "--model", "thin"]) == 2
     assert "--model is for --display" in json.loads(capfd.readouterr().out.splitlines()[-1])["error"]
     # A scene that reaches into the lens is refused, as by capture.
-    near = write_scene(tmp_path / "near.xml", light(), card(diffuse(), 999.0))
-    command = ["export", "povray", str(near), "-o", str(tmp_path / "no"), "--setup", "scenes/setups/fig8a.toml"]
-    assert run(command) == 2
+    write_scene(scene, light(), card(diffuse(), 999.0))
+    scene.with_suffix(".toml").unlink()
+    common[4] = str(tmp_path / "no")
+    assert run([*common[:-1], "--setup", "scenes/setups/fig8a.toml"]) == 2
     assert "the scene extends 1787 mm before" in capfd.readouterr().err
     assert not (tmp_path / "no").exists()
 
@@ -201,33 +187,29 @@ def test_the_command_with_a_set_up(mi, tmp_path, capfd, repository, monkeypatch)
 # --- the benchmark's and the comparison's arithmetic ----------------------------------------------
 
 
-def test_lenslets_in_the_window(repository):
+def test_lenslets_in_the_window():
     """The paper's own number (equation 5): 102^2 = 10404; and a window of 720 px at 9 mm: 30.48 / 9 = 3.4, 4^2."""
-    display = load_display(repository / "scenes/displays/paper-square.toml")
+    display = load_display(repository() / "scenes/displays/paper-square.toml")
     assert lenslets_in(display) == 10404
-    setup = with_window(load_setup(repository / "scenes/setups/fig8a.toml"), 720, 9.0)
+    setup = with_window(load_setup(repository() / "scenes/setups/fig8a.toml"), 720, 9.0)
     assert lenslets_in(setup.display) == 16
     # Lenslets of one shape: f-number and thickness scale along.
     assert setup.array.focal_length_mm / setup.array.pitch_mm == pytest.approx(3.3)
     assert setup.array.thickness_mm == pytest.approx(setup.array.sag_mm)
 
 
-def timed(tracer, grid, window, pitch, antialias, cpu):
-    return {"tracer": tracer, "grid": grid, "window_px": window, "pitch_mm": pitch, "antialias": antialias,
-            "cpu_seconds": cpu}  # fmt: skip
-
-
 def test_what_the_sweep_says():
+    names = ("tracer", "grid", "window_px", "pitch_mm", "antialias", "cpu_seconds")
     rows = [
-        timed("lippmann", "none", 720, None, True, 1.0),
-        timed("lippmann", "square", 720, 1.0, False, 2.2),
-        timed("lippmann", "square", 720, 9.0, False, 2.0),
-        timed("lippmann", "hex", 720, 1.0, False, 2.42),
-        timed("lippmann", "square", 720, 1.0, True, 4.4),
-        timed("POV-Ray", "square", 720, 1.0, False, 30.0),
-        timed("POV-Ray", "square", 720, 9.0, False, 10.0),
+        ("lippmann", "none", 720, None, True, 1.0),
+        ("lippmann", "square", 720, 1.0, False, 2.2),
+        ("lippmann", "square", 720, 9.0, False, 2.0),
+        ("lippmann", "hex", 720, 1.0, False, 2.42),
+        ("lippmann", "square", 720, 1.0, True, 4.4),
+        ("POV-Ray", "square", 720, 1.0, False, 30.0),
+        ("POV-Ray", "square", 720, 9.0, False, 10.0),
     ]
-    found = findings(rows)
+    found = findings([dict(zip(names, row, strict=True)) for row in rows])
     assert found["growth"] == {720: pytest.approx(1.1)}
     assert found["povray_growth"] == {720: pytest.approx(3.0)}
     assert found["hex_share"] == pytest.approx(0.1)
@@ -235,9 +217,9 @@ def test_what_the_sweep_says():
     assert found["povray_hex_share"] is None
 
 
-def test_differences_are_told_apart(repository):
+def test_differences_are_told_apart():
     """An edge shifted by one pixel is displaced; one by two is not; a seam is where a lenslet ends."""
-    setup = small("fig8a", repository)
+    setup = small("fig8a")
     panel = setup.display.panel
     step = np.zeros((panel.height_px, panel.width_px, 3), np.float32)
     step[:, 61:] = 1.0
@@ -260,18 +242,15 @@ def test_differences_are_told_apart(repository):
 def test_the_page_beside_povray(tmp_path):
     """Its figures, plots and files, from made-up pictures."""
     ours = np.full((8, 12, 3), 0.25, np.float32)
-    names = ("grid", "pixels", "median", "mean", "largest", "differing", "displaced", "outlines")
-    names += ("near_outlines", "seams", "unexplained")
-    difference = dict(zip(names, ("square", 96, 0.1, 0.2, 40.0, 0.02, 0.5, 0.75, 0.8, 0.1, 0.001), strict=True))
-    other = {**difference, "grid": "hex"}
-    pairs = [Pair(one, ours, ours, np.full((8, 12), 16.0, np.float32)) for one in (difference, other)]
+    names = "grid pixels median mean largest differing displaced outlines near_outlines seams unexplained"
+    figures = 96, 0.1, 0.2, 40.0, 0.02, 0.5, 0.75, 0.8, 0.1, 0.001
+    rows = [dict(zip(names.split(), (grid, *figures), strict=True)) for grid in ("square", "hex")]
+    pairs = [Pair(row, ours, ours, np.full((8, 12), 16.0, np.float32)) for row in rows]
     run = dataclasses.asdict(Run("povray full.ini +A0.3", 100.0, 90.0))
     times = {"povray": run, "seconds": 3.0, "cpu_seconds": 5.0, "samples": 7, "povray_noise": 5.0, "noise": 4.5,
              "whole": {"POV-Ray": 90.0, "each": 9.0, "auto": 6.0}, "ratio": 18.0}  # fmt: skip
-    made = peers_page({"machine": "one"}, pairs, times)
-    assert {path.name for path in made.write(tmp_path)} == {
-        "peers.md", "peers.csv", "peers-square.png", "peers-hex.png",
-    }  # fmt: skip
+    files = {path.name for path in peers_page({"machine": "one"}, pairs, times).write(tmp_path)}
+    assert files == {"peers.md", "peers.csv", "peers-square.png", "peers-hex.png"}
     text = (tmp_path / "peers.md").read_text()
     assert f"POV-Ray takes **{90.0 / 5.0:.0f} times** Lippmann's CPU seconds" in text
     assert "POV-Ray takes **10 times** as long as `capture` with every ray shaded, and **15 times** as long" in text
@@ -283,17 +262,15 @@ def test_the_page_beside_povray(tmp_path):
     assert (pixels[:, 8:14] == 255).all()
 
 
-def test_bench_seed_quick(mi, capfd, repository, monkeypatch, tmp_path):
+def test_bench_seed_quick(mi, capfd, monkeypatch, tmp_path):
     """The whole benchmark on small windows: rows, findings, report, plot."""
-    monkeypatch.chdir(repository)
+    monkeypatch.chdir(repository())
+    monkeypatch.setattr("tools.seed.ROUNDS", 1)
     assert bench.main(["seed", "--quick", "--report", str(tmp_path), "--json"]) == 0
     result = json.loads(capfd.readouterr().out)
-    tracers = {(row["tracer"], row["grid"], row["antialias"]) for row in result["rows"]}
-    assert tracers == {
-        (tracer, grid, antialias)
-        for tracer in ("lippmann", "POV-Ray")
-        for grid, antialias in (("none", True), ("square", False), ("square", True))
-    }
+    scenes = ("none", True), ("square", False), ("square", True)
+    wanted = {(tracer, *scene) for tracer in ("lippmann", "POV-Ray") for scene in scenes}
+    assert {(row["tracer"], row["grid"], row["antialias"]) for row in result["rows"]} == wanted
     assert all(row["cpu_seconds"] > 0.0 for row in result["rows"])
     base = {row["tracer"]: row["cpu_seconds"] for row in result["rows"] if row["grid"] == "none"}
     for row in result["rows"]:

@@ -3,6 +3,7 @@
 import json
 import math
 import re
+import shutil
 import subprocess
 
 import numpy as np
@@ -15,7 +16,6 @@ from lippmann.rendering.options import Settings
 from lippmann.rendering.renderer import render_integral, render_view
 from lippmann.rendering.sampling import Window
 from lippmann.scenes.scene import load_scene
-from optics_cases import GRIDS
 from scene_cases import centres, display_toml, focused_display, generator, rgb, write_scene
 from tools.povray_runs import export_view, render_folder, run_povray
 
@@ -23,6 +23,7 @@ EYE = (0.0, 0.0, 400.0)
 WINDOW = Window(80.0, 60.0, 40, 30)
 LIGHT = (30.0, 50.0, 300.0)
 INTENSITY = (40000.0, 50000.0, 60000.0)
+NEARBY = "near_mm = 20\nfar_mm = -30"
 #: OpenEXR's half floats: 11 bits.
 HALF = 2.0**-11
 
@@ -32,6 +33,13 @@ def light(position=LIGHT, intensity=INTENSITY):
     return (
         f'<emitter type="point"><point name="position" x="{x}" y="{y}" z="{z}"/>{rgb("intensity", intensity)}</emitter>'
     )
+
+
+#: A diffuse material with a picture on it.
+PICTURE = (
+    '<bsdf type="diffuse"><texture type="bitmap" name="reflectance"><string name="filename" value="flag.png"/>{}'
+    "</texture></bsdf>"
+)
 
 
 def diffuse(colour=(0.6, 0.4, 0.2), two_sided=False):
@@ -81,7 +89,7 @@ def seen(mi, tmp_path):
     return look
 
 
-@pytest.mark.parametrize("z", [-250.0, 0.0, 90.0])
+@pytest.mark.parametrize("z", [-250.0, 90.0])
 def test_a_diffuse_plane_under_a_point_light(seen, z):
     theirs, ours = seen(light(), card(diffuse(), z))
     expected = lit(through_window(z), (0, 0, 1), (0.6, 0.4, 0.2))
@@ -111,15 +119,6 @@ def test_lights_add_up_and_shadows_fall(seen):
     assert 0.9 < plane.mean() < 1.0
     np.testing.assert_allclose(theirs[plane], expected[plane], rtol=2 * HALF, atol=1e-6)
     np.testing.assert_allclose(theirs, ours, rtol=2e-3, atol=np.abs(ours).max() * (0.0 if plane.all() else 0.02))
-
-
-@pytest.mark.parametrize("two_sided", [True, False])
-def test_the_back_of_a_surface(seen, two_sided):
-    """A card that looks away from the eye, lit from the eye's side: black unless two-sided, as in Mitsuba."""
-    theirs, ours = seen(light(), card(diffuse(two_sided=two_sided), turn='<rotate y="1" angle="180"/>'))
-    expected = lit(through_window(0.0), (0, 0, 1), (0.6, 0.4, 0.2)) * two_sided
-    np.testing.assert_allclose(theirs, expected, rtol=2 * HALF, atol=1e-9)
-    np.testing.assert_allclose(ours, expected, rtol=1e-4, atol=1e-9)
 
 
 def test_a_mirror_shows_what_stands_before_it(seen):
@@ -199,13 +198,7 @@ def flag(mi, tmp_path):
     picture = np.kron(values, np.ones((8, 8, 1))).astype(np.uint8)
     mi.Bitmap(picture).write(str(tmp_path / "flag.png"))
 
-    def material(extra=""):
-        return (
-            '<bsdf type="twosided"><bsdf type="diffuse"><texture type="bitmap" name="reflectance">'
-            f'<string name="filename" value="flag.png"/>{extra}</texture></bsdf></bsdf>'
-        )
-
-    return material
+    return lambda extra="": f'<bsdf type="twosided">{PICTURE.format(extra)}</bsdf>'
 
 
 @pytest.mark.parametrize(
@@ -215,11 +208,8 @@ def test_a_picture_on_a_card(seen, flag, extra):
     """Mitsuba puts the first row at v = 0, a rectangle's lower edge."""
     theirs, ours = seen(light(), card(flag(extra), half=30.0))
     share = theirs / lit(through_window(0.0), (0, 0, 1), (1.0, 1.0, 1.0))
-    sample = share[20, 10]  # lower left
-    value = np.array([250, 20, 20]) / 255.0
-    assert sample == pytest.approx(value if "raw" in extra else ((value + 0.055) / 1.055) ** 2.4, abs=2e-3) or (
-        "raw" not in extra and sample == pytest.approx([0.956, 0.00699, 0.00699], abs=2e-3)
-    )
+    value = np.array([250, 20, 20]) / 255.0  # lower left
+    assert share[20, 10] == pytest.approx(value if "raw" in extra else ((value + 0.055) / 1.055) ** 2.4, abs=2e-3)
     difference = np.abs(theirs - ours).max(axis=-1) / ours.max()
     assert np.median(difference) < 1e-3
     assert (difference > 0.01).mean() < (0.05 if "nearest" in extra else 0.005)
@@ -275,37 +265,37 @@ def tent(mi, tmp_path):
         mesh.write_ply(str(tmp_path / f"tent-{normals}.ply"))
 
 
-@pytest.mark.parametrize("mirror", ["", '<scale x="-1"/>', '<scale z="-1"/>'], ids=["plain", "mirror-x", "mirror-z"])
-@pytest.mark.parametrize("flip", [False, True])
-@pytest.mark.parametrize("shape", ["rectangle", "smooth", "faces"])
-def test_which_side_of_a_surface_is_its_front(seen, tent, shape, flip, mirror):
+@pytest.mark.parametrize(
+    ("shape", "flip", "mirror"),
+    [
+        ("rectangle", False, '<scale z="-1"/>'),
+        ("rectangle", True, ""),
+        ("smooth", False, ""),
+        ("smooth", True, '<scale x="-1"/>'),
+        ("faces", False, '<scale x="-1"/>'),
+        ("faces", True, '<scale z="-1"/>'),
+        # Inside out twice, by the transform or a negative radius: outwards again, its picture mirrored.
+        ("sphere", True, '<scale x="-1"/>'),
+        ("sphere", True, ""),
+    ],
+)
+@pytest.mark.usefixtures("flag", "tent")
+def test_which_side_of_a_surface_is_its_front(seen, shape, flip, mirror):
     """One-sided surfaces, lit from the eye's side: bright or black as Mitsuba's own normals say."""
-    kind = "rectangle" if shape == "rectangle" else "ply"
-    file = "" if kind == "rectangle" else f'<string name="filename" value="tent-{shape == "smooth"}.ply"/>'
+    kind = "ply" if shape in ("smooth", "faces") else shape
+    file = f'<string name="filename" value="tent-{shape == "smooth"}.ply"/>' if kind == "ply" else ""
+    file += '<float name="radius" value="-1"/>' if (shape, mirror) == ("sphere", "") else ""
     theirs, ours = seen(
         light(),
         card(diffuse((0.1, 0.2, 0.9)), -60.0),
-        f'<shape type="{kind}">{file}{diffuse()}<boolean name="flip_normals" value="{str(flip).lower()}"/>'
+        f'<shape type="{kind}">{file}{PICTURE.format("") if kind == "sphere" else diffuse()}'
+        f'<boolean name="flip_normals" value="{str(flip).lower()}"/>'
         f'<transform name="to_world">{mirror}<scale value="20"/><translate z="30"/></transform></shape>',
     )
     assert ((ours == 0.0).all(axis=-1).mean() > 0.1) or (ours[..., 0] > ours[..., 2]).mean() > 0.1
     difference = np.abs(theirs - ours).max(axis=-1) / ours.max()
     assert np.median(difference) < 2e-3
     assert (difference > 0.02).mean() < 0.02
-
-
-@pytest.mark.parametrize("turned", ['<scale value="-1"/>', '<scale x="-1"/>', ""])
-def test_a_sphere_that_is_inside_out_twice_is_none(seen, flag, turned):
-    """A mirror in the transform, or a negative radius, and flip_normals: outwards again, the picture mirrored."""
-    radius = "" if turned else '<float name="radius" value="-1"/>'
-    theirs, ours = seen(
-        light(),
-        f'<shape type="sphere">{radius}<boolean name="flip_normals" value="true"/><transform name="to_world">{turned}'
-        f'<rotate x="1" angle="80"/><scale value="25"/></transform>{flag()}</shape>',
-    )
-    difference = np.abs(encode(theirs, "srgb") - encode(ours, "srgb")).max(axis=-1) * 255.0
-    assert (ours > 0.0).any(axis=-1).mean() > 0.1
-    assert (difference > 2.0).mean() < 0.03
 
 
 def test_materials_keep_apart_whatever_their_names(seen, mi, tmp_path):
@@ -339,7 +329,7 @@ def test_a_grey_may_be_a_number_or_a_uniform_spectrum(mi, tmp_path, grey):
     texts = []
     for colour in (grey.format("reflectance"), rgb("reflectance", (0.5, 0.5, 0.5))):
         material = f'<bsdf type="diffuse">{colour}</bsdf>'
-        path = write_scene(tmp_path / "s.xml", light(), card(material), placement="near_mm = 20\nfar_mm = -30")
+        path = write_scene(tmp_path / "s.xml", light(), card(material), placement=NEARBY)
         exported = export_view(load_scene(path), EYE, WINDOW, tmp_path / "pov")
         texts.append((exported.ini.parent / "scene.inc").read_text())
     assert texts[0] == texts[1]
@@ -362,7 +352,7 @@ def test_names_that_a_file_may_have(mi, tmp_path, capfd):
         + f'"/></texture></bsdf><transform name="to_world"><translate x="{2 * k}"/></transform></shape>'
         for k, stem in enumerate(f"{stem}.png" for stem in stems)
     ]
-    scene = write_scene(folder / "my scène.xml", light(), *shapes, placement="near_mm = 20\nfar_mm = -30")
+    scene = write_scene(folder / "my scène.xml", light(), *shapes, placement=NEARBY)
     display = tmp_path / "d.toml"
     display.write_text(display_toml(focused_display("square", width_px=16, height_px=12, pixel_pitch=0.1)))
     out = folder / "p o'v"
@@ -374,24 +364,29 @@ def test_names_that_a_file_may_have(mi, tmp_path, capfd):
 
 def test_files_that_are_there_already(mi, tmp_path, capfd):
     """What stands in the folder is not counted as ours; a folder in a file's place stops all."""
-    scene = write_scene(tmp_path / "s.xml", light(), card(diffuse()), placement="near_mm = 20\nfar_mm = -30")
+    scene = write_scene(tmp_path / "s.xml", light(), card(diffuse()), placement=NEARBY)
     display = tmp_path / "d.toml"
     display.write_text(display_toml(focused_display("hex", width_px=16, height_px=12, pixel_pitch=0.1)))
-    folder = tmp_path / "pov"
+    folder = tmp_path / "new" / "pov"
     (folder / "scene.inc").mkdir(parents=True)
     (folder / "notes.txt").write_text("mine")
     command = ["export", "povray", str(scene), "--display", str(display), "--json", "-o"]
     assert run([*command, str(folder)]) == 2
     assert "scene.inc: is a folder" in json.loads(capfd.readouterr().out)["error"]
     assert sorted(file.name for file in folder.iterdir()) == ["notes.txt", "scene.inc"]
-    (folder / "scene.inc").rmdir()
+    shutil.rmtree(folder.parent)
     assert run([*command, str(folder)]) == 0
-    files = json.loads(capfd.readouterr().out)["files"]
-    assert "notes.txt" not in files
-    assert sorted([*files, "notes.txt"]) == sorted(file.name for file in folder.iterdir())
-    # A place where the system makes no folder, even for who may do everything.
-    assert run([*command, "/proc/lippmann-export"]) == 2
-    assert "cannot be made" in capfd.readouterr().err
+    (folder / "notes.txt").write_text("mine")
+    assert run([*command, str(folder)]) == 0
+    result = json.loads(capfd.readouterr().out.splitlines()[-1])
+    assert result["ini"] == str(folder / "s.ini")
+    assert sorted([*result["files"], "notes.txt"]) == sorted(file.name for file in folder.iterdir())
+    done = run_povray(folder / "s.ini")
+    assert (done.command, done.seconds > 0.0, (folder / "s.exr").is_file()) == ("povray s.ini", True, True)
+    # Places where the system makes no folder, even for who may do everything.
+    for place in ("/proc/lippmann-export", str(scene)):
+        assert run([*command, place]) == 2
+        assert f"{place}: cannot be made" in capfd.readouterr().err
 
 
 def test_glass_that_is_not_closed_is_refused(mi, tmp_path):
@@ -409,7 +404,7 @@ def test_glass_that_is_not_closed_is_refused(mi, tmp_path):
 
     def export(file, extra=""):
         shape = f'<shape type="ply"><string name="filename" value="{file}.ply"/>{extra}{glass}</shape>'
-        path = write_scene(tmp_path / "s.xml", light(), shape, placement="near_mm = 20\nfar_mm = -30")
+        path = write_scene(tmp_path / "s.xml", light(), shape, placement=NEARBY)
         export_view(load_scene(path), EYE, WINDOW, tmp_path / "pov")
 
     export("whole")
@@ -420,19 +415,12 @@ def test_glass_that_is_not_closed_is_refused(mi, tmp_path):
         export("whole", '<boolean name="flip_normals" value="true"/>')
 
 
-@pytest.mark.parametrize("eye", [{}, {"eye": 60.0, "axis": (4.0, 1.0)}], ids=["far", "near"])
-@pytest.mark.parametrize("grid", GRIDS)
+@pytest.mark.parametrize(("grid", "eye"), [("square", {}), ("hex", {"eye": 60.0, "axis": (4.0, 1.0)})])
 def test_a_display_s_lines_of_sight(mi, tmp_path, flag, grid, eye):
     """Real and virtual objects, one ray a pixel: the picture that `lippmann render` makes."""
     display = focused_display(grid, width_px=64, height_px=48, pixel_pitch=0.1, rotation=7.0, **eye)
-    path = write_scene(
-        tmp_path / "s.xml",
-        light(),
-        card(flag(), -30.0, 20.0),
-        ball(-1, 12, 1.2),
-        placement="near_mm = 20\nfar_mm = -30",
-    )
-    scene = load_scene(path)
+    parts = light(), card(flag(), -30.0, 20.0), ball(-1, 12, 1.2)
+    scene = load_scene(write_scene(tmp_path / "s.xml", *parts, placement=NEARBY))
     theirs, _ = render_folder(export_display(scene, display, "exact", tmp_path / "pov"))
     ours = render_integral(scene, display, "exact", Settings()).radiance
     assert theirs.shape == ours.shape
@@ -440,86 +428,48 @@ def test_a_display_s_lines_of_sight(mi, tmp_path, flag, grid, eye):
     assert np.median(difference) < 0.1
     assert (difference > 2.0).mean() < 0.01
     assert len(np.unique(np.round(ours, 2).reshape(-1, 3), axis=0)) > 6
+    large = focused_display(grid, width_px=2048, height_px=1024, pixel_pitch=0.1)
+    for wrong, says in ((large, str(MAX_RAYS)), (focused_display(grid, subpixels="rgb"), "colour sub-pixels")):
+        with pytest.raises(InputError, match=says):
+            export_display(scene, wrong, "exact", tmp_path / "no")
 
 
 # --- refusals and the command ---------------------------------------------------------------------
 
-SPHERE = '<shape type="sphere">{}</shape>'
+#: What is refused of a sphere, or of the scene.
 REFUSED = {
     "emitter 'constant'": '<emitter type="constant"/>',
-    "emitter 'area'": SPHERE.format(diffuse() + '<emitter type="area"/>'),
+    "emitter 'area'": diffuse() + '<emitter type="area"/>',
     "shape 'cylinder'": f'<shape type="cylinder">{diffuse()}</shape>',
-    "bsdf 'roughplastic' (gloss)": SPHERE.format('<bsdf type="roughplastic" id="gloss"/>'),
-    "bsdf 'conductor' has a complex index": SPHERE.format('<bsdf type="conductor"/>'),
-    "bsdf 'plastic' is nonlinear": SPHERE.format(
-        '<bsdf type="plastic"><boolean name="nonlinear" value="true"/></bsdf>'
-    ),
-    "texture 'checkerboard'": SPHERE.format(
-        '<bsdf type="diffuse"><texture type="checkerboard" name="reflectance"/></bsdf>'
-    ),
-    "wrap_mode": SPHERE.format(
-        '<bsdf type="diffuse"><texture type="bitmap" name="reflectance"><string name="filename" value="flag.png"/>'
-        '<string name="wrap_mode" value="clamp"/></texture></bsdf>'
-    ),
-    "to_uv": SPHERE.format(
-        '<bsdf type="diffuse"><texture type="bitmap" name="reflectance"><string name="filename" value="flag.png"/>'
-        '<transform name="to_uv"><scale value="2"/></transform></texture></bsdf>'
-    ),
-    "specular_transmittance": SPHERE.format(
-        '<bsdf type="dielectric"><rgb name="specular_transmittance" value="1 0.5 1"/></bsdf>'
-    ),
+    "bsdf 'roughplastic' (gloss)": '<bsdf type="roughplastic" id="gloss"/>',
+    "bsdf 'conductor' has a complex index": '<bsdf type="conductor"/>',
+    "bsdf 'plastic' is nonlinear": '<bsdf type="plastic"><boolean name="nonlinear" value="true"/></bsdf>',
+    "texture 'checkerboard'": '<bsdf type="diffuse"><texture type="checkerboard" name="reflectance"/></bsdf>',
+    "wrap_mode": PICTURE.format('<string name="wrap_mode" value="clamp"/>'),
+    "to_uv": PICTURE.format('<transform name="to_uv"><scale value="2"/></transform>'),
+    "specular_transmittance": '<bsdf type="dielectric"><rgb name="specular_transmittance" value="1 0.5 1"/></bsdf>',
     "encloses no glass": card('<bsdf type="dielectric"/>'),
-    "shape 'sphere' has no material": SPHERE.format(""),
-    "is not a sphere": SPHERE.format(diffuse() + '<transform name="to_world"><scale x="2"/></transform>'),
-    "normals that point inwards": SPHERE.format(diffuse() + '<boolean name="flip_normals" value="true"/>'),
-    "point inwards": SPHERE.format(diffuse() + '<transform name="to_world"><scale x="-1"/></transform>'),
-    "inwards": SPHERE.format(diffuse() + '<float name="radius" value="-1"/>'),
-    "rgb": '<emitter type="point"><spectrum name="intensity" value="400:1, 700:2"/></emitter>',
+    "shape 'sphere' has no material": "",
+    "is not a sphere": diffuse() + '<transform name="to_world"><scale x="2"/></transform>',
+    "normals that point inwards": diffuse() + '<boolean name="flip_normals" value="true"/>',
+    "point inwards": diffuse() + '<transform name="to_world"><scale x="-1"/></transform>',
+    "inwards": diffuse() + '<float name="radius" value="-1"/>',
+    "has a intensity that": '<emitter type="point"><spectrum name="intensity" value="400:1, 700:2"/></emitter>',
 }
 
 
 @pytest.mark.parametrize("named", REFUSED)
-def test_what_povray_cannot_express_is_refused_by_name(mi, tmp_path, flag, named):
-    assert flag
-    path = write_scene(tmp_path / "s.xml", card(diffuse()), REFUSED[named], placement="near_mm = 20\nfar_mm = -30")
-    scene = load_scene(path)
+@pytest.mark.usefixtures("flag")
+def test_what_povray_cannot_express_is_refused_by_name(mi, tmp_path, named):
+    part = REFUSED[named]
+    if not part.startswith(("<shape", "<emitter")):
+        part = f'<shape type="sphere">{part}</shape>'
+    scene = load_scene(write_scene(tmp_path / "s.xml", card(diffuse()), part, placement=NEARBY))
     with pytest.raises(InputError) as caught:
         export_view(scene, EYE, WINDOW, tmp_path / "pov")
     message = str(caught.value)
-    assert named in message
-    assert "s.xml (line 1" in message
-    assert ";" in message  # and a remedy
+    assert re.search(rf"s\.xml \(line 1.*{re.escape(named)}.*; ", message)
     assert not (tmp_path / "pov").exists()
-
-
-def test_a_panel_too_large_and_stripes_are_refused(mi, tmp_path):
-    scene = load_scene(write_scene(tmp_path / "s.xml", card(diffuse()), placement="near_mm = 20\nfar_mm = -30"))
-    large = focused_display("square", width_px=2048, height_px=1024, pixel_pitch=0.1)
-    with pytest.raises(InputError, match=str(MAX_RAYS)):
-        export_display(scene, large, "exact", tmp_path / "pov")
-    with pytest.raises(InputError, match="colour sub-pixels"):
-        export_display(scene, focused_display("square", subpixels="rgb"), "exact", tmp_path / "pov")
-
-
-def test_the_command(mi, tmp_path, capfd):
-    scene = write_scene(tmp_path / "s.xml", light(), card(diffuse()), placement="near_mm = 20\nfar_mm = -30")
-    display = tmp_path / "d.toml"
-    display.write_text(display_toml(focused_display("hex", width_px=32, height_px=24, pixel_pitch=0.1)))
-    folder = tmp_path / "pov"
-    assert run(["export", "povray", str(scene), "--display", str(display), "-o", str(folder), "--json"]) == 0
-    result = json.loads(capfd.readouterr().out)
-    assert result["ini"] == str(folder / "s.ini")
-    assert sorted(result["files"]) == sorted(file.name for file in folder.iterdir())
-    assert [path.name for path in tmp_path.iterdir() if "partial" in path.name] == []
-    done = run_povray(folder / "s.ini")
-    assert done.command == "povray s.ini"
-    assert done.seconds > 0.0
-    assert (folder / "s.exr").is_file()
-    capfd.readouterr()
-    assert run(["export", "povray", str(scene), "--display", str(display), "-o", str(scene)]) == 2
-    assert "s.xml: cannot be made (File exists); choose another place with -o" in capfd.readouterr().err
-    assert run(["export", "povray", str(scene), "--display", str(display), "-o", str(tmp_path / "new" / "pov")]) == 0
-    assert (tmp_path / "new" / "pov" / "s.ini").is_file()
 
 
 def test_without_povray_it_says_how_to_install_it(tmp_path, monkeypatch):

@@ -8,12 +8,13 @@ from types import SimpleNamespace
 
 import pytest
 from lippmann.board import bitstreams as program_module
+from lippmann.board import board as board_module
 from lippmann.board import port as port_module
 from lippmann.board.bitstreams import comment, read_bitfile, sealed
 from lippmann.board.fpga_boards import board_of_port, fpga_board, fpga_boards, usual_baud
 from lippmann.cli import doctor as doctor_module
 from lippmann.cli import run
-from lippmann.errors import InputError
+from lippmann.errors import DeviceError, InputError
 from lippmann.simulation.toolchain import repository
 
 VGA = str(repository() / "scenes/displays/vga-square.toml")
@@ -81,11 +82,19 @@ def refused(capsys, code, *arguments):
     return line
 
 
+def doctor_checks(capsys):
+    assert run(["doctor", "--json"]) in (0, 3)
+    return {check["check"]: check for check in json.loads(capsys.readouterr().out)["checks"]}
+
+
 def called(place):
     return (place / "called.txt").read_text().splitlines()
 
 
 def test_the_loader_is_called(place, capsys):
+    (place / "plain.bit").write_bytes(bits(""))
+    assert run(["board", "program", "plain.bit", "--board", "ulx3s"]) == 0
+    assert capsys.readouterr().out == "ulx3s: runs plain.bit\n"
     assert run(["board", "program", "board.bit", "--display", VGA]) == 0
     assert capsys.readouterr().out == f"ulx3s: runs vga-square (design {DESIGN})\n"
     assert called(place) == ["--board", "ulx3s", "--ftdi-serial", "K00219", "--write-sram", "board.bit"]
@@ -96,12 +105,6 @@ def test_the_loader_is_called(place, capsys):
         "identity": IDENTITY, "design": DESIGN,
         "flash": True,
     }  # fmt: skip
-
-
-def test_a_missing_loader(place, monkeypatch, capsys):
-    (place / "bin" / "openFPGALoader").unlink()
-    line = refused(capsys, 3, "board.bit")
-    assert line == "lippmann: openFPGALoader is missing; run sudo apt-get install -y openfpgaloader"
 
 
 def test_no_board_and_two_boards(place, monkeypatch, capsys):
@@ -126,6 +129,19 @@ def test_no_board_and_two_boards(place, monkeypatch, capsys):
     assert "there is 'FT231X USB UART' (DN0), 'ULX3S FPGA 85K v3.0.8' (K00219), " in refused(
         capsys, 1, "board.bit", "--serial", "K1"
     )
+
+
+def test_a_loader_that_cannot_be_run_or_does_not_end(place, monkeypatch, capsys):
+    loads(place, "exec sleep 30")
+    monkeypatch.setattr(program_module, "LOAD_SECONDS", 0.3)
+    assert "did not end within 0 s" in refused(capsys, 1, "board.bit")
+    loader = place / "bin" / "openFPGALoader"
+    loader.write_bytes(b"\x7fELF, of another machine")
+    says = f"lippmann: {loader}: cannot be run (Exec format error); {program_module.LOADER.remedy}"
+    assert refused(capsys, 3, "board.bit") == says
+    loader.unlink()
+    line = refused(capsys, 3, "board.bit")
+    assert line == "lippmann: openFPGALoader is missing; run sudo apt-get install -y openfpgaloader"
 
 
 def test_boards_that_cannot_be_told_apart_and_other_densities(place, monkeypatch, capsys):
@@ -186,21 +202,6 @@ def test_errors_of_the_loader(place, script, said, capsys):
     assert said in refused(capsys, 1, "board.bit")
 
 
-def test_a_loader_of_another_machine(place, capsys):
-    loads(place, "")
-    (place / "bin" / "openFPGALoader").write_bytes(b"\x7fELF, of another machine")
-    assert run(["board", "program", "board.bit"]) == 3
-    line = capsys.readouterr().err.splitlines()[-1]
-    loader = place / "bin" / "openFPGALoader"
-    assert line == f"lippmann: {loader}: cannot be run (Exec format error); {program_module.LOADER.remedy}"
-
-
-def test_a_loader_that_does_not_end(place, monkeypatch, capsys):
-    loads(place, "exec sleep 30")
-    monkeypatch.setattr(program_module, "LOAD_SECONDS", 0.3)
-    assert "did not end within 0 s" in refused(capsys, 1, "board.bit")
-
-
 @pytest.mark.parametrize(
     ("data", "options", "said"),
     [
@@ -233,52 +234,23 @@ def test_a_wrong_file_is_not_loaded(place, data, options, said, capsys):
     assert said in line
     assert "; " in line or "?" in line
     assert not (place / "called.txt").exists()
-
-
-def test_no_file(place, capsys):
     assert "no such file; run make bitstream" in refused(capsys, 2, "none.bit")
     assert "cannot be read" in refused(capsys, 2, place)
 
 
-def test_another_programs_bitstream_is_loaded_into_a_board_that_is_named(place, capsys):
-    (place / "board.bit").write_bytes(bits(""))
-    assert run(["board", "program", "board.bit", "--board", "ulx3s"]) == 0
-    assert capsys.readouterr().out == "ulx3s: runs board.bit\n"
-
-
-def test_a_header_of_any_bytes_is_a_header_or_refused(tmp_path):
-    path = tmp_path / "any.bit"
-    whole = bits()
-    for end in range(len(whole)):
-        path.write_bytes(whole[:end])
-        try:
-            told = read_bitfile(path)
-        except InputError:
-            continue
-        assert (told.device, told.identity) == ("LFE5U-85F", IDENTITY)
-        assert end >= whole.index(b"\x5e\0\0\0") + 4
-
-
-def test_no_byte_of_a_file_can_be_another(tmp_path):
+def test_no_byte_of_a_file_can_be_another_or_the_last(tmp_path):
     """One bit of each is turned: in header, text and digest too, where the words are that tell whose file it is."""
     path, whole = tmp_path / "any.bit", bits()
     path.write_bytes(whole)
     assert read_bitfile(path).design == DESIGN
     for at in range(len(whole)):
-        path.write_bytes(whole[:at] + bytes([whole[at] ^ 1 << at % 8]) + whole[at + 1 :])
-        with pytest.raises(InputError, match=r"is damaged|is not an ECP5 bitstream|without its end"):
-            read_bitfile(path)
+        for wrong in (whole[:at] + bytes([whole[at] ^ 1 << at % 8]) + whole[at + 1 :], whole[:at]):
+            path.write_bytes(wrong)
+            with pytest.raises(InputError, match=r"is damaged|is not an ECP5 bitstream|without its end"):
+                read_bitfile(path)
 
 
 # --- ports ---------------------------------------------------------------------------------------------
-
-
-def test_a_ulx3s_is_known_and_has_its_baud_rate(monkeypatch):
-    monkeypatch.setattr(port_module.list_ports, "comports", lambda: [OTHER, ULX3S])
-    assert board_of_port("/dev/ttyUSB3") == fpga_board("ulx3s")
-    assert board_of_port("/dev/ttyUSB1") is None
-    assert usual_baud("/dev/ttyUSB3") == 3_000_000
-    assert usual_baud("/dev/ttyUSB1") == usual_baud("socket://127.0.0.1:4000") == 115_200
 
 
 @pytest.fixture
@@ -290,20 +262,24 @@ def broken(tmp_path, monkeypatch):
     (tmp_path / "top/rtl/board/a_board/board.toml").write_text('name = "a_board"\n[fpga]\nspeed = 9\n')
 
 
-def test_a_half_written_board_file_hinders_no_port(broken, monkeypatch):
+def test_a_half_written_board_file_hinders_no_other_board(broken, place, monkeypatch, capsys):
     monkeypatch.setattr(port_module.list_ports, "comports", lambda: [OTHER, ULX3S])
+    monkeypatch.setattr(doctor_module, "port_trouble", lambda url: None)
+    assert board_of_port("/dev/ttyUSB3") == fpga_board("ulx3s")
+    assert board_of_port("/dev/ttyUSB1") is None
     assert usual_baud("/dev/ttyUSB3") == 3_000_000
     assert usual_baud("/dev/ttyUSB1") == 115_200
     with pytest.raises(InputError, match=r"a_board/board\.toml: fpga\.speed"):
         fpga_boards()
-
-
-def test_a_half_written_board_file_hinders_no_other_board(broken, place, capsys):
     assert run(["board", "program", "board.bit", "--display", VGA]) == 0
     capsys.readouterr()
     (place / "called.txt").unlink()
     (place / "board.bit").write_bytes(bits(""))
     assert "a_board/board.toml: fpga.speed" in refused(capsys, 2, "board.bit", "--board", "a_board")
+    checks = doctor_checks(capsys)
+    assert "fpga.speed" in checks["board files"]["detail"]
+    assert not checks["board files"]["ok"]
+    assert checks["/dev/ttyUSB3"]["detail"].startswith("Radiona ULX3S 85F, GPDI, 3000000 baud, ")
 
 
 @pytest.mark.parametrize("url", ["socket://127.0.0.1:4000", "unix:///tmp/x", "loop://", "rfc2217://there:7000"])
@@ -317,9 +293,6 @@ def test_no_port_is_looked_for_behind_a_url(url, monkeypatch):
 
 @pytest.mark.parametrize(("options", "rate"), [((), 3_000_000), (("--baud", "9600"), 9600)])
 def test_a_search_opens_it_at_that_rate(options, rate, monkeypatch):
-    from lippmann.board import board as board_module
-    from lippmann.errors import DeviceError
-
     monkeypatch.setattr(port_module.list_ports, "comports", lambda: [OTHER, ULX3S])
     opened = {}
 
@@ -337,36 +310,19 @@ def test_a_search_opens_it_at_that_rate(options, rate, monkeypatch):
 
 
 def test_doctor_names_the_board_and_the_loader(place, monkeypatch, capsys):
-    from lippmann.cli import doctor
-
     monkeypatch.setattr(port_module.list_ports, "comports", lambda: [OTHER, ULX3S])
-    monkeypatch.setattr(doctor, "port_trouble", lambda url: None)
-    run(["doctor", "--json"])
-    checks = {check["check"]: check for check in json.loads(capsys.readouterr().out)["checks"]}
+    monkeypatch.setattr(doctor_module, "port_trouble", lambda url: None)
+    checks = doctor_checks(capsys)
     title = "Radiona ULX3S 85F, GPDI, 3000000 baud"
     assert checks["/dev/ttyUSB3"]["detail"].startswith(f"{title}, serial number K00219: ")
     assert "ULX3S" not in checks["/dev/ttyUSB1"]["detail"]
     assert checks["openFPGALoader"]["ok"]
     monkeypatch.setattr(ULX3S, "serial_number", None)
-    run(["doctor", "--json"])
-    checks = {check["check"]: check for check in json.loads(capsys.readouterr().out)["checks"]}
-    assert checks["/dev/ttyUSB3"]["detail"].startswith(f"{title}: ")
     (place / "bin" / "openFPGALoader").unlink()
-    run(["doctor", "--json"])
-    checks = {check["check"]: check for check in json.loads(capsys.readouterr().out)["checks"]}
-    assert not checks["openFPGALoader"]["ok"]
-    assert not checks["openFPGALoader"]["needed"]
+    checks = doctor_checks(capsys)
+    assert checks["/dev/ttyUSB3"]["detail"].startswith(f"{title}: ")
+    assert (checks["openFPGALoader"]["ok"], checks["openFPGALoader"]["needed"]) == (False, False)
     assert "apt-get install -y openfpgaloader" in checks["openFPGALoader"]["detail"]
-
-
-def test_doctor_goes_on_beside_a_broken_board_file(broken, monkeypatch, capsys):
-    monkeypatch.setattr(port_module.list_ports, "comports", lambda: [OTHER, ULX3S])
-    monkeypatch.setattr(doctor_module, "port_trouble", lambda url: None)
-    assert run(["doctor", "--json"]) in (0, 3)
-    checks = {check["check"]: check for check in json.loads(capsys.readouterr().out)["checks"]}
-    assert "fpga.speed" in checks["board files"]["detail"]
-    assert not checks["board files"]["ok"]
-    assert checks["/dev/ttyUSB3"]["detail"].startswith("Radiona ULX3S 85F, GPDI, 3000000 baud, ")
 
 
 @pytest.mark.parametrize(
