@@ -4,7 +4,6 @@ import os
 import subprocess
 import sys
 
-import drjit as dr
 import lippmann
 import numpy as np
 import pytest
@@ -154,17 +153,26 @@ def test_a_display_is_needed(mi, tmp_path):
         mi.load_dict({"type": "integral", "display": str(tmp_path / "none.toml")})
 
 
+PLAIN = """
+import sys
+import mitsuba as mi
+for variant in (None, "llvm_ad_spectral", "llvm_ad_rgb"):
+    if variant:
+        mi.set_variant(variant)
+    try:
+        import lippmann.capturing.mitsuba_sensor
+    except Exception as error:
+        print(error)
+print(mi.render(mi.load_file(sys.argv[1]), spp=2).shape)
+"""
+
+
 def test_plain_mitsuba_uses_it(mi, sensor_of, tmp_path):
     """A script that imports the module after setting a variant; and one that forgets to."""
     sensor_of(focused_display("square", width_px=8, height_px=6, pixel_pitch=0.1))
-    program = (
-        "import mitsuba as mi; mi.set_variant('llvm_ad_rgb'); import lippmann.capturing.mitsuba_sensor;"
-        f"print(mi.render(mi.load_file({str(tmp_path / 'scene.xml')!r}), spp=2).shape)"
-    )
-    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True, env=os.environ)
-    assert done.stdout.split() == ["(6,", "8,", "3)"]
-    for before in ("", "import mitsuba; mitsuba.set_variant('llvm_ad_spectral');"):
-        program = f"{before}import lippmann.capturing.mitsuba_sensor"
-        done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=False)
-        assert "call mitsuba.set_variant" in done.stderr
-    assert dr.has_backend(dr.JitBackend.LLVM)
+    command = [sys.executable, "-c", PLAIN, tmp_path / "scene.xml"]
+    done = subprocess.run(command, capture_output=True, text=True, check=True, env=os.environ)
+    *refused, shape = done.stdout.splitlines()
+    assert len(refused) == 2
+    assert all("call mitsuba.set_variant" in line for line in refused)
+    assert shape == "(6, 8, 3)"

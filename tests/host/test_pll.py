@@ -9,15 +9,8 @@ from lippmann.errors import InputError
 from tools.pll import Pll, panel_pixel_mhz, solve
 
 MEMORY = Fraction(60), Fraction(125)
-#: Timings of VESA DMT and CEA-861, and of reduced blanking.
-PANELS = {
-    (640, 480): (16, 96, 48, 10, 2, 33),
-    (1280, 720): (110, 40, 220, 5, 5, 20),
-    (800, 480): (48, 32, 80, 3, 8, 30),
-    (1024, 600): (48, 32, 80, 3, 8, 30),
-    (1280, 800): (48, 32, 80, 3, 8, 30),
-    (480, 272): (48, 32, 80, 3, 8, 30),
-}
+#: By the timings of CEA-861; those of 640 x 480 are VESA's.
+HD_MHZ = panel_pixel_mhz(1280, 720, (110, 40, 220, 5, 5, 20))
 
 
 def assert_legal(pll, pixel_mhz, dvi):
@@ -39,34 +32,26 @@ def assert_legal(pll, pixel_mhz, dvi):
 
 def test_the_two_video_modes():
     """By hand: 25 MHz * 20 and 25 MHz * 30 are 500 and 750 MHz."""
-    vga = solve(panel_pixel_mhz(640, 480, PANELS[640, 480]), Fraction(25), MEMORY)
+    vga = solve(panel_pixel_mhz(640, 480, (16, 96, 48, 10, 2, 33)), Fraction(25), MEMORY)
     assert vga == Pll(Fraction(25), 1, 20, 4, 20, 4)
     assert (vga.vco_mhz, vga.clocks_mhz["memory"], vga.clocks_mhz["system"]) == (500, 125, 25)
-    hd = solve(panel_pixel_mhz(1280, 720, PANELS[1280, 720]), Fraction(25), MEMORY)
+    hd = solve(HD_MHZ, Fraction(25), MEMORY)
     assert hd == Pll(Fraction(25), 1, 30, 2, 10, 6)
     assert [hd.clocks_mhz[name] for name in ("shift", "system", "memory")] == [375, 75, 125]
 
 
 def test_no_pixel_clock_is_above_the_fastest():
     """Below 75 MHz comes 73.75 MHz: 25 MHz / 2 * 59 is 737.5 MHz."""
-    pixel = panel_pixel_mhz(1280, 720, PANELS[1280, 720])
-    assert solve(pixel, Fraction(25), MEMORY, fastest_mhz=Fraction(75)).clocks_mhz["system"] == 75
-    slower = solve(pixel, Fraction(25), MEMORY, fastest_mhz=Fraction(749, 10))
+    assert solve(HD_MHZ, Fraction(25), MEMORY, fastest_mhz=Fraction(75)).clocks_mhz["system"] == 75
+    slower = solve(HD_MHZ, Fraction(25), MEMORY, fastest_mhz=Fraction(749, 10))
     assert slower.clocks_mhz["system"] == Fraction(7375, 100)
-    assert_legal(slower, pixel, True)
-
-
-@pytest.mark.parametrize("dvi", [True, False])
-@pytest.mark.parametrize("size", PANELS)
-def test_dividers_are_legal(size, dvi):
-    pixel = panel_pixel_mhz(*size, PANELS[size])
-    assert_legal(solve(pixel, Fraction(25), MEMORY, dvi=dvi), pixel, dvi)
+    assert_legal(slower, HD_MHZ, True)
 
 
 def test_any_pixel_clock_that_has_dividers_finds_legal_ones():
     random.seed(1908)
     found = 0
-    for _ in range(60):
+    for _ in range(80):
         pixel = Fraction(random.randrange(6000, 80000), 1000)
         oscillator = Fraction(random.choice((12, 25, 27, 48, 100)))
         dvi = random.random() < 0.7
