@@ -19,7 +19,6 @@ from lippmann.scenes.scene import load_scene
 from lippmann.simulation.toolchain import repository
 from scene_cases import focused_display, glowing_card, write_scene
 from tools import layers_likeness
-from tools.layers_likeness import layers_page
 
 REPORTS = repository() / "docs/generated/reports"
 DISPLAY = focused_display("square", focal=4.0, width_px=160, height_px=120, pixel_pitch=0.2)
@@ -88,29 +87,6 @@ def test_a_streamed_frame_is_its_packets():
         wanted += len(cobs.encode(data + zlib.crc32(data).to_bytes(4, "little"))) + 1
     assert layers_likeness.tile_bytes(frame) == wanted
     assert layers_likeness.line_seconds(300_000) == pytest.approx(1.0)  # 8 bits, start and stop at 3 Mbaud
-
-
-def row(display, scene, drawn, number, db):
-    loaded = drawn != "streamed"
-    return {
-        "display": display, "scene": scene, "drawn": drawn, "layers": number if loaded else None, "view_db": db,
-        "worst_db": db - 1.0, "load_bytes": 50_000 * (number or 0) if loaded else None,
-        "block_rams": 25 * number if loaded else None, "multipliers": 14 * number if loaded else None,
-        "line_bytes": 300_000, "frame_bytes": 39 if loaded else 300_000, "holes_percent": 0.0 if loaded else None,
-    }  # fmt: skip
-
-
-def test_the_page_of_few_rows():
-    rows = [
-        row(*where, drawn, number, 20.0 + number)
-        for where in (("vga-square", "fish"), ("vga-square", "chart"))
-        for drawn, number in (("streamed", 17), *((f, n) for n in (1, 4) for f in ("nearest", "bilinear")))
-    ]
-    text = layers_page({"machine": "x"}, rows).text()
-    assert "37.0 dB. Its error is" in text
-    assert "24.0 dB of the fish (24.0 bilinear), 24.0 dB of the chart" in text
-    assert "take 1.00 s once. Then a frame takes 39 bytes" in text
-    assert "take 100 block RAMs and 56 multipliers, 100 and 56 with bilinear" in text
 
 
 def test_the_builds_of_the_page_are_those_that_make_synth_places():

@@ -361,25 +361,6 @@ def test_the_command_plays_a_film(reel, capfd, refusal_of):
 # ---- the board ----
 
 
-def test_the_board_shows_whole_frames_and_the_last_one(made):
-    """Frames that come while one is sent are left out, but for the newest; every frame shown is one that was given."""
-    display, _, picture, hand = made
-    panel = display.panel
-    with ModelBoard(panel.width_px, panel.height_px) as model, Board.open(model.url, 12_000_000, 0.5) as board:
-        sender, given = Sender(board), []
-        send = sender.send
-        sender.send = lambda pixels: (given.append(pixels.copy()), send(pixels))
-        with screens() as shown:
-            shown.open("panel", (panel.width_px, panel.height_px))
-            LiveShow(picture, hand, shown, send=sender.send).run(turn_deg=90.0, moving_s=1.0, seconds=1.0, samples=8)
-        sender.finish()
-        assert 0 < sender.frames <= len(given)
-        frames = {pixels.tobytes() for pixels in given}
-        assert model.shown
-        assert all(np.asarray(frame, np.uint8).tobytes() in frames for frame in model.shown)
-        assert np.asarray(model.shown[-1], np.uint8).tobytes() == given[-1].tobytes()
-
-
 def test_a_board_without_a_desktop(made, no_desktop, capfd):
     """The film's frames, one after the other; no window is opened."""
     panel = made[0].panel
