@@ -23,7 +23,6 @@ def layer(depth, matrix, brightness=1.0):
 
 @pytest.fixture
 def place(tmp_path):
-    """Two layers and a sky."""
     print(f"seed {SEED}")
     rng = np.random.default_rng(SEED)
     stack = LayerStack(

@@ -28,7 +28,6 @@ FAST = Settings(samples=4, integrator="direct")
 
 @pytest.fixture
 def scene(mi, tmp_path):
-    """Write and load a scene; primary rays start at z = 30."""
 
     def load(*parts):
         return load_scene(write_scene(tmp_path / "cards.xml", *parts), Placement(near_mm=30.0, far_mm=-80.0))

@@ -42,7 +42,6 @@ def sky(colour):
 
 @pytest.fixture
 def scene(mi, tmp_path):
-    """Write and load a scene; primary rays start at z = 30."""
 
     def load(*parts, part=None):
         path = write_scene(tmp_path / "cards.xml", *parts)

@@ -30,7 +30,6 @@ COLUMNS = [2, 1, 5, 4, 3, 2, 6, 5]
 
 
 def palette_of(*colours):
-    """A palette that begins with colours."""
     palette = np.zeros((256, 4), np.uint8)
     palette[: len(colours)] = np.reshape(colours, (-1, 4))
     return palette

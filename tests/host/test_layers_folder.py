@@ -21,7 +21,6 @@ DISPLAY = focused_display("square", width_px=64, height_px=48, pixel_pitch=0.1)
 
 
 def same(one, other):
-    """Whether two stacks are equal to the bit."""
     return (one.background == other.background).all() and len(one.layers) == len(other.layers) and all(
         (a.texels == b.texels).all() and a.texels.shape == b.texels.shape and (a.palette == b.palette).all()
         and a.depth_mm == b.depth_mm and (a.matrix == b.matrix).all() and a.brightness == b.brightness
@@ -97,7 +96,6 @@ t = [0, -1, 3]
 
 @pytest.fixture
 def folder(tmp_path):
-    """A folder with one layer of 4 x 2 texels."""
     picture = Image.fromarray(np.array([[0, 1, 2, 3], [3, 2, 1, 0]], np.uint8), "P")
     picture.putpalette(bytes(range(12)))
     picture.save(tmp_path / "one.png", transparency=bytes([0, 128]))

@@ -95,7 +95,6 @@ def test_numbers_of_thousands_of_digits(place, number):
 
 
 def test_an_errors_line_ends(capsys):
-    """It may show a file's own words."""
     assert run(["inspect", "x" * 5000]) == 2
     assert len(capsys.readouterr().err) < 1100
 
@@ -149,7 +148,6 @@ def test_keys_of_some_parts_and_many_numbers_are_read():
 
 @pytest.mark.parametrize("reader", [lambda: load_display("big.toml"), lambda: load_scene("big.xml")])
 def test_endless_files_are_cut(place, reader, mi, monkeypatch):
-    """As a device or a pipe gives them."""
     monkeypatch.setattr(limits, "MAX_XML_BYTES", 1 << 20)
     name = "big.toml" if "toml" in str(reader.__code__.co_consts) else "big.xml"
     os.mkfifo(name)

@@ -29,7 +29,6 @@ def picture(*key, height=40, width=60):
 
 
 def srgb_levels(light, levels=255):
-    """IEC 61966-2-1, in double."""
     light = np.clip(light.astype(np.float64), 0.0, 1.0)
     return np.where(light <= 0.0031308, 12.92 * light, 1.055 * light ** (1 / 2.4) - 0.055) * levels
 

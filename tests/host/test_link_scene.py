@@ -254,7 +254,6 @@ def test_a_board_without_a_scene_says_so_by_name(refusal_of):
 
 @pytest.fixture
 def playing(model, tmp_path, monkeypatch):
-    """A folder with layers `one` and `two`, and the words that play a film on a board of the display."""
     rng = generator(SEED, "play")
     model.identity = int(DISPLAY.identity, 16)
     save_layers(tmp_path / "stack", LayerStack((layer(rng), layer(rng))), ["one", "two"])

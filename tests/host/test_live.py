@@ -105,7 +105,6 @@ def test_an_interrupted_pass_is_done_again(made):
 
 
 def test_large_panels_get_a_ray_for_a_block_of_pixels(place, monkeypatch):
-    """The block's middle, as the renderer's source has it."""
     monkeypatch.setattr("lippmann.motion.live_picture.QUICK_S", 1e-9)
     display, scene = load_display("d.toml"), load_scene("s.xml")
     picture = LivePicture(scene, display, "pinhole", Settings())
@@ -362,7 +361,6 @@ def test_the_command_plays_a_film(reel, capfd, refusal_of):
 
 
 def test_a_board_without_a_desktop(made, no_desktop, capfd):
-    """The film's frames, one after the other; no window is opened."""
     panel = made[0].panel
     with ModelBoard(panel.width_px, panel.height_px) as model:
         words = ["--no-window", "--port", model.url, "--force", "--turn", "60", "--seconds", "1", "--samples", "4"]

@@ -30,7 +30,6 @@ SCENE = (
 
 @pytest.fixture
 def sensor_of(mi, tmp_path):
-    """A scene with the sensor for a display, loaded from XML."""
     import lippmann.capturing.mitsuba_sensor
 
     lippmann.capturing.mitsuba_sensor.register()
@@ -168,7 +167,6 @@ print(mi.render(mi.load_file(sys.argv[1]), spp=2).shape)
 
 
 def test_plain_mitsuba_uses_it(mi, sensor_of, tmp_path):
-    """A script that imports the module after setting a variant; and one that forgets to."""
     sensor_of(focused_display("square", width_px=8, height_px=6, pixel_pitch=0.1))
     command = [sys.executable, "-c", PLAIN, tmp_path / "scene.xml"]
     done = subprocess.run(command, capture_output=True, text=True, check=True, env=os.environ)

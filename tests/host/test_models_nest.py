@@ -22,7 +22,6 @@ STEPS = {"square": [(1, 0), (0, 1), (-1, 0), (0, -1), (1, 1)], "hex": [(1, 0), (
 
 
 def centre(grid, i, j):
-    """Centre of a lenslet of a lattice of 1 mm, mm."""
     return np.array([i, j]) if grid == "square" else np.array([i + j / 2, j * math.sqrt(0.75)])
 
 

@@ -41,7 +41,6 @@ ARRAY = '[array]\ngrid = "square"\npitch_mm = 2.0\nradius_mm = 2.0\nindex = 1.5\
 
 
 def two_pixels(keys: str = "", panel: str = PANEL):
-    """A panel of two pixels side by side, under one lenslet."""
     return parse_display(f"gap_mm = 3.0\n[panel]\n{panel}{keys}\n{ARRAY}", "two.toml")
 
 
@@ -231,7 +230,6 @@ def test_a_curve_by_hand():
 
 
 def srgb_light(value):
-    """IEC 61966-2-1, in double."""
     return value / 12.92 if value <= 0.04045 else ((value + 0.055) / 1.055) ** 2.4
 
 

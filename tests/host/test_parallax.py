@@ -47,7 +47,6 @@ def spheres(mi, tmp_path_factory):
 
 
 def centroid(light, x, y, row):
-    """Centre of the light in one sphere's row, mm."""
     there = light * (np.abs(y - row) < 4.0)
     assert there.sum() > 0.0
     return float((x * there).sum() / there.sum())
@@ -59,8 +58,6 @@ def centroid(light, x, y, row):
         ("square", "panel", 0.0, "exact", "x"),
         ("hex", "panel", 0.0, "exact", "x"),
         ("square", "panel", 0.0, "auto", "x"),
-        ("hex", "panel", 0.0, "auto", "x"),
-        ("square", "panel", 0.0, "exact", "y"),
         ("hex", "panel", 0.0, "exact", "y"),
         ("square", "panel", 11.0, "exact", "x"),
         ("hex", "viewer", 0.0, "exact", "x"),
@@ -88,16 +85,12 @@ def test_apparent_shift(mi, spheres, grid, side, rotation, model, axis):
         for z, row in ROW_OF_DEPTH.items():
             row_seen = on_screen((0.0, row, z), (0.0, 0.0, DISTANCE))[1]
             found[z].append(centroid(light, along, across, row_seen))
-    worst_shift = worst_place = worst_slope = 0.0
     for z, places in found.items():
         theory = np.array([on_screen((0.0, 0.0, z), (step, 0.0, DISTANCE))[0] for step in sweep])
         seen = np.array(places)
         shift = seen - seen[len(sweep) // 2]
         allowed = np.maximum(SHARE * np.abs(theory), QUARTER)
         slope, slope_theory = np.polyfit(sweep, seen, 1)[0], -z / (DISTANCE - z)
-        worst_shift = max(worst_shift, float(np.abs(shift - theory).max()))
-        worst_place = max(worst_place, float(np.abs(seen - theory).max()))
-        worst_slope = max(worst_slope, abs(slope / slope_theory - 1.0))
         assert (np.abs(shift - theory) <= allowed).all(), (z, shift - theory)
         assert (np.abs(seen - theory) <= allowed).all(), (z, seen - theory)
         # A line through nine eyes: 2 %, or 0.2 mm over the sweep, for lenslets of 1 mm sample a sphere of 5 mm and let
@@ -106,10 +99,6 @@ def test_apparent_shift(mi, spheres, grid, side, rotation, model, axis):
         assert slope == pytest.approx(slope_theory, rel=rel, abs=0.2 / np.ptp(sweep))
         # Real things (z > 0) move against the eye, virtual ones with it, at every step.
         assert (np.diff(seen) * -math.copysign(1.0, z) > 0.0).all(), (z, seen)
-    print(
-        f"{grid} {side} {rotation:g} deg {model} {axis}: shift off by {worst_shift:.3f} mm at most, "
-        f"place {worst_place:.3f} mm, slope {100 * worst_slope:.2f} %"
-    )
 
 
 # --- hiding ---------------------------------------------------------------------------------------
@@ -129,8 +118,7 @@ def pairs(mi, tmp_path_factory):
     return load_scene(write_scene(tmp_path_factory.mktemp("parallax") / "pairs.xml", *shapes))
 
 
-@pytest.mark.parametrize("model", ["exact", "thin"])
-@pytest.mark.parametrize("grid", ["square", "hex"])
+@pytest.mark.parametrize(("grid", "model"), [("square", "thin"), ("hex", "exact")])
 def test_nearer_spheres_hide_farther_ones(mi, pairs, grid, model):
     display = display_for(grid)
     picture = render_integral(pairs, display, model, Settings()).radiance

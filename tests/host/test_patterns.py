@@ -81,7 +81,6 @@ def by_brute_force(display):
 
 
 def levels(display, kind, **options):
-    """The panel values of a pattern by its image: 0 to 255."""
     image = draw(display, kind, **options)
     return encoded_values(image.radiance, display.panel.transfer, display.panel.bits).astype(int)
 
@@ -224,15 +223,10 @@ def test_what_an_eye_sees_by_crosstalk_stays_black(mi):
     eye = Eye((0.0, 0.0, 70.0))  # 21 mm at 70 mm: 8.5 degrees at the edges, beyond 7
     white = white_for_eye(display, eye)
     image = np.repeat(white[..., None], 3, axis=2)
-    own, every = (
-        observe(image, display, eye, whole_window(display, 105), samples=16, crosstalk=crosstalk)
-        for crosstalk in (False, True)
-    )
-    crosstalk = own.status_share["crosstalk"]
-    assert crosstalk > 0.1
+    own = observe(image, display, eye, whole_window(display, 105), samples=16, crosstalk=False)
+    assert own.status_share["crosstalk"] > 0.1
     assert abs(own.radiance.mean() - own.status_share["ok"]) < 2e-3
-    # By golden rays at random: the pixels that rays reach through their own lenslets are lit, but for grazed ones; and
-    # rays that cross a cell's side end on lit pixels as often as the observer says (0.51 of them).
+    # By golden rays at random: the pixels that rays reach through their own lenslets are lit, but for grazed ones.
     count, panel = 300_000, display.panel
     points = np.pad(generator(SEED).uniform(-0.5, 0.5, (count, 2)) * (21.0, 13.0), ((0, 0), (0, 1)))
     rays = points - eye.position_mm
@@ -241,12 +235,10 @@ def test_what_an_eye_sees_by_crosstalk_stays_black(mi):
     )
     u, v = np.floor(hits.pixel).astype(int).T
     inside = (u >= 0) & (u < panel.width_px) & (v >= 0) & (v < panel.height_px)
-    through_own, crossed = inside & (hits.status == Status.OK), inside & (hits.status == Status.CROSSTALK)
+    through_own = inside & (hits.status == Status.OK)
     reached = np.zeros_like(white, bool)
     reached[v[through_own], u[through_own]] = True
     assert (reached != (white > 0)).sum() <= 0.01 * reached.sum()
-    lit = white[v[crossed], u[crossed]].sum() / count
-    assert every.radiance.mean() - own.radiance.mean() == pytest.approx(lit, abs=0.02 * crosstalk)
 
 
 # --- bad input ------------------------------------------------------------------------------------

@@ -58,7 +58,6 @@ def number_of(mi):
 
 
 def owners(source, v):
-    """The owners of a row's pixels."""
     u = dr.arange(mitsuba().Float64, source.width_px) + 0.5
     return np.broadcast_to(np.array(source.owner(DrJitBackend(current_device()), u, 0.0 * u + v)), source.width_px)
 
@@ -149,7 +148,6 @@ def slanted(mi):
 
 @pytest.mark.parametrize("samples", [2, 3, 4])
 def test_a_renderers_samples_lie_where_the_filter_takes_them_to_be(mi, samples):
-    """The depth of a slanted plane, by the plane's equation at the samples' places."""
     scene, source, (a, b, c) = slanted(mi)
     settings = Settings(samples, integrator="depth", seed=3, shading="each")
     picture = render_rays(scene, source, settings).radiance

@@ -65,7 +65,6 @@ def test_any_pixel_clock_that_has_dividers_finds_legal_ones():
 
 
 def test_no_dividers_are_better():
-    """All dividers of a small part of the space, by the formulas."""
     pixel, oscillator = Fraction(252, 10), Fraction(25)
     best = solve(pixel, oscillator, MEMORY)
     key = -best.clocks_mhz["memory"], best.input_div, abs(best.clocks_mhz["system"] / pixel - 1)

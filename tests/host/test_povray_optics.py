@@ -240,7 +240,6 @@ def test_differences_are_told_apart():
 
 
 def test_the_page_beside_povray(tmp_path):
-    """Its figures, plots and files, from made-up pictures."""
     ours = np.full((8, 12, 3), 0.25, np.float32)
     names = "grid pixels median mean largest differing displaced outlines near_outlines seams unexplained"
     figures = 96, 0.1, 0.2, 40.0, 0.02, 0.5, 0.75, 0.8, 0.1, 0.001
@@ -263,7 +262,6 @@ def test_the_page_beside_povray(tmp_path):
 
 
 def test_bench_seed_quick(mi, capfd, monkeypatch, tmp_path):
-    """The whole benchmark on small windows: rows, findings, report, plot."""
     monkeypatch.chdir(repository())
     monkeypatch.setattr("tools.seed.ROUNDS", 1)
     assert bench.main(["seed", "--quick", "--report", str(tmp_path), "--json"]) == 0

@@ -78,7 +78,6 @@ def through_window(z):
 
 @pytest.fixture
 def seen(mi, tmp_path):
-    """POV-Ray's and our picture of a scene made of parts."""
 
     def look(*parts, placement="near_mm = 390.0\nfar_mm = -300.0", settings=None):
         scene = load_scene(write_scene(tmp_path / "scene.xml", *parts, placement=placement))

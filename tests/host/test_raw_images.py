@@ -27,7 +27,6 @@ def png(width, height, *chunks, colour_type=2):
 
 
 def chunks(path):
-    """A PNG's chunks by their names, read byte by byte."""
     data, at, found = path.read_bytes(), 8, {}
     while at < len(data):
         size, name = struct.unpack(">I4s", data[at : at + 8])
