@@ -10,6 +10,7 @@ import lippmann as lp
 import numpy as np
 import pytest
 from lippmann import load_layers
+from lippmann.base.images import read_picture
 from lippmann.base.tones import encoded_values
 from lippmann.cli import run
 from lippmann.errors import InputError
@@ -231,6 +232,7 @@ def test_the_command_cuts_and_the_next_one_draws(place, capfd):
     wanted = lp.draw(stack, DISPLAY, samples=2, filter="bilinear")
     with Image.open("a.png") as picture:
         assert (np.asarray(picture) == encoded_values(wanted.radiance, "srgb", 8)).all()
+    assert read_picture("a.png").metadata["identity"] == DISPLAY.identity
     moved = ["render", "out/layers.toml", "--display", "tiny.toml", "--scale", "0.5", "--offset", "1,2,3"]
     assert run([*moved, "--samples", "1", "--engine", "golden", "-o", "b.exr"]) == 0
     image = lp.IntegralImage.load("b.exr", DISPLAY)

@@ -8,23 +8,21 @@ from types import SimpleNamespace
 import lippmann as lp
 import numpy as np
 import pytest
-from lippmann.base.images import read_picture
 from lippmann.base.tones import encoded_values
 from lippmann.engines import trace
 from lippmann.errors import InputError
 from lippmann.layers.layer_drawing import BOARD_BITS, FILTERS, draw_golden, exit_lines, panel_bytes, scene_build_of
 from lippmann.layers.stack import Layer, LayerStack
 from lippmann.optics.rays import Status
-from PIL import Image
 from random_stacks import random_stack
 from scene_cases import focused_display, generator
 
 SEED = 1613
 #: 8 x 8 pixels of 0.25 mm behind lenslets of 1 mm, D = 4 mm. Pixel 0 is 0.875 mm left of the middle, 0.125 mm right of
-#: the centre of lenslet -1; its ray's slope is -0.125 / 4, so that it meets z = 16 mm at x = -1.5 mm. So do the others:
+#: the centre of lenslet -1; its ray's slope is -0.125 / 4, so that it meets z = 16 mm at x = -1.5 mm. The others do
+#: at -2.5, 1.5, 0.5, -0.5, -1.5, 2.5 and 1.5 mm.
 HAND = focused_display("square", focal=4.0, width_px=8, height_px=8, pixel_pitch=0.25)
-MEETS_MM = np.array([-1.5, -2.5, 1.5, 0.5, -0.5, -1.5, 2.5, 1.5])
-#: Texels of 1 mm, the first from x = -4 mm and from y = 4 mm.
+#: Texels of 1 mm, the first from x = -4 mm and from y = 4 mm; and the column of each pixel's.
 MATRIX = np.array([[1.0, 0.0, 4.0], [0.0, -1.0, 4.0]])
 COLUMNS = [2, 1, 5, 4, 3, 2, 6, 5]
 
@@ -60,15 +58,6 @@ def test_every_pixel_of_a_pinhole_display_sees_its_texel(filter):
     assert abs(light - wanted).max() < 1e-12
 
 
-@pytest.mark.parametrize("depth", [0.0, -8.0, 16.0, 24.0])
-def test_a_texel_moves_with_the_depth(depth):
-    """The slope of pixel c's ray is (MEETS_MM - lenslet) / 16: at another depth it meets so much less or more."""
-    lenslet = np.array([-1, -1, 0, 0, 0, 0, 1, 1])
-    x = lenslet + (MEETS_MM - lenslet) * depth / 16.0
-    light = drawn(numbered(depth, np.array([[1.0, 0.0, 4.375], [0.0, -1.0, 4.375]]))).light
-    assert (np.rint(255.0 * np.sqrt(light[0, :, 0]) / 25.0) == np.floor(x + 4.375)).all()
-
-
 def test_bilinear_by_hand():
     """A quarter of a texel to the right of texel 2's centre: 3/4 of its light and 1/4 of texel 3's."""
     shifted = MATRIX + np.array([[0, 0, 0.25], [0, 0, 0]])
@@ -77,15 +66,6 @@ def test_bilinear_by_hand():
     # Up by an eighth too, t = 2.375: 7/8 of row 2, 1/8 of row 1.
     light = drawn(numbered(matrix=shifted - [[0, 0, 0], [0, 0, 0.125]]), filter="bilinear").light
     assert light[0, 0, 1] == pytest.approx((0.875 * 50**2 + 0.125 * 25**2) / 65025, abs=1e-12)
-
-
-def test_bilinear_fades_over_half_a_texel_at_the_texture_s_edge():
-    """The texture begins where x = -1.5 mm: its first pixel sees half of texel 0, before the background."""
-    edge = np.array([[1.0, 0.0, 1.5], [0.0, -1.0, 4.0]])
-    white = Layer(np.zeros((8, 8), np.uint8), palette_of((255, 255, 255, 255)), 16.0, edge)
-    assert drawn(white, background=(0.2, 0.4, 0.6), filter="bilinear").light[0, 0] == pytest.approx([0.6, 0.7, 0.8])
-    assert drawn(white, background=(0.2, 0.4, 0.6)).light[0, 0] == pytest.approx([1.0, 1.0, 1.0])
-    assert drawn(white, background=(0.2, 0.4, 0.6)).light[0, 1] == pytest.approx([0.2, 0.4, 0.6])
 
 
 def test_layers_are_composited_from_front_to_back():
@@ -224,18 +204,12 @@ def test_a_tall_picture_is_drawn_in_parts(monkeypatch):
 # --- the interface --------------------------------------------------------------------------------
 
 
-def test_draw_returns_an_image_whose_png_has_the_panel_s_bytes(tmp_path):
+def test_draw_returns_golden_s_image():
     stack = random_stack(generator(SEED, "image"), HAND)
     image = lp.draw(stack, HAND, filter="bilinear", samples=2)
     light = draw_golden(HAND, stack, "bilinear", 2)
     assert image.radiance == pytest.approx(light, abs=1e-6)
     assert [image.metadata[name] for name in ("engine", "samples", "filter")] == ["golden", "2", "bilinear"]
-    image.save(tmp_path / "drawn.png")
-    with Image.open(tmp_path / "drawn.png") as picture:
-        values = np.asarray(picture)
-    # float32 may round a light in the middle between two bytes the other way.
-    assert (values == panel_bytes(HAND, light)).mean() > 0.999
-    assert read_picture(tmp_path / "drawn.png").metadata["identity"] == HAND.identity
 
 
 @pytest.mark.parametrize(

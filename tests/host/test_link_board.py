@@ -30,10 +30,10 @@ from lippmann.board.retries import RoundTrip, refusal
 from lippmann.board.session import TILES_REPLY
 from lippmann.board.streaming import send_frame
 from lippmann.cli import run
-from lippmann.errors import DeviceError, InputError, LippmannWarning
+from lippmann.errors import DeviceError, InputError
 from lippmann.fixed.configuration import configuration
 from lippmann.fixed.ray_pipeline import ray_pipeline
-from lippmann.fixed.registers import BOARD_REGISTERS, SCENE_REGISTERS, Write
+from lippmann.fixed.registers import BOARD_REGISTERS, Write
 from lippmann.rendering.integral_image import IntegralImage
 from model_board import ABORT, APPLY, BUSY, CONTROL, OPTICS_BUILD, SIGN_RUNS, SOURCE, STALE, START, ModelBoard
 from optics_cases import display_of
@@ -562,16 +562,3 @@ def test_a_line_works_beyond_1023_open_files(kind):
         assert os.read(far, 100) == b"\0" + packet
         os.write(far, packet)
         assert line.receive(1.0) == (Kind.READ, 7, b"body")
-
-
-def test_an_image_behind_a_scene_is_stored_with_a_warning():
-    display = display_of("hex", "panel", width_px=96, height_px=72)
-    image = IntegralImage(generator(SEED, "image").random((72, 96, 3), np.float32), display)
-    status = 0x400 + SCENE_REGISTERS["status"].address
-    with joined(identity=int(display.identity, 16), scene=(4, 5, 6, 48)) as (model, board):
-        model.registers[status] = 1
-        with pytest.warns(LippmannWarning, match="the frame is stored, and shown when the scene ends"):
-            board.show(image)
-        assert len(model.shown) == 1
-        model.registers[status] = 0
-        assert board.show(image).unchanged

@@ -11,8 +11,8 @@ from lippmann.board import retries
 from lippmann.board.board import Board
 from lippmann.board.packets import Kind, packed
 from lippmann.board.retries import RoundTrip
-from lippmann.board.streaming import BoardSink, Sent, send_frame
-from lippmann.errors import DeviceError, InputError, NoBoardError
+from lippmann.board.streaming import BoardSink, send_frame
+from lippmann.errors import DeviceError, InputError
 from lippmann.rendering.executors import RenderedBand
 from model_board import ModelBoard
 from optics_cases import display_of
@@ -199,11 +199,7 @@ def test_codings_that_the_board_refuses_are_sent_raw():
         model._tile = lambda body: original(body if body[4] == 0 else body[:4] + b"\4")
         sent = send_frame(board, image)
         assert (sent.raw, sent.qoi, sent.resends) == (sent.tiles, 0, sent.tiles)
-        np.testing.assert_array_equal(model.shown, [image])
-        # Raw tiles are the last resort.
-        model._tile = lambda body: original(body[:4] + b"\4")
-        with pytest.raises(DeviceError, match=r"refuses TILE.*cannot decode"):
-            send_frame(board, noise(model))
+    np.testing.assert_array_equal(model.shown, [image])
 
 
 # --- the window -------------------------------------------------------------------------------------
@@ -246,14 +242,6 @@ def test_no_more_is_on_its_way_than_the_window_holds():
             send_frame(board, image, window_bytes=20_000)
         # 7 packets fill it; the line is asked again after each time-out, three times at most in half a second.
         assert 20_000 <= board.line.written - before <= (7 + 3) * 3100
-
-
-def test_a_board_that_never_has_the_frame_ends_it():
-    with joined() as (model, board):
-        model.on_packet = lambda model, _: model.buffers[1 - model.front].fill(1)
-        with pytest.raises(DeviceError, match=r"8 times.*power"):
-            send_frame(board, noise(model))
-    assert model.shown == []
 
 
 @pytest.mark.parametrize("shape", [(72, 95, 3), (72, 96), (72, 96, 4)])
@@ -312,29 +300,6 @@ def test_resume_after_a_replug(count, held, patient):
     assert set(model.tile_writes.values()) == {1}
 
 
-def test_what_a_frame_took_is_summed_over_a_loss_of_the_line(patient):
-    with ModelBoard(320, 200) as model, Proxy(model.url, SEED) as line:
-        image = noise(model)
-        sent = Sent()
-        written = 0
-        with Board.open(line.url, FAST_BAUD) as board:
-            before = board.line.written
-            with pytest.raises(NoBoardError, match="connection is lost"):
-                send_frame(board, image, lambda done, _: done == 40 and line.unplug(), counts=sent, window_bytes=3000)
-            written += board.line.written - before
-        assert 40 <= len(sent.arrived) == sent.raw <= sent.sends < 70
-        assert (sent.rounds, sent.resends) == (1, 0)
-        with Board.open(line.url, FAST_BAUD) as board:
-            before = board.line.written
-            assert send_frame(board, image, counts=sent) is sent
-            written += board.line.written - before
-    assert (sent.tiles, sent.skipped, sent.rounds, sent.unchanged) == (70, 0, 2, False)
-    assert sent.wire_bytes == written
-    # What was on its way when the line went is sent again, unless the board has it.
-    assert sent.sends == 70 + sent.resends
-    assert sum(model.tile_writes.values()) <= sent.sends
-
-
 @pytest.mark.parametrize(("before", "share"), [(0, 0.05), (1, 0.5), (0, 0.99)])
 def test_a_power_cycle_within_a_frame(before, share):
     with joined(width=320, height=200) as (model, board):
@@ -378,21 +343,6 @@ def test_a_power_cycle_as_the_frame_is_presented(before_reply):
         send_frame(board, image)
     np.testing.assert_array_equal(model.shown[-1], image)
     assert model.buffers[model.front].tobytes() == image.tobytes()
-
-
-def test_a_lost_reply_to_present_shows_once():
-    with joined() as (model, board):
-        original = model._present
-
-        def present(body):
-            model.mute = model.executed[5] == 1
-            return original(body)
-
-        model._present = present
-        model.on_packet = lambda model, _: setattr(model, "mute", False)
-        assert send_frame(board, noise(model)).epoch == 1
-        assert model.executed[5] == 2
-    assert len(model.shown) == 1
 
 
 def test_another_board_in_the_middle_is_refused():
