@@ -263,7 +263,7 @@ def test_late_tiles_of_another_frame_do_no_harm():
 
 def test_a_good_line_that_is_slow_at_times_is_given_its_time():
     """Every second reply comes a third of a second later: only late replies tell that it is worth the wait."""
-    with joined(width=224, height=96) as (model, board):
+    with joined(width=160, height=96) as (model, board):
         image = noise(model)
         model.on_packet = lambda model, number: setattr(model, "delay_s", 0.01 if number % 2 else 0.3)
         sent = send_frame(board, image, window_bytes=3000)

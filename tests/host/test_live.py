@@ -189,6 +189,13 @@ def post(pygame, kind, **values):
     pygame.event.post(pygame.event.Event(kind, **values))
 
 
+def press(pygame, *names):
+    """Press keys, those in capitals with shift."""
+    for name in names:
+        mod = pygame.KMOD_LSHIFT if name.isupper() else 0
+        post(pygame, pygame.KEYDOWN, key=pygame.key.key_code(name.lower()), mod=mod)
+
+
 def test_mouse_and_keys(place):
     import pygame
 
@@ -196,9 +203,8 @@ def test_mouse_and_keys(place):
     with screens() as shown:
         shown.open("panel", (64, 48))
         assert shown.obey(hand)
-        post(pygame, pygame.MOUSEMOTION, rel=(10, 5), buttons=(1, 0, 0), pos=(0, 0))
-        post(pygame, pygame.MOUSEMOTION, rel=(90, 5), buttons=(0, 0, 0), pos=(0, 0))
-        post(pygame, pygame.MOUSEMOTION, rel=(10, 20), buttons=(0, 0, 1), pos=(0, 0))
+        for rel, buttons in (((10, 5), (1, 0, 0)), ((90, 5), (0, 0, 0)), ((10, 20), (0, 0, 1))):
+            post(pygame, pygame.MOUSEMOTION, rel=rel, buttons=buttons, pos=(0, 0))
         post(pygame, pygame.MOUSEWHEEL, x=0, y=2)
         assert shown.waiting()
         assert shown.obey(hand)
@@ -206,19 +212,16 @@ def test_mouse_and_keys(place):
         assert (hand.yaw_deg, hand.pitch_deg) == pytest.approx((4.0, 2.0))
         assert hand.shift_mm == pytest.approx([1.0, -2.0, 0.0])
         assert hand.scale == pytest.approx(1.05**2)
-        post(pygame, pygame.KEYDOWN, key=pygame.K_LEFT, mod=0)
-        post(pygame, pygame.KEYDOWN, key=pygame.K_UP, mod=pygame.KMOD_LSHIFT)
-        post(pygame, pygame.KEYDOWN, key=pygame.K_PAGEUP, mod=0)
-        post(pygame, pygame.KEYDOWN, key=pygame.K_MINUS, mod=0)
+        press(pygame, "left", "UP", "page up", "-")
         assert shown.obey(hand)
         assert hand.yaw_deg == pytest.approx(-1.0)
         assert hand.shift_mm == pytest.approx([1.0, -1.0, 1.0])
         assert hand.scale == pytest.approx(1.05)
-        post(pygame, pygame.KEYDOWN, key=pygame.K_r, mod=0)
+        press(pygame, "r")
         assert shown.obey(hand)
         assert hand.placement() is hand.base
-        for key in (pygame.K_q, pygame.K_ESCAPE):
-            post(pygame, pygame.KEYDOWN, key=key, mod=0)
+        for key in ("q", "escape"):
+            press(pygame, key)
             assert not shown.obey(hand)
         post(pygame, pygame.QUIT)
         assert not shown.obey(hand)
@@ -265,7 +268,7 @@ def test_a_key_ends_the_command(place, capfd, monkeypatch):
 
     def press_at_last(self, *moved):
         if next(calls) == 3:
-            post(pygame, pygame.KEYDOWN, key=pygame.K_q, mod=0)
+            press(pygame, "q")
         return obey(self, *moved)
 
     monkeypatch.setattr(Screens, "obey", press_at_last)
@@ -333,15 +336,15 @@ def test_space_stops_a_film_and_full_stops_step_it(reel):
         assert reel.frame == 1
         reel.advance(100.0)  # no frame is left out
         assert reel.frame == 2
-        post(pygame, pygame.KEYDOWN, key=pygame.K_SPACE, mod=0)
+        press(pygame, "space")
         assert shown.obey(hand, reel)
         reel.advance(1.0)
         assert (reel.playing, reel.frame) == (False, 2)
-        for key, frame in ((pygame.K_PERIOD, 3), (pygame.K_PERIOD, 0), (pygame.K_COMMA, 3)):
-            post(pygame, pygame.KEYDOWN, key=key, mod=0)
+        for key, frame in ((".", 3), (".", 0), (",", 3)):
+            press(pygame, key)
             assert shown.obey(hand, reel)
             assert (reel.playing, reel.frame) == (False, frame)
-        post(pygame, pygame.KEYDOWN, key=pygame.K_SPACE, mod=0)
+        press(pygame, "space")
         assert shown.obey(hand, reel)
         reel.advance(0.02)
         assert reel.frame == 0

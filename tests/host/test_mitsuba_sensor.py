@@ -125,14 +125,12 @@ def test_a_film_of_another_size_covers_the_panel(mi, sensor_of):
         ('<string name="aperture" value="half"/>', "aperture 'half' is not known"),
         ('<float name="gap" value="3"/>', "gap"),
         ('<float name="near_mm" value="nan"/>', "near_mm nan is not a depth"),
-        ('<float name="near_mm" value="inf"/>', "near_mm inf is not a depth"),
         (POSE.format('<scale x="2" y="1" z="1"/>'), "does not scale equally"),
         (POSE.format('<scale value="0"/>'), "or scales by 0"),
         (POSE.format('<matrix value="1 0.1 0 0  0 1 0 0  0 0 1 0  0 0 0 1"/>'), "does not scale equally"),
         (POSE.format('<matrix value="nan 0 0 0  0 1 0 0  0 0 1 0  0 0 0 1"/>'), "to_world contains numbers"),
         (POSE.format('<matrix value="1 0 0 inf  0 1 0 0  0 0 1 0  0 0 0 1"/>'), "to_world contains numbers"),
         (POSE.format('<scale x="-1"/>'), "to_world mirrors"),
-        (POSE.format('<scale value="-2"/>'), "to_world mirrors"),
     ],
 )
 def test_bad_parameters_raise(mi, sensor_of, extra, message):

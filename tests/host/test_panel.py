@@ -459,17 +459,13 @@ BAD_CURVES = [
 ]
 BAD_LAYOUTS = [
     ([QUAD[0], QUAD[2], QUAD[3]], "the layout has no green; add a sub-pixel of that colour"),
-    (QUAD[1:], "the layout has no red"),
     ([*QUAD, QUAD[1]], "the green sub-pixel at [0.25, 0.25] has another green one in its pixel"),
     ([*QUAD[:3], ["white", 0.25, -0.25, 0.6, 0.5]], "white sub-pixel at [0.25, -0.25], 0.6 x 0.5 pixels, is not"),
     ([*QUAD[:3], ["white", 0.25, -0.25, 0.0, 0.5]], "not inside its pixel"),
     ([*QUAD[:3], ["white", -0.75, 0.0, 0.1, 0.1]], "right of and below the first"),
-    ([*QUAD[:3], ["white", 99.0, 0.0, 0.1, 0.1]], "right of and below the first"),
     ([*QUAD[:3], ["pink", 0.25, -0.25, 0.5, 0.5]], '[3][0]: "pink" is not valid; choose from "blue"'),
-    ([*QUAD[:3], ["r", 0.25, -0.25, 0.5, 0.5]], '[3][0]: "r" is not valid; choose from "blue"'),
     ([*QUAD[:3], ["white", 0.25]], '[3]: ["white", 0.25] is not valid; give [colour, x, y, width, height]'),
     ([*QUAD[:3], ["white", 0.25, "up", 0.5, 0.5]], '[3][2]: "up" is not valid; give a finite number'),
-    (QUAD[:2], "the layout has no blue; add a sub-pixel of that colour"),
     (
         [*QUAD[:3], ["white", 0.15, -0.25, 0.5, 0.5]],
         "the blue sub-pixel at [-0.25, -0.25] overlaps the white sub-pixel at [0.15, -0.25]; make one smaller",
