@@ -87,13 +87,6 @@ def test_an_arrays_header_is_counted_before_it_is_read(place, capsys):
     )
 
 
-@pytest.mark.parametrize("number", ["0x" + "f" * 5000, "9" * 5000])
-def test_numbers_of_thousands_of_digits(place, number):
-    (place / "long.toml").write_text(TINY.replace("width_px = 64", f"width_px = {number}"))
-    with pytest.raises(InputError, match=r"^long\.toml: .*a number of thousands of digits.*; (give|mend)"):
-        load_display("long.toml")
-
-
 def test_an_errors_line_ends(capsys):
     assert run(["inspect", "x" * 5000]) == 2
     assert len(capsys.readouterr().err) < 1100

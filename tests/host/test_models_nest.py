@@ -1,4 +1,4 @@
-"""The models: paraxial and exact agree near the axis; crosstalk of all; dispersion; what is refused."""
+"""The models: paraxial and exact agree near the axis; crosstalk of all; what is refused."""
 
 import inspect
 import itertools
@@ -8,8 +8,6 @@ import drjit
 import lippmann
 import numpy as np
 import pytest
-import truth
-from lippmann.display.description import parse_display
 from lippmann.errors import MissingLibraryError
 from lippmann.optics.rays import MODELS, Status
 from lippmann.optics.trace import backend_of
@@ -123,48 +121,6 @@ def test_world_rays_that_land_in_another_cell(grid, side, model):
     assert (np.diff(aside[own]) > 0).all()
     np.testing.assert_array_equal(out.status[own] == Status.CROSSTALK, (aside >= 0.5)[own])
     assert {Status.OK, Status.CROSSTALK} <= set(out.status.tolist())
-
-
-# --- dispersion -----------------------------------------------------------------------------------
-
-TEXT = """
-gap_mm = 1.0
-[panel]
-width_px = 200
-height_px = 160
-pixel_pitch_mm = 0.0625
-[array]
-grid = "hex"
-pitch_mm = 1.0
-radius_mm = 1.5
-thickness_mm = 1.0
-glass = "{glass}"
-plano_side = "{side}"
-"""
-
-
-@pytest.mark.parametrize("model", ["thin", "paraxial", "exact"])
-@pytest.mark.parametrize("side", SIDES)
-@pytest.mark.parametrize("glass", ["N-BK7", "polycarbonate"])
-def test_blue_comes_to_its_focus_before_red(glass, side, model):
-    display = parse_display(TEXT.format(glass=glass, side=side))
-    h = 0.125
-    focus = []
-    for wavelength in (450.0, 550.0, 650.0):
-        colour = display.at_wavelength(wavelength)
-        assert colour.array.radius_mm == display.array.radius_mm
-        out = lippmann.trace(colour, [(100 + 16 * h, 80)], [(h, 0)], model)
-        assert out.status.tolist() == [Status.OK]
-        slope = out.direction[0, 0] / out.direction[0, 2]
-        focus.append(out.local_mm[0, 2] - out.local_mm[0, 0] / slope)
-        first = {"panel": "flat", "viewer": "curved"}[side]
-        ideal = truth.back_focal_length(1.5, colour.array.index, 1.0, first)
-        if model == "paraxial":
-            behind = focus[-1] - (0.0 if side == "panel" else 1.0)
-            assert abs(behind - float(ideal)) < 1e-13
-    assert focus[0] < focus[1] < focus[2]
-    # The spread of f over the visible is about f / V, V the Abbe number, 28 to 68.
-    assert 0.01 < (focus[2] - focus[0]) / focus[1] < 0.09
 
 
 # --- what is refused ------------------------------------------------------------------------------
