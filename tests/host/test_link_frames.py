@@ -12,6 +12,7 @@ from lippmann.display.description import Panel
 from lippmann.errors import InputError
 from lippmann.rendering.integral_image import IntegralImage
 from optics_cases import display_of
+from PIL import Image
 from scene_cases import generator
 
 SEED = 4506
@@ -49,11 +50,8 @@ def test_panel_values(tmp_path, suffix):
 
 def test_png_values_pass_as_they_are(tmp_path):
     values = np.arange(40 * 60 * 3, dtype=np.int64).reshape(40, 60, 3).astype(np.uint8)
-    out = oiio.ImageOutput.create("x.png")
     path = tmp_path / "x.png"
-    assert out.open(str(path), oiio.ImageSpec(60, 40, 3, oiio.UINT8))
-    assert out.write_image(values)
-    out.close()
+    Image.fromarray(values).save(path)
     np.testing.assert_array_equal(load_frame(path, HELLO, force=True), values)
     # Another curve changes the values, and black and white stay.
     linear = load_frame(path, HELLO, transfer="linear", force=True)
@@ -87,9 +85,8 @@ def test_tones_other_than_the_files_are_refused(tmp_path, suffix, key, own, othe
     write_picture(path, picture(), META | tones, "linear", 6)
     np.testing.assert_array_equal(load_frame(path, HELLO), load_frame(path, HELLO, "linear", panel_of("linear", 6)))
     wrong = tones | {key: other}
-    with pytest.raises(InputError, match=f"{key} is {own} in the file, {other} in --display") as error:
+    with pytest.raises(InputError, match=f"^[^\n]*{key} is {own} in the file, {other} in --display[^\n]*$"):
         load_frame(path, HELLO, None, panel_of(wrong["transfer"], int(wrong["bits"])), force=True)
-    assert "\n" not in str(error.value)
     if key == "transfer":
         with pytest.raises(InputError, match="transfer is linear in the file, srgb in --transfer"):
             load_frame(path, HELLO, "srgb")
@@ -154,9 +151,8 @@ def test_images_of_other_displays_are_refused_unless_forced(tmp_path):
         ({}, r"names no display.*--force"),
     ):
         write_picture(path, picture(), metadata)
-        with pytest.raises(InputError, match=message) as error:
+        with pytest.raises(InputError, match=message):
             load_frame(path, HELLO)
-        assert "\n" not in str(error.value)
         assert load_frame(path, HELLO, force=True).shape == (40, 60, 3)
 
 

@@ -23,15 +23,6 @@ def on_line(kind, seq, body):
     return cobs.encode(by_zlib(kind, seq, body)) + b"\0"
 
 
-def test_a_packet_by_hand():
-    # HELLO, seq 0x0201, version 1, nonce 0: the CRC is that of 01 01 02 01 00 00 00 00 (the only zeros).
-    crc = zlib.crc32(bytes.fromhex("0101020100000000"))
-    assert 0 not in struct.pack("<I", crc)
-    expected = bytes.fromhex("05 01010201 01 01 01 05") + struct.pack("<I", crc) + b"\0"
-    assert packed(1, 0x0201, bytes.fromhex("0100000000")) == expected
-    assert PacketReader().feed(expected) == [Packet(1, 0x0201, bytes.fromhex("0100000000"))]
-
-
 @pytest.mark.parametrize("size", [0, 1, 246, 247, 248, 253, 254, 255, 3076, MAX_PACKET - 7])
 @pytest.mark.parametrize("fill", ["zeros", "ones", "noise"])
 def test_packets_of_every_length_come_back(size, fill):
@@ -41,9 +32,6 @@ def test_packets_of_every_length_come_back(size, fill):
     assert line == on_line(0x84, 0xFFFE, body)
     assert line.index(0) == len(line) - 1
     assert PacketReader().feed(line) == [Packet(0x84, 0xFFFE, body)]
-
-
-def test_a_packet_too_long_is_not_made():
     with pytest.raises(ValueError, match="3201"):
         packed(4, 0, bytes(MAX_PACKET - 6))
 

@@ -4,6 +4,7 @@ import json
 from dataclasses import replace
 
 import numpy as np
+import pygame
 import pytest
 from lippmann.base.tones import encoded_values, psnr_db
 from lippmann.board.board import Board
@@ -185,45 +186,43 @@ def test_turns_stop_at_the_poles_and_scales_at_their_limits():
     hand.placement()
 
 
-def post(pygame, kind, **values):
+def post(kind, **values):
     pygame.event.post(pygame.event.Event(kind, **values))
 
 
-def press(pygame, *names):
+def press(*names):
     """Press keys, those in capitals with shift."""
     for name in names:
         mod = pygame.KMOD_LSHIFT if name.isupper() else 0
-        post(pygame, pygame.KEYDOWN, key=pygame.key.key_code(name.lower()), mod=mod)
+        post(pygame.KEYDOWN, key=pygame.key.key_code(name.lower()), mod=mod)
 
 
 def test_mouse_and_keys(place):
-    import pygame
-
     hand = Hand(Placement(), np.zeros(3), 0.1)
     with screens() as shown:
         shown.open("panel", (64, 48))
         assert shown.obey(hand)
         for rel, buttons in (((10, 5), (1, 0, 0)), ((90, 5), (0, 0, 0)), ((10, 20), (0, 0, 1))):
-            post(pygame, pygame.MOUSEMOTION, rel=rel, buttons=buttons, pos=(0, 0))
-        post(pygame, pygame.MOUSEWHEEL, x=0, y=2)
+            post(pygame.MOUSEMOTION, rel=rel, buttons=buttons, pos=(0, 0))
+        post(pygame.MOUSEWHEEL, x=0, y=2)
         assert shown.waiting()
         assert shown.obey(hand)
         assert not shown.waiting()
         assert (hand.yaw_deg, hand.pitch_deg) == pytest.approx((4.0, 2.0))
         assert hand.shift_mm == pytest.approx([1.0, -2.0, 0.0])
         assert hand.scale == pytest.approx(1.05**2)
-        press(pygame, "left", "UP", "page up", "-")
+        press("left", "UP", "page up", "-")
         assert shown.obey(hand)
         assert hand.yaw_deg == pytest.approx(-1.0)
         assert hand.shift_mm == pytest.approx([1.0, -1.0, 1.0])
         assert hand.scale == pytest.approx(1.05)
-        press(pygame, "r")
+        press("r")
         assert shown.obey(hand)
         assert hand.placement() is hand.base
         for key in ("q", "escape"):
-            press(pygame, key)
+            press(key)
             assert not shown.obey(hand)
-        post(pygame, pygame.QUIT)
+        post(pygame.QUIT)
         assert not shown.obey(hand)
 
 
@@ -231,8 +230,6 @@ def test_mouse_and_keys(place):
 
 
 def test_the_window_shows_the_panels_pixels(made):
-    import pygame
-
     display, scene, picture, hand = made
     panel = display.panel
     with screens() as shown:
@@ -262,13 +259,11 @@ def test_the_command_turns_a_scene_by_itself(place, capfd):
 
 
 def test_a_key_ends_the_command(place, capfd, monkeypatch):
-    import pygame
-
     calls, obey = iter(range(9)), Screens.obey
 
     def press_at_last(self, *moved):
         if next(calls) == 3:
-            press(pygame, "q")
+            press("q")
         return obey(self, *moved)
 
     monkeypatch.setattr(Screens, "obey", press_at_last)
@@ -326,8 +321,6 @@ def test_a_films_frames_are_those_of_animate(reel):
 
 
 def test_space_stops_a_film_and_full_stops_step_it(reel):
-    import pygame
-
     _, reel = reel
     hand = Hand(Placement(), np.zeros(3), 0.1)
     with screens() as shown:
@@ -336,15 +329,15 @@ def test_space_stops_a_film_and_full_stops_step_it(reel):
         assert reel.frame == 1
         reel.advance(100.0)  # no frame is left out
         assert reel.frame == 2
-        press(pygame, "space")
+        press("space")
         assert shown.obey(hand, reel)
         reel.advance(1.0)
         assert (reel.playing, reel.frame) == (False, 2)
         for key, frame in ((".", 3), (".", 0), (",", 3)):
-            press(pygame, key)
+            press(key)
             assert shown.obey(hand, reel)
             assert (reel.playing, reel.frame) == (False, frame)
-        press(pygame, "space")
+        press("space")
         assert shown.obey(hand, reel)
         reel.advance(0.02)
         assert reel.frame == 0

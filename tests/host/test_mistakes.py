@@ -5,7 +5,6 @@ import re
 import numpy as np
 import pytest
 from lippmann.base.images import write_picture
-from lippmann.cli import run
 from model_board import ModelBoard
 from scene_cases import display_toml, focused_display, generator, glowing_sphere, write_scene
 
@@ -27,11 +26,6 @@ def place(tmp_path, monkeypatch):
     np.save("objects.npy", np.array([{}], object), allow_pickle=True)
     write_picture("other.exr", light, {"identity": "79ee8471d40b2533", "display": "paper-square"})
     return tmp_path
-
-
-def test_the_files_without_a_mistake_are_read(place, capfd):
-    assert run(["inspect", "tiny.toml"]) == 0
-    assert capfd.readouterr().err == ""
 
 
 #: What is found in the file, what the mistake puts in its place, the place that is named, and the remedy. The tests of

@@ -62,17 +62,6 @@ def tall(display, times: int):
     return replace(display, panel=replace(panel, height_px=panel.height_px // times, pixel_pitch_mm=pitches))
 
 
-def test_two_tall_pixels_by_hand():
-    """Columns of 0.5 mm, one row of 2 mm: the window is 1 x 2 mm, and a pixel's centre a quarter mm off the axis."""
-    display = two_pixels(panel="width_px = 2\nheight_px = 1\npixel_pitch_mm = [0.5, 2.0]\n")
-    assert (display.panel.width_mm, display.panel.height_mm) == (1.0, 2.0)
-    rays = trace(display, [[1.5, 0.5], [1.5, 1.0], [0.0, 0.25]], model="pinhole")
-    # A pinhole's ray runs from the panel's point (x, y) through the lenslet's centre, D behind it.
-    x, y = np.array([[0.25, 0.0], [0.25, -1.0], [-0.5, 0.5]]).T
-    slopes = rays.direction[:, :2] / rays.direction[:, 2:]
-    np.testing.assert_allclose(slopes, -np.stack([x, y], axis=1) / display.aperture_distance_mm, rtol=1e-14, atol=1e-16)
-
-
 def test_two_equal_pitches_are_one():
     square = two_pixels()
     same = two_pixels(panel=PANEL.replace("1.0", "[1, 1.0]"))

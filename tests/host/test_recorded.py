@@ -5,6 +5,7 @@ import subprocess
 import sys
 import weakref
 
+import drjit as dr
 import numpy as np
 import pytest
 from lippmann.rendering import renderer
@@ -30,8 +31,6 @@ class Hidden:
 
 
 def test_a_program_is_traced_once_for_any_size(mi, chart):
-    import drjit as dr
-
     hidden = Hidden()
 
     def squares(numbers, shift):
@@ -49,8 +48,6 @@ def test_a_program_is_traced_once_for_any_size(mi, chart):
 
 def test_what_cannot_be_recorded_is_traced_each_time(mi, chart):
     """An array that is none of the arguments, as a plugin may hold one."""
-    import drjit as dr
-
     hidden = Hidden(mi.UInt32([3, 1, 4, 1, 5]))
     dr.eval(hidden.values)
 
@@ -68,8 +65,6 @@ def test_what_cannot_be_recorded_is_traced_each_time(mi, chart):
 
 def test_an_error_of_the_function_itself_is_raised(mi, chart):
     """Every RuntimeError counted as "cannot be recorded", and the function was called once more."""
-    import drjit as dr
-
     calls = []
 
     def failing(numbers):
