@@ -46,7 +46,6 @@ def test_the_error_is_measured_and_smaller_than_pillow_s(case):
     assert error_db == pytest.approx(own, abs=1e-9)
     pillow = Image.fromarray(rgba, "RGBA").quantize(255, Image.Quantize.FASTOCTREE)
     theirs = measured_db(rgba, np.asarray(pillow), np.array(pillow.getpalette("RGBA"), np.uint8).reshape(-1, 4))
-    print(f"{own:.1f} dB, Pillow's octree {theirs:.1f} dB")
     assert own > theirs + 1.0
 
 

@@ -135,7 +135,6 @@ def test_efficiency_on_a_paced_line(baud, size):
         model.on_packet = look
         sent = send_frame(board, noise(model))
     least_s = sent.payload_bytes * 10 / baud
-    print(f"{baud} baud: {least_s:.3f} s at the least, {sent.seconds:.3f} s, {least_s / sent.seconds:.1%}")
     assert sent.resends == 0
     assert sent.raw == sent.tiles
     # A line that is not slowed down would show here.
@@ -258,7 +257,6 @@ def test_a_good_line_that_is_slow_at_times_is_given_its_time():
         image = noise(model)
         model.on_packet = lambda model, number: setattr(model, "delay_s", 0.01 if number % 2 else 0.3)
         sent = send_frame(board, image, window_bytes=3000)
-    print(f"{sent.resends} of {sent.tiles} tiles sent again in {sent.seconds:.2f} s")
     # The first time-outs are too short. Without the late replies each of the tiles is sent twice.
     assert sent.resends <= sent.tiles / 5
     np.testing.assert_array_equal(model.shown, [image])

@@ -280,18 +280,15 @@ frames_per_second = 50
 shapes = "ball"
 keys = [{ frame = 0 }, { frame = 3, offset_mm = [-6.0, 2.0, 1.0] }]
 """
-WORLD = FILM.replace("[[object]]", "[world]").replace('shapes = "ball"', "")
 
 
-@pytest.fixture(params=[FILM, WORLD], ids=["an object", "the world"])
-def reel(place, request):
+@pytest.fixture
+def reel(place):
     (place / "s.xml").write_text(SCENE.replace('type="sphere"', 'type="sphere" id="ball"'))
-    (place / "f.toml").write_text(request.param)
+    (place / "f.toml").write_text(FILM)
     display = load_display("d.toml")
-    shots = plan_film(
-        load_film("f.toml"), display, RenderOptions(model="pinhole", settings=Settings(4, seed=3, shading="each"))
-    )
-    return display, Reel(shots, 50.0)
+    options = RenderOptions(model="pinhole", settings=Settings(4, seed=3, shading="each"))
+    return display, Reel(plan_film(load_film("f.toml"), display, options), 50.0)
 
 
 def test_a_films_frames_are_those_of_animate(reel):

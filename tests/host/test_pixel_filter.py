@@ -113,7 +113,6 @@ def test_straight_edges_are_nearer_to_the_truth(mi, samples, most):
         picture = filtered(mi, np.repeat(found[..., None], 3, axis=2), lambda b, u, v: mi.UInt32(0))
         errors.append([np.square(picture[..., 0].ravel() - truth).sum(), np.square(found.mean(axis=1) - truth).sum()])
     soft, plain = np.sqrt(np.sum(errors, axis=0))
-    print(f"{samples} samples: the error is {soft / plain:.3f} of the means'")
     assert soft < most * plain
 
 

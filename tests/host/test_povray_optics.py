@@ -8,13 +8,10 @@ import pytest
 from lippmann.capturing.capture import capture_source
 from lippmann.capturing.capture_setup import load_setup
 from lippmann.capturing.povray_export import write_folder
-from lippmann.capturing.povray_optics import lattice_rows, setup_view
+from lippmann.capturing.povray_optics import setup_view
 from lippmann.cli import run
 from lippmann.display.description import load_display
 from lippmann.errors import InputError
-from lippmann.optics.backend import NumpyBackend
-from lippmann.optics.lattice import Lattice
-from lippmann.optics.system import PanelFrame
 from lippmann.rendering.options import Settings
 from lippmann.rendering.renderer import render_rays
 from lippmann.scenes.placement import placement_beside
@@ -134,22 +131,6 @@ def test_a_mirror_does_not_show_the_stops(mi, tmp_path):
     ours = render_rays(scene, capture_source(setup), Settings()).radiance
     assert (ours > 0.0).mean() > 0.05
     assert theirs.sum() == pytest.approx(ours.sum(), rel=0.02)
-
-
-def test_the_array_covers_the_window():
-    """Every lenslet whose cell the window touches is there, whatever its turn."""
-    for name, changes in CASES:
-        setup = small(name, **changes)
-        rows = {j: (first, last) for j, first, last in lattice_rows(setup.captured)}
-        frame, lattice = PanelFrame.of(setup.captured), Lattice.of(setup.array)
-        v, u = np.mgrid[0 : SMALL_PX + 1, 0 : SMALL_PX + 1].astype(float)
-        points = frame.array_from_panel(*frame.panel_from_pixel(u.ravel(), v.ravel()))
-        i, j, _, _ = lattice.locate(NumpyBackend(), *points)
-        for a, b in set(zip(i.astype(int).tolist(), j.astype(int).tolist(), strict=True)):
-            assert rows[b][0] <= a <= rows[b][1]
-        # And no more than some around it.
-        count = sum(last - first + 1 for first, last in rows.values())
-        assert count < len(set(zip(i, j, strict=True))) + 12 * len(rows) + 90
 
 
 def test_an_ideal_lens_and_a_sensor_are_refused():

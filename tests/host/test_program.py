@@ -110,12 +110,10 @@ def test_the_loader_is_called(place, capsys):
 def test_no_board_and_two_boards(place, monkeypatch, capsys):
     on_usb(place, monkeypatch)
     line = refused(capsys, 1, "board.bit")
-    assert line.startswith(
-        "lippmann: ulx3s: no 'ULX3S FPGA 85K' is on USB; there is 'FT231X USB UART' (DN0): if that is"
-    )
+    none = "lippmann: ulx3s: no 'ULX3S FPGA 85K' is on USB; "
+    assert line.startswith(f"{none}there is 'FT231X USB UART' (DN0): if that is")
     monkeypatch.setattr(program_module, "on_usb", lambda _: [])
-    line = refused(capsys, 1, "board.bit")
-    assert line == "lippmann: ulx3s: no 'ULX3S FPGA 85K' is on USB; connect its USB socket US1, and switch it on"
+    assert refused(capsys, 1, "board.bit") == f"{none}connect its USB socket US1, and switch it on"
     monkeypatch.undo()
     monkeypatch.chdir(place)
     monkeypatch.setenv("PATH", str(place / "bin"), prepend=os.pathsep)
@@ -126,9 +124,8 @@ def test_no_board_and_two_boards(place, monkeypatch, capsys):
     assert "K00042" in called(place)
     capsys.readouterr()
     assert "--serial: is empty" in refused(capsys, 2, "board.bit", "--serial", "")
-    assert "there is 'FT231X USB UART' (DN0), 'ULX3S FPGA 85K v3.0.8' (K00219), " in refused(
-        capsys, 1, "board.bit", "--serial", "K1"
-    )
+    line = refused(capsys, 1, "board.bit", "--serial", "K1")
+    assert "there is 'FT231X USB UART' (DN0), 'ULX3S FPGA 85K v3.0.8' (K00219), " in line
 
 
 def test_a_loader_that_cannot_be_run_or_does_not_end(place, monkeypatch, capsys):
@@ -148,10 +145,7 @@ def test_boards_that_cannot_be_told_apart_and_other_densities(place, monkeypatch
     on_usb(place, monkeypatch, "K00219", "K00219")
     assert "2 boards are on USB (K00219, K00219); unplug all but one" in refused(capsys, 1, "board.bit")
     on_usb(place, monkeypatch, "K1", density=12)
-    line = refused(capsys, 1, "board.bit")
-    assert (
-        "ulx3s: no 'ULX3S FPGA 85K' is on USB; there is 'FT231X USB UART' (DN0), 'ULX3S FPGA 12K v3.0.8' (K1): " in line
-    )
+    assert "'FT231X USB UART' (DN0), 'ULX3S FPGA 12K v3.0.8' (K1): " in refused(capsys, 1, "board.bit")
     # The maker's text, or another density's, is no hindrance to one who names the adapter.
     assert run(["board", "program", "board.bit", "--serial", "K1"]) == 0
     assert called(place)[2:4] == ["--ftdi-serial", "K1"]
@@ -187,12 +181,10 @@ def test_where_usb_is_not_listed_the_loader_looks(place, monkeypatch, capsys):
         ('echo "mismatch between idcodes"; echo "Error: std::exception"; exit 1', "not the bitstream's (mismatch"),
         ('echo "CRC check: FAIL"; echo "Error: std::exception"; exit 1', "refuses the bitstream (CRC check"),
         ('echo "unable to claim usb device"; exit 1', "another program uses the board's adapter (unable to claim"),
-        ('echo "Error: can\'t access SPI flash"; exit 1', "openFPGALoader failed (Error: can't access SPI flash)"),
         ("exit 7", "openFPGALoader failed (exit code 7); plug"),
         ('echo "JTAG init failed with: usb_open() failed: Permission denied"; exit 1', "sudo usermod -aG plugdev"),
         ('echo "unable to open ftdi device: -4 (usb_open() failed)"; exit 1', "may not use the board"),
         ('echo "Error: found 2 matching devices"; exit 1', "several adapters of its kind are on USB (Error: found 2"),
-        ('echo "Error: found 12 matching devices"; exit 1', "name one with --serial: lippmann doctor lists the"),
         ('echo "multiple devices found"; echo "Error: exit"; exit 1', "name one with --serial"),
         ('echo "Error: no matching devices"; exit 1', "openFPGALoader failed (Error: no matching devices); plug"),
     ],
@@ -211,7 +203,6 @@ def test_errors_of_the_loader(place, script, said, capsys):
         (bits() * 2, (), "is damaged"),
         (bits().replace(b"Lippmann", b"Lipqmann"), ("--board", "ulx3s"), "is damaged: its text cannot be read"),
         (bits().replace(b"sha256=", b"sha255="), ("--board", "ulx3s"), "is damaged: its text cannot be read"),
-        (bits().replace(b"vga-square", b"hd-square"), (), "is damaged: its digest is another one"),
         (bits(idcode=0x41112043), (), "is for an LFE5U-45F, ulx3s has an LFE5U-85F"),
         (bits(idcode=0x12345678), (), "is for an 0x12345678, ulx3s has"),
         (bits(""), (), "names no board; name it with --board"),
