@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from lippmann import load_layers
 from lippmann.errors import InputError
-from lippmann.layers.layers_folder import check_for_display, is_layers, load_named_layers, save_layers
+from lippmann.layers.layers_folder import is_layers, load_named_layers, save_layers
 from lippmann.layers.stack import Layer, LayerStack
 from PIL import Image
 from random_stacks import random_stack
@@ -189,15 +189,3 @@ def test_a_folder_without_layers_and_names_that_no_file_has(tmp_path):
     (tmp_path / "taken").write_text("")
     with pytest.raises(InputError, match="cannot be made"):
         save_layers(tmp_path / "taken", stack)
-
-
-def test_layers_at_the_eyes_are_refused():
-    plain = np.zeros((2, 2), np.uint8), np.zeros((256, 4), np.uint8)
-    *good, bad = (
-        LayerStack((Layer(*plain, 0.0, np.eye(3)[:2]), Layer(*plain, depth, np.eye(3)[:2])))
-        for depth in (599.9, -5e5, math.inf, 600.0)
-    )
-    for stack in good:
-        check_for_display(stack, DISPLAY)
-    with pytest.raises(InputError, match=r"layer\[1\].depth_mm: 600 mm is not in front of the eyes .* at 600 mm"):
-        check_for_display(bad, DISPLAY)

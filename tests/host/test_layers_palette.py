@@ -55,9 +55,7 @@ def test_opaque_texels_stay_opaque_among_many_that_nearly_are():
     rgba[..., 3] = np.where(random.random((64, 64)) < 0.5, 255, random.integers(200, 255, (64, 64)))
     texels, palette, _ = quantise(rgba)
     assert (palette[texels][rgba[..., 3] == 255, 3] == 255).all()
-
-
-def test_an_opaque_texel_takes_an_opaque_colour_though_another_is_nearer():
+    # Though another colour is nearer.
     palette = np.array([[10, 10, 10, 254], [60, 60, 60, 255]], np.uint8)
     assert nearest(np.array([[10, 10, 10, 255], [10, 10, 10, 253]], np.uint8), palette).tolist() == [1, 0]
 

@@ -25,27 +25,13 @@ def panel_of(transfer, bits):
     return Panel(60, 40, 0.1, bits=bits, transfer=transfer)
 
 
-def picture(*key, height=40, width=60):
-    return generator(SEED, *key).random((height, width, 3), np.float32)
+def picture():
+    return generator(SEED).random((40, 60, 3), np.float32)
 
 
-def srgb_levels(light, levels=255):
+def srgb_levels(light):
     light = np.clip(light.astype(np.float64), 0.0, 1.0)
-    return np.where(light <= 0.0031308, 12.92 * light, 1.055 * light ** (1 / 2.4) - 0.055) * levels
-
-
-@pytest.mark.parametrize("suffix", [".exr", ".tif", ".png"])
-def test_panel_values(tmp_path, suffix):
-    light = picture(suffix)
-    path = tmp_path / f"picture{suffix}"
-    write_picture(path, light, META)
-    frame = load_frame(path, HELLO)
-    assert frame.shape == (40, 60, 3)
-    assert frame.dtype == np.uint8
-    if suffix == ".exr":
-        light = light.astype(np.float16).astype(np.float32)
-    # Half a level of rounding, and what float32 adds.
-    assert np.abs(frame - srgb_levels(light)).max() <= 0.5 + 1e-3
+    return np.where(light <= 0.0031308, 12.92 * light, 1.055 * light ** (1 / 2.4) - 0.055) * 255
 
 
 def test_png_values_pass_as_they_are(tmp_path):

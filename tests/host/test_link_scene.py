@@ -220,9 +220,6 @@ def test_boards_that_do_not_draw():
             SceneBoard(board)
 
 
-# --- the commands board read and write ------------------------------------------------------------
-
-
 @pytest.mark.parametrize(
     ("words", "says"),
     [

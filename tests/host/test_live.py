@@ -350,9 +350,6 @@ def test_the_command_plays_a_film(reel, capfd, refusal_of):
     assert "leave one" in refusal_of(*common, "--fit", "--scale", "2")
 
 
-# ---- the board ----
-
-
 def test_a_board_without_a_desktop(made, no_desktop, capfd):
     panel = made[0].panel
     with ModelBoard(panel.width_px, panel.height_px) as model:

@@ -32,15 +32,12 @@ def place(tmp_path, monkeypatch):
 #: the reader, test_display, have more.
 FILES = [
     ("pixel_pitch_mm = 0.1", "pixel_pitch = 0.1", "panel.pixel_pitch", "did you mean pixel_pitch_mm?"),
-    ("radius_mm = .*", "focal_lenght_mm = 2.0", "array.focal_lenght_mm", "did you mean focal_length_mm?"),
-    (r"\[panel\]", "[pannel]", "pannel", "did you mean panel?"),
     (TOP, "viewing_distance = 600\n", "viewing_distance", "did you mean viewing_distance_mm?"),
     (ARRAY, "viewing_distance_mm = 600\n", "array.viewing_distance_mm", "at the top of the file"),
     (PANEL, "gamma = 2.2\n", "panel.gamma", "did you mean transfer?"),
     (ARRAY, "shear_deg = 0.5\n", "array.shear_deg", "did you mean shear (shift of the rows along x, as a share"),
     (ARRAY, "skew = 0.5\n", "array.skew", "did you mean shear?"),
     (ARRAY, "angle_deg = 0.5\n", "array.angle_deg", "did you mean rotation_deg?"),
-    (ARRAY, "layout = 'hex'\n", "array.layout", "did you mean grid?"),
     (TOP, "layout = 'hex'\n", "layout", "did you mean array.grid?"),
     (ARRAY, "index = 1.6\n", "index is given a second time in line", "leave one of the two"),
     ("pixel_pitch_mm = 0.1", "pixel_pitch_mm = 100", "panel.pixel_pitch_mm", "give 0.1, if 100 micrometres are meant"),
@@ -127,11 +124,6 @@ def test_mistakes_in_a_command(place, refusal_of, words, named, remedy):
     line = refusal_of(*words.split())
     assert named in line
     assert remedy in line[line.index(named) + len(named) :], line
-
-
-def test_a_port_that_is_a_file(place, refusal_of):
-    line = refusal_of("board", "info", "--port", "./tiny.toml", code=1)
-    assert "tiny.toml: is not a serial port; give a serial device, a pty, or socket://HOST:PORT" in line
 
 
 def test_a_mistyped_field_of_a_board(place, refusal_of):

@@ -23,9 +23,6 @@ def centre(grid, i, j):
     return np.array([i, j]) if grid == "square" else np.array([i + j / 2, j * math.sqrt(0.75)])
 
 
-# --- agreement near the axis ----------------------------------------------------------------------
-
-
 def line_of(display, pixels, aims, model):
     """Slopes (n, 2) of the rays, and where they cross z = 0, (n, 2) mm."""
     out = lippmann.trace(display, pixels, aims, model)

@@ -94,9 +94,6 @@ def test_one_ray_against_golden(mi, grid, side, kind):
     assert decided >= 2
 
 
-# --- crosstalk ------------------------------------------------------------------------------------
-
-
 def test_without_crosstalk_it_is_black_beyond_the_viewing_angle(mi):
     """|C - ex| D / ez < p / 2 decides: 50 mm at 600 mm."""
     display = display_for()
@@ -109,9 +106,6 @@ def test_without_crosstalk_it_is_black_beyond_the_viewing_angle(mi):
     # Between the two the border wanders over the lenslets. Exactly the rays that land in their own cell are seen.
     view = see(mi, ones, display, (50.0, 0.0, 600.0), window, crosstalk=False)
     assert view.radiance[:, :, 0].mean(dtype=np.float64) == pytest.approx(view.status_share["ok"], abs=1e-6)
-
-
-# --- misalignment ---------------------------------------------------------------------------------
 
 
 def test_gap_and_pitch_errors_magnify(mi):
@@ -172,9 +166,6 @@ def test_focus_on_the_display_keeps_it_sharp(mi):
 def test_impossible_eyes_are_refused(arguments, message):
     with pytest.raises(InputError, match=message):
         Eye(*arguments)
-
-
-# --- colour stripes -------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("layout", ["rgb", "bgr"])

@@ -46,12 +46,6 @@ def spheres(mi, tmp_path_factory):
     return write_scene(tmp_path_factory.mktemp("parallax") / "spheres.xml", *shapes)
 
 
-def centroid(light, x, y, row):
-    there = light * (np.abs(y - row) < 4.0)
-    assert there.sum() > 0.0
-    return float((x * there).sum() / there.sum())
-
-
 @pytest.mark.parametrize(
     ("grid", "side", "rotation", "model", "axis"),
     [
@@ -84,14 +78,13 @@ def test_apparent_shift(mi, spheres, grid, side, rotation, model, axis):
         light = observe(picture, display, Eye(eye), window).radiance.mean(axis=2)
         for z, row in ROW_OF_DEPTH.items():
             row_seen = on_screen((0.0, row, z), (0.0, 0.0, DISTANCE))[1]
-            found[z].append(centroid(light, along, across, row_seen))
+            there = light * (np.abs(across - row_seen) < 4.0)
+            found[z].append((along * there).sum() / there.sum())
     for z, places in found.items():
         theory = np.array([on_screen((0.0, 0.0, z), (step, 0.0, DISTANCE))[0] for step in sweep])
         seen = np.array(places)
-        shift = seen - seen[len(sweep) // 2]
         allowed = np.maximum(SHARE * np.abs(theory), QUARTER)
         slope, slope_theory = np.polyfit(sweep, seen, 1)[0], -z / (DISTANCE - z)
-        assert (np.abs(shift - theory) <= allowed).all(), (z, shift - theory)
         assert (np.abs(seen - theory) <= allowed).all(), (z, seen - theory)
         # A line through nine eyes: 2 %, or 0.2 mm over the sweep, for lenslets of 1 mm sample a sphere of 5 mm and let
         # its centre jitter by 0.1 mm; coma with the plano side to the viewer.

@@ -22,18 +22,13 @@ WIDTH, HEIGHT = 150, 110
 
 def display_for(rng, grid, eye, skewed=False, **others):
     """A display of 8 to 15 pixels a lenslet, turned and shifted, perhaps skewed and ending; 8 bits of a curve."""
-    numbers = {
-        "pitch": rng.uniform(0.6, 1.4), "gap": rng.uniform(0.5, 3.0), "rotation": rng.uniform(-40, 40),
-        "offset": tuple(rng.uniform(-0.7, 0.7, 2)), "width_px": WIDTH, "height_px": HEIGHT,
-    }  # fmt: skip
+    pitch = rng.uniform(0.6, 1.4)
+    numbers = {"gap": rng.uniform(0.5, 3.0), "rotation": rng.uniform(-40, 40)}
     if skewed:
-        pitch = numbers["pitch"]
-        numbers |= {
-            "shear": rng.uniform(-0.3, 0.3),
-            "row_pitch": pitch * rng.uniform(0.8, 1.3),
-            "extent": (8 * pitch, 5 * pitch),
-        }
-    made = display_of(grid, "panel", pixel_pitch=numbers["pitch"] / rng.uniform(8, 15), **numbers)
+        rows = pitch * rng.uniform(0.8, 1.3)
+        numbers |= {"shear": rng.uniform(-0.3, 0.3), "row_pitch": rows, "extent": (8 * pitch, 5 * pitch)}
+    numbers |= {"offset": tuple(rng.uniform(-0.7, 0.7, 2)), "pixel_pitch": pitch / rng.uniform(8, 15)}
+    made = display_of(grid, "panel", pitch=pitch, width_px=WIDTH, height_px=HEIGHT, **numbers)
     panel = dataclasses.replace(made.panel, **others)
     axis = tuple(rng.uniform(-3, 3, 2))
     return dataclasses.replace(made, panel=panel, viewing_distance_mm=eye, viewing_axis_mm=axis if eye else (0.0, 0.0))
@@ -164,9 +159,6 @@ def test_a_boards_words_round_the_same_definitions(grid, fraction_bits, eye):
         if kind in ("checker", "ramp"):
             assert differ == 0
     assert (levels(display, "view-numbers") != levels(display, "view-numbers", fraction_bits=16)).any()
-
-
-# --- white for one eye ----------------------------------------------------------------------------
 
 
 def eye_display(grid, side, eye):

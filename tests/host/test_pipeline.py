@@ -50,13 +50,11 @@ def trace_calls(words):
 def test_a_render_passes_few_files_and_each_once(tmp_path, monkeypatch, mi, capfd, shading, max_files):
     """At most 12 files lie between the command and the pixels, and each is entered once.
 
-    The definition: take the call stack at every call of a function of `host/lippmann` while `lippmann render` runs, and
-    of it the files of `host/lippmann`, with neighbouring frames of one file as one. No file of `api.py`, `cli/` and
-    `rendering/` may occur twice in a stack: no call returns into a file that is already on its stack. (The loops of
-    `optics/backend.py` call functions of the file that asks for the loop; they alone may.) Then take the stacks that
-    lead to pixels, those from the renderer to `PIXEL_MAKERS`, without the trial view that only warns
-    (`rendering/diagnostics.py`): the files of `api.py`, `cli/` and `rendering/` in all of them together. Shared
-    light has one more than 11, its lattices. Other rooms (optics, scenes, base) are called from there.
+    Of the call stack at each call of a function of `host/lippmann`, neighbouring frames of one file count as one. No
+    file of `api.py`, `cli/` and `rendering/` may occur twice in a stack. (The loops of `optics/backend.py` call
+    functions of the file that asks for the loop; they alone may.) Counted are these files in all stacks that lead from
+    the renderer to `PIXEL_MAKERS`, without the trial view that only warns (`rendering/diagnostics.py`). Shared light
+    has one more than 11, its lattices.
     """
     monkeypatch.chdir(tmp_path)
     (tmp_path / "three.xml").write_text(SCENE)

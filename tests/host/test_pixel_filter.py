@@ -1,7 +1,6 @@
 """The pixels' filter: against sums written out, and by what it is for."""
 
 import math
-from dataclasses import replace
 
 import drjit as dr
 import numpy as np
@@ -19,7 +18,6 @@ from lippmann.scenes.placement import Placement
 from lippmann.scenes.scene import scene_of
 from lippmann.simulation.toolchain import repository
 from scene_cases import focused_display, generator
-from tools.shading_speed import every_strip, rows_of_strips
 
 WIDTH, HEIGHT = 40, 150
 
@@ -162,19 +160,6 @@ def test_a_renderers_samples_lie_where_the_filter_takes_them_to_be(mi, samples):
     plain = (100.0 + (a * x + b * y) / c).mean(axis=1).reshape(HEIGHT, WIDTH)
     np.testing.assert_allclose(renderer.render(0)[0][..., 0], plain, atol=1e-3)
     assert np.abs(wanted[..., 0] - plain).max() > 0.05
-
-
-def test_strips_of_a_picture(mi):
-    """Of 150 rows the second of two strips of 8 in 16, by hand; pixels of two strips share nothing."""
-    assert rows_of_strips(150, 2, 8).tolist() == [16 * k + 8 + j for k in range(9) for j in range(8)]
-    scene, source, (a, b, c) = slanted(mi)
-    strips = every_strip(replace(source, owner=lambda b, u, v: mi.UInt32(0)), 2, 8)
-    assert (strips.width_px, strips.height_px) == (WIDTH, 72)
-    picture = render_rays(scene, strips, Settings(1, integrator="depth")).radiance[..., 0]
-    row, column = np.meshgrid(rows_of_strips(150, 2, 8), np.arange(WIDTH), indexing="ij")
-    np.testing.assert_allclose(picture, 100.0 + (a * (column + 0.5) + b * (row + 0.5)) / c, atol=1e-3)
-    assert len(np.unique(owners(strips, 7.5))) == len(np.unique(owners(strips, 0.5))) == 1
-    assert np.unique([owners(strips, row + 0.5)[0] for row in range(72)], return_counts=True)[1].tolist() == [8] * 9
 
 
 def test_which_pixels_share(mi):
