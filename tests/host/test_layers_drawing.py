@@ -46,9 +46,6 @@ def drawn(*layers, background=(0.0, 0.0, 0.0), display=HAND, **options):
     return SimpleNamespace(light=light, panel=panel_bytes(display, light))
 
 
-# --- by hand --------------------------------------------------------------------------------------
-
-
 @pytest.mark.parametrize("filter", FILTERS)
 def test_every_pixel_of_a_pinhole_display_sees_its_texel(filter):
     """At texel centres both filters see one texel alone."""

@@ -393,11 +393,12 @@ def test_no_permission(monkeypatch, owner, mode, remedy):
     # A group of no name has no member.
     group = {"dialout": grp.getgrnam("dialout").gr_gid, "root": 0, None: 987_654}[owner]
     found = SimpleNamespace(st_gid=group, st_mode=stat.S_IFCHR | mode)
-    monkeypatch.setattr(port_module.serial, "serial_for_url", refuse)
-    monkeypatch.setattr(port_module.os, "stat", lambda _: found)
-    with pytest.raises(DeviceError, match="no permission; " + remedy):
-        open_port("/dev/ttyMADE-UP")
-    monkeypatch.undo()
+    with monkeypatch.context() as patched:
+        patched.setattr(port_module.serial, "serial_for_url", refuse)
+        patched.setattr(port_module.os, "stat", lambda _: found)
+        with pytest.raises(DeviceError) as error:
+            open_port("/dev/ttyMADE-UP")
+    error.match("no permission; " + remedy)
 
 
 @pytest.mark.parametrize(("on_pty", "remedy"), [(False, "see whether the board runs: if so, it keeps"), (True, "plug")])

@@ -86,7 +86,7 @@ def test_the_first_request_after_an_outage_is_repeated_as_often():
     sends = []
     with ModelBoard(256, 160) as model, Proxy(model.url, SEED) as line, Board.open(line.url, FAST_BAUD, 1.0) as board:
         line.down = Faults(lose=1.0)
-        for _ in range(3):
+        for _ in range(2):
             before = line.done[0]["lose"]
             with pytest.raises(NoBoardError):
                 board.hello()
@@ -142,7 +142,7 @@ def test_requests_get_through_and_are_done_once():
         down = Faults(flip=0.003, lose=0.2, repeat=0.2)
         with Proxy(model.url, SEED, down, up) as line, Board.open(line.url, FAST_BAUD, PATIENCE_S) as board:
             expected = []
-            for k in range(30):
+            for k in range(20):
                 board.write(0x200, [k, ~k & 0xFFFFFFFF])
                 expected.append((0x200, (k, ~k & 0xFFFFFFFF)))
                 assert board.read(0x200, 2) == [k, ~k & 0xFFFFFFFF]

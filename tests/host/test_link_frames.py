@@ -151,3 +151,9 @@ def test_a_header_that_promises_too_much_is_refused(tmp_path):
     out.close()
     with pytest.raises(InputError, match="flat image of 1 to 4 channels"):
         load_frame(path, HELLO, force=True)
+
+
+@pytest.mark.parametrize("name", ["missing.png", "x.gif", "x", "x.png/", "x.null", "x.exr?RES=60x40"])
+def test_paths_that_are_no_image(tmp_path, name):
+    with pytest.raises(InputError, match=r"; \w"):
+        load_frame(str(tmp_path / name), HELLO)

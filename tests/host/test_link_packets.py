@@ -36,14 +36,10 @@ def test_packets_of_every_length_come_back(size, fill):
         packed(4, 0, bytes(MAX_PACKET - 6))
 
 
-def damaged(data, at):
-    return data[:at] + bytes([data[at] ^ 1]) + data[at + 1 :]
-
-
 @pytest.mark.parametrize(
     "bad",
     [
-        cobs.encode(damaged(by_zlib(1, 5, b"abc"), 4)),
+        cobs.encode(by_zlib(1, 5, b"abd")[:-4] + by_zlib(1, 5, b"abc")[-4:]),
         cobs.encode(by_zlib(1, 5, b"abc")[:6]),
         b"\x09abc",
         cobs.encode(by_zlib(1, 5, bytes(MAX_PACKET - 6))),

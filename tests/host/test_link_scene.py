@@ -69,7 +69,9 @@ def test_a_stack_is_loaded_whole(model):
         for slot, one in zip([4, 0, 2], stack.layers, strict=True):
             assert stored(model, slot) == one.texels.tobytes() + one.palette.tobytes()
         assert scene.load(slot_contents(stack, scene.build)).skipped == 12
-        assert scene.load({CURVE_SLOT: build_curve_table(DISPLAY).tobytes()}).sends == 8
+        curve = build_curve_table(DISPLAY).tobytes()
+        assert scene.load({CURVE_SLOT: curve}).sends == 8
+        assert (scene.holds(CURVE_SLOT, curve), scene.holds(CURVE_SLOT, curve[::-1])) == (True, False)
         assert len(stored(model, 15)) == 8192
         # A texture with a change in one place costs one block.
         texels = stack.layers[1].texels.copy()

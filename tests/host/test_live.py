@@ -374,9 +374,6 @@ def test_a_board_that_fails_ends_the_picture(made):
             sender.finish()
 
 
-# ---- bad input ----
-
-
 def test_mistakes(place, capfd):
     for words, code, part in (
         ("--monitor 7", 2, "no monitor 7"),

@@ -46,6 +46,7 @@ FILES = [
     (PANEL, "white_cd_m2 = 0.2\nblack_cd_m2 = 300\n", "panel.black_cd_m2", "are they exchanged?"),
     (ARRAY, "rotation_rad = 0.5\n", "array.rotation_rad", "did you mean rotation_deg (rotation of the lattice"),
     ("index = .*", "glass = 'BK7'", "array.glass", "did you mean N-BK7? (or give index)"),
+    ("width_px = .*", f"width_px = 0x{'f' * 5000}", "panel.width_px", "give a whole number"),
     ("gap_mm = .*", "gap_mm = 2,5", "not TOML", "write numbers with a point, text in quotes"),
     ('grid = "square"', "grid = square", "not TOML", "write numbers with a point, text in quotes"),
     (TOP, "viewing_distance_mm = 2\n", "viewing_distance_mm", "give 2000, if 2 m are meant, or a viewing_distance_mm"),

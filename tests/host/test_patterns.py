@@ -171,11 +171,11 @@ def eye_display(grid, side, eye):
     ("grid", "side", "eye_mm", "place", "crosstalk"),
     [
         # 21 mm at 70 mm: 8.5 degrees at the edges, beyond 7.
-        ("square", "panel", None, (0.0, 0.0, 70.0), 0.1),
-        ("hex", "viewer", None, (4.0, -3.0, 600.0), 0.0),
+        ("square", "panel", None, (0.0, 0.0, 70.0), True),
+        ("hex", "viewer", None, (4.0, -3.0, 600.0), False),
         # At 150 mm there is none only because the display converges there.
-        ("square", "panel", 150.0, (4.0, -3.0, 150.0), 0.0),
-        ("hex", "viewer", 150.0, (4.0, -3.0, 150.0), 0.0),
+        ("square", "panel", 150.0, (4.0, -3.0, 150.0), False),
+        ("hex", "viewer", 150.0, (4.0, -3.0, 150.0), False),
     ],
 )
 def test_an_eye_sees_white_and_by_crosstalk_black(mi, grid, side, eye_mm, place, crosstalk):
@@ -184,7 +184,7 @@ def test_an_eye_sees_white_and_by_crosstalk_black(mi, grid, side, eye_mm, place,
     white = image[..., 0]
     assert set(np.unique(white)) == {0.0, 1.0}
     own = observe(image, display, eye, whole_window(display, 105), samples=16, crosstalk=False)
-    assert own.status_share["crosstalk"] > crosstalk or not crosstalk
+    assert (own.status_share["crosstalk"] > 0.1) == crosstalk
     assert abs(own.radiance.mean() - own.status_share["ok"]) < 2e-3
     # By golden rays at random: the pixels that rays reach through their own lenslets are lit.
     count, panel = 300_000, display.panel
@@ -198,11 +198,8 @@ def test_an_eye_sees_white_and_by_crosstalk_black(mi, grid, side, eye_mm, place,
     through_own = inside & (hits.status == Status.OK)
     reached = np.zeros_like(white, bool)
     reached[v[through_own], u[through_own]] = True
-    # Grazed ones are few: a pixel beside would be every second.
+    # Grazed pixels differ. A pattern shifted by one pixel would differ in half of them.
     assert (reached != (white > 0)).sum() <= 0.07 * reached.sum()
-
-
-# --- bad input ------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(
