@@ -121,6 +121,17 @@ def test_patterns_of_the_lenslets_by_brute_force(grid, eye, transfer, skewed):
     assert (got > 0).any()
 
 
+@pytest.mark.parametrize(("grid", "steps"), [("square", [(1, 0), (0, 1)]), ("hex", [(1, 0), (0, 1), (-1, 1)])])
+def test_two_cells_that_share_a_side_differ(grid, steps):
+    display = display_for(generator(SEED, grid), grid, None)
+    i, j, *_ = by_brute_force(display)
+    shown = levels(display, "cells").reshape(-1, 3)
+    colour = {(int(a), int(b)): tuple(c) for a, b, c in zip(i.flat, j.flat, shown, strict=True)}
+    pairs = [(colour[a, b], colour.get((a + s, b + t))) for a, b in colour for s, t in steps]
+    assert sum(other is not None for _, other in pairs) > 50
+    assert all(one != other for one, other in pairs)
+
+
 @pytest.mark.parametrize("bits", [6, 8, 10])
 def test_ramps_and_checker_by_hand(bits):
     display = display_for(generator(SEED, bits), "square", None, bits=bits, transfer="gamma2.2")

@@ -65,6 +65,24 @@ def test_random_words_are_those_of_a_serial_register(seed):
     assert lfsr(seed, 1).tolist() == [seed or 1]
 
 
+def test_the_polynomial_is_primitive():
+    """x has the order 2^32 - 1: the register runs through every state but 0, also 32 steps at a time."""
+    polynomial = 1 << 32 | 1 << 22 | 1 << 2 | 1 << 1 | 1
+
+    def power(n):  # x^n, from the highest bit of n: squares spread the bits
+        state = 1
+        for bit in f"{n:b}":
+            state = sum(1 << 2 * k for k in range(32) if state >> k & 1) << int(bit)
+            for k in reversed(range(32, 65)):
+                state ^= polynomial << (k - 32) if state >> k & 1 else 0
+        return state
+
+    primes = (3, 5, 17, 257, 65537)  # those of 2^32 - 1; none divides 32
+    assert np.prod(primes, dtype=object) == (1 << 32) - 1
+    assert power((1 << 32) - 1) == 1
+    assert all(power(((1 << 32) - 1) // prime) != 1 for prime in primes)
+
+
 def test_random_jitter_fills_pixel_and_cell():
     f, count = 18, 1 << 16
     rays = raster(Raster(1, 1, (0, 0), (0, 0), samples=count, jitter="lfsr", seed=77), NO_TABLE, f)
