@@ -112,6 +112,15 @@ def test_lights_add_up_and_shadows_fall(seen):
     np.testing.assert_allclose(theirs, ours, rtol=2e-3, atol=np.abs(ours).max() * (0.0 if plane.all() else 0.02))
 
 
+@pytest.mark.parametrize("two_sided", [True, False])
+def test_the_back_of_a_surface(seen, two_sided):
+    """A card that looks away from the eye, lit from the eye's side: black unless two-sided, as in Mitsuba."""
+    theirs, ours = seen(light(), card(diffuse(two_sided=two_sided), turn='<rotate y="1" angle="180"/>'))
+    expected = lit(through_window(0.0), (0, 0, 1), (0.6, 0.4, 0.2)) * two_sided
+    np.testing.assert_allclose(theirs, expected, rtol=2 * HALF, atol=1e-9)
+    np.testing.assert_allclose(ours, expected, rtol=1e-4, atol=1e-9)
+
+
 def test_a_mirror_shows_what_stands_before_it(seen):
     """The eye sees in a mirror at z = 0 a wall behind itself, at z = 500: a light between them lights it."""
     tint = (0.9, 0.7, 0.5)
