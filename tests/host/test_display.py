@@ -1,6 +1,5 @@
 """The display file: what it means, what it refuses, and how it says so."""
 
-import itertools
 import json
 import math
 import re
@@ -95,34 +94,15 @@ def displays(draw):
     return display
 
 
-def as_toml(display: Display) -> str:
-    panel, array = but(vars(display.panel)), dict(vars(display.array))
-    if display.array.extent_mm is None:
-        del array["extent_mm"]
-    array["offset_mm"] = list(array["offset_mm"])
-    del array["glass" if display.array.glass is None else "index"]
-    viewing = {"viewing_distance_mm": display.viewing_distance_mm, "viewing_axis_mm": list(display.viewing_axis_mm)}
-    return toml(
-        panel, array, display.gap_mm, name=display.name, **(viewing if display.viewing_distance_mm is not None else {})
-    )
-
-
 @given(displays())
 def test_round_trip(display):
-    """What was written is read back to the last bit."""
-    read = parse_display(as_toml(display))
-    assert read == display
-    assert read.identity == display.identity
-    assert parse_display(display_text(display)) == display
-
-
-@given(displays())
-def test_identity_sticks_to_the_file_and_not_to_its_wording(display):
-    # Another order of the keys, and comments.
-    text = as_toml(display)
+    """What was written is read back to the last bit, also with comments and the tables in another order."""
+    text = display_text(display)
     panel, array = text.index("[panel]"), text.index("[array]")
-    swapped = text[:panel] + "# turned round\n" + text[array:] + text[panel:array]
-    assert parse_display(swapped).identity == display.identity
+    for written in (text, text[:panel] + "# turned round\n" + text[array:] + text[panel:array]):
+        read = parse_display(written)
+        assert read == display
+        assert read.identity == display.identity
     assert re.fullmatch("[0-9a-f]{16}", display.identity)
 
 
@@ -160,22 +140,15 @@ def test_equations_2_3_4(grid, pitch, steepness, index, by):
     assert abs(mp.mpf(made.half_diagonal_mm) / mp.sqrt(square_of_rho) - 1) < 4e-16
 
 
-def test_numbers_of_the_papers_arrays():
-    """The square array of Fig. 4 (1 mm) and the hexagonal one of Fig. 5 (2.3 mm), by hand."""
-    square = parse_display(toml(array=but(ARRAY, grid="square", radius_mm=1.5))).array
-    assert abs(square.flat_distance_mm - math.sqrt(1.75)) < 1e-15
-    assert square.focal_length_mm == 3.0
-    hexagonal = parse_display(toml(array=but(ARRAY, pitch_mm=2.3, radius_mm=1.5))).array
-    assert abs(hexagonal.flat_distance_mm - math.sqrt(2.25 - 2.3**2 / 3)) < 1e-15
-    assert abs(hexagonal.sag_mm - (1.5 - math.sqrt(2.25 - 2.3**2 / 3))) < 1e-15
-
-
-def test_hemisphere_is_the_limit():
-    array = but(ARRAY, grid="square", pitch_mm=1.0, radius_mm=1 / math.sqrt(2))
-    assert parse_display(toml(array=array)).array.flat_distance_mm == 0.0
-    too_small = but(array, radius_mm=math.nextafter(1 / math.sqrt(2), 0))
-    with pytest.raises(InputError, match="too small"):
-        parse_display(toml(array=too_small))
+@pytest.mark.parametrize("grid", ["square", "hex"])
+@pytest.mark.parametrize(("key", "per_radius"), [("radius_mm", 1.0), ("focal_length_mm", 2.0)])
+def test_hemisphere_is_the_limit(grid, key, per_radius):
+    """Of a cell 1 mm wide, at index 1.5."""
+    rho = 1 / math.sqrt({"square": 2, "hex": 3}[grid])
+    array = but(ARRAY, grid=grid, radius_mm=None)
+    assert parse_display(toml(array={**array, key: per_radius * rho})).array.flat_distance_mm < 2e-8
+    too_small = math.nextafter(per_radius * rho, 0)
+    refused(toml(array={**array, key: too_small}), "array.radius_mm: ", "too small", "larger")
 
 
 @given(st.floats(1, 20000))
@@ -307,8 +280,12 @@ def test_misaligned_is_another_display():
     assert moved.gap_mm == 0.75
     assert moved.array.pitch_mm == 1.001
     assert moved.identity != display.identity
-    refused = {r"gap_mm.*negative": {"gap_mm": -0.6}, "too small": {"pitch_scale": 4.0}, r"\[x, y\]": {"offset_mm": 5}}
-    for said, errors in refused.items():
+    for said, errors in (
+        (r"gap_mm.*negative", {"gap_mm": -0.6}),
+        ("too small", {"pitch_scale": 4.0}),
+        (r"\[x, y\]", {"offset_mm": 5}),
+        (r"pitch_mm: .*; give .*finite number", {"pitch_scale": -1.0}),
+    ):
         with pytest.raises(InputError, match=said):
             display.misaligned(**errors)
     with pytest.raises(InputError, match=r"dispersion.*glass"):
@@ -334,14 +311,9 @@ def refused(text: str, key: str, *remedy: str) -> str:
 TABLES = {"panel": PANEL, "array": ARRAY}
 
 
-@pytest.mark.parametrize(
-    ("table", "key"), [("panel", "width_px"), ("panel", "height_px"), ("array", "grid"), ("array", "pitch_mm")]
-)
-def test_missing_key(table, key):
-    refused(toml(**{table: but(TABLES[table], **{key: None})}), f"{table}.{key}: ", "add it")
-
-
-def test_missing_gap_and_tables():
+def test_missing_keys_and_tables():
+    for table, key in (("panel", "width_px"), ("panel", "height_px"), ("array", "grid"), ("array", "pitch_mm")):
+        refused(toml(**{table: but(TABLES[table], **{key: None})}), f"{table}.{key}: ", "add it")
     refused(toml(gap_mm=None), "gap_mm: ", "add it")
     refused("gap_mm = 0.5\n", "panel: ", "add it")
     refused(toml().split("[array]")[0], "array: ", "add it")
@@ -382,10 +354,8 @@ def test_both_or_neither_of_alternatives(table, first, second):
 def test_unknown_key(table, key, hint, lacking):
     """It says what the key may stand for, also where a key is missing in this table or in another."""
     text = toml(but(PANEL, pixel_pitch_mm=None), but(ARRAY, grid=None)) if lacking else toml()
-    if table is None:
-        text = f'"{key}" = 1\n{text}'
-    else:
-        text = text.replace(f"[{table}]\n", f'[{table}]\n"{key}" = 1\n')
+    head = f"[{table}]\n" if table else ""
+    text = text.replace(head, f'{head}"{key}" = 1\n', 1)
     shown = key.replace("\\n", " ")
     refused(text, f"{table}.{shown}: unknown key; {hint}" if table else f"{shown}: unknown key; {hint}")
 
@@ -403,121 +373,85 @@ def test_unknown_key(table, key, hint, lacking):
     ],
 )
 def test_an_unknown_key_stands_for_one_that_the_table_lacks(table, key, instead_of):
-    array = {**TABLES["array"], "focal_length_mm": 4.0}
-    tables = {**TABLES, "array": but(array, radius_mm=None)}
+    array = but(ARRAY, radius_mm=None, focal_length_mm=4.0)
+    tables = {"panel": but(PANEL, pixel_pitch_mm=None, dpi=508.0), "array": array}
+    if instead_of == "pixel_pitch_mm":
+        tables["panel"] = PANEL
     tables[table] = {**but(tables[table], **{instead_of: None}), key: 1.0}
-    if instead_of == "dpi":
-        del tables["panel"]["pixel_pitch_mm"]
     assert f"did you mean {instead_of}?" in refused(toml(**tables), f"{table}.{key}: unknown key")
 
 
 def test_an_unknown_table_stands_for_the_missing_one():
-    text = toml().replace("[array]", "[lenslets]")
-    refused(text, "lenslets: unknown key; did you mean array?")
+    assert "did you mean array?" in refused(toml().replace("[array]", "[lenslets]"), "lenslets: unknown key")
 
 
-LENGTHS = [("panel", "pixel_pitch_mm"), *(("array", key) for key in ("pitch_mm", "index", "radius_mm", "thickness_mm"))]
-NUMBERS = [*LENGTHS, ("array", "rotation_deg"), (None, "gap_mm")]
+LENGTHS = ("panel.pixel_pitch_mm", "array.pitch_mm", "array.radius_mm", "array.thickness_mm")
+NUMBERS = (*LENGTHS, "array.index", "array.rotation_deg", "gap_mm")
+WHOLE = ("panel.width_px", "panel.height_px", "panel.bits")
+#: TOML's integers have no end, Python's floats do.
+NOT_FINITE = ("nan", "+nan", "inf", "-inf", "1e999", "1" + "0" * 400)
+NO_NUMBERS = ('"1.0"', "true", "[1.0]", "{a = 1}", "1979-05-27", '"""a\nb"""')
+NOT_POSITIVE = ("-1.0", "0.0", "-0.0", "0", "-1e-300")
+NO_CHOICES = ('"round"', '""', "3", "true", "[]", "{}", '["hex"]')
+
+#: Keys, what may not stand there as TOML, and what the message must say.
+WRONG_VALUES = [
+    (NUMBERS, (*NOT_FINITE, *NO_NUMBERS), ["give a finite number"]),
+    (LENGTHS, NOT_POSITIVE, ["give a finite number, from 1e-09"]),
+    (["array.index"], (*NOT_POSITIVE, "1.0"), ["give a finite number, more than 1"]),
+    (["array.index"], ["4.01"], ["at most 4"]),
+    (["gap_mm"], ["-1e-9"], ["from 0 to"]),
+    (WHOLE, ("0", "-3", "1.0", "nan", "true", '"9"', "65536", "[1]"), ["whole number from 1 to"]),
+    (["array.offset_mm"], ("1.0", "[1.0]", "[1.0, 2.0, 3.0]", '["a", 1.0]', "[nan, 0.0]", "[0.0, inf]", "[true, 0]"),
+     ["give"]),
+    (["array.grid"], NO_CHOICES, ["choose from", "square", "hex"]),
+    (["array.plano_side"], NO_CHOICES, ["choose from", "panel", "viewer"]),
+    (["panel.subpixels"], NO_CHOICES, ["choose from", "none", "rgb", "bgr"]),
+    (["panel.transfer"], NO_CHOICES, ["choose from", "srgb", "linear", "gamma2.2"]),
+    (["name"], ["3"], ["quotes"]),
+    (["viewing_distance_mm"], ("-600.0", '"near"'), ["give"]),
+    (["viewing_axis_mm"], ("[1.0]", "3.0"), ["give"]),
+    (["viewing_axis_mm"], ["[1.0, 0.0]"], ["add viewing_distance_mm"]),
+    (["array.shear"], ("1.01", "-2"), ["from -1 to 1"]),
+    (["array.shear"], ["[0.1, 0.0]"], ["number"]),
+    (["array.pitch_mm"], ("[1.0]", "[1.0, 1.0, 1.0]"), ["[x, y]"]),
+    (["array.pitch_mm"], ["[1.0, 0.0]"], ["number"]),
+    (["array.pitch_mm"], ("[1.0, 4.001]", "[4.001, 1.0]"), ["hexagonal 0.866 py"]),
+    (["array.pitch_mm"], ("0.04", "[0.1, 0.04]"), ["finer", "at least a pixel"]),
+    (["array.extent_mm"], ["20.0"], ["[x, y]"]),
+    (["array.extent_mm"], ["[20.0, -1.0]"], ["number"]),
+    (["array.extent_mm"], ("[0.99, 10.0]", "[20.0, 0.86]"), ["leave it out"]),
+    (["array.extent_mm"], ["[20000.0, 15000.0]"], ["in mm"]),
+]  # fmt: skip
 
 
-def with_raw(table, key, raw):
+def with_raw(place, raw):
     """TOML text in which a key has a value that is written as it stands."""
+    table, _, key = place.rpartition(".")
     marker = 123456789
-    if table is None:
-        text = toml(**{key: marker})
-    else:
-        text = toml(**{table: but(TABLES[table], **{key: marker})})
+    text = toml(**{table: but(TABLES[table], **{key: marker})}) if table else toml(**{key: marker})
     return text.replace(str(marker), raw)
 
 
-@pytest.mark.parametrize(("table", "key"), LENGTHS)
-@pytest.mark.parametrize("raw", ["-1.0", "0.0", "-0.0", "0", "-1e-300"])
-def test_negative_or_zero(table, key, raw):
-    refused(
-        with_raw(table, key, raw),
-        f"{table}.{key}: ",
-        "give a finite number, more than 1" if key == "index" else "give a finite number, from 1e-09",
-    )
+@pytest.mark.parametrize(
+    ("place", "raw", "said"),
+    [(place, raw, said) for places, raws, said in WRONG_VALUES for place in places for raw in raws],
+)
+def test_a_wrong_value_is_refused(place, raw, said):
+    refused(with_raw(place, raw), place, *said)
 
 
-@pytest.mark.parametrize("key", ["dpi", "focal_length_mm"])
 @pytest.mark.parametrize("raw", ["-1.0", "0.0", "nan", "inf", "true", '"2"'])
-def test_alternatives_are_checked_alike(key, raw):
-    if key == "dpi":
-        text = toml(but(PANEL, pixel_pitch_mm=None, dpi=123456789)).replace("123456789", raw)
-    else:
-        array = but(ARRAY, radius_mm=None, focal_length_mm=123456789)
-        text = toml(array=array).replace("123456789", raw)
-    refused(text, f".{key}: ", "give")
+def test_alternatives_are_checked_alike(raw):
+    panel, array = but(PANEL, pixel_pitch_mm=None, dpi=1234567), but(ARRAY, radius_mm=None, focal_length_mm=1234567)
+    refused(toml(panel).replace("1234567", raw), "panel.dpi: ", "give")
+    refused(toml(array=array).replace("1234567", raw), "array.focal_length_mm: ", "give")
 
 
-def test_negative_gap():
-    refused(toml(gap_mm=-1e-9), "gap_mm: ", "from 0 to")
-    assert parse_display(toml(gap_mm=0)).gap_mm == 0.0
-
-
-@pytest.mark.parametrize(("table", "key"), NUMBERS)
-@pytest.mark.parametrize("raw", ["nan", "+nan", "inf", "-inf", "1e999"])
-def test_not_finite(table, key, raw):
-    refused(with_raw(table, key, raw), f"{key}: ", "finite")
-
-
-@pytest.mark.parametrize(("table", "key"), NUMBERS)
-@pytest.mark.parametrize("raw", ['"1.0"', "true", "[1.0]", "{a = 1}", "1979-05-27", '"""a\nb"""'])
-def test_not_a_number(table, key, raw):
-    refused(with_raw(table, key, raw), f"{key}: ", "give a finite number")
-
-
-@pytest.mark.parametrize(("table", "key"), NUMBERS)
-def test_huge_integer_is_no_crash(table, key):
-    """TOML's integers have no end here; Python's floats do."""
-    refused(with_raw(table, key, "1" + "0" * 400), f"{key}: ", "finite")
-
-
-@pytest.mark.parametrize("key", ["width_px", "height_px", "bits"])
-@pytest.mark.parametrize("raw", ["0", "-3", "1.0", "nan", "true", '"9"', "65536", "[1]"])
-def test_not_a_whole_number(key, raw):
-    refused(with_raw("panel", key, raw), f"panel.{key}: ", "whole number from 1 to")
-
-
-@pytest.mark.parametrize(
-    "raw", ["1.0", "[1.0]", "[1.0, 2.0, 3.0]", '["a", 1.0]', "[nan, 0.0]", "[0.0, inf]", "[true, 0]"]
-)
-def test_bad_offset(raw):
-    refused(with_raw("array", "offset_mm", raw), "array.offset_mm: ", "give")
-
-
-@pytest.mark.parametrize(
-    ("table", "key", "options"),
-    [
-        ("array", "grid", ("square", "hex")),
-        ("array", "plano_side", ("panel", "viewer")),
-        ("panel", "subpixels", ("none", "rgb", "bgr")),
-        ("panel", "transfer", ("srgb", "linear", "gamma2.2")),
-    ],
-)
-@pytest.mark.parametrize("raw", ['"round"', '""', "3", "true", "[]", "{}", '["hex"]'])
-def test_bad_choice(table, key, options, raw):
-    refused(with_raw(table, key, raw), f"{table}.{key}: ", "choose from", *options)
-
-
-def test_bad_glass_name_and_index():
+def test_bad_glass():
     array = but(ARRAY, index=None, glass="marble")
     refused(toml(array=array), "array.glass: ", "marble", "N-BK7", "PMMA", "give index")
     refused(toml(array=but(ARRAY, index=None, glass=1.5)), "array.glass: ", "quotes")
-    refused(toml(array=but(ARRAY, index=1.0)), "array.index: ", "more than 1")
-    refused(toml(array=but(ARRAY, index=4.01)), "array.index: ", "at most 4")
-    refused(toml(name=3), "name: ", "quotes")
-
-
-@pytest.mark.parametrize("grid", ["square", "hex"])
-@pytest.mark.parametrize("key", ["radius_mm", "focal_length_mm"])
-def test_radius_too_small_for_its_cell(grid, key):
-    rho = 1 / math.sqrt({"square": 2, "hex": 3}[grid])
-    scale = 1.0 if key == "radius_mm" else 2.0  # f = R / (1.5 - 1)
-    array = but(ARRAY, grid=grid, radius_mm=None)
-    refused(toml(array=but(array, **{key: 0.999 * rho * scale})), "array.radius_mm: ", "larger")
-    assert parse_display(toml(array=but(array, **{key: 1.001 * rho * scale}))).array.grid == grid
 
 
 def test_a_lens_that_is_nearly_flat_gets_the_smallest_thickness():
@@ -537,16 +471,9 @@ def test_thickness_may_equal_the_sag_as_typed(grid, steepness, pitch):
     for typed in (sag, float(f"{sag:.15g}"), float(f"{sag:.14g}") if sag > 1 else sag):
         thick = parse_display(toml(panel, but(array, thickness_mm=typed))).array.thickness_mm
         assert thick == typed
-    assert math.isclose(sag * (1 - 1e-13), sag, rel_tol=1e-12)
     parse_display(toml(panel, but(array, thickness_mm=sag * (1 - 1e-13))))
-    for thin in (sag * (1 - 1e-11), sag / 2):
-        text = toml(panel, but(array, thickness_mm=thin))
-        refused(text, "array.thickness_mm: ", "sag", "at least", "leave it out")
-
-
-def test_a_viewing_distance_in_metres_is_noticed():
-    line = refused(toml(gap_mm=3.9, viewing_distance_mm=0.6), "viewing_distance_mm: ", "focal zone")
-    assert "give 600, if 0.6 m are meant" in line
+    thin = toml(panel, but(array, thickness_mm=sag * (1 - 1e-11)))
+    refused(thin, "array.thickness_mm: ", "sag", "at least", "leave it out")
 
 
 @pytest.mark.parametrize(
@@ -580,44 +507,13 @@ def test_an_eye_within_the_focal_zone(array, gap, zone, at_fault):
 @pytest.mark.parametrize(
     ("keys", "key", "remedy"),
     [
-        ({"viewing_distance_mm": -600.0}, "viewing_distance_mm: ", "give"),
-        ({"viewing_distance_mm": "near"}, "viewing_distance_mm: ", "give"),
-        ({"viewing_distance_mm": 600.0, "viewing_axis_mm": [1.0]}, "viewing_axis_mm: ", "give"),
-        ({"viewing_distance_mm": 600.0, "viewing_axis_mm": 3.0}, "viewing_axis_mm: ", "give"),
-        ({"viewing_axis_mm": [1.0, 0.0]}, "viewing_axis_mm: ", "add viewing_distance_mm"),
-        ({"viewing_distanc_mm": 600.0}, "viewing_distanc_mm: ", "viewing_distance_mm"),
-        ({"viewing_axis": [0.0, 0.0]}, "viewing_axis: ", "viewing_axis_mm"),
-    ],
-)
-def test_bad_eyes(keys, key, remedy):
-    refused(toml(**keys), key, remedy)
-
-
-@pytest.mark.parametrize(
-    ("keys", "key", "remedy"),
-    [
-        ({"shear": 1.01}, "shear", "from -1 to 1"),
-        ({"shear": -2}, "shear", "from -1 to 1"),
-        ({"shear": [0.1, 0.0]}, "shear", "number"),
-        ({"pitch_mm": [1.0]}, "pitch_mm", "[x, y]"),
-        ({"pitch_mm": [1.0, 1.0, 1.0]}, "pitch_mm", "[x, y]"),
-        ({"pitch_mm": [1.0, 0.0]}, "pitch_mm", "number"),
-        ({"pitch_mm": [1.0, 4.001]}, "pitch_mm", "hexagonal 0.866 py"),
-        ({"pitch_mm": [4.001, 1.0]}, "pitch_mm", "hexagonal 0.866 py"),
         ({"pitch_mm": [1.0, 0.04], "radius_mm": 9.0}, "pitch_mm", "hexagonal 0.866 py"),
-        ({"pitch_mm": [0.1, 0.04]}, "pitch_mm", "at least a pixel"),
         ({"shear": 1.0, "radius_mm": 0.7}, "radius_mm", "larger radius_mm"),
-        ({"extent_mm": 20.0}, "extent_mm", "[x, y]"),
-        ({"extent_mm": [20.0, -1.0]}, "extent_mm[1]", "number"),
-        ({"extent_mm": [0.99, 10.0]}, "extent_mm", "leave it out"),
-        ({"extent_mm": [20.0, 0.86]}, "extent_mm", "leave it out"),
-        ({"extent_mm": [20000.0, 15000.0]}, "extent_mm", "in mm"),
         ({"extent_mm": [4.0, 4.0], "offset_mm": [19.0, 0.0]}, "extent_mm", "offset_mm"),
         ({"extent_mm": [4.0, 40.0], "offset_mm": [18.0, 18.0], "rotation_deg": 45.0}, "extent_mm", "offset_mm"),
-        ({"extend_mm": [4.0, 4.0]}, "extend_mm", "did you mean extent_mm?"),
     ],
 )
-def test_bad_arrays(keys, key, remedy):
+def test_keys_of_an_array_that_do_not_fit_together(keys, key, remedy):
     refused(toml(array=but(ARRAY, **keys)), f"array.{key}: ", remedy)
 
 
@@ -706,22 +602,12 @@ def test_the_half_diagonal_reaches_the_farthest_corner(display):
     assert abs(array.half_diagonal_mm / reach - 1) < 1e-15
 
 
-@pytest.mark.parametrize(
-    ("errors", "key"),
-    [
-        ({"offset_mm": (math.nan, 0.0)}, "offset_mm"),
-        ({"rotation_deg": math.nan}, "rotation_deg"),
-        ({"rotation_deg": math.inf}, "rotation_deg"),
-        ({"gap_mm": math.inf}, "gap_mm"),
-        ({"gap_mm": math.nan}, "gap_mm"),
-        ({"pitch_scale": math.nan}, "pitch_scale"),
-        ({"pitch_scale": -1.0}, "pitch_mm"),
-    ],
-)
-def test_misaligned_by_no_number(errors, key):
+@pytest.mark.parametrize("value", [math.nan, math.inf, (math.nan, 0.0)])
+@pytest.mark.parametrize("name", ["offset_mm", "rotation_deg", "gap_mm", "pitch_scale"])
+def test_misaligned_by_no_number(name, value):
     """A lattice at no place made golden search without end."""
-    with pytest.raises(InputError, match=rf"{key}: .*; give .*(finite numbers?|\[x, y\])"):
-        parse_display(toml()).misaligned(**errors)
+    with pytest.raises(InputError, match=rf"{name}: .*; give .*(finite numbers?|\[x, y\])"):
+        parse_display(toml()).misaligned(**{name: value})
 
 
 @pytest.mark.parametrize("part", ["panel", "array", ""])
@@ -760,18 +646,13 @@ def test_lists_are_written_in_one_line_or_in_many():
     assert toml_text({"a": [1, 2]}, one_line=False) == "a = [\n  1,\n  2,\n]\n"
 
 
-def test_misaligned_stretches_both_pitches():
-    display = parse_display(toml(array=but(ARRAY, pitch_mm=[1.0, 1.5], shear=0.01)))
-    assert display.misaligned() == display
-    assert display.misaligned(pitch_scale=1.25).array.pitch_mm == (1.25, 1.875)
-
-
 @pytest.mark.parametrize("scale", [0.97, 0.9999, 1.0001, 1.003, 1.02])
 @pytest.mark.parametrize("extent", [[12.0, 8.0], [11.9, 8.7], [4.0, 2.0]])
-def test_misaligned_stretches_the_extent(extent, scale):
+def test_misaligned_stretches_both_pitches_and_the_extent(extent, scale):
     """A stretched array has as many lenslets as before."""
-    display = parse_display(toml(array=but(ARRAY, extent_mm=extent, radius_mm=2.0)))
+    display = parse_display(toml(array=but(ARRAY, pitch_mm=[1.0, 1.5], shear=0.01, extent_mm=extent)))
     stretched = display.misaligned(pitch_scale=scale).array
+    assert stretched.pitch_mm == pytest.approx((scale, 1.5 * scale))
     assert stretched.extent_mm == pytest.approx([side * scale for side in extent])
     assert stretched.half_steps == display.array.half_steps
 
@@ -785,21 +666,14 @@ def test_misaligned_keeps_the_eye_and_its_zone():
         display.misaligned(gap_mm=5.0)
 
 
-def test_lenslets_finer_than_pixels():
-    array = but(ARRAY, pitch_mm=0.04)
-    refused(toml(array=array), "array.pitch_mm: ", "finer", "at least a pixel")
+LONG, NESTED = f"gap_mm = {'1' * 5000}\n", f"gap_mm = {'[' * 100000}\n"
 
 
-@pytest.mark.parametrize("text", ["gap_mm = ", "[panel", "= 1", "a = 'x\n", "\x00", "é = 1"])
+@pytest.mark.parametrize("text", ["gap_mm = ", "[panel", "= 1", "a = 'x\n", "\x00", "é = 1", LONG, NESTED])
 def test_broken_toml(text):
+    """Also what Python itself gives up on."""
     message = refused(text, "not TOML", "syntax")
-    assert "line" in message or "end of document" in message
-
-
-def test_numbers_too_long_and_nests_too_deep():
-    """What Python itself gives up on."""
-    refused(f"gap_mm = {'1' * 5000}\n", "not TOML", "syntax")
-    refused(f"gap_mm = {'[' * 100000}\n", "not TOML", "syntax")
+    assert "line" in message or "end of document" in message or text in (LONG, NESTED)
 
 
 @pytest.mark.parametrize("loader", [str, Path])
@@ -824,13 +698,6 @@ def test_files(tmp_path, loader):
         assert "\n" not in message
 
 
-def test_bad_keys_in_a_file_name_the_file(tmp_path):
-    file = tmp_path / "bad.toml"
-    file.write_text(toml(gap_mm=None))
-    with pytest.raises(InputError, match=re.escape(f"{file}: gap_mm: ")):
-        load_display(file)
-
-
 @settings(suppress_health_check=[HealthCheck.too_slow])
 @given(st.data())
 def test_any_value_anywhere_is_read_or_refused(data):
@@ -843,10 +710,9 @@ def test_any_value_anywhere_is_read_or_refused(data):
             return f"[{', '.join(raw(item) for item in value)}]"
         return str(value) if isinstance(value, float) else json.dumps(value)
 
-    keys = [*itertools.product(("panel",), (*PANEL, "bits", "subpixels")), (None, "gap_mm")]
-    keys += itertools.product(("array",), (*ARRAY, "offset_mm", "thickness_mm", "rotation_deg"))
-    table, key = data.draw(st.sampled_from(keys))
-    text = with_raw(table, key, raw(data.draw(values)))
+    keys = [f"panel.{key}" for key in (*PANEL, "bits", "subpixels")]
+    keys += [f"array.{key}" for key in (*ARRAY, "offset_mm", "thickness_mm", "rotation_deg")]
+    text = with_raw(data.draw(st.sampled_from([*keys, "gap_mm"])), raw(data.draw(values)))
     try:
         display = parse_display(text, "some/file.toml")
     except InputError as error:
