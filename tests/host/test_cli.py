@@ -20,7 +20,6 @@ import imageio_ffmpeg
 import lippmann as lp
 import numpy as np
 import pytest
-from lippmann import __version__
 from lippmann.base import interrupts
 from lippmann.base.images import read_picture
 from lippmann.board.port import open_port
@@ -56,9 +55,8 @@ def render(*more) -> list:
     return ["render", "ball.xml", "--display", "tiny.toml", "--device", "llvm", *more]
 
 
-def child(*arguments, **others) -> subprocess.CompletedProcess:
-    command = [sys.executable, "-m", "lippmann", *map(str, arguments)]
-    return subprocess.run(command, capture_output=True, text=True, timeout=60, check=False, **others)
+def names_in(place) -> list[str]:
+    return sorted(path.name for path in place.iterdir())
 
 
 # --- help and JSON --------------------------------------------------------------------------------
@@ -67,16 +65,16 @@ def child(*arguments, **others) -> subprocess.CompletedProcess:
 @pytest.mark.parametrize("command", COMMANDS)
 def test_every_help_has_an_example(capfd, command):
     code, out, err = lippmann(capfd, command, "--help")
-    assert code == 0
-    assert err == ""
+    assert (code, err) == (0, "")
     assert re.search(rf"Example: lippmann {command}\b", out)
     assert lippmann(capfd, command, "-h")[1] == out
+    # The list of commands shows the first sentence of each.
+    assert summary_of(command) == cli.get_command(click.Context(cli), command).get_short_help_str(limit=1000)
 
 
 def test_no_command_shows_the_help(capfd):
     code, out, err = lippmann(capfd)
-    assert code == 2
-    assert out == ""
+    assert (code, out) == (2, "")
     assert all(command in err for command in COMMANDS)
     assert lippmann(capfd, "--help")[0] == 0
     version = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["version"]
@@ -101,12 +99,8 @@ def test_inspect_as_json(capfd, display):
     assert isinstance(result["warnings"], list)
 
 
-@pytest.mark.parametrize(
-    ("typed", "meant"),
-    {"insect": "inspect", "rendr": "render", "obsreve": "observe", "vektors": "vectors", "dispaly": "display"}.items(),
-)
-def test_a_misspelt_command_is_recognised(refusal_of, typed, meant):
-    assert refusal_of(typed) == f"lippmann: No such command '{typed}'. Did you mean '{meant}'? (see --help)"
+def test_a_misspelt_command_is_recognised(refusal_of):
+    assert refusal_of("obsreve") == "lippmann: No such command 'obsreve'. Did you mean 'observe'? (see --help)"
     assert refusal_of("xyzzy") == "lippmann: No such command 'xyzzy'. (see --help)"
 
 
@@ -150,11 +144,10 @@ def test_render_and_observe_as_json(place, capfd, mi):
     assert seen[0, 0] == 0.0
 
 
-def test_sweeps_make_an_animation_and_a_sheet(place, capfd, mi):
-    assert lippmann(capfd, *render("-o", "a.png"))[0] == 0
+def test_sweeps_make_an_animation_and_a_sheet(place, picture, capfd):
     code, out, _ = lippmann(
         capfd,
-        *("observe", "a.png", "--display", "tiny.toml", "--eye", "0,10,600", "-o", "s.gif", "--width", 20),
+        *("observe", picture, "--display", "tiny.toml", "--eye", "0,10,600", "-o", "s.gif", "--width", 20),
         *("--sweep=-30,30", "--frames", 5, "--sheet", "sheet.png", "--json"),
     )
     assert code == 0
@@ -162,13 +155,12 @@ def test_sweeps_make_an_animation_and_a_sheet(place, capfd, mi):
     with Image.open("s.gif") as film:
         assert film.n_frames == 8
     assert (place / "sheet.png").stat().st_size > 0
-    assert sorted(path.name for path in place.iterdir()) == ["a.png", "ball.xml", "s.gif", "sheet.png", "tiny.toml"]
+    assert names_in(place) == ["a.exr", "ball.xml", "s.gif", "sheet.png", "tiny.toml"]
 
 
-def test_sweeps_make_a_video(place, capfd, mi):
+def test_sweeps_make_a_video(place, picture, capfd):
     """To and fro at 80 ms a view; 21 columns become 22, 15.75 rows 16."""
-    assert lippmann(capfd, *render("-o", "a.png"))[0] == 0
-    words = ("observe", "a.png", "--display", "tiny.toml", "--eye", "0,10,600", "--device", "llvm", "--json")
+    words = ("observe", picture, "--display", "tiny.toml", "--eye", "0,10,600", "--device", "llvm", "--json")
     code, out, _ = lippmann(capfd, *words, "-o", "s.mp4", "--width", 21, "--sweep=-300,300", "--frames", 5)
     assert code == 0
     result = json.loads(out)
@@ -237,23 +229,12 @@ def test_doctor_tells_what_the_rtl_lacks(capfd, monkeypatch, tmp_path):
         assert re.search(rf"\w+.*; missing: run .*{re.escape(remedy)}$", check["detail"])
 
 
-def test_true_processes(place):
-    """The installed command and `python -m lippmann`; stdout is one JSON object, logs are on stderr."""
-    ours = child(*render("-o", "a.exr", "--json"))
-    assert ours.returncode == 0
-    assert json.loads(ours.stdout)["output"] == "a.exr"
-    assert ours.stderr.startswith("model ")
-    plain = child("trace", "--display", "tiny.toml", "--pixels", "5", "-o", "r.npz")
-    assert plain.returncode == 0
-    assert plain.stdout.startswith("5 rays in ")
-    wrong = child("render", "absent.xml", "--display", "tiny.toml", "-o", "b.exr", "--json")
-    assert wrong.returncode == 2
-    assert json.loads(wrong.stdout)["exit_code"] == 2
-    assert len(wrong.stderr.splitlines()) == 1
-    command = Path(sys.executable).with_name("lippmann")
-    assert command.exists()
-    version = subprocess.run([command, "--version"], capture_output=True, text=True, timeout=60, check=True)
-    assert __version__ in version.stdout
+def test_a_true_process(place):
+    """The installed command; stdout is one JSON object, logs are on stderr."""
+    command = [Path(sys.executable).with_name("lippmann"), *render("-o", "a.exr", "--json")]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=60, check=True)
+    assert json.loads(done.stdout)["output"] == "a.exr"
+    assert done.stderr.startswith("model ")
 
 
 #: The installed command, with notes in a file of what is done at its end: atexit's work, and Python's taking down.
@@ -268,26 +249,21 @@ from lippmann.__main__ import program
 sys.argv = ["lippmann", *sys.argv[1:]]
 program()
 """
-INSPECT = ["inspect", "tiny.toml"]
 
 
-@pytest.mark.parametrize("redirected", ["", "2>&-"])
-@pytest.mark.parametrize(("name", "code"), [("tiny.toml", 0), ("absent.toml", 2)])
-def test_the_installed_command_ends_at_once(place, redirected, name, code):
-    ended(["inspect", name], redirected, code)
-
-
-@pytest.mark.parametrize("redirected", [">&-", ">/dev/full"])
-def test_the_installed_command_tells_that_nobody_listens(place, redirected):
-    assert len(ended(INSPECT, redirected, 3).splitlines()) == 1
-
-
-def ended(words, redirected, code):
-    """Run the installed command in a shell; stderr."""
-    line = shlex.join([sys.executable, "-c", PROGRAM, *words])
+@pytest.mark.parametrize(
+    ("name", "redirected", "code", "lines"),
+    [
+        ("tiny.toml", "", 0, 0), ("tiny.toml", "2>&-", 0, 0), ("absent.toml", "", 2, 1), ("absent.toml", "2>&-", 2, 0),
+        ("tiny.toml", ">&-", 3, 1), ("tiny.toml", ">/dev/full", 3, 1),
+    ],
+)  # fmt: skip
+def test_the_installed_command_ends_at_once(place, name, redirected, code, lines):
+    """Also where nobody listens: with its output closed, and on a full disk."""
+    line = shlex.join([sys.executable, "-c", PROGRAM, "inspect", name])
     done = subprocess.run(["sh", "-c", f"{line} {redirected}"], capture_output=True, text=True, timeout=60, check=False)
     assert (done.returncode, Path("notes.txt").read_text()) == (code, "registered ")
-    return done.stderr
+    assert len(done.stderr.splitlines()) == lines
 
 
 @pytest.mark.parametrize(
@@ -295,7 +271,7 @@ def ended(words, redirected, code):
 )
 def test_the_installed_command_waits_for_those_that_watch_it(place, watch):
     line = f"import threading\n{PROGRAM}".replace("program()", f"{watch}; program()")
-    command = [sys.executable, "-c", line, *INSPECT]
+    command = [sys.executable, "-c", line, "inspect", "tiny.toml"]
     done = subprocess.run(command, capture_output=True, text=True, timeout=60, check=False)
     assert (done.returncode, Path("notes.txt").read_text()) == (0, "registered taken down")
 
@@ -342,40 +318,30 @@ def test_bash_completes_file_names(typed):
 @pytest.mark.parametrize("engine", ["golden", "fast"])
 @pytest.mark.parametrize("aperture", ["chief", "full"])
 def test_trace_contract(place, capfd, engine, aperture):
-    code, out, _ = lippmann(
-        capfd,
-        *("trace", "--display", "tiny.toml", "--engine", engine, "--model", "exact", "--pixels", 500, "--seed", 3),
-        *("--aperture", aperture, "--device", "llvm", "-o", "r.npz", "--json"),
-    )
-    assert code == 0
-    result = json.loads(out)
-    assert result["rays"] == sum(result["status"].values()) == 500
-    with np.load("r.npz") as rays:
-        assert {name: (rays[name].shape, rays[name].dtype.name) for name in rays.files} == {
-            "pixel": ((500, 2), "float64"),
-            "aperture_mm": ((500, 2), "float64"),
-            "origin_mm": ((500, 3), "float64"),
-            "direction": ((500, 3), "float64"),
-            "status": ((500,), "uint8"),
-            "lenslet": ((500, 2), "int64"),
-            "centre_mm": ((500, 2), "float64"),
-            "local_mm": ((500, 3), "float64"),
-        }
-        pixel, direction = rays["pixel"], rays["direction"]
-        assert (pixel % 1.0 == 0.5).all()
-        assert pixel.min() > 0.0
-        assert (pixel < (64, 48)).all()
-        np.testing.assert_allclose(np.linalg.norm(direction, axis=1), 1.0, atol=1e-6)
-        np.testing.assert_allclose(rays["origin_mm"][:, :2], rays["centre_mm"] + rays["local_mm"][:, :2])
-        first = {name: rays[name].copy() for name in rays.files}
-    lippmann(
-        capfd,
-        *("trace", "--display", "tiny.toml", "--engine", engine, "--pixels", 500, "--seed", 3, "--device", "llvm"),
-        *("--aperture", aperture, "-o", "again.npz"),
-    )
-    with np.load("again.npz") as again:
-        for name, values in first.items():
-            np.testing.assert_array_equal(again[name], values)
+    words = ("trace", "--display", "tiny.toml", "--engine", engine, "--model", "exact", "--pixels", 500, "--seed", 3)
+    words += ("--aperture", aperture, "--device", "llvm", "--json")
+    files = []
+    for name in ("r.npz", "again.npz"):
+        code, out, _ = lippmann(capfd, *words, "-o", name)
+        assert code == 0
+        result = json.loads(out)
+        assert result["rays"] == sum(result["status"].values()) == 500
+        with np.load(name) as rays:
+            files.append({key: rays[key].copy() for key in rays.files})
+    rays, again = files
+    for key, values in rays.items():
+        np.testing.assert_array_equal(again[key], values)
+    assert {key: (values.shape, values.dtype.name) for key, values in rays.items()} == {
+        **dict.fromkeys(("pixel", "aperture_mm", "centre_mm"), ((500, 2), "float64")),
+        **dict.fromkeys(("origin_mm", "direction", "local_mm"), ((500, 3), "float64")),
+        "status": ((500,), "uint8"),
+        "lenslet": ((500, 2), "int64"),
+    }
+    assert (rays["pixel"] % 1.0 == 0.5).all()
+    assert rays["pixel"].min() > 0.0
+    assert (rays["pixel"] < (64, 48)).all()
+    np.testing.assert_allclose(np.linalg.norm(rays["direction"], axis=1), 1.0, atol=1e-6)
+    np.testing.assert_allclose(rays["origin_mm"][:, :2], rays["centre_mm"] + rays["local_mm"][:, :2])
 
 
 def test_trace_reads_pixels_from_files(place, capfd):
@@ -399,35 +365,37 @@ def test_trace_reads_pixels_from_files(place, capfd):
             np.testing.assert_array_equal(rays["pixel"], expected)
 
 
+HUGE = "9" * 30
+
+
 @pytest.mark.parametrize(
-    ("content", "message"),
+    ("pixels", "content", "message"),
     [
-        ([[np.nan, 1.0]], "not finite"),
-        ([[64.5, 1.0]], "outside the panel of 64 x 48"),
-        ([[-1.0, 1.0]], "outside the panel"),
-        ([1.0, 2.0], r"shape \(2,\); give numbers of shape \(N, 2\)"),
-        ([[1.0, 2.0, 3.0]], r"shape \(1, 3\)"),
-        ([["a", "b"]], "give real numbers"),
-        (np.zeros((0, 2)), "holds no pixels"),
+        ("p.npy", [[np.nan, 1.0]], r"p\.npy: .*not finite"),
+        ("p.npy", [[64.5, 1.0]], r"p\.npy: .*outside the panel of 64 x 48"),
+        ("p.npy", [[-1.0, 1.0]], r"p\.npy: .*outside the panel"),
+        ("p.npy", [1.0, 2.0], r"p\.npy: .*shape \(2,\); give numbers of shape \(N, 2\)"),
+        ("p.npy", [[1.0, 2.0, 3.0]], r"p\.npy: .*shape \(1, 3\)"),
+        ("p.npy", [["a", "b"]], r"p\.npy: .*give real numbers"),
+        ("p.npy", np.zeros((0, 2)), r"p\.npy: .*holds no pixels"),
+        ("p.csv", "x,y\n1.5,2.5\n", r"p\.csv: "),
+        ("p.csv", "u,v,w\n1.5,2.5\n", r"p\.csv: "),
+        ("p.csv", "0.5;0.5\n1.5,2.5\n", r"p\.csv: "),
+        ("p.npz", b"PK\x03\x04 and nothing of use", r"p\.npz: "),
+        *((count, None, "out of range; give 1 to") for count in ("0", "-3", "100000001")),
+        *((name, None, "no such file; give") for name in ("1e3", "none.csv", "+-5", "\u00b2")),
+        (HUGE, None, HUGE[:20]),
+        ("tiny.toml", None, "unknown extension"),
     ],
 )
-def test_trace_refuses_bad_pixels(place, refusal_of, content, message):
-    np.save("p.npy", np.array(content))
-    line = refusal_of("trace", "--display", "tiny.toml", "--pixels", "p.npy", "-o", "r.npz")
-    assert re.search(rf"p\.npy: .*{message}", line)
+def test_trace_refuses_bad_pixels(place, refusal_of, pixels, content, message):
+    if isinstance(content, str | bytes):
+        (place / pixels).write_bytes(content if isinstance(content, bytes) else content.encode())
+    elif content is not None:
+        np.save(pixels, np.array(content))
+    line = refusal_of("trace", "--display", "tiny.toml", "--pixels", pixels, "-o", "r.npz")
+    assert re.search(message, line)
     assert not (place / "r.npz").exists()
-
-
-@pytest.mark.parametrize("count", ["0", "-3", "100000001", "1e3", "none.csv", "tiny.toml"])
-def test_trace_refuses_bad_counts(place, refusal_of, count):
-    line = refusal_of("trace", "--display", "tiny.toml", "--pixels", count, "-o", "r.npz")
-    assert re.search(r"out of range; give 1 to|no such file; give|unknown extension", line)
-
-
-@pytest.mark.parametrize("head", ["x,y", "u,v,w", "0.5;0.5"])
-def test_trace_refuses_other_headings(place, refusal_of, head):
-    (place / "p.csv").write_text(f"{head}\n1.5,2.5\n")
-    assert "p.csv: " in refusal_of("trace", "--display", "tiny.toml", "--pixels", "p.csv", "-o", "r.npz")
 
 
 @pytest.mark.parametrize(
@@ -471,12 +439,13 @@ def test_bad_displays(place, refusal_of, text, named, remedy):
         assert line.startswith("lippmann: bad.toml: ")
         assert named in line
         assert remedy in line
-    assert sorted(path.name for path in place.iterdir()) == ["bad.toml", "ball.xml", "tiny.toml"]
+    assert names_in(place) == ["bad.toml", "ball.xml", "tiny.toml"]
 
 
 # --- scenes ---------------------------------------------------------------------------------------
 
 BITMAP = '<texture type="bitmap" name="reflectance"><string name="filename" value="nowhere.png"/></texture>'
+EMITTER = '<emitter type="{}"><{} name="{}" value="{}"/></emitter>'
 
 
 @pytest.mark.parametrize(
@@ -493,20 +462,12 @@ BITMAP = '<texture type="bitmap" name="reflectance"><string name="filename" valu
         ('<shape type="sphere">', "XML"),
         ('<shape type="sphere"><float name="radius" value="nan"/></shape>', "bounded extent"),
         ("", "bounded extent"),
-        (
-            '<shape type="sphere"><emitter type="area"><rgb name="radiance" value="1 nan 1"/></emitter></shape>',
-            "not finite",
-        ),
-        (
-            '<shape type="sphere"/><emitter type="point"><spectrum name="intensity" value="inf"/></emitter>',
-            "not finite",
-        ),
-        (
-            '<shape type="sphere"/><emitter type="directional"><vector name="direction" value="nan 0 1"/></emitter>',
-            "to_world of a DirectionalEmitter is not finite",
-        ),
+        (f'<shape type="sphere">{EMITTER.format("area", "rgb", "radiance", "1 nan 1")}</shape>', "not finite"),
+        (f'<shape type="sphere"/>{EMITTER.format("point", "spectrum", "intensity", "inf")}', "not finite"),
+        (f'<shape type="sphere"/>{EMITTER.format("directional", "vector", "direction", "nan 0 1")}',
+         "to_world of a DirectionalEmitter is not finite"),
     ],
-)
+)  # fmt: skip
 def test_bad_scenes(place, refusal_of, mi, body, named):
     write_scene(place / "bad.xml", body)
     line = refusal_of("render", "bad.xml", "--display", "tiny.toml", "-o", "a.exr", "--device", "llvm")
@@ -550,48 +511,32 @@ def test_bad_placement_beside_the_scene(place, refusal_of):
 # --- outputs and options --------------------------------------------------------------------------
 
 
-def test_unknown_extensions(place, refusal_of):
-    for arguments, suffix in (
-        (render("-o", "a.jpg"), ".exr"),
-        (("trace", "--display", "tiny.toml", "--pixels", "3", "-o", "r.txt"), ".npz"),
-        (("observe", "a.exr", "--display", "tiny.toml", "--eye", "0,0,600", "-o", "v.jpg"), ".png"),
-    ):
-        line = refusal_of(*arguments)
-        assert re.search(rf"unknown extension '\.\w+'; choose from .*{re.escape(suffix)}", line)
-
-
-def test_unwritable_outputs(place, refusal_of, monkeypatch):
-    assert "no/a.exr: the folder no does not exist; make it first" in refusal_of(*render("-o", "no/a.exr"))
-    (place / "d.exr").mkdir()
-    assert "d.exr: is a folder; give" in refusal_of(*render("-o", "d.exr"))
-    # Root may write anywhere: ask as one who may not.
-    monkeypatch.setattr(os, "access", lambda *_: False)
-    assert "a.exr: cannot be written; choose another place" in refusal_of(*render("-o", "a.exr"))
-
-
 @pytest.mark.parametrize(
     ("options", "message"),
     [
-        (["--samples", "nan"], "samples"),
-        (["--tolerance", "nan"], "tolerance.*not finite; give"),
-        (["--tolerance", "0"], "tolerance 0.0 .*give"),
-        (["--max-depth", "0"], "max depth 0 .*give"),
-        (["--memory-mb", "10"], r"tiny\.toml: panel\.width_px.*64 x 48.*raise memory_mb \(--memory-mb\) or take"),
-        (["--scale", "nan"], "not finite; give"),
-        (["--scale", "-1"], "scale -1 is out of range; give"),
-        (["--rotate", "1,2"], "--rotate.*X,Y,Z"),
-        (["--offset", "1,2,nan"], "--offset.*finite"),
-        (["--depth", "inf"], "not finite; give"),
-        (["--near", "-5", "--far", "5"], "near_mm -5 is not in front of far_mm 5"),
-        (["--integrator", "wizard"], "integrator 'wizard'.*choose lights"),
-        (["--integrator", "ptracer"], "integrator 'ptracer'.*choose lights"),
-        (["--seed", "-1"], "--seed"),
-        (["--bogus"], "--bogus"),
+        ("--samples nan", "samples"),
+        ("--tolerance nan", "tolerance.*not finite; give"),
+        ("--tolerance 0", "tolerance 0.0 .*give"),
+        ("--max-depth 0", "max depth 0 .*give"),
+        ("--memory-mb 10", r"tiny\.toml: panel\.width_px.*64 x 48.*raise memory_mb \(--memory-mb\) or take"),
+        ("--scale nan", "not finite; give"),
+        ("--scale -1", "scale -1 is out of range; give"),
+        ("--rotate 1,2", "--rotate.*X,Y,Z"),
+        ("--offset 1,2,nan", "--offset.*finite"),
+        ("--depth inf", "not finite; give"),
+        ("--near -5 --far 5", "near_mm -5 is not in front of far_mm 5"),
+        ("--integrator wizard", "integrator 'wizard'.*choose lights"),
+        ("--integrator ptracer", "integrator 'ptracer'.*choose lights"),
+        ("--seed -1", "--seed"),
+        ("--bogus", "--bogus"),
+        ("-o no/a.exr", "no/a.exr: the folder no does not exist; make it first"),
+        ("-o folder.exr", "folder.exr: is a folder; give"),
+        ("-o a.jpg", r"unknown extension '\.jpg'; choose from .*\.exr"),
     ],
 )
 def test_bad_render_options(place, refusal_of, mi, options, message):
-    line = refusal_of(*render("-o", "a.exr", *options))
-    assert re.search(message, line)
+    (place / "folder.exr").mkdir()
+    assert re.search(message, refusal_of(*render("-o", "a.exr", *options.split())))
     assert not (place / "a.exr").exists()
 
 
@@ -615,29 +560,31 @@ def test_a_panel_too_big_for_memory_or_disk(place, capfd, monkeypatch):
 @pytest.mark.parametrize(
     ("options", "message"),
     [
-        (["--eye", "0,0,nan"], "--eye.*finite"),
-        (["--eye", "0,0,600", "--pupil", "-1"], "pupil -1 mm is negative"),
-        (["--eye", "0,0,600", "--pupil", "nan"], "--pupil.*finite"),
-        (["--eye", "0,0,600", "--focus", "700"], "focus.*behind the eye"),
-        (["--eye", "0,0,600", "--focus", "inf"], "--focus.*finite"),
-        (["--eye", "0,0,600", "--rotation-error", "nan"], "--rotation-error.*finite"),
-        (["--eye", "0,0,600", "--gap-error", "nan"], "--gap-error.*finite"),
-        (["--eye", "0,0,600", "--gap-error", "-100"], "gap_mm.*negative"),
-        (["--eye", "0,0,600", "--pitch-scale", "nan"], "--pitch-scale.*finite"),
-        (["--eye", "0,0,600", "--pitch-scale", "0"], "pitch_mm"),
-        (["--eye", "0,0,600", "--pitch-scale", "3"], "radius 1 mm is too small"),
-        (["--eye", "0,0,600", "--offset-error", "1,inf"], "--offset-error.*finite"),
-        (["--eye", "0,0,600", "--sheet", "s.png"], "--sweep"),
-        (["--eye", "0,0,600", "--width", "0"], "--width"),
-        (["--eye", "0,0,600", "--samples", "0"], "--samples"),
-        (["--eye", "0,0,600", "--frames", "1"], "--frames"),
-        ([], "--eye"),
+        ("--eye 0,0,nan", "--eye.*finite"),
+        ("--pupil -1", "pupil -1 mm is negative"),
+        ("--pupil nan", "--pupil.*finite"),
+        ("--focus 700", "focus.*behind the eye"),
+        ("--focus inf", "--focus.*finite"),
+        ("--rotation-error nan", "--rotation-error.*finite"),
+        ("--gap-error nan", "--gap-error.*finite"),
+        ("--gap-error -100", "gap_mm.*negative"),
+        ("--pitch-scale nan", "--pitch-scale.*finite"),
+        ("--pitch-scale 0", "pitch_mm"),
+        ("--pitch-scale 3", "radius 1 mm is too small"),
+        ("--offset-error 1,inf", "--offset-error.*finite"),
+        ("--sheet s.png", "--sweep"),
+        ("--width 0", "--width"),
+        ("--samples 0", "--samples"),
+        ("--frames 1", "--frames"),
+        ("--sweep -3,3 --frames 1000 --width 16384 -o v.gif", r"1000 views .* needs \d+ MB.*--width"),
+        ("", "--eye"),
     ],
 )
-def test_bad_observe_options(place, picture, refusal_of, mi, options, message):
-    line = refusal_of("observe", picture, "--display", "tiny.toml", "-o", "v.png", "--device", "llvm", *options)
-    assert re.search(message, line)
-    assert not (place / "v.png").exists()
+def test_bad_observe_options(place, picture, refusal_of, options, message):
+    eye = [] if options.startswith("--eye") or not options else ["--eye", "0,0,600"]
+    words = ["observe", picture, "--display", "tiny.toml", "-o", "v.png", "--device", "llvm", *eye, *options.split()]
+    assert re.search(message, refusal_of(*words))
+    assert not list(place.glob("v.*"))
 
 
 @pytest.fixture(scope="session")
@@ -671,23 +618,12 @@ def test_a_display_that_does_not_match_the_picture(place, picture, capfd, refusa
     assert lippmann(capfd, *look, "--display", "deep.toml")[0] == 0
 
 
-def test_pictures_that_cannot_be_read(place, picture, refusal_of):
-    look = ("observe", "--display", "tiny.toml", "--eye", "0,0,600", "-o", "v.png")
-    assert "absent.exr: no such image; render it first" in refusal_of(*look, "absent.exr")
-    assert "tiny.toml: is not an image" in refusal_of(*look, "tiny.toml")
-    picture.write_bytes(picture.read_bytes()[:-100])
-    assert "a.exr: is truncated or broken" in refusal_of(*look, "a.exr")
-
-
-def test_what_display_and_board_start_refuse(place, refusal_of):
-    assert "absent.exr: no such image; render it first" in refusal_of("display", "absent.exr")
-    assert "tiny.toml is a file; name a folder" in refusal_of(
-        "board", "start", "--display", "tiny.toml", "--capture", "tiny.toml"
-    )
+def test_what_board_start_refuses(place, refusal_of):
+    start = ("board", "start", "--display")
+    assert "tiny.toml is a file; name a folder" in refusal_of(*start, "tiny.toml", "--capture", "tiny.toml")
     (place / "huge.toml").write_text(re.sub("width_px = .*", "width_px = 16384", TINY))
-    said = refusal_of("board", "start", "--display", "huge.toml").splitlines()[-1]
+    said = refusal_of(*start, "huge.toml").splitlines()[-1]
     assert "16384 x 48 pixels; give a board at most 16383 in each direction" in said
-    assert "cannot be read (Is a directory)" in refusal_of("inspect", ".")
 
 
 def test_json_errors(place, capfd):
@@ -755,7 +691,7 @@ def test_ctrl_c_leaves_nothing_half_written(place, number, code):
     assert err.splitlines()[-1] == "lippmann: interrupted; nothing half-written is left"
     assert json.loads(out)["exit_code"] == code
     assert (place / "a.exr").read_bytes() == b"of old"
-    assert sorted(path.name for path in place.iterdir()) == ["a.exr", "ball.xml", "tiny.toml"]
+    assert names_in(place) == ["a.exr", "ball.xml", "tiny.toml"]
 
 
 def test_ctrl_c_while_the_file_is_written(place, capfd, mi, monkeypatch):
@@ -768,10 +704,9 @@ def test_ctrl_c_while_the_file_is_written(place, capfd, mi, monkeypatch):
     monkeypatch.setattr(os, "replace", interrupted)
     for arguments in (render("-o", "a.exr"), ("trace", "--display", "tiny.toml", "--pixels", "3", "-o", "r.npz")):
         code, out, err = lippmann(capfd, *arguments)
-        assert code == 130
-        assert out == ""
+        assert (code, out) == (130, "")
         assert err.splitlines()[-1] == "lippmann: interrupted; nothing half-written is left"
-        assert sorted(path.name for path in place.iterdir()) == ["ball.xml", "tiny.toml"]
+        assert names_in(place) == ["ball.xml", "tiny.toml"]
 
 
 # --- the scene where the options put it -----------------------------------------------------------
@@ -807,19 +742,6 @@ def test_a_view_may_not_overwrite_its_own_image_nor_a_sheet_image_or_animation(p
     assert "is the animation too" in refusal_of("observe", picture, *options, "-o", "b.png", "--sheet", "b.png")
     assert Path(picture).read_bytes() == before
     assert not (place / "g.gif").exists()
-
-
-@pytest.mark.parametrize("pixels", ["+-5", "\u00b2", "9" * 30, "broken.npz"])
-def test_odd_pixels_are_refused_in_one_line(place, refusal_of, pixels):
-    Path("broken.npz").write_bytes(b"PK\x03\x04 and nothing of use")
-    assert pixels[:20] in refusal_of("trace", "--display", "tiny.toml", "--pixels", pixels, "-o", "r.npz")
-    assert not (place / "r.npz").exists()
-
-
-def test_many_views_that_do_not_fit_are_refused(place, picture, refusal_of):
-    options = ("--sweep", "-3,3", "--frames", 1000, "--width", 16384, "-o", "g.gif")
-    line = refusal_of("observe", picture, "--display", "tiny.toml", "--eye", "0,0,600", *options)
-    assert re.search(r"1000 views .* needs \d+ MB.*--width", line)
 
 
 def test_a_ctrl_c_that_a_library_dropped_ends_the_work_at_its_next_step(place, monkeypatch, capfd):
@@ -858,16 +780,15 @@ def test_ctrl_c_before_the_command_line_is_loaded(number, code):
 
 
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="no /dev/full")
-@pytest.mark.parametrize("words", [["inspect", "tiny.toml"], ["inspect", "tiny.toml", "--json"]])
-def test_a_full_disk_behind_stdout_is_one_line(place, words):
+def test_a_full_disk_behind_stdout_is_one_line(place):
     with open("/dev/full", "w") as full:
-        command = [sys.executable, "-m", "lippmann", *words]
+        command = [sys.executable, "-m", "lippmann", "inspect", "tiny.toml", "--json"]
         done = subprocess.run(command, stdout=full, stderr=subprocess.PIPE, text=True, check=False)
     assert done.stderr == "lippmann: cannot write: no space left on the device; free space or choose another place\n"
     assert done.returncode == 3
 
 
-@pytest.mark.parametrize("delay", [0.0, 0.05, 0.1, 0.2, 0.4])
+@pytest.mark.parametrize("delay", [0.0, 0.1, 0.4])
 def test_ctrl_c_at_any_moment_is_exit_code_130(place, delay):
     """While libraries load and kernels are recorded, too, where they turn Ctrl-C into errors of their own."""
     arguments = ["render", "ball.xml", "--display", "tiny.toml", "-o", "late.exr", "--samples", "65536"]
@@ -944,11 +865,6 @@ def test_a_fault_whose_traceback_cannot_be_kept_prints_it(tmp_path, capfd, monke
 # --- start ----------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("command", COMMANDS)
-def test_the_list_of_commands_shows_the_first_sentence_of_each_help(command):
-    assert summary_of(command) == cli.get_command(click.Context(cli), command).get_short_help_str(limit=1000)
-
-
 @pytest.mark.parametrize(
     ("words", "environment"),
     [(["--help"], {}), ([], {"COMP_WORDS": "lippmann ", "COMP_CWORD": "1", "_LIPPMANN_COMPLETE": "bash_complete"})],
@@ -973,9 +889,8 @@ def test_help_and_completion_load_no_command(words, environment):
 
 
 def test_inspect_loads_no_engine_and_no_plots():
-    display = Path(__file__).parents[2] / "scenes/displays/vga-square.toml"
     code = "import sys\nfrom lippmann.cli import run\nrun(sys.argv[1:])\nprint(sorted(sys.modules))"
-    command = [sys.executable, "-c", code, "inspect", display]
+    command = [sys.executable, "-c", code, "inspect", ROOT / "scenes/displays/vga-square.toml"]
     done = subprocess.run(command, capture_output=True, text=True, check=True)
     ours = ("lippmann.fixed.ray_pipeline", "lippmann.engines")
     for module in (*ours, "matplotlib", "scipy", "mitsuba", "OpenImageIO", "PIL"):
