@@ -12,9 +12,6 @@ import pytest
 from lippmann.conformance.hard_cases import changed, hard_sets
 from lippmann.conformance.ray_sets import PanelRays, fixed_words
 from lippmann.engines import trace
-from lippmann.errors import InputError
-from lippmann.fixed.build import Build
-from lippmann.fixed.configuration import configuration
 from lippmann.fixed.conversion import aims_of_words, pixels_of_words, rays_of_words
 from lippmann.fixed.ray_pipeline import ray_pipeline
 from lippmann.fixed.words import fits, wrapped
@@ -85,24 +82,6 @@ def test_twin_stays_with_golden_on_hard_rays(grid, side):
                 same = gets_through(got.status) & (got.status == golden.status)
                 turn = 1e6 * np.linalg.norm(got.direction - golden.direction, axis=1)[same]
                 assert (turn < np.maximum(1.0, 0.5 / golden.direction[same, 2])).all(), row
-
-
-REFUSED = {
-    "index": {"index": 1.1599},
-    "index ": {"index": 2.2001},
-    "cell_half": {"radius_mm": 1e5},
-    "depth": {"radius_mm": 2.0, "thickness_mm": 12.1},
-    "x_from_u": {"pitch_mm": 0.15, "radius_mm": 1.0},
-    "x_offset": {"offset_mm": (1e5, 0.0)},
-}
-
-
-@pytest.mark.parametrize("register", REFUSED)
-def test_a_step_beyond_a_register_is_refused_by_name(register):
-    display = changed(base("square", "panel"), **REFUSED[register])
-    build = Build.of(display, "exact", 23, True)
-    with pytest.raises(InputError, match=rf"register.*{register.strip()}"):
-        configuration(display, build, "exact")
 
 
 def test_refusals_are_counted():
