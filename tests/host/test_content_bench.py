@@ -74,18 +74,6 @@ def test_a_depth_picture_is_placed_by_its_camera(tmp_path, mi):
     scene = load_scene(SCENES / "fish/fish.xml", Placement(0.25))
     path = content.write_depth_picture(scene, display, tmp_path, 160)
     placed = arranged(load_scene(path), display, "camera")
-    # The scale is that of the display, for the camera was the display's eye.
-    assert placed.placement.scale == pytest.approx(scene_scale(placed, display), rel=1e-6)
-
-
-def scene_scale(placed, display):
-    """The eye's distance over that of the surface on the axis: what brings that surface to the panel."""
-    near = placed.mitsuba.ray_intersect(_axis()).t
-    return 600.0 / float(np.array(near).ravel()[0])
-
-
-def _axis():
-    from lippmann.base.variant import mitsuba
-
-    mi = mitsuba()
-    return mi.Ray3f(mi.Point3f(0.0), mi.Vector3f(0.0, 0.0, -1.0))
+    # The camera was the display's eye: the scale brings the surface on the axis to the panel.
+    near = placed.mitsuba.ray_intersect(mi.Ray3f(mi.Point3f(0.0), mi.Vector3f(0.0, 0.0, -1.0))).t
+    assert placed.placement.scale == pytest.approx(600.0 / float(np.array(near).ravel()[0]), rel=1e-6)

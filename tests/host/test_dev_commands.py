@@ -19,15 +19,8 @@ REPORTS = repository() / "docs/generated/reports"
 VGA = repository() / "scenes/displays/vga-square.toml"
 
 
-def process(place, module, *arguments):
-    """Call a command in a folder; its exit code and lines of stdout and stderr."""
-    command = [sys.executable, "-m", f"tools.{module}", *map(str, arguments)]
-    done = subprocess.run(command, cwd=place, capture_output=True, text=True, check=False, timeout=60)
-    return done.returncode, done.stdout.splitlines(), done.stderr.splitlines()
-
-
 def called(place, module, *arguments):
-    """The same from `python -m` on, without a process of its own, which takes half a second to import its libraries."""
+    """Call a command in a folder; its exit code and lines of stdout and stderr. As `python -m`, but in this process."""
     name = f"tools.{module}"
     out, err = io.StringIO(), io.StringIO()
     with pytest.MonkeyPatch.context() as patch, contextlib.redirect_stdout(out), contextlib.redirect_stderr(err):
@@ -57,22 +50,22 @@ def test_an_unknown_option_is_refused_and_help_does_nothing(module, tmp_path):
 
 
 def test_a_process_says_the_same(tmp_path):
-    for arguments in (["--qqq"], ["--help"], [tmp_path / "none.xml"]):
-        assert process(tmp_path, "test_record", *arguments) == called(tmp_path, "test_record", *arguments)
+    command = [sys.executable, "-m", "tools.test_record", "none.xml"]
+    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False)
+    said = done.returncode, done.stdout.splitlines(), done.stderr.splitlines()
+    assert said == called(tmp_path, "test_record", "none.xml")
 
 
-@pytest.mark.parametrize("module", ["host_mutation", "mutation", "synthesis"])
-def test_a_report_that_cannot_be_written_is_refused_before_the_work(module, tmp_path):
+def test_a_report_that_cannot_be_written_is_refused_before_the_work(tmp_path):
     folder = tmp_path / "none"
-    code, out, err = called(tmp_path, module, "--report", folder)
-    assert (code, out) == (2, [])
-    assert err == [f"lippmann: {folder / module}.md: the folder {folder} does not exist; make it first"]
+    for module in ("host_mutation", "mutation", "synthesis"):
+        said = f"lippmann: {folder / module}.md: the folder {folder} does not exist; make it first"
+        assert called(tmp_path, module, "--report", folder) == (2, [], [said])
 
 
 def test_a_run_of_some_designs_does_not_replace_the_page_of_all(tmp_path):
-    code, out, err = called(tmp_path, "synthesis", "pinhole-compact", "--report", REPORTS)
-    assert (code, out) == (2, [])
-    assert err == [f"lippmann: {REPORTS}: its page has all designs, and would have 1; give --report FOLDER"]
+    said = f"lippmann: {REPORTS}: its page has all designs, and would have 1; give --report FOLDER"
+    assert called(tmp_path, "synthesis", "pinhole-compact", "--report", REPORTS) == (2, [], [said])
 
 
 def test_an_interrupt_leaves_no_traceback(tmp_path, monkeypatch, capfd):
@@ -95,13 +88,10 @@ def test_no_fault_among_the_changes_that_were_tried_is_no_division_by_zero(tmp_p
 
 def test_faults_leave_elaboration_checks_alone():
     """Also where the condition stands on a line of its own, before the block's name."""
-    tried = [
-        fault.was for fault in mutation.faults_of(mutation.repository() / "rtl" / "optics" / "lipp_ray_pipeline.sv")
-    ]
+    source = mutation.repository() / "rtl/optics/lipp_ray_pipeline.sv"
+    tried = [fault.was for fault in mutation.faults_of(source)]
     assert any("missed_q" in line for line in tried)
-    assert not [
-        line for line in tried if line.startswith("  if (Walk > 4") or line.startswith("  if (Model > ModelExact")
-    ]
+    assert not [line for line in tried if line.startswith(("  if (Walk > 4", "  if (Model > ModelExact"))]
 
 
 #: A register that samples another clock's, as yosys writes it, with nothing that may be left out.
@@ -131,9 +121,8 @@ def test_a_netlist_without_attributes_is_checked(tmp_path):
 def test_what_is_no_netlist_is_told_in_one_line(tmp_path, modules):
     path = tmp_path / "netlist.json"
     path.write_text(json.dumps({"modules": modules}))
-    code, out, err = called(tmp_path, "crossings", path)
-    assert (code, out) == (2, [])
-    assert err == [f"lippmann: {path}: this is no netlist of yosys; write it with synth_ecp5 -json"]
+    said = f"lippmann: {path}: this is no netlist of yosys; write it with synth_ecp5 -json"
+    assert called(tmp_path, "crossings", path) == (2, [], [said])
 
 
 @pytest.mark.parametrize(
@@ -141,10 +130,9 @@ def test_what_is_no_netlist_is_told_in_one_line(tmp_path, modules):
     [
         (
             ("--board", "ulx3s_lcd"),
-            "--board ulx3s_lcd: it has lipp_ulx3s_lcd, parallel, Grade75; simulated are lipp_ulx3s, dvi, Grade75; ",
+            "--board ulx3s_lcd: it has lipp_ulx3s_lcd, parallel, Grade75; simulated are lipp_",
         ),
         (("--board", "ulx3s", "--memory", "block"), "--memory: ulx3s has its frames in its SDRAM; leave out --memory"),
-        (("--board", "ulx3s", "--memory", "sdram"), "--memory: ulx3s has its frames in its SDRAM; leave out --memory"),
         (("--board", "ulx3"), "ulx3: no such board; did you mean ulx3s?"),
     ],
 )

@@ -127,18 +127,15 @@ def test_hexagonal_rows_beat_with_their_own_pitch():
     assert columns < 2.0
 
 
-def striped(grid, rotation, ratio):
-    """A display with colour stripes and so many pixels for each lenslet."""
-    display = display_of(grid, "panel", rotation=rotation, pixel_pitch=1.0 / ratio)
-    return dataclasses.replace(display, panel=dataclasses.replace(display.panel, subpixels="rgb"))
-
-
 @pytest.mark.parametrize("rotation", [0.0, 13.0, 30.0])
 @pytest.mark.parametrize(("grid", "symmetry"), [("square", 90.0), ("hex", 60.0)])
 @pytest.mark.parametrize("ratio", [9.1, 10.0, 15.2])
 def test_a_turn_by_the_lattices_symmetry_changes_no_warning(grid, symmetry, ratio, rotation):
-    turns = (rotation, rotation + symmetry, rotation - 2.0 * symmetry)
-    warnings = [display_properties(striped(grid, turn, ratio)).warnings for turn in turns]
+    warnings = []
+    for turn in (rotation, rotation + symmetry, rotation - 2.0 * symmetry):
+        display = display_of(grid, "panel", rotation=turn, pixel_pitch=1.0 / ratio)
+        striped = dataclasses.replace(display, panel=dataclasses.replace(display.panel, subpixels="rgb"))
+        warnings.append(display_properties(striped).warnings)
     assert warnings[0] == warnings[1] == warnings[2]
     # Stripes along a row of lenslets or across it: a hexagonal lattice has rows every 60 degrees.
     parallel = rotation == 0.0 or (grid == "hex" and rotation == 30.0)
