@@ -220,28 +220,22 @@ def test_identity_changes_with_every_optical_key():
     assert len(set(identities)) == len(OPTICAL_CHANGES) + 1
 
 
-@pytest.mark.parametrize(
-    "change",
-    [
+def test_identity_ignores_the_rest():
+    for change in (
         {"name": "another"},
         {"panel": but(PANEL, bits=10)},
         {"panel": but(PANEL, transfer="linear")},
         {"panel": but(PANEL, transfer=[[0, 0], [0.5, 0.3], [1, 1]])},
         {"panel": but(PANEL, white_cd_m2=300, black_cd_m2=1)},
-        {"panel": but(PANEL, pixel_pitch_mm=[0.05, 0.05])},
-        {"array": but(ARRAY, pitch_mm=[1.0, 1.0])},
-        {"array": but(ARRAY, shear=0.0)},
-        {"array": but(ARRAY, shear=-0.0)},
         # The same said otherwise.
-        {"panel": but(PANEL, subpixels="none")},
+        {"panel": but(PANEL, pixel_pitch_mm=[0.05, 0.05], subpixels="none")},
+        {"array": but(ARRAY, pitch_mm=[1.0, 1.0], shear=0.0)},
+        {"array": but(ARRAY, radius_mm=2, shear=-0.0)},
         {"array": but(ARRAY, plano_side="panel", rotation_deg=0, offset_mm=[0, 0])},
         {"array": but(ARRAY, radius_mm=None, focal_length_mm=4.0)},
-        {"array": but(ARRAY, radius_mm=2)},
         {"viewing_axis_mm": [0, 0.0]},
-    ],
-)
-def test_identity_ignores_the_rest(change):
-    assert parse_display(toml(**change)).identity == parse_display(toml()).identity
+    ):
+        assert parse_display(toml(**change)).identity == parse_display(toml()).identity, change
 
 
 def test_identities_of_the_shipped_displays():
@@ -321,17 +315,13 @@ def test_missing_keys_and_tables():
 
 
 @pytest.mark.parametrize(
-    ("table", "first", "second"),
-    [("panel", "pixel_pitch_mm", "dpi"), ("array", "index", "glass"), ("array", "radius_mm", "focal_length_mm")],
-)
-def test_both_or_neither_of_alternatives(table, first, second):
-    values = {"dpi": 508.0, "glass": "PMMA", "focal_length_mm": 4.0}
-    both = {**values, **TABLES[table]}
-    both = {key: both[key] for key in (*TABLES[table], first, second)}
-    neither = but(TABLES[table], **{first: None, second: None})
-    for given_keys, word in ((both, "several"), (neither, "none")):
-        message = refused(toml(**{table: given_keys}), f"{table}.{first} or {second}", "exactly one")
-        assert word in message
+    ("table", "first", "second", "value"),
+    [("panel", "pixel_pitch_mm", "dpi", 508.0), ("array", "index", "glass", "PMMA"),
+     ("array", "radius_mm", "focal_length_mm", 4.0)],
+)  # fmt: skip
+def test_both_or_neither_of_alternatives(table, first, second, value):
+    for keys, word in (({second: value}, "several"), ({first: None}, "none")):
+        refused(toml(**{table: but(TABLES[table], **keys)}), f"{table}.{first} or {second}", "exactly one", word)
 
 
 @pytest.mark.parametrize(
@@ -361,28 +351,25 @@ def test_unknown_key(table, key, hint, lacking):
 
 
 @pytest.mark.parametrize(
-    ("table", "key", "instead_of"),
+    ("place", "instead_of", "stands_for"),
     [
-        ("array", "f_mm", "focal_length_mm"),
-        ("array", "n", "index"),
-        ("array", "refractive_index", "index"),
-        ("array", "Pitch", "pitch_mm"),
-        ("array", "lattice", "grid"),
-        ("panel", "pitch_mm", "pixel_pitch_mm"),
-        ("panel", "PPI", "dpi"),
+        ("array.f_mm", "radius_mm", "focal_length_mm"),
+        ("array.n", "index", "index"),
+        ("array.refractive_index", "index", "index"),
+        ("array.Pitch", "pitch_mm", "pitch_mm"),
+        ("array.lattice", "grid", "grid"),
+        ("panel.pitch_mm", "pixel_pitch_mm", "pixel_pitch_mm"),
+        ("panel.PPI", "pixel_pitch_mm", "dpi"),
     ],
 )
-def test_an_unknown_key_stands_for_one_that_the_table_lacks(table, key, instead_of):
-    array = but(ARRAY, radius_mm=None, focal_length_mm=4.0)
-    tables = {"panel": but(PANEL, pixel_pitch_mm=None, dpi=508.0), "array": array}
-    if instead_of == "pixel_pitch_mm":
-        tables["panel"] = PANEL
-    tables[table] = {**but(tables[table], **{instead_of: None}), key: 1.0}
-    assert f"did you mean {instead_of}?" in refused(toml(**tables), f"{table}.{key}: unknown key")
+def test_an_unknown_key_stands_for_one_that_the_table_lacks(place, instead_of, stands_for):
+    table, key = place.split(".")
+    text = toml(**{table: but(TABLES[table], **{instead_of: None, key: 1.0})})
+    refused(text, f"{place}: unknown key", f"did you mean {stands_for}?")
 
 
 def test_an_unknown_table_stands_for_the_missing_one():
-    assert "did you mean array?" in refused(toml().replace("[array]", "[lenslets]"), "lenslets: unknown key")
+    refused(toml().replace("[array]", "[lenslets]"), "lenslets: unknown key", "did you mean array?")
 
 
 LENGTHS = ("panel.pixel_pitch_mm", "array.pitch_mm", "array.radius_mm", "array.thickness_mm")
@@ -394,6 +381,7 @@ NO_NUMBERS = ('"1.0"', "true", "[1.0]", "{a = 1}", "1979-05-27", '"""a\nb"""')
 NOT_POSITIVE = ("-1.0", "0.0", "-0.0", "0", "-1e-300")
 NO_CHOICES = ('"round"', '""', "3", "true", "[]", "{}", '["hex"]')
 
+INSTEAD_OF = {"dpi": "pixel_pitch_mm", "glass": "index", "focal_length_mm": "radius_mm"}
 #: Keys, what may not stand there as TOML, and what the message must say.
 WRONG_VALUES = [
     (NUMBERS, (*NOT_FINITE, *NO_NUMBERS), ["give a finite number"]),
@@ -408,6 +396,9 @@ WRONG_VALUES = [
     (["array.plano_side"], NO_CHOICES, ["choose from", "panel", "viewer"]),
     (["panel.subpixels"], NO_CHOICES, ["choose from", "none", "rgb", "bgr"]),
     (["panel.transfer"], NO_CHOICES, ["choose from", "srgb", "linear", "gamma2.2"]),
+    (["array.glass"], ['"marble"'], ["marble", "N-BK7", "PMMA", "give index"]),
+    (["array.glass"], ["1.5"], ["quotes"]),
+    (["panel.dpi", "array.focal_length_mm"], (*NOT_POSITIVE, *NOT_FINITE, *NO_NUMBERS), ["give a finite number"]),
     (["name"], ["3"], ["quotes"]),
     (["viewing_distance_mm"], ("-600.0", '"near"'), ["give"]),
     (["viewing_axis_mm"], ("[1.0]", "3.0"), ["give"]),
@@ -429,7 +420,8 @@ def with_raw(place, raw):
     """TOML text in which a key has a value that is written as it stands."""
     table, _, key = place.rpartition(".")
     marker = 123456789
-    text = toml(**{table: but(TABLES[table], **{key: marker})}) if table else toml(**{key: marker})
+    keys = {INSTEAD_OF.get(key, key): None, key: marker}
+    text = toml(**{table: but(TABLES[table], **keys)}) if table else toml(**{key: marker})
     return text.replace(str(marker), raw)
 
 
@@ -439,19 +431,6 @@ def with_raw(place, raw):
 )
 def test_a_wrong_value_is_refused(place, raw, said):
     refused(with_raw(place, raw), place, *said)
-
-
-@pytest.mark.parametrize("raw", ["-1.0", "0.0", "nan", "inf", "true", '"2"'])
-def test_alternatives_are_checked_alike(raw):
-    panel, array = but(PANEL, pixel_pitch_mm=None, dpi=1234567), but(ARRAY, radius_mm=None, focal_length_mm=1234567)
-    refused(toml(panel).replace("1234567", raw), "panel.dpi: ", "give")
-    refused(toml(array=array).replace("1234567", raw), "array.focal_length_mm: ", "give")
-
-
-def test_bad_glass():
-    array = but(ARRAY, index=None, glass="marble")
-    refused(toml(array=array), "array.glass: ", "marble", "N-BK7", "PMMA", "give index")
-    refused(toml(array=but(ARRAY, index=None, glass=1.5)), "array.glass: ", "quotes")
 
 
 def test_a_lens_that_is_nearly_flat_gets_the_smallest_thickness():
@@ -689,13 +668,8 @@ def test_files(tmp_path, loader):
     bad = tmp_path / "latin.toml"
     bad.write_bytes(b"name = '\xe9'\n")
     for path in (tmp_path / "none.toml", tmp_path, bad):
-        with pytest.raises(InputError) as error:
+        with pytest.raises(InputError, match=rf"^{re.escape(str(path))}: .*give .*\.toml.*$"):
             load_display(loader(path))
-        message = str(error.value)
-        assert message.startswith(f"{path}: ")
-        assert ".toml" in message
-        assert "give" in message
-        assert "\n" not in message
 
 
 @settings(suppress_health_check=[HealthCheck.too_slow])
