@@ -55,22 +55,17 @@ def test_packets_are_those_of_the_programs_that_drjit_writes(mi):
 def test_the_hint_changes_no_picture(mi, monkeypatch, shading):
     random = generator(71)
     white = {"type": "twosided", "bsdf": {"type": "diffuse"}}
+    wall = mi.ScalarTransform4f().translate([0, 0, -6]).scale([12, 12, 1])
     mirror = mi.ScalarTransform4f().translate([0, -3, 0]).rotate([1, 0, 0], -70).scale([12, 12, 1])
     parts = {
-        "wall": {"type": "rectangle", "to_world": mi.ScalarTransform4f().translate([0, 0, -6]).scale([12, 12, 1])},
+        "wall": {"type": "rectangle", "to_world": wall, "bsdf": white},
         "mirror": {"type": "rectangle", "to_world": mirror, "bsdf": {"type": "conductor", "material": "none"}},
-        **{
-            f"ball{k}": {"type": "sphere", "center": list(random.uniform([-9, -2, -5], [9, 7, 5])), "radius": 0.8}
-            for k in range(40)
-        },
-        **{
-            f"lamp{k}": {"type": "point", "position": [8.0 * k - 8.0, 15.0, 20.0], "intensity": 4000.0}
-            for k in range(3)
-        },
     }
-    for name, part in parts.items():
-        if not name.startswith("lamp"):
-            part.setdefault("bsdf", white)
+    for k in range(40):
+        centre = list(random.uniform([-9, -2, -5], [9, 7, 5]))
+        parts[f"ball{k}"] = {"type": "sphere", "center": centre, "radius": 0.8, "bsdf": white}
+    for k in range(3):
+        parts[f"lamp{k}"] = {"type": "point", "position": [8.0 * k - 8.0, 15.0, 20.0], "intensity": 4000.0}
     display = focused_display("square", width_px=288, height_px=216, pixel_pitch=1.0 / 12.0)
     pictures = []
     for wide in (False, True):

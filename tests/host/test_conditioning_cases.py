@@ -124,16 +124,6 @@ def test_ties_have_one_owner_and_no_band(grid, side):
     np.testing.assert_array_equal(got.lenslet[inside], wanted[inside])
 
 
-@everywhere
-def test_chief_rays_through_the_vertex_leave_unbent(grid, side):
-    (rays,) = hard_sets(base(grid, side), "chief-ray", SEED, 20)
-    got = trace(rays.display, rays.pixels)
-    panel = rays.display.panel
-    place = 1e-13 * (1.0 + panel.width_mm)
-    assert np.abs(got.direction[:, :2]).max() < place / rays.display.aperture_distance_mm
-    assert (got.status == 0).all()
-
-
 DISPLAYS = sorted((repository() / "scenes/displays").glob("*.toml"))
 
 

@@ -6,11 +6,8 @@ import numpy as np
 import pytest
 from lippmann.cli import run
 from lippmann.conformance.hard_cases import changed
-from lippmann.conformance.ray_sets import OUTPUTS, memory_lines, widths
-from lippmann.conformance.vector_files import words_of_memory
 from lippmann.display.description import display_text, load_display
 from lippmann.engines import trace
-from lippmann.fixed.ray_pipeline import FixedRays
 from lippmann.simulation.toolchain import repository
 
 SQUARE = str(repository() / "scenes/displays/paper-square.toml")
@@ -73,16 +70,6 @@ def test_memory_files_by_hand(folder):
     registers = (place / "registers.mem").read_text().splitlines()
     assert [line.split(" // ")[1] for line in registers][:2] == ["x_from_u", "x_from_v"]
     assert all(len(line.split()[0]) == 16 for line in registers)
-
-
-def test_words_survive_a_memory_file(tmp_path):
-    bits = widths(OUTPUTS, 23)
-    random = np.random.default_rng(9)
-    words = [random.integers(-(1 << (w - 1)), 1 << (w - 1), 50) for w in bits[:-1]] + [random.integers(0, 5, 50)]
-    (tmp_path / "x.mem").write_text("// rays\n" + "\n".join(memory_lines(words, bits)))
-    for wrote, read in zip(words, words_of_memory(tmp_path / "x.mem", bits), strict=True):
-        np.testing.assert_array_equal(wrote, read)
-    assert len(FixedRays._fields) == len(bits)
 
 
 @pytest.mark.parametrize("model", ["exact", "pinhole", "thin", "paraxial"])

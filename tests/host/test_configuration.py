@@ -44,6 +44,14 @@ def test_a_pinhole_has_no_dome():
     configuration(display, Build.of(display, "pinhole", 23, aims=False), "pinhole")
 
 
+def twin_and_golden(rng, display, count, f, max_cell_steps=None):
+    """Random rays through the twin, and those that its words hold through golden; their aims, too."""
+    pixels, aims = random_pixels(rng, display, count), random_in_cell(rng, display, count)
+    aims = aims_of_words(display, *words_of_aims(display, aims, f), f)
+    twin = trace_fixed(display, pixels, aims, "exact", f, max_cell_steps=max_cell_steps)
+    return twin, trace(display, twin.pixel, aims, "exact"), aims
+
+
 @pytest.mark.parametrize("f", [14, 23])
 @pytest.mark.parametrize("grid", GRIDS)
 @pytest.mark.parametrize("side", SIDES)
@@ -52,11 +60,7 @@ def test_the_flattest_dome_leaves_a_thousandth_of_the_pitch(f, grid, side, thick
     """The exit point is (5 + 1.2 (T/R)^2) R 2^-(F + 1) off at most, the lenslet and the status right off the seams."""
     radius = 0.5 / LEAST_HALF * 2.0 ** (f + 1)
     display = flat(radius, grid, side, thickness and thickness * radius)
-    rng = np.random.default_rng(8)
-    pixels, aims = random_pixels(rng, display, 5000), random_in_cell(rng, display, 5000)
-    aims = aims_of_words(display, *words_of_aims(display, aims, f), f)
-    twin = trace_fixed(display, pixels, aims, "exact", f)
-    golden = trace(display, twin.pixel, aims, "exact")
+    twin, golden, _ = twin_and_golden(np.random.default_rng(8), display, 5000, f)
     differs = (twin.status != golden.status) | (twin.lenslet != golden.lenslet).any(axis=1)
     assert differs.mean() < 0.01
     active = ~differs & gets_through(golden.status)
@@ -89,10 +93,7 @@ def test_exit_points_are_as_far_off_as_stated(grid, side, displays, rays):
         steepest = np.arctan(2.0 * corner / display.aperture_distance_mm) + np.arcsin(corner / radius)
         if side == "viewer" and steepest > np.radians(70.0):
             continue
-        pixels, aims = random_pixels(rng, display, rays), random_in_cell(rng, display, rays)
-        aims = aims_of_words(display, *words_of_aims(display, aims, f), f)
-        twin = trace_fixed(display, pixels, aims, "exact", f)
-        golden = trace(display, twin.pixel, aims, "exact")
+        twin, golden, _ = twin_and_golden(rng, display, rays, f)
         same = (twin.status == golden.status) & (twin.lenslet == golden.lenslet).all(axis=1)
         off = np.linalg.norm(twin.local_mm - golden.local_mm, axis=1)[same & gets_through(golden.status)]
         stated = (5.0 + 1.2 * (array.thickness_mm / radius) ** 2) * radius * 2.0 ** -(f + 1)
@@ -107,11 +108,7 @@ def test_what_passes_its_own_sphere_by_goes_on_as_goldens_does(grid):
     corner = np.sqrt(0.5) if grid == "square" else np.sqrt(1.0 / 3.0)
     radius = 1.05 * float(corner)
     display = display_of(grid, "viewer", radius=radius, index=2.0, thickness=1.5, gap=gap)
-    rng = np.random.default_rng(3)
-    pixels, aims = random_pixels(rng, display, 20000), random_in_cell(rng, display, 20000)
-    aims = aims_of_words(display, *words_of_aims(display, aims, 23), 23)
-    twin = trace_fixed(display, pixels, aims, "exact", max_cell_steps=4)
-    golden = trace(display, twin.pixel, aims, "exact")
+    twin, golden, aims = twin_and_golden(np.random.default_rng(3), display, 20000, 23, max_cell_steps=4)
     assert (twin.status == golden.status).mean() > 0.9999
     # From the pixel to the aim, local to the lenslet; the sphere's centre is a radius behind the vertex.
     home = trace(display, twin.pixel, None, "pinhole").centre_mm

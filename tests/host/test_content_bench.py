@@ -14,38 +14,28 @@ from tools.content import Surface, content_page, write_meshes, write_splats
 SCENES = repository() / "scenes"
 
 
-@pytest.fixture
-def knot(mi):
-    return Surface.read(SCENES / "knot/knot.ply", SCENES / "knot/skin.png")
-
-
-def test_every_mesh_shows_the_same_knot(knot, tmp_path):
+def test_every_mesh_and_the_splats_show_the_same_knot(tmp_path, mi):
     """Its texture's bright and dark dots, and without them the same outline as the STL."""
-    window = Window(90.0, 90.0, 90, 90)
-    seen = {
-        path.suffix: render_view(load_scene(path, Placement(rotation_deg=(-90.0 * (path.suffix == ".stl"), 0.0, 0.0))),
-                                 (0.0, 0.0, 600.0), window, Settings(samples=4)).radiance
+    knot, window = Surface.read(SCENES / "knot/knot.ply", SCENES / "knot/skin.png"), Window(90.0, 90.0, 90, 90)
+
+    def seen(path, samples, placement=None):
+        return render_view(load_scene(path, placement), (0.0, 0.0, 600.0), window, Settings(samples)).radiance
+
+    meshes = {
+        path.suffix: seen(path, 4, Placement(rotation_deg=(-90.0 * (path.suffix == ".stl"), 0.0, 0.0)))
         for path in write_meshes(knot, tmp_path)
-    }  # fmt: skip
-    outline = seen[".stl"].max(axis=2) > 0.02
+    }
+    outline = meshes[".stl"].max(axis=2) > 0.02
     for suffix in (".glb", ".obj", ".ply"):
-        assert (outline ^ (seen[suffix].max(axis=2) > 0.02)).mean() < 0.03
-        colours = seen[suffix][outline]
-        assert np.std(colours, axis=0).min() > 0.1
-    apart = np.abs(seen[".obj"] - seen[".ply"])[outline]
-    assert np.median(apart) < 0.05
+        assert (outline ^ (meshes[suffix].max(axis=2) > 0.02)).mean() < 0.03
+        assert np.std(meshes[suffix][outline], axis=0).min() > 0.1
+    assert np.median(np.abs(meshes[".obj"] - meshes[".ply"])[outline]) < 0.05
 
-
-def test_splats_lie_on_the_surface_and_show_its_colours(knot, tmp_path):
-    scene = load_scene(write_splats(knot, tmp_path / "s.ply", 1))
-    window = Window(90.0, 90.0, 90, 90)
-    found = render_view(scene, (0.0, 0.0, 600.0), window, Settings()).radiance
-    mesh = load_scene(write_meshes(knot, tmp_path)[0], Placement())
-    wanted = render_view(mesh, (0.0, 0.0, 600.0), window, Settings(samples=4)).radiance
+    splats, wanted = seen(write_splats(knot, tmp_path / "s.ply", 1), 1), meshes[".glb"]
     there = wanted.max(axis=2) > 0.02
-    assert (found.max(axis=2)[there] > 0.05).mean() > 0.97
-    assert (found.max(axis=2)[~there] > 0.05).mean() < 0.1
-    hue = [view[there] / np.maximum(view[there].sum(axis=1, keepdims=True), 1e-6) for view in (found, wanted)]
+    assert (splats.max(axis=2)[there] > 0.05).mean() > 0.97
+    assert (splats.max(axis=2)[~there] > 0.05).mean() < 0.1
+    hue = [view[there] / np.maximum(view[there].sum(axis=1, keepdims=True), 1e-6) for view in (splats, wanted)]
     assert np.median(np.abs(hue[0] - hue[1])) < 0.05
 
 

@@ -42,9 +42,6 @@ def crosstalk(display, eye, model, across=60):
     return np.mean(hits.status[landed] == Status.CROSSTALK)
 
 
-# --- what an eye sees -----------------------------------------------------------------------------
-
-
 @pytest.mark.parametrize("model", ["pinhole", "thin"])
 @everywhere
 def test_every_lenslet_flips_at_the_same_place_of_the_eye(grid, side, model):
@@ -105,9 +102,6 @@ def test_a_panel_of_1_2_metres():
         assert crosstalk(replace(seen, viewing_distance_mm=None), eye, "exact") > 0.7
 
 
-# --- an eye far away ------------------------------------------------------------------------------
-
-
 @pytest.mark.parametrize("model", MODELS)
 @everywhere
 def test_an_eye_a_million_kilometres_away_is_none(grid, side, model):
@@ -139,9 +133,6 @@ def test_without_the_key_no_number_changes():
     assert straight.identity != display.identity
     small = display_of("hex", "panel", width_px=90, height_px=70, rotation=3.0)
     np.testing.assert_array_equal(rotation_map(replace(small, viewing_distance_mm=1e12)), rotation_map(small))
-
-
-# --- who owns a pixel -----------------------------------------------------------------------------
 
 
 @everywhere

@@ -4,7 +4,6 @@ import contextlib
 import io
 import json
 import runpy
-import subprocess
 import sys
 
 import pytest
@@ -47,13 +46,6 @@ def test_an_unknown_option_is_refused_and_help_does_nothing(module, tmp_path):
     assert out[0].startswith(f"Usage: python -m tools.{module}")
     assert any(line.strip().startswith("Example: ") for line in out)
     assert not list(tmp_path.iterdir())
-
-
-def test_a_process_says_the_same(tmp_path):
-    command = [sys.executable, "-m", "tools.test_record", "none.xml"]
-    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False)
-    said = done.returncode, done.stdout.splitlines(), done.stderr.splitlines()
-    assert said == called(tmp_path, "test_record", "none.xml")
 
 
 def test_a_report_that_cannot_be_written_is_refused_before_the_work(tmp_path):
