@@ -27,7 +27,8 @@ def base(grid, side):
     return changed(display, plano_side=side, gap_mm=gap, rotation_deg=7.0, offset_mm=(0.3, -0.2))
 
 
-everywhere = pytest.mark.parametrize(("grid", "side"), list(itertools.product(GRIDS, SIDES)))
+EVERYWHERE = list(itertools.product(GRIDS, SIDES))
+everywhere = pytest.mark.parametrize(("grid", "side"), EVERYWHERE)
 
 
 def check(grid, side, engine, names, count):
@@ -40,39 +41,37 @@ def check(grid, side, engine, names, count):
 
 
 #: Half of the displays a commit: 50 digits take a millisecond a ray, a dozen times for its condition.
-half = pytest.mark.parametrize(("grid", "side"), [("square", "panel"), ("hex", "viewer")])
+HALF = [("square", "panel"), ("hex", "viewer")]
+half = pytest.mark.parametrize(("grid", "side"), HALF)
 
 
-@half
-def test_golden_within_four_units_of_the_truth(grid, side):
-    rows = check(grid, side, "golden", ["all"], 2)
+@pytest.mark.parametrize(
+    ("grid", "side", "count"),
+    [*((*which, 2) for which in HALF), *(pytest.param(*which, 60, marks=pytest.mark.full) for which in EVERYWHERE)],
+)
+def test_golden_within_four_units_of_the_truth(grid, side, count):
+    rows = check(grid, side, "golden", ["all"], count)
     assert sum(row["rays"] for row in rows) > 200
     assert sum(row["status_differs"] for row in rows) < 0.2 * sum(row["rays"] for row in rows)
     # What the cases are for is there: grazing and tangent rays that one rounding turns 10^5 times as far.
     assert max(row["condition"] for row in rows) > 1e5
 
 
-@pytest.mark.full
-@everywhere
-def test_golden_within_four_units_of_the_truth_over_many(grid, side):
-    check(grid, side, "golden", ["all"], 60)
-
-
 #: Few, for the fast engine is compiled for each display.
 FAST_CASES = ("grazing-launch", "total-reflection", "tangent", "huge-panels")
 
 
-@pytest.mark.parametrize(("grid", "side"), [("square", "viewer"), ("hex", "panel")])
-def test_fast_within_two_microradian(grid, side):
-    rows = check(grid, side, "fast", FAST_CASES, 24)
-    assert sum(row["conditioned"] for row in rows) > 20
-
-
-@pytest.mark.full
-@everywhere
-def test_fast_within_two_microradian_everywhere(grid, side):
-    rows = check(grid, side, "fast", CASES, 24)
-    assert sum(row["conditioned"] for row in rows) > 1000
+@pytest.mark.parametrize(
+    ("grid", "side", "cases", "conditioned"),
+    [
+        ("square", "viewer", FAST_CASES, 20),
+        ("hex", "panel", FAST_CASES, 20),
+        *(pytest.param(*which, CASES, 1000, marks=pytest.mark.full) for which in EVERYWHERE),
+    ],
+)
+def test_fast_within_two_microradian(grid, side, cases, conditioned):
+    rows = check(grid, side, "fast", cases, 24)
+    assert sum(row["conditioned"] for row in rows) > conditioned
 
 
 @half
@@ -172,10 +171,3 @@ def test_rays_along_the_array_have_missed(engine, flat):
     out = trace_to_panel(base("square", "panel"), [(0, 0, 100)], [(1, 0, -flat)], engine=engine)
     assert out.status.tolist() == [1]
     assert np.isfinite(out.pixel).all()
-
-
-def test_cases_repeat():
-    one, two = (next(iter(hard_sets(base("hex", "viewer"), "tangent", 3))) for _ in range(2))
-    np.testing.assert_array_equal(one.pixels, two.pixels)
-    with pytest.raises(InputError, match="unknown case"):
-        list(hard_sets(base("hex", "viewer"), "nosuch"))

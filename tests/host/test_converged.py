@@ -107,7 +107,8 @@ def test_a_panel_of_1_2_metres():
 def test_an_eye_a_million_kilometres_away_is_none(grid, side, model):
     """Elemental images are 350 mm D / 10^12 mm beside: at most some 1e-8 mm, and rays turn by that over D."""
     rng = generator(SEED + 1, grid, side, model)
-    for engine in ("golden", "fast"):
+    # The fast engine is compiled for each display: the plainest model and the real lenslets stand for all.
+    for engine in ("golden", "fast") if model in ("pinhole", "exact") else ("golden",):
         display = random_display(rng, grid, side, steepest=1.5, index=(1.4, 1.7))
         far = replace(display, viewing_distance_mm=1e12, viewing_axis_mm=(3.0, -2.0))
         pixels, aims = random_pixels(rng, display, 500), random_in_cell(rng, display, 500)
