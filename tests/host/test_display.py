@@ -414,7 +414,7 @@ def with_raw(place, raw):
     [(place, raw, said) for places, raws, said in WRONG_VALUES for place in places for raw in raws],
 )
 def test_a_wrong_value_is_refused(place, raw, said):
-    refused(with_raw(place, raw), place, *said)
+    refused(with_raw(place, raw), f"some/file.toml: {place}", *said)
 
 
 def test_a_lens_that_is_nearly_flat_gets_the_smallest_thickness():
