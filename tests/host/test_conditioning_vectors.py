@@ -95,7 +95,7 @@ def test_traced_rays_pass_and_others_do_not(tmp_path, capsys, monkeypatch):
     assert "500 rays right" in out
     assert "microradian (allowed: 2 to 2)" in out
     assert run(["regress", "--display", HEX, "--rays", rays]) == 4
-    assert "stage: " in capsys.readouterr().out
+    assert "500 of 500 rays wrong, the first is 0\nstage: lenslet (lenslet); " in capsys.readouterr().out
 
 
 def words_of(**changed):
