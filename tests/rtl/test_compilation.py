@@ -8,8 +8,6 @@ from pathlib import Path
 import pytest
 from lippmann.simulation import compilation
 from lippmann.simulation.compilation import RtlError, cached_file, verilated
-from lippmann.simulation.toolchain import needed, rtl_sources
-from runner import TOP
 
 ASK = """
 import sys, time
@@ -86,13 +84,3 @@ def test_a_build_that_fails_leaves_nothing_and_says_why(tmp_path):
         with pytest.raises(RtlError, match=r"broken\.sv:2:.*c_i"):
             cached_file(tmp_path / "made" / "broken", [source], lambda path: verilated(path, "broken", [source], []))
     assert {path.suffix for path in (tmp_path / "made").iterdir()} == {".lock"}
-
-
-def test_a_build_is_given_the_files_that_its_top_needs():
-    files = rtl_sources(TOP)
-    names = [path.stem for path in needed("lipp_ring", files)]
-    assert names == ["lipp_ring"]
-    names = [path.stem for path in needed("lipp_ray_stream", files)]
-    assert names[:2] == ["lipp_math_pkg", "lipp_optics_pkg"]
-    assert {"lipp_ray_pipeline", "lipp_fifo", "lipp_config_bank"} <= set(names)
-    assert "lipp_optics_block" not in names

@@ -12,12 +12,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 import yaml
-from click.testing import CliRunner
 from clone import TOP, clone, files
 from lippmann import load_display, trace
 from lippmann.errors import LippmannError
 from lippmann.simulation.toolchain import PREFIX, rtl_folders, rtl_sources, verilator_environment
-from tools.generate_manifests import main, manifests
+from tools.generate_manifests import manifests
 
 EXAMPLE = "docs/how-to/example-design"
 #: All but those of the FPGA boards, which only `make bitstream` reads.
@@ -127,19 +126,6 @@ def test_a_list_that_is_not_that_of_the_files_is_refused(tmp_path, change, said)
         rtl_sources(tmp_path)
 
 
-def test_the_command_writes_them(monkeypatch, tmp_path):
-    shutil.copytree(TOP / "rtl", tmp_path / "rtl")
-    shutil.copy(TOP / "pyproject.toml", tmp_path)
-    for path in manifests(TOP):
-        (tmp_path / path).unlink(missing_ok=True)
-    monkeypatch.setattr("tools.generate_manifests.repository", lambda: tmp_path)
-    result = CliRunner().invoke(main)
-    assert result.exit_code == 0
-    assert sorted(result.stdout.split()) == sorted(map(str, manifests(TOP)))
-    for path in manifests(TOP):
-        assert (tmp_path / path).read_bytes() == (TOP / path).read_bytes()
-
-
 @pytest.mark.parametrize(
     ("top", "cells", "place"),
     [
@@ -223,27 +209,21 @@ def fusesoc(place, target, core):
 BOARD = "lippmann:example:board"
 
 
-def test_fusesoc_lints_the_whole_board(place):
-    said, _ = fusesoc(place, "lint", "lippmann:lippmann:rtl")
+@pytest.mark.parametrize(
+    ("target", "core", "once", "absent"),
+    [
+        ("lint", "lippmann:lippmann:rtl", "lipp_board.sv", "board.sv"),
+        ("lint", BOARD, "fifo.sv delay.sv board.sv lipp_fifo.sv lipp_delay.sv lipp_board.sv", "axi_optics.sv"),
+        ("lint_axi", BOARD, "axi_optics.sv", "board.sv"),
+    ],
+)
+def test_fusesoc_lints_the_board_and_the_examples_beside_modules_of_like_names(place, target, core, once, absent):
+    said, _ = fusesoc(place, target, core)
     assert "Warning" not in said
-
-
-def test_fusesoc_lints_the_example_beside_modules_of_like_names(place):
-    said, _ = fusesoc(place, "lint", BOARD)
-    assert "Warning" not in said
-    (listed,) = (place / "build").glob("lippmann_example_board_*/lint/*.vc")
+    (listed,) = (place / "build").glob(f"{core.replace(':', '_')}_*/{target}/*.vc")
     names = [Path(line).name for line in listed.read_text().splitlines()]
-    for module in ("fifo", "delay", "board"):
-        assert names.count(f"{module}.sv") == names.count(f"{PREFIX}{module}.sv") == 1
-
-
-def test_fusesoc_lints_the_optics_block_behind_axi(place):
-    said, _ = fusesoc(place, "lint_axi", BOARD)
-    assert "Warning" not in said
-    (listed,) = (place / "build").glob("lippmann_example_board_*/lint_axi/*.vc")
-    names = [Path(line).name for line in listed.read_text().splitlines()]
-    assert names.count("axi_optics.sv") == 1
-    assert "board.sv" not in names  # the other example
+    assert [names.count(name) for name in once.split()] == [1] * len(once.split())
+    assert absent not in names
 
 
 def test_the_axi_example_names_the_ports_of_its_adapters():

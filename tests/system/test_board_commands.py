@@ -255,12 +255,6 @@ def test_images_that_do_not_belong_are_refused_and_the_last_frame_stays(place, p
     assert asked("board", "read", "epoch", "--port", port)["words"] == epoch
 
 
-def test_an_image_of_another_display_is_shown_when_forced(place, port):
-    wanted = values(place / "other.exr")
-    frame = asked("stream", place / "other.exr", "--port", port, "--force", "--verify")["frames"][0]
-    assert frame["crc"] == f"{zlib.crc32(wanted.tobytes()):08x}"
-
-
 def test_no_board_is_a_device_error(place, tmp_path):
     with socket.socket() as nobody:
         nobody.bind(("127.0.0.1", 0))

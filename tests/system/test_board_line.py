@@ -86,15 +86,6 @@ def test_a_unix_socket_is_the_users_own(unix):
         Board.open(f"unix://{path.with_name('none.sock')}")
 
 
-def test_programs_that_come_and_go_wait_for_nothing(unix):
-    """A serial library's pause after each took 0.3 s."""
-    begun = time.monotonic()
-    for _ in range(30):
-        with Board.open(unix.url):
-            pass
-    assert time.monotonic() - begun < 6.0
-
-
 def test_a_silent_program_makes_room_for_another(unix):
     with Board.open(unix.url) as first:
         with pytest.raises(NoBoardError, match="closed the connection"):

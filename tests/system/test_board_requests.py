@@ -119,15 +119,6 @@ def raw(virtual):
         raw.ask(ABORT)
 
 
-def test_a_trace_while_a_frame_runs_is_answered(raw):
-    for _ in range(3):
-        assert raw.write(SOURCE, 0) == (OK, b"")
-        assert raw.write(CONTROL, APPLY | START) == (OK, b"")
-        assert raw.trace()[0] in (OK, BUSY)
-        raw.idle()
-        assert raw.trace() == traced()
-
-
 def test_trace_start_sign_trace(raw):
     """The raster is the source again behind a trace: the frame ends without an abort."""
     assert raw.write(SOURCE, 1) == (OK, b"")
@@ -154,17 +145,6 @@ def test_numbers_halfway_round_are_newer_and_remembered(raw):
         assert write(11, first) == (OK, 11)
         assert write(12, first) == (OK, 11), "executed once"
         assert write(13, first - 1) == (STALE, 11)
-
-
-def test_a_trace_of_a_pixel_beyond_its_word_is_refused(raw):
-    """18 bits hold u and v. The board cut them silently, and traced another pixel."""
-    for place, word in ((0, 1 << 17), (4, -(1 << 17) - 1), (16, -(1 << 31)), (20, (1 << 31) - 1), (36, 1 << 18)):
-        rays = bytearray(TRACED[:48].tobytes())
-        rays[place : place + 4] = struct.pack("<i", word)
-        assert raw.ask(TRACE, bytes(rays)) == (LENGTH, b"")
-    assert raw.trace() == traced()
-    ends = np.array([(-(1 << 17), (1 << 17) - 1, 0, 0), ((1 << 17) - 1, -(1 << 17), 0, 0)], np.int64)
-    assert raw.ask(TRACE, ends.astype("<i4").tobytes()) == (OK, rays_of(ends[:, 0], ends[:, 1]))
 
 
 def test_a_sign_counts_its_own_rays_only(raw):
@@ -232,14 +212,6 @@ def test_an_aborted_sign_says_so(raw):
     while (answer := raw.ask(SIGN, seq=seq))[0] == BUSY:
         pass
     assert answer == signed(SHORT)
-
-
-def test_a_refused_window(raw):
-    assert raw.write(COLUMNS, 5) == (OK, b"")  # its last column is before its first
-    assert raw.sign() == (OPTICS, b"")
-    assert raw.trace() == traced()
-    raw.board.write_all(raster_writes(SMALL))
-    assert raw.sign() == signed(SMALL)
 
 
 def test_a_reset_over_the_line(raw):

@@ -36,26 +36,14 @@ def captured(folder):
     return [path.read_bytes() for path in sorted(folder.glob("frame-*.rgb"))]
 
 
-@pytest.fixture(
-    params=[name if name == "square-nearest" else pytest.param(name, marks=pytest.mark.full) for name in BUILDS]
-)
+@pytest.fixture
 def drawing(request, tmp_path):
     """A board that draws, its display and build, and the folder of its frames."""
     print(f"seed {SEED}")
-    grid, build = BUILDS[request.param]
+    grid, build = BUILDS[getattr(request, "param", "square-nearest")]
     display = display_of(grid)
     with virtual_board.running(display, capture=tmp_path, scene=build) as board:
         board.display, board.build, board.folder = display, build, tmp_path
-        yield board
-
-
-@pytest.fixture
-def usual(tmp_path):
-    """The same with the usual build."""
-    print(f"seed {SEED}")
-    display = display_of("square")
-    with virtual_board.running(display, capture=tmp_path, scene=USUAL) as board:
-        board.display, board.build, board.folder = display, USUAL, tmp_path
         yield board
 
 
@@ -67,6 +55,11 @@ def show(scene, display, stack, slots=None):
     scene.draw(True)
 
 
+@pytest.mark.parametrize(
+    "drawing",
+    [name if name == "square-nearest" else pytest.param(name, marks=pytest.mark.full) for name in BUILDS],
+    indirect=True,
+)
 def test_drawn_frames_are_the_twins(drawing):
     """Random scenes, and motions of each: 0 pixels differ, none comes late, and no other frame is ever shown."""
     rng = np.random.default_rng([SEED, 1])
@@ -139,39 +132,12 @@ def test_whole_frames_are_the_twins(grid, size, angle, build):
     assert len(wanted) > 20
 
 
-def test_frames_and_scenes_take_turns(usual):
-    """The stored frame, a pattern before the scene, the scene, and the frame again; each is whole."""
-    rng = np.random.default_rng([SEED, 2])
-    display, build = usual.display, usual.build
-    frame = rng.integers(0, 256, (HEIGHT, WIDTH, 3), np.uint8)
-    stack = random_stack(rng, display, build)
-    drawn = twin(display, stack, build)
-    ramp = np.repeat(np.broadcast_to(np.arange(WIDTH, dtype=np.uint8)[None, :, None], (HEIGHT, WIDTH, 1)), 3, 2)
-    with Board.open(usual.url) as board:
-        scene = SceneBoard(board)
-        send_frame(board, frame)
-        show(scene, display, stack)
-        assert board.panel_crc() == zlib.crc32(drawn.tobytes())
-        board.write(0x18, [5 << 8 | 0xFF])
-        assert board.panel_crc() == zlib.crc32(ramp.tobytes())
-        board.write(0x18, [0xFF])
-        # A frame that is presented while the scene is shown is there when the scene is ended.
-        other = rng.integers(0, 256, (HEIGHT, WIDTH, 3), np.uint8)
-        send_frame(board, other)
-        assert board.panel_crc() == zlib.crc32(drawn.tobytes())
-        scene.draw(False)
-        assert board.panel_crc() == zlib.crc32(other.tobytes())
-        assert scene.status().underflows == 0
-    black = bytes(frame.nbytes)
-    assert set(captured(usual.folder)) <= {black, *(one.tobytes() for one in (frame, drawn, ramp, other))}
-
-
-def test_what_the_drawing_keeps_from_others(usual):
+def test_what_the_drawing_keeps_from_others(drawing):
     rng = np.random.default_rng([SEED, 3])
-    display, build = usual.display, usual.build
+    display, build = drawing.display, drawing.build
     stack = LayerStack(tuple(dataclasses.replace(random_layer(rng, display, build), visible=True) for _ in range(3)))
     textures = slot_bytes(stack.layers[0], build).tobytes()
-    with Board.open(usual.url) as board:
+    with Board.open(drawing.url) as board:
         scene = SceneBoard(board)
         show(scene, display, stack, [2, 0, 1])
         crc = board.panel_crc()
@@ -209,12 +175,12 @@ def test_what_the_drawing_keeps_from_others(usual):
 
 
 @pytest.mark.parametrize(("brighter", "most"), [(False, 39), (True, 43)])
-def test_what_a_moving_layer_costs(brighter, most, usual):
+def test_what_a_moving_layer_costs(brighter, most, drawing):
     """So 60 moves a second take 0.8 % of a line of 3 Mbaud."""
     rng = np.random.default_rng([SEED, 4])
-    display, build = usual.display, usual.build
+    display, build = drawing.display, drawing.build
     stack = LayerStack(tuple(dataclasses.replace(random_layer(rng, display, build), visible=True) for _ in range(3)))
-    with Board.open(usual.url) as board:
+    with Board.open(drawing.url) as board:
         scene = SceneBoard(board)
         show(scene, display, stack)
         costs = []
@@ -233,13 +199,13 @@ def test_what_a_moving_layer_costs(brighter, most, usual):
         assert board.panel_crc() == zlib.crc32(twin(display, stack, build).tobytes())
 
 
-def test_no_pixel_is_late_while_the_line_is_full(usual):
+def test_no_pixel_is_late_while_the_line_is_full(drawing):
     """Blocks of a slot that is not shown, tiles, reads and updates, as many as the board takes."""
     rng = np.random.default_rng([SEED, 5])
-    display, build = usual.display, usual.build
+    display, build = drawing.display, drawing.build
     stack = random_stack(rng, display, build)
     wanted = {bytes(3 * WIDTH * HEIGHT)}
-    with Board.open(usual.url) as board:
+    with Board.open(drawing.url) as board:
         scene = SceneBoard(board)
         show(scene, display, stack)
         until = scene.status().frames + 40
@@ -255,7 +221,7 @@ def test_no_pixel_is_late_while_the_line_is_full(usual):
             turn += 1
         assert scene.status().underflows == 0
         wanted.add(twin(display, stack, build).tobytes())
-    shown = captured(usual.folder)
+    shown = captured(drawing.folder)
     assert sum(frame in wanted for frame in shown) >= len(shown) - 1  # the first scene's picture was not noted
 
 
@@ -297,22 +263,22 @@ def of_replies(faults):
 @pytest.mark.parametrize(
     "fault", [name if name in QUICK_FAULTS else pytest.param(name, marks=pytest.mark.full) for name in FAULTS]
 )
-def test_a_bad_line_never_tears_a_frame(usual, fault):
+def test_a_bad_line_never_tears_a_frame(drawing, fault):
     """Layers move over a line with faults: every frame that is shown is one of those that were asked for, whole."""
     rng = np.random.default_rng([SEED, 6])
-    display, build = usual.display, usual.build
+    display, build = drawing.display, drawing.build
     stack = LayerStack(tuple(dataclasses.replace(random_layer(rng, display, build), visible=True) for _ in range(3)))
     wanted = {bytes(3 * WIDTH * HEIGHT), twin(display, stack, build).tobytes()}
-    with Board.open(usual.url) as board:
+    with Board.open(drawing.url) as board:
         show(SceneBoard(board), display, stack)
-    with Proxy(usual.url, SEED) as line, Board.open(line.url, 12_000_000, patience_s=3.0) as board:
+    with Proxy(drawing.url, SEED) as line, Board.open(line.url, 12_000_000, patience_s=3.0) as board:
         scene = SceneBoard(board)
         line.down, line.up = FAULTS[fault], of_replies(FAULTS[fault])
         kind, updates = "cut" if fault == "outage" else fault, 0
         while (
             updates < LEAST_UPDATES
             or (kind != "delay" and min(done[kind] for done in line.done) < LEAST_FAULTS)
-            or len(captured(usual.folder)) < LEAST_FRAMES
+            or len(captured(drawing.folder)) < LEAST_FRAMES
         ):
             assert updates < MOST_UPDATES, f"{kind}: too few faults or frames: {line.done}"
             updates += 1
@@ -331,23 +297,23 @@ def test_a_bad_line_never_tears_a_frame(usual, fault):
         scene.wait(True)
         assert board.panel_crc() == zlib.crc32(twin(display, stack, build).tobytes())
         assert scene.status().underflows == 0
-    assert set(captured(usual.folder)) <= wanted
+    assert set(captured(drawing.folder)) <= wanted
 
 
 @pytest.mark.parametrize("window", [1100, 8000])
-def test_a_cut_load_goes_on(usual, window, monkeypatch):
+def test_a_cut_load_goes_on(drawing, window, monkeypatch):
     """The line is cut in the middle: no block that has arrived is sent again."""
     # A time-out that no load of this machine brings about.
     monkeypatch.setattr("lippmann.board.retries.SHORTEST_S", 1.5)
     rng = np.random.default_rng([SEED, 7])
-    build = usual.build
+    build = drawing.build
     contents = {slot: rng.bytes(build.slot_bytes) for slot in range(4)}
     wanted = {
         slot: [zlib.crc32(content[k : k + 1024]) for k in range(0, len(content), 1024)]
         for slot, content in contents.items()
     }
     loaded = Loaded()
-    with Proxy(usual.url, SEED) as line:
+    with Proxy(drawing.url, SEED) as line:
         cut = []
 
         def progress(done, total):
@@ -376,35 +342,18 @@ def test_a_cut_load_goes_on(usual, window, monkeypatch):
             assert scene.load(contents).skipped == 4 * build.blocks
 
 
-def test_reset_and_a_stored_frame_end_the_scene(usual):
-    rng = np.random.default_rng([SEED, 8])
-    display, build = usual.display, usual.build
-    stack = random_stack(rng, display, build)
-    with Board.open(usual.url) as board:
-        scene = SceneBoard(board)
-        show(scene, display, stack)
-        board.reset()
-        assert board.panel_crc() == zlib.crc32(bytes(3 * WIDTH * HEIGHT))
-        assert not any(scene.crcs(slot)[0] for slot in range(build.slots_built))
-        status = scene.status()
-        assert (status.is_shown, status.waits, status.slots, status.frames) == (False, False, frozenset(), 0)
-        scene = SceneBoard(board)
-        show(scene, display, stack)
-        assert board.panel_crc() == zlib.crc32(twin(display, stack, build).tobytes())
-
-
-def test_a_film_on_a_board_that_is_reset_fails(usual):
+def test_a_film_on_a_board_that_is_reset_fails(drawing):
     """Its frames are written all the same, and show nothing."""
     rng = np.random.default_rng([SEED, 9])
-    stack = random_stack(rng, usual.display, usual.build)
+    stack = random_stack(rng, drawing.display, drawing.build)
     names = tuple(f"layer {k}" for k in range(len(stack.layers)))
     film = LayerFilm(stack, names, frames=4, frames_per_second=1000.0)
-    with Board.open(usual.url) as board:
+    with Board.open(drawing.url) as board:
         scene = SceneBoard(board)
-        _, slots = load_textures(scene, usual.display, film)
-        assert play_film(scene, usual.display, film, slots).frames == 4
+        _, slots = load_textures(scene, drawing.display, film)
+        assert play_film(scene, drawing.display, film, slots).frames == 4
         with pytest.raises(DeviceError, match=r"draws the scene no longer: .*; play the film again"):
-            play_film(scene, usual.display, film, slots, progress=lambda done, _: done == 2 and board.reset())
+            play_film(scene, drawing.display, film, slots, progress=lambda done, _: done == 2 and board.reset())
 
 
 def test_a_board_without_a_scene_says_so(tmp_path):

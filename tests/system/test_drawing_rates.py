@@ -7,15 +7,14 @@ import numpy as np
 import pytest
 from lippmann.board import retries
 from lippmann.board.board import Board
-from lippmann.board.drawn_scene import Loaded, SceneBoard
-from lippmann.board.port import BITS_A_BYTE, Line
+from lippmann.board.drawn_scene import SceneBoard
+from lippmann.board.port import BITS_A_BYTE
 from lippmann.board.virtual_loop import PATIENCE_S
-from lippmann.errors import NoBoardError
 from lippmann.fixed.registers import BOARD_REGISTERS
-from lippmann.fixed.scene_build import BLOCK_BYTES, SceneBuild
+from lippmann.fixed.scene_build import SceneBuild
 from lippmann.layers.stack import LayerStack
 from lippmann.simulation import virtual_board
-from test_board_scene import HEIGHT, SEED, USUAL, WIDTH, display_of, moved, random_layer, show, twin
+from test_board_scene import HEIGHT, SEED, WIDTH, display_of, moved, random_layer, show, twin
 
 #: Of the line in the figures that are promised, and the slowest clock for it: the fewest clocks of a bit.
 BAUD = 3_000_000
@@ -53,35 +52,6 @@ def test_four_layers_are_loaded_in_a_second(patient):
     print(f"{loaded.wire_bytes} bytes, {seconds:.3f} s, the line's share {loaded.wire_bytes * 10 / BAUD / seconds:.3f}")
     assert loaded.sends == loaded.blocks == 4 * build.blocks
     assert seconds <= 1.0
-
-
-@pytest.mark.full  # a board of its own is compiled; test_board_scene cuts loads on lines of bytes
-@pytest.mark.parametrize("cut_at", [1, 7, 14])
-def test_a_load_that_was_cut_sends_one_packet_again(patient, monkeypatch, cut_at):
-    """The line ends in the middle of a packet, on a UART: all blocks before it are kept, and it alone is sent again."""
-    contents = {slot: np.random.default_rng([SEED, 30, slot]).bytes(USUAL.slot_bytes) for slot in range(4)}
-    send, packets = Line.send, []
-
-    def cut(line, packet, patience_s):
-        if len(packet) > BLOCK_BYTES:
-            packets.append(packet)
-            if len(packets) == cut_at:
-                send(line, packet[: len(packet) // 2], patience_s)
-                raise NoBoardError("unplugged")
-        return send(line, packet, patience_s)
-
-    monkeypatch.setattr(Line, "send", cut)
-    baud = virtual_board.CLOCK_HZ // virtual_board.CLOCKS_OF_A_BIT
-    loaded = Loaded()
-    with virtual_board.running(display_of("square"), baud=baud, scene=USUAL) as running:
-        with pytest.raises(NoBoardError), Board.open(running.url, baud, PATIENCE_S) as board:
-            SceneBoard(board).load(contents, loaded=loaded)
-        with Board.open(running.url, baud, PATIENCE_S) as board:
-            scene = SceneBoard(board)
-            scene.load(contents, loaded=loaded)
-            assert all(scene.holds(slot, content) for slot, content in contents.items())
-    assert loaded.skipped == cut_at - 1
-    assert len(packets) == loaded.sends == loaded.blocks + 1
 
 
 #: Whole frames of 1280 x 720 on a saturated line; 1000 take more than half an hour.

@@ -57,14 +57,6 @@ def test_bands_on_threads_are_the_whole_picture(monkeypatch):
     assert ray_speed.rendered(display, stack_on(display), USUAL, 3)["pixels_differ"] == HEIGHT // 2
 
 
-def test_another_texture_is_loaded():
-    """The models are kept from one picture to the next."""
-    display = display_of("square")
-    first = stack_on(display)
-    for stack in (first, LayerStack(first.layers[::-1], first.background)):
-        assert ray_speed.rendered(display, stack, USUAL, 1)["pixels_differ"] == 0
-
-
 def test_the_rates_are_on_the_page_of_measured_figures():
     text = measured_page(repository() / "docs/generated").text()
     assert "| vga-square | drawing board | 1 |" in text

@@ -10,7 +10,6 @@ import numpy as np
 from cocotb.clock import Clock
 from cocotb.triggers import FallingEdge
 from lippmann.fixed.raster import TABLE_ENTRIES, Raster, raster
-from lippmann.fixed.registers import OPTICS_REGISTERS, raster_writes
 from rtl_coverage import Coverage
 
 F = int(os.environ["RASTER_F"])
@@ -211,29 +210,6 @@ async def reset_ends_a_frame(dut):
     await bench.start(config_of(small))
     rays, _ = await bench.frame(0.5)
     assert rays == expected(small, bench.table)
-
-
-@cocotb.test()
-async def registers_hold_the_configuration(dut):
-    """Each part of raster_config_t has a field of its width in registers.rdl; the host's writes say the same."""
-    widths = {}
-    for name, register in OPTICS_REGISTERS.items():
-        if name.startswith("raster_"):
-            widths.update({(name, key): field.width for key, field in register.fields.items()})
-    assert sorted(widths.values()) == sorted(bits for _, bits in CONFIG)
-    assert sum(widths.values()) == len(dut.config_i)
-    frame = random_frame("lfsr", 0xDEADBEEF)
-    words = {write.address: write.word for write in raster_writes(frame)}
-    back = {
-        name: register.values(words[register.address])
-        for name, register in OPTICS_REGISTERS.items()
-        if name.startswith("raster_")
-    }
-    assert back["raster_columns"] == {"first": frame.columns[0], "last": frame.columns[1]}
-    assert back["raster_rows"] == {"first": frame.rows[0], "last": frame.rows[1]}
-    assert back["raster_panel"] == {"width": frame.width, "height": frame.height}
-    assert back["raster_jitter"] == {"samples": frame.samples, "mode": 2, "table_first": frame.table_first}
-    assert back["raster_seed"] == {"value": 0xDEADBEEF}
 
 
 @cocotb.test(skip="RASTER_LONG" not in os.environ)

@@ -1,26 +1,19 @@
 """scene against its twin: no pixel differs, over random displays, stacks, registers of no stack, stalls and loads."""
 
-import dataclasses
-
 import numpy as np
 import pytest
 from layer_cases import random_stack
-from lippmann.display.description import load_display
 from lippmann.errors import InputError
 from lippmann.fixed.build import Build
-from lippmann.fixed.configuration import configuration
-from lippmann.fixed.drawn_frame import sample_words
 from lippmann.fixed.ray_pipeline import FixedRays, ray_pipeline
 from lippmann.fixed.scene_build import CURVE_SLOT, SceneBuild
 from lippmann.fixed.scene_configuration import build_curve_table, scene_words, slot_bytes
 from lippmann.fixed.scene_pipeline import LayerWords, SceneWords, scene
-from lippmann.simulation.compilation import FAST, SHORT
-from lippmann.simulation.harness import SceneHarness, rtl_scene
-from lippmann.simulation.toolchain import repository
+from lippmann.simulation.compilation import SHORT
+from lippmann.simulation.harness import SceneHarness
 from random_cases import configured_display
 from words import mixed, signed
 
-DISPLAYS = repository() / "scenes" / "displays"
 #: What is built, and F.
 CASES = [
     (SceneBuild(3, 5, 64, 48, bilinear=True, samples=2), 16),
@@ -138,61 +131,3 @@ def test_no_pixel_differs(built, f, rng, seen):
     for missable in ("sky", "black without an exit", "square while a slot is loaded"):
         if not seen.seen.get(missable, 1):
             del seen.seen[missable]
-
-
-FRAMES = [
-    ("vga-square", (640, 480), 16, SceneBuild(4, 5, 256, 192), 0.0),
-    ("vga-hex", (640, 480), 16, SceneBuild(4, 5, 256, 192, bilinear=True), 11.0),
-    ("vga-hex", (1280, 720), 16, SceneBuild(4, 5, 256, 192), 90.0),
-    ("vga-square", (1280, 720), 16, SceneBuild(4, 5, 256, 192, bilinear=True), 3.3),
-    ("vga-square", (640, 480), 18, SceneBuild(6, 8, 128, 96, bilinear=True, samples=2), -20.0),
-    ("vga-hex", (640, 480), 20, SceneBuild(7, 8, 128, 64, samples=4), 30.0),
-    ("vga-square", (1280, 720), 16, SceneBuild(8, 9, 64, 96, bilinear=True), 45.0),
-]
-
-
-@pytest.mark.full
-@pytest.mark.parametrize(("file", "size", "f", "built", "angle"), FRAMES)
-def test_whole_frames(file, size, f, built, angle, rng):
-    """24 frames of each display, in the panel's order, with another stack each."""
-    plain = load_display(DISPLAYS / f"{file}.toml")
-    panel = dataclasses.replace(plain.panel, width_px=size[0], height_px=size[1])
-    array = dataclasses.replace(plain.array, rotation_deg=angle, offset_mm=(0.1, -0.2))
-    display = dataclasses.replace(plain, panel=panel, array=array)
-    build = Build.of(display, "exact", f, aims=False)
-    config = configuration(display, build, "exact")
-    harness = SceneHarness(built, f, FAST)
-    table = build_curve_table(display)
-    harness.load(CURVE_SLOT, table)
-    parts = [
-        ray_pipeline(u, v, np.zeros_like(u), np.zeros_like(u), config, build)
-        for row in range(size[1])
-        for u, v in [sample_words(*size, built.samples, range(row, row + 1))]
-    ]
-    rays = FixedRays(*(np.concatenate(words) for words in zip(*parts, strict=True)))
-    pixels = 0
-    for _ in range(24):
-        stack = random_stack(rng, display, built)
-        words = scene_words(display, stack, built)
-        slots = {k: slot_bytes(layer, built) for k, layer in enumerate(stack.layers)}
-        for slot, content in slots.items():
-            harness.load(slot, content)
-        drawn = harness.draw(rays, words)
-        chunks = np.array_split(np.arange(len(rays.i)), 8)
-        wanted = np.concatenate(
-            [scene(FixedRays(*(word[c] for word in rays)), words, slots, table, built, f) for c in chunks]
-        )
-        assert (drawn == wanted).all()
-        pixels += len(wanted)
-    assert pixels == 24 * size[0] * size[1]
-    print(f"{pixels} pixels equal")
-
-
-def test_engine_of_the_simulated_drawing(rng):
-    """rtl_scene takes the twin's place."""
-    built, f = SceneBuild(1, 1, 32, 32), 14
-    held = {0: rng.integers(0, 256, built.slot_bytes, dtype=np.uint8)}
-    table = rng.integers(0, 256, 8192, dtype=np.uint8)
-    words, rays = wild_words(rng, built), wild_rays(rng, f, 500)
-    words = dataclasses.replace(words, layers=tuple(dataclasses.replace(w, slot=0) for w in words.layers))
-    assert (rtl_scene(rays, words, held, table, built, f) == scene(rays, words, held, table, built, f)).all()
