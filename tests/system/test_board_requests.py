@@ -1,6 +1,5 @@
 """Requests that meet a running frame: each is answered in time, none gets another's rays, and the board goes on."""
 
-import dataclasses
 import os
 import struct
 import time
@@ -8,9 +7,9 @@ import zlib
 
 import numpy as np
 import pytest
+from board_scenes import HEIGHT, WIDTH, display_of
 from lippmann.board.board import Board
 from lippmann.board.packets import packed
-from lippmann.display.description import load_display
 from lippmann.errors import DeviceError
 from lippmann.fixed.configuration import configuration
 from lippmann.fixed.raster import TABLE_ENTRIES, Raster, raster
@@ -19,7 +18,6 @@ from lippmann.fixed.registers import BOARD_REGISTERS, optics_writes, raster_writ
 from lippmann.simulation import virtual_board
 
 SEED = int(os.environ.get("LIPPMANN_SEED", np.random.SeedSequence().entropy % (1 << 32)))
-WIDTH, HEIGHT = 112, 80
 #: Longest time of an answer, s; the longest of these takes the simulator some hundredths.
 SOON = 5.0
 # Numbers of docs/reference/protocol.md.
@@ -29,10 +27,7 @@ FRAME_RUNS, SIGN_RUNS, THIS_RUNS = 1, 2, 3
 CONTROL, SOURCE, COLUMNS, SEED_AT = 0x20C, 0x214, 0x2C0, 0x2D0
 APPLY, START, ABORT_BIT = 1, 2, 4
 
-DISPLAY = load_display("scenes/displays/paper-square.toml")
-DISPLAY = dataclasses.replace(
-    DISPLAY, name="small square", panel=dataclasses.replace(DISPLAY.panel, width_px=WIDTH, height_px=HEIGHT)
-)
+DISPLAY = display_of("square")
 BUILD = virtual_board.board_build(DISPLAY)
 OPTICS_WORDS = configuration(DISPLAY, BUILD, "exact")
 #: Frames of 17920 rays, of 65 million, of 12, and none.

@@ -16,14 +16,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from board_scenes import HEIGHT, USUAL, WIDTH, display_of
 from lippmann.board.packets import packed
 from lippmann.board.port import Line
-from lippmann.display.description import load_display
 from lippmann.fixed.configuration import Configuration, configuration
 from lippmann.fixed.raster import Raster, raster
 from lippmann.fixed.ray_pipeline import ray_pipeline
 from lippmann.fixed.registers import OPTICS_REGISTERS, optics_writes, raster_writes
-from lippmann.fixed.scene_build import SceneBuild
 from lippmann.simulation import virtual_board
 from model_board import (
     ABORT,
@@ -66,7 +65,6 @@ SEED = int(os.environ.get("LIPPMANN_SEED", np.random.SeedSequence().entropy % (1
 COUNT = 10_000
 #: Bytes on their way to the board, and longest silence of it, s.
 WINDOW, PATIENCE_S = 6_000, 60.0
-WIDTH, HEIGHT = 112, 80
 #: Rays of the longest frame that the model signs, too.
 LONGEST = 50_000
 STATUS, TABLE, WHOLE = 0x210, 0x300, 0xFFFF_FFFF
@@ -76,15 +74,7 @@ TIMED = (0x24, 0x28, 0x2C, 0x40, 0x42C)
 STATE = 0x30
 #: Of the scene: its state, and its pixels that were late. None ever is, whatever is asked for.
 SCENE_STATUS, UNDERFLOWS = 0x428, 0x430
-#: The build of a board that draws; a few blocks.
-USUAL = SceneBuild(layers=3, slots=4, width=64, height=48)
 COUNTERS = dict(zip(("stale", "tile_bad", "frame_bad"), (0x5C, 0x60, 0x64), strict=True))
-
-
-def display_of(grid):
-    display = load_display(f"scenes/displays/paper-{grid}.toml")
-    panel = dataclasses.replace(display.panel, width_px=WIDTH, height_px=HEIGHT)
-    return dataclasses.replace(display, name=f"small {grid}", panel=panel)
 
 
 def register_map(*pages):

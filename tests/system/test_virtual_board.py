@@ -16,6 +16,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from board_scenes import HEIGHT, WIDTH, display_of
 from cobs import cobs
 from fault_line import NO_FAULTS, Faults, Proxy
 from lippmann.board.board import Board, check_rays
@@ -25,7 +26,7 @@ from lippmann.board.port import token_of
 from lippmann.board.streaming import send_frame
 from lippmann.board.virtual_loop import capturing
 from lippmann.cli import run
-from lippmann.display.description import display_text, load_display
+from lippmann.display.description import display_text
 from lippmann.errors import DeviceError, InputError
 from lippmann.eye.test_patterns import ON_BOARD, draw
 from lippmann.fixed.configuration import configuration
@@ -35,7 +36,6 @@ from lippmann.simulation import virtual_board
 
 SEED = int(os.environ.get("LIPPMANN_SEED", np.random.SeedSequence().entropy % (1 << 32)))
 
-WIDTH, HEIGHT = 112, 80  # tiles clipped on both edges
 BAUD = 18_000_000  # the fastest: fewest clocks
 #: Lines: how the host reaches the board, and what the RTL is given.
 LINES = {
@@ -49,9 +49,8 @@ LINES = {
 
 
 def small(grid="square", eye=None):
-    display = load_display(f"scenes/displays/paper-{grid}.toml")
-    panel = dataclasses.replace(display.panel, width_px=WIDTH, height_px=HEIGHT)
-    return dataclasses.replace(display, name=f"small {grid}", panel=panel, viewing_distance_mm=eye)
+    """A display whose tiles are clipped on both edges."""
+    return dataclasses.replace(display_of(grid), viewing_distance_mm=eye)
 
 
 #: The grid of the boards over each kind of line: each is compiled, so that the two with a UART are also those of the
@@ -520,6 +519,15 @@ def test_a_board_that_stalls_is_waited_for(virtual):
             board.read(0)
         assert time.monotonic() - begun < 10
         virtual.process.send_signal(signal.SIGCONT)
+
+
+@pytest.mark.full  # a board of its own is compiled
+def test_waveforms_of_a_window(tmp_path):
+    file = tmp_path / "board.fst"
+    with virtual_board.running(small(), trace=file, trace_clocks=(100, 2000)) as board, Board.open(board.url) as link:
+        while link.read(BOARD_REGISTERS["clocks"].address)[0] < 2000:
+            pass
+    assert file.stat().st_size > 1000
 
 
 def test_an_idle_board_needs_no_processor_and_wakes_at_once(quick):
