@@ -34,7 +34,8 @@ LAST = {
 #: Modules that are tested as parts of another, and packages.
 WITHIN = {
     **dict.fromkeys(("request_reader", "request_order", "register_access", "ray_access"), "dispatcher"),
-    **dict.fromkeys(("table_reader", "reply_builder"), "dispatcher"),
+    **dict.fromkeys(("table_reader", "reply_builder", "reply_writer"), "dispatcher"),
+    "sdram_splitter": "sdram_store",
     "link_pkg": "packet_out",
     "math_pkg": "multiplier",
     "optics_pkg": "ray_stream",

@@ -26,7 +26,7 @@ BUILDS = [
     Build(23, "hex", max_cell_steps=1, converge=True),
     Build(18, "square", viewer=True, aims=True, max_cell_steps=1, converge=True),
     Build(22, "hex", aims=True, max_cell_steps=1, shear=True),
-    Build(17, "square", viewer=True, max_cell_steps=2, shear=True, converge=True),
+    Build(17, "square", viewer=True, max_cell_steps=2, shear=True, converge=True, cross_cells=True),
     Build(14, "square", "pinhole"),
 ]
 GRIDS = ("square", "hex")

@@ -1,4 +1,4 @@
-"""RTL against twin on the hard cases, and with registers at their largest and smallest words: 0 LSB.
+"""RTL against twin on the hard cases, and with any words in the registers: 0 LSB.
 
 The host never writes most of these words: it refuses slopes beyond 60 degrees, a negative half cell and the like
 (`lippmann.fixed.configuration`). RTL and twin are equal for them, too. The case register-limits tests the ends of the
@@ -12,15 +12,12 @@ import pytest
 from lippmann.conformance.hard_cases import changed, hard_sets
 from lippmann.conformance.ray_sets import PanelRays, fixed_words
 from lippmann.display.description import load_display
-from lippmann.fixed.build import Build
 from lippmann.fixed.configuration import Configuration
 from lippmann.fixed.ray_pipeline import ray_pipeline
-from lippmann.fixed.words import OFFSET_BITS, SLOPE_BITS
 from lippmann.optics.rays import gets_through
 from lippmann.simulation.compilation import SHORT
 from lippmann.simulation.harness import ray_harness
 from lippmann.simulation.toolchain import repository
-from random_cases import configured_display, random_rays
 from test_batch import BUILDS, SEED, assert_equal, name
 from wild_registers import any_rays, any_registers
 
@@ -47,39 +44,6 @@ def test_rtl_equals_twin_on_hard_cases(build):
             assert_equal(ray_harness(build, SHORT).trace(*case.words, case.registers), twin)
             compared += len(twin.status)
     assert compared > 500
-
-
-def extremes(random: np.random.Generator, registers: Configuration, build: Build) -> Configuration:
-    """Some registers at their largest or smallest word, whether or not a display could ask for them."""
-    values = {}
-    for field in dataclasses.fields(Configuration):
-        if random.random() < 0.3:
-            bits = width(field.name, build)
-            values[field.name] = int(random.choice([(1 << (bits - 1)) - 1, 0, 1, -1, -(1 << (bits - 1))]))
-    return dataclasses.replace(registers, **values)
-
-
-def width(register: str, build: Build) -> int:
-    """Bits of a register, as docs/generated/registers.md lists them."""
-    near = build.near
-    widths = {"index": near + 1, "depth_rest": build.fraction_bits + 9, "extent_i": 14, "extent_j": 13}
-    far = ("index_square", "index_inverse_square", "depth", "exit_z", "cell_rise", "shear_x")
-    if register in ("x_offset", "y_offset"):
-        return OFFSET_BITS
-    if "_from_" in register:
-        return SLOPE_BITS
-    return near + 2 if register in far else widths.get(register, near)
-
-
-@pytest.mark.parametrize("build", BUILDS, ids=name)
-def test_rtl_equals_twin_with_registers_at_their_ends(build):
-    print(f"seed {SEED}")
-    random = np.random.default_rng([SEED, 6, *name(build).encode()])
-    for _ in range(30):
-        display, registers = configured_display(random, build, build.model)
-        registers = extremes(random, registers, build)
-        words = random_rays(random, display, build, 100)
-        assert_equal(ray_harness(build, SHORT).trace(*words, registers), ray_pipeline(*words, registers, build))
 
 
 @pytest.mark.parametrize("build", BUILDS, ids=name)

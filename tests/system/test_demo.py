@@ -78,37 +78,24 @@ def test_every_result_is_there(scenes, tmp_path, capfd):
 
 
 @pytest.mark.usefixtures("few_pixels")
-@pytest.mark.parametrize("planted", ["a drawn pixel", pytest.param("a late pixel", marks=pytest.mark.full)])
+@pytest.mark.parametrize("planted", ["frames_differ", pytest.param("play_film", marks=pytest.mark.full)])
 def test_a_board_that_draws_something_else_is_told(scenes, tmp_path, capfd, monkeypatch, planted):
-    """The twin draws one pixel of a frame otherwise; or a pixel came too late. Exit code 1; the results are kept."""
+    """A pixel of a frame differs from the twin's; or pixels came too late. Exit code 1; the results are kept."""
     monkeypatch.setattr(demo, "_views", lambda *_: ([], []))  # of the frame that was streamed, before
     monkeypatch.delitem(demo.FILMS, "chart")  # drawn after it
-    if planted == "a drawn pixel":
-        draw, calls = demo.draw, []
+    right = getattr(demo, planted)
 
-        def other(*arguments):
-            pixels = draw(*arguments).copy()
-            calls.append(pixels)
-            if len(calls) == 5:
-                pixels[HEIGHT // 2, 3, 1] ^= 1
-            return pixels
+    def wrong(*arguments, **options):
+        result = right(*arguments, **options)
+        return result + 1 if planted == "frames_differ" else Played(**{**vars(result), "underflows": 7})
 
-        monkeypatch.setattr(demo, "draw", other)
-        wanted = (1, 0)
-    else:
-        play_film = demo.play_film
-
-        def late(*arguments, **options):
-            return Played(**{**vars(play_film(*arguments, **options)), "underflows": 7})
-
-        monkeypatch.setattr(demo, "play_film", late)
-        wanted = (0, 7)
+    monkeypatch.setattr(demo, planted, wrong)
     code, said, told = ran(scenes, tmp_path, capfd)
     assert code == 1
     assert not said
     assert told.splitlines()[-1].endswith("the board did not draw what the twin draws; please report this")
     fish = json.loads((tmp_path / "demo.json").read_text())["drawn"]["fish"]
-    assert (fish["pixels_differ"], fish["underflows"]) == wanted
+    assert (fish["pixels_differ"], fish["underflows"]) == ((1, 0) if planted == "frames_differ" else (0, 7))
     assert (tmp_path / "drawn-fish.gif").is_file()
 
 

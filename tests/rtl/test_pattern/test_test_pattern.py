@@ -7,7 +7,6 @@ from lippmann.fixed.build import Build
 from lippmann.fixed.configuration import configuration
 from lippmann.fixed.raster import holds_centre, locate_pixels, places_in_cell
 from lippmann.fixed.ray_start import extent
-from lippmann.optics.backend import NumpyBackend
 from lippmann.optics.system import System
 from lippmann.simulation.harness import packed
 from optics import display, random_configuration
@@ -66,54 +65,6 @@ def test_equals_twin(f, seed, rng, seen):
                 seen.values("view", rgb >> 16 & 0xE0, range(0, 256, 32))
                 seen.values("view", rgb >> 8 & 0xE0, range(0, 256, 32))
     stream(instances, batch, f"test_pattern-F{f}", seed)
-
-
-@pytest.mark.parametrize("grid", GRIDS)
-@pytest.mark.parametrize("rotation", [0.0, 7.0, -31.0, 90.0])
-@pytest.mark.parametrize("eye", [None, 60.0])
-def test_twin_shows_the_lens_array(grid, rotation, eye, rng):
-    build = Build(23, grid, converge=eye is not None)
-    offset, across, axis = tuple(rng.uniform(-0.5, 0.5, 2)), rng.uniform(8, 25), tuple(rng.uniform(-9.0, 9.0, 2))
-    near = {} if eye is None else {"eye": eye, "axis": axis}
-    shown = display(build, radius=2.0, gap=1.0, rotation=rotation, offset=offset, across=across, **near)
-    config, system = configuration(shown, build, "exact"), System.of(shown)
-    width, height, pitch = system.frame.width_px, system.frame.height_px, shown.array.pitch_mm
-    columns, rows = (w.ravel() for w in np.meshgrid(np.arange(width), np.arange(height)))
-    i, j, x, y = locate_pixels(config, grid, 23, width, height, columns, rows)
-    white, view = holds_centre(config, 23, x, y), places_in_cell(grid, 23, x, y)
-
-    # The same in millimetres, from the display.
-    frame, lattice = system.frame, system.lattice
-    panel = frame.panel_from_pixel(columns + 0.5, rows + 0.5)
-    at = frame.array_from_panel(*panel)
-    # Where an eye sees the pixel in the apertures' plane, D = 1 + T / 1.5 before the panel. The centre of the elemental
-    # image is where it sees the lenslet's.
-    share, (ax, ay) = 0.0, frame.array_from_panel(*axis)
-    if eye is not None:
-        distance = 1.0 + shown.array.thickness_mm / 1.5
-        share = distance / (distance + eye)
-    seen = (at[0] + share * (ax - at[0]), at[1] + share * (ay - at[1]))
-    own_i, own_j, local_x, local_y = lattice.locate(NumpyBackend(), *seen)
-    same = (own_i == i) & (own_j == j)
-    assert same.mean() > 0.999
-    cx, cy = lattice.centre(own_i, own_j)
-    imaged = (cx + share / (1.0 - share) * (cx - ax), cy + share / (1.0 - share) * (cy - ay))
-    at = frame.pixel_from_panel(*frame.panel_from_array(*imaged))
-    away = np.maximum(abs(at[0] - columns - 0.5), abs(at[1] - rows - 0.5))
-    assert white[same & (away < 17 / 32 - 0.01)].all()
-    assert not white[same & (away > 17 / 32 + 0.01)].any()
-    # Wherever a lenslet's centre is on the panel, a pixel is white, four at most.
-    inside = (at[0] > 1) & (at[0] < width - 1) & (at[1] > 1) & (at[1] < height - 1)
-    lenslets = set(zip(own_i[inside], own_j[inside], strict=True))
-    lit = set(zip(i[white], j[white], strict=True))
-    assert lenslets <= lit
-    assert len(lit) <= white.sum() <= 4 * len(lit)
-
-    height_of_cell = np.sqrt(4 / 3) if grid == "hex" else 1.0
-    for wanted, got in ((local_x / pitch, view[0]), (local_y / pitch / height_of_cell, view[1])):
-        error = got - np.clip(np.floor(256 * (wanted + 0.5)), 0, 255)
-        assert abs(error[same]).max() <= 1
-        assert (error[same] == 0).mean() > 0.99
 
 
 @pytest.mark.parametrize("grid", GRIDS)

@@ -1,4 +1,4 @@
-"""tmds_encoder: every byte at every balance, and lines of video."""
+"""tmds_encoder: every byte at every balance."""
 
 from runner import run_cocotb
 
