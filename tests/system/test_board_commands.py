@@ -252,23 +252,14 @@ def test_images_that_do_not_belong_are_refused_and_the_last_frame_stays(place, p
     assert asked("board", "read", "epoch", "--port", port)["words"] == epoch
 
 
-def test_no_board_is_a_device_error(place, tmp_path):
-    with socket.socket() as nobody:
-        nobody.bind(("127.0.0.1", 0))
-        url = f"socket://127.0.0.1:{nobody.getsockname()[1]}"
-        assert "no program listens" in refused("stream", place / "own.exr", "--port", url, code=1)
-    assert "no such port" in refused("board", "info", "--port", tmp_path / "ttyNONE", code=1)
-    assert "pty" in refused(
-        "board", "start", "--display", place / "small.toml", "--line", "pty", "--tcp-port", 4000
-    )  # fmt: skip
-
-
 def test_bad_options_of_a_board_are_refused_before_it_is_compiled(place, tmp_path, monkeypatch, capsys):
     start = ["board", "start", "--display", str(place / "small.toml")]
     monkeypatch.setattr(virtual_board, "compiled", lambda *_: pytest.fail("compiled"))
     for words in ("10", "5"), ("5", "5"):
         assert run([*start, "--trace", str(tmp_path / "a.fst"), "--trace-clocks", *words]) == 2
         assert "--trace-clocks: " in capsys.readouterr().err
+    assert run([*start, "--line", "pty", "--tcp-port", "4000"]) == 2
+    assert "pty" in capsys.readouterr().err
     for drawn in ("--slots", "3"), ("--slot", "32x32"), ("--slot", "256x192"), ("--bilinear",), ("--samples", "1"):
         assert run([*start, *drawn]) == 2
         assert "add --layers N" in capsys.readouterr().err
@@ -409,19 +400,14 @@ def test_the_loss_of_the_terminal_ends_a_board_and_its_simulator(place, tmp_path
     assert list(tmp_path.iterdir()) == []
 
 
-def test_frames_of_another_panel_are_left_alone(place, tmp_path):
-    display = load_display(place / "small.toml")
-    (tmp_path / "frame-00000001.rgb").write_bytes(bytes(3 * WIDTH * HEIGHT))
-    (tmp_path / "frame-00000002.rgb").write_bytes(bytes(3 * WIDTH * HEIGHT + 3))
-    assert virtual_board.keep_as_png(tmp_path, display) == [tmp_path / "frame-00000001.png"]
-    assert {path.name for path in tmp_path.iterdir()} == {"frame-00000001.png", "frame-00000002.rgb"}
-
-
 def test_the_frames_of_the_next_board_come_after_those_of_the_last(place, tmp_path):
+    """Half a frame is removed once it is old; a frame of another panel is left alone."""
     display = load_display(place / "small.toml")
     old, new = tmp_path / "frame-00000007.rgb.part", tmp_path / "frame-00000008.rgb.part"
     for path in (old, new):
         path.write_bytes(b"half")
+    other = tmp_path / "frame-00000002.rgb"
+    other.write_bytes(bytes(3 * WIDTH * HEIGHT + 3))
     os.utime(old, (0, 0))
     virtual_board.remove_parts(tmp_path)
     for name, after in (("frame-00000001.png", 0), ("frame-00000002.png", 1)):
@@ -429,6 +415,7 @@ def test_the_frames_of_the_next_board_come_after_those_of_the_last(place, tmp_pa
         (tmp_path / "frame-00000001.rgb").write_bytes(bytes(3 * WIDTH * HEIGHT))
         assert virtual_board.keep_as_png(tmp_path, display, after) == [tmp_path / name]
     assert new.exists()
+    assert other.exists()
     assert not old.exists()
 
 

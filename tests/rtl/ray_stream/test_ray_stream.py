@@ -4,13 +4,12 @@ import json
 import tempfile
 from pathlib import Path
 
-import numpy as np
 import pytest
 from bench import pack
 from lippmann.fixed.build import Build
 from lippmann.fixed.ray_pipeline import ray_pipeline
 from lippmann.simulation.harness import optics_parameters, packed
-from optics import random_configuration, ray_words, within
+from random_cases import configured_display, random_rays
 from runner import compiled, simulate
 
 BENCH = Path(__file__).with_name("ray_stream_bench.sv")
@@ -24,12 +23,10 @@ BUILDS = [
 @pytest.mark.parametrize("build", BUILDS, ids=lambda b: f"{b.fraction_bits}-{b.grid}-{b.model}")
 def test_ray_stream(build, seed, rng):
     near, far = build.near, build.near + 2
-    displays = [random_configuration(rng, build) for _ in range(2)]
-    rays = ray_words(rng, 1200, build, displays[0])
-    kept = np.flatnonzero(within(*rays, build, displays[1]))
+    (display, one), (_, other) = (configured_display(rng, build, build.model) for _ in range(2))
+    displays = [one, other]
     # Fewer than the streams could take: 35 tests pass through them.
-    kept = rng.choice(kept, 600, replace=False)
-    rays = tuple(word[kept] for word in rays)
+    rays = random_rays(rng, display, build, 600)
     inputs = {"b": near, "a": near, "v": 18, "u": 18}
     outputs = {"status": 3, "dz": near, "dy": near, "dx": near, "z": far, "y": far, "x": far, "j": 12, "i": 12}
     plan = {

@@ -3,13 +3,13 @@
 import numpy as np
 import pytest
 from bench import Instance, Segment, stream
+from lippmann.display.description import Array, Display, Panel
 from lippmann.fixed.build import Build
 from lippmann.fixed.configuration import configuration
 from lippmann.fixed.raster import holds_centre, locate_pixels, places_in_cell
 from lippmann.fixed.ray_start import extent
-from lippmann.optics.system import System
 from lippmann.simulation.harness import packed
-from optics import display, random_configuration
+from random_cases import configured_display
 
 OFF, LENS, CENTRES, VIEWS, CHECKER, RAMP = range(6)
 WHITE = 0xFFFFFF
@@ -42,7 +42,7 @@ def test_equals_twin(f, seed, rng, seen):
         )  # fmt: skip
         instances.append(one)
         for kind in [LENS, CENTRES, VIEWS] * 4 + [CHECKER, RAMP, OFF, 6, 7]:
-            config = random_configuration(rng, Build(f, grid))
+            _, config = configured_display(rng, Build(f, grid), "exact")
             # A stretch of rows, and pixels anywhere; the corners.
             left, top = rng.integers(width - 40), rng.integers(height - 30)
             columns, rows = (w.ravel() for w in np.meshgrid(np.arange(left, left + 40), np.arange(top, top + 30)))
@@ -70,13 +70,10 @@ def test_equals_twin(f, seed, rng, seen):
 @pytest.mark.parametrize("grid", GRIDS)
 def test_a_centre_between_pixels_lights_all_that_meet_there(grid):
     # 20 pixels a pitch on an even panel: the centres of a row stand on corners of pixels.
-    build = Build(23, grid)
-    shown = display(build, radius=2.0, gap=1.0, across=20)
-    config, system = configuration(shown, build, "exact"), System.of(shown)
-    columns, rows = (
-        w.ravel() for w in np.meshgrid(np.arange(system.frame.width_px), np.arange(system.frame.height_px))
-    )
-    i, j, x, y = locate_pixels(config, grid, 23, system.frame.width_px, system.frame.height_px, columns, rows)
+    display = Display("case", Panel(400, 300, 0.05), Array(grid, 1.0, 2.0, 1.5, 0.8, "panel"), 1.0)
+    config = configuration(display, Build(23, grid), "exact")
+    rows, columns = np.indices((300, 400)).reshape(2, -1)
+    i, j, x, y = locate_pixels(config, grid, 23, 400, 300, columns, rows)
     white = holds_centre(config, 23, x, y)
     row = white & (j == 0)
     assert sorted(set(rows[row])) == [149, 150]
