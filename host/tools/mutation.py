@@ -36,6 +36,7 @@ WITHIN = {
     **dict.fromkeys(("request_reader", "request_order", "register_access", "ray_access"), "dispatcher"),
     **dict.fromkeys(("table_reader", "reply_builder", "reply_writer"), "dispatcher"),
     "sdram_splitter": "sdram_store",
+    "wide_product": "multiplier",
     "link_pkg": "packet_out",
     "math_pkg": "multiplier",
     "optics_pkg": "ray_stream",

@@ -34,13 +34,6 @@ def multiplier(wa: int, wb: int, drop: int, square: int, cells: int) -> Instance
     )  # fmt: skip
 
 
-def wide_product(wa: int, wb: int, drop: int, square: int) -> Instance:
-    return Instance(
-        "wide_product", {"a_i": wa, "b_i": wb}, {"p_o": wa + wb - drop}, f"lipp_math_pkg::mul_latency({wa}, {wb})",
-        {"Wa": wa, "Wb": wb, "Drop": drop, "Square": square},
-    )  # fmt: skip
-
-
 def low_product(low: int, latency: int | None) -> Instance:
     parameters = {"Low": low} | ({} if latency is None else {"Latency": latency})
     claimed = f"lipp_math_pkg::low_latency({low})" if latency is None else str(latency)
@@ -93,7 +86,6 @@ BYTE_SQUARE = Instance("byte_square", {"value_i": 8}, {"square_o": 16}, "lipp_ma
 PARTS = [
     MULT18,
     *(multiplier(*p, cells) for p in MULTIPLIERS for cells in (0, 1)),
-    *(wide_product(*p) for p in MULTIPLIERS),
     *(low_product(*p) for p in LOWS),
     *(delay("delay", *p) for p in DELAYS),
     *(rings(w, c) for w, c in DELAYS if w != 1),

@@ -1,44 +1,10 @@
-"""What is compiled is compiled once, for all processes that ask, and again when what decides it has changed."""
+"""What is compiled is compiled once, and again when what decides it has changed."""
 
-import subprocess
-import sys
-import time
 from pathlib import Path
 
 import pytest
 from lippmann.simulation import compilation
 from lippmann.simulation.compilation import RtlError, cached_file, verilated
-
-ASK = """
-import sys, time
-from pathlib import Path
-from lippmann.simulation.compilation import cached_file
-
-def make(path):
-    with open("made", "a") as log:
-        log.write("once\\n")
-    while not Path("all-ask").exists():
-        time.sleep(0.01)
-    path.write_text("program")
-
-print("asks", flush=True)
-print(cached_file(Path("build/program").absolute(), ["the same"], make))
-"""
-
-
-def test_processes_that_ask_at_once_share_what_one_makes(tmp_path):
-    command = [sys.executable, "-c", ASK]
-    asking = [subprocess.Popen(command, cwd=tmp_path, stdout=subprocess.PIPE, text=True) for _ in range(3)]
-    for process in asking:
-        assert process.stdout.readline() == "asks\n"
-    until = time.monotonic() + 30
-    while not (tmp_path / "made").exists():
-        assert time.monotonic() < until
-        time.sleep(0.01)
-    (tmp_path / "all-ask").touch()
-    made = {process.communicate(timeout=30)[0] for process in asking}
-    assert len(made) == 1
-    assert (tmp_path / "made").read_text() == "once\n"
 
 
 def test_what_decides_a_build_decides_its_name(tmp_path):

@@ -187,9 +187,9 @@ def labels(folder: Path, word: str) -> set[str]:
     return set(re.findall(rf"; yosys-smt2-{word} \d+ (\S+)", text))
 
 
-# Long covers, whose assumptions a broken design shows to have runs; the dispatcher of a board without a scene; latencies
-# of which 1 and 65 have each part; sizes between the least and the most; and the proof that is a page's command, which
-# is run as it stands there.
+# Long covers, whose assumptions a broken design shows to have runs; the dispatcher of a board without a scene;
+# latencies of which 1 and 65 have each part; sizes between the least and the most; and the proof that is a page's
+# command, which is run as it stands there.
 LONG = {
     "async_fifo cover",
     "dispatcher prove",

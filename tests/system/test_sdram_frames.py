@@ -1,16 +1,15 @@
 """Whole frames of 1280 x 720 from an SDRAM: no pixel is late while tiles come, frames are copied and checked."""
 
-import dataclasses
 import os
 import zlib
 
 import numpy as np
 import pytest
+from board_scenes import display_of
 from lippmann.board.board import Board
 from lippmann.board.port import BITS_A_BYTE
 from lippmann.board.streaming import send_frame
 from lippmann.board.virtual_loop import PATIENCE_S
-from lippmann.display.description import load_display
 from lippmann.fixed.registers import BOARD_REGISTERS
 from lippmann.simulation import virtual_board
 
@@ -18,26 +17,23 @@ SEED = int(os.environ.get("LIPPMANN_SEED", np.random.SeedSequence().entropy % (1
 WIDTH, HEIGHT = 1280, 720
 #: Of the line in the figures that are promised, and the clocks of a frame at 60 a second.
 BAUD, FRAME_CLOCKS = 3_000_000, 1650 * 750
+FRAMES = 40
 
 
 @pytest.mark.full
-@pytest.mark.parametrize("frames", [40])
-def test_no_pixel_is_late_while_frames_are_streamed_copied_and_checked(tmp_path, frames):
+def test_no_pixel_is_late_while_frames_are_streamed_copied_and_checked(tmp_path):
     rng = np.random.default_rng([SEED, 41])
     print(f"seed {SEED}")
-    display = load_display("scenes/displays/paper-square.toml")
-    panel = dataclasses.replace(display.panel, width_px=WIDTH, height_px=HEIGHT)
-    display = dataclasses.replace(display, name="hd", panel=panel)
     counter = {name: BOARD_REGISTERS[name].address for name in ("frames", "counters_late", "shown_crc")}
     image = rng.integers(0, 256, (HEIGHT, WIDTH, 3), np.uint8)
     sent = []
     with (
-        virtual_board.running(display, memory="sdram", capture=tmp_path) as running,
+        virtual_board.running(display_of("square", (WIDTH, HEIGHT)), memory="sdram", capture=tmp_path) as running,
         Board.open(running.url, patience_s=PATIENCE_S) as board,
     ):
         clock_hz = board.info.clock_hz
         first, written, copied = board.read(counter["frames"])[0], board.line.written, 0
-        while board.read(counter["frames"])[0] - first < frames:
+        while board.read(counter["frames"])[0] - first < FRAMES:
             # A band of new tiles; the others are copied on the board, or are there from two frames ago.
             top = int(rng.integers(0, HEIGHT - 96))
             image = image.copy()

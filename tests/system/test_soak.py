@@ -7,18 +7,17 @@ import math
 import os
 import time
 import zlib
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
+from board_scenes import HEIGHT, WIDTH, display_of
 from lippmann.base.machine import proc_mb
 from lippmann.base.variant import start_mitsuba
 from lippmann.board.board import Board
 from lippmann.board.drawn_scene import SceneBoard
 from lippmann.board.film_player import load_textures, play_film
 from lippmann.board.streaming import Sender, send_frame
-from lippmann.display.description import load_display
 from lippmann.fixed.scene_build import SceneBuild
 from lippmann.layers.stack import Layer, LayerStack
 from lippmann.motion.film_frames import Reel
@@ -34,7 +33,6 @@ from lippmann.simulation.toolchain import repository
 pytestmark = pytest.mark.full
 SOAK_S = float(os.environ.get("LIPPMANN_SOAK_S", "40"))
 SEED = int(os.environ.get("LIPPMANN_SEED", np.random.SeedSequence().entropy % (1 << 32)))
-WIDTH, HEIGHT = 112, 80
 SCENE = SceneBuild(layers=2, slots=4, width=64, height=32)
 #: Share of the time after which memory must stay, and by which it may grow.
 SETTLED, GROWTH = 0.25, 0.02
@@ -71,8 +69,7 @@ def check_flat(seen: Seen) -> None:
 def test_nothing_grows_and_no_frame_is_lost():
     print(f"seed {SEED}, {SOAK_S:g} s")
     rng = np.random.default_rng(SEED)
-    plain = load_display(repository() / "scenes/displays/vga-square.toml")
-    display = replace(plain, panel=replace(plain.panel, width_px=WIDTH, height_px=HEIGHT))
+    display = display_of("square")
     seen: Seen = []
     frames = films = 0
     with virtual_board.running(display, scene=SCENE) as running:
@@ -121,8 +118,7 @@ class Turner(Screens):
 def test_live_pictures_do_not_grow_and_the_last_one_stays():
     """Every picture that was sent was shown, the board ends with the newest, and it has all its samples."""
     start_mitsuba("llvm")
-    plain = load_display(repository() / "scenes/displays/vga-square.toml")
-    display = replace(plain, panel=replace(plain.panel, width_px=WIDTH, height_px=HEIGHT))
+    display = display_of("square")
     scene = load_scene(repository() / "scenes/fish/fish.xml").placed(Placement(0.15))
     picture = LivePicture(scene, display, "pinhole", Settings())
     hand = Hand(scene.placement, picture.middle_mm, display.panel.width_mm / WIDTH)

@@ -223,23 +223,6 @@ def test_a_panel_wider_than_textures_is_shown(browser, tmp_path):
     assert seen[:, 430:445].min() > 0.98
 
 
-@pytest.mark.parametrize("focus", [-60.0, 60.0])
-def test_a_wide_pupil_far_aside_is_observes(browser, mi, tmp_path, focus):
-    """Where errors of a ray grow most: it goes through several lenslets at a slant."""
-    display = load_display(ROOT / "scenes/displays/vga-hex.toml")
-    radiance = painted(display)
-    open_still(browser, tmp_path, page_html(display, radiance, "x"))
-    window = whole_window(display, 200)
-    chosen = {"eye": (150.0, 100.0, 120.0), "pupil": 20.0, "focus": focus}
-    page = seen_in_page(browser, window, 1, **chosen)
-    view = seen_by_observe(mi, radiance, display, window, 1, **chosen)
-    seen = (view > 0.0).any(axis=2)
-    assert seen.mean() > 0.1
-    different = (np.abs(page - encode(view, "srgb")) > STEP).any(axis=2)[seen].mean()
-    print(f"{different:.4f} differ")
-    assert different < 0.01
-
-
 @pytest.mark.parametrize(("side", "index"), [("panel", 1.1), ("viewer", 1.5)])
 def test_steep_domes_block_and_grow_with_the_pitch(browser, mi, tmp_path, side, index):
     """Nearly hemispheres, as thin as can be, seen from far aside: rays that neighbours' domes block.
@@ -303,7 +286,9 @@ def converged(name):
     return dataclasses.replace(display, panel=Panel(1200, 900, 0.05), **CONVERGED[name])
 
 
-@pytest.mark.parametrize("name", ["square-panel", "hex-panel", pytest.param("hex-viewer", marks=pytest.mark.full)])
+@pytest.mark.parametrize(
+    "name", ["hex-panel", *(pytest.param(name, marks=pytest.mark.full) for name in ("square-panel", "hex-viewer"))]
+)
 def test_twenty_eyes_on_converged_displays(browser, mi, tmp_path, name):
     """With crosstalk and without, which only the pixels' owners tell apart."""
     display = converged(name)

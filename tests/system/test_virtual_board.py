@@ -504,7 +504,7 @@ def test_a_slow_reader_loses_nothing(virtual):
     assert numbers == list(range(count))
 
 
-@over_bytes
+@often_over("socket-bytes")
 def test_a_board_that_stalls_is_waited_for(virtual):
     image = random_image(14)
     with Board.open(virtual.url, patience_s=15.0) as board:
@@ -556,7 +556,7 @@ def test_an_idle_board_needs_no_processor_and_wakes_at_once(quick):
     wait_for(quick.folder, random_image(22))
 
 
-@over_usual_lines
+@over_bytes
 def test_a_power_cycle_in_the_middle(virtual):
     before, image = random_image(9), random_image(8)
     with Board.open(virtual.url) as board:

@@ -52,15 +52,9 @@ async def traces_in_order(dut, idle, pressure):
     stuck = 4 * latency + 40
     await monitor.run(RAYS, pattern(idle, random, stuck), pattern(pressure, random, stuck), 10 * latency + 400)
     assert monitor.got == EXITS[0]
-
-
-@cocotb.test()
-async def takes_and_gives_a_ray_each_clock(dut):
-    monitor, latency = await start(dut)
-    await monitor.run(RAYS, pattern("always", random, 0), pattern("always", random, 0), 4 * latency)
-    assert monitor.got == EXITS[0]
-    assert monitor.accepted == list(range(monitor.accepted[0], monitor.accepted[0] + len(RAYS)))
-    assert {out - into for into, out in zip(monitor.accepted, monitor.left, strict=True)} == {latency}
+    if idle == pressure == "always":
+        assert monitor.accepted == list(range(monitor.accepted[0], monitor.accepted[0] + len(RAYS)))
+        assert {out - into for into, out in zip(monitor.accepted, monitor.left, strict=True)} == {latency}
 
 
 @cocotb.test()

@@ -36,15 +36,9 @@ async def keeps_order_and_contract(dut, idle, pressure):
               for clock in range(monitor.clocks)]  # fmt: skip
     assert max(inside) <= 2
     SEEN["two words inside"] += inside.count(2)
-
-
-@cocotb.test()
-async def a_word_passes_each_clock(dut):
-    monitor, words = await start(dut)
-    await monitor.run(words, pattern("always", random, 0), pattern("always", random, 0), 50)
-    assert monitor.got == words
-    assert {out - into for into, out in zip(monitor.accepted, monitor.left, strict=True)} == {1}
-    assert monitor.left == list(range(monitor.left[0], monitor.left[0] + len(words)))
+    if idle == pressure == "always":
+        assert {out - into for into, out in zip(monitor.accepted, monitor.left, strict=True)} == {1}
+        assert monitor.left == list(range(monitor.left[0], monitor.left[0] + len(words)))
 
 
 @cocotb.test()

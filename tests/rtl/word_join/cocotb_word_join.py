@@ -31,11 +31,6 @@ async def joins_in_order(dut, idle, pressure):
     wanted = joined(words, len(dut.in_data_i))
     await monitor.run(words, pattern(idle, random, 8), pattern(pressure, random, 8), 300, count=len(wanted))
     assert monitor.got == wanted
-
-
-@cocotb.test()
-async def a_part_passes_each_clock(dut):
-    monitor, words = await start(dut)
-    await monitor.run(words, pattern("always", random, 0), pattern("always", random, 0), 50, count=len(words) // PARTS)
-    assert monitor.accepted == list(range(monitor.accepted[0], monitor.accepted[0] + len(words)))
-    assert monitor.left == [clock + 1 for clock in monitor.accepted[PARTS - 1 :: PARTS]]
+    if idle == pressure == "always":
+        assert monitor.accepted == list(range(monitor.accepted[0], monitor.accepted[0] + len(words)))
+        assert monitor.left == [clock + 1 for clock in monitor.accepted[PARTS - 1 :: PARTS]]

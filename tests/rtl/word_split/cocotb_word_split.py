@@ -52,11 +52,4 @@ async def splits_in_order(dut, idle, pressure):
     monitor, words = await start(dut)
     parts = await run(monitor, words, pattern(idle, random, 8), pattern(pressure, random, 8))
     assert parts == split(words, len(dut.out_data_o))
-
-
-@cocotb.test()
-async def a_part_passes_each_clock(dut):
-    monitor, words = await start(dut)
-    parts = await run(monitor, words, pattern("always", random, 0), pattern("always", random, 0))
-    assert parts == split(words, len(dut.out_data_o))
-    assert monitor.clocks == len(parts)
+    assert monitor.clocks == len(parts) or (idle, pressure) != ("always", "always")
