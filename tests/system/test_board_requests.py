@@ -10,7 +10,6 @@ import pytest
 from board_scenes import HEIGHT, WIDTH, display_of
 from lippmann.board.board import Board
 from lippmann.board.packets import packed
-from lippmann.errors import DeviceError
 from lippmann.fixed.configuration import configuration
 from lippmann.fixed.raster import TABLE_ENTRIES, Raster, raster
 from lippmann.fixed.ray_pipeline import ray_pipeline
@@ -230,21 +229,3 @@ def test_a_reset_over_the_line(raw):
     # The same packet again does not reset again.
     assert raw.ask(RESET, seq=seq) == (STALE, b"")
     assert raw.ask(READ, struct.pack("<HB", SEED_AT, 1)) == (OK, struct.pack("<I", 1))
-
-
-def test_the_host_signs_aborts_and_resets(virtual):
-    with Board.open(virtual.url) as board:
-        board.reset()
-        board.write_all([*optics_writes(OPTICS_WORDS), *raster_writes(SHORT)])
-        assert board.sign(SHORT.rays) == struct.unpack("<II", signed(SHORT)[1])
-        board.write(CONTROL, [START])
-        with pytest.raises(DeviceError, match=r"refuses SIGN.*a frame.*runs.*board abort"):
-            board.sign(SHORT.rays)
-        board.abort()
-        assert board.sign(SHORT.rays) == struct.unpack("<II", signed(SHORT)[1])
-        # One that would take days is ended when its time is over.
-        board.write(0x2CC, [0])
-        board.patience_s = 0.5
-        with pytest.raises(DeviceError, match=r"has not ended"):
-            board.sign(10)
-        assert board.read(0x210)[0] & 0b1011 == 0

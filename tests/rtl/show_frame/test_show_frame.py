@@ -4,6 +4,6 @@ import pytest
 from runner import run_cocotb
 
 
-@pytest.mark.parametrize(("width", "height"), [(7, 5), (1, 1), (16, 9)])
+@pytest.mark.parametrize(("width", "height"), [(7, 5), (1, 1), pytest.param(16, 9, marks=pytest.mark.full)])
 def test_show_frame(width, height):
     run_cocotb("show_frame", {"Width": width, "Height": height})
