@@ -35,7 +35,7 @@ LAST = {
 WITHIN = {
     **dict.fromkeys(("request_reader", "request_order", "register_access", "ray_access"), "dispatcher"),
     **dict.fromkeys(("table_reader", "reply_builder", "reply_writer"), "dispatcher"),
-    "sdram_splitter": "sdram_store",
+    **dict.fromkeys(("word_join", "word_split"), "sdram_store"),
     "wide_product": "multiplier",
     "link_pkg": "packet_out",
     "math_pkg": "multiplier",

@@ -11,10 +11,11 @@ from pathlib import Path
 
 import pytest
 import yaml
+from click.testing import CliRunner
 from clone import TOP, clone, files
 from lippmann.errors import LippmannError
 from lippmann.simulation.toolchain import PREFIX, rtl_folders, rtl_sources, verilator_environment
-from tools.generate_manifests import manifests
+from tools.generate_manifests import main
 
 EXAMPLE = "docs/how-to/example-design"
 #: All but those of the FPGA boards, which only `make bitstream` reads.
@@ -59,11 +60,16 @@ def core_files(*flags):
     return [name for name in found if not name.endswith(".vlt")]
 
 
-def test_the_committed_files_are_those_that_the_list_makes():
-    made = manifests(TOP)
-    assert {str(path) for path in made} == {"Bender.yml", "rtl/lippmann.core", "rtl/lippmann.f", "rtl/lippmann_ecp5.f"}
-    for path, text in made.items():
-        assert (TOP / path).read_text() == text, f"{path}: run make manifests"
+def test_the_committed_files_are_those_that_the_command_makes(monkeypatch, tmp_path):
+    shutil.copytree(TOP / "rtl", tmp_path / "rtl")
+    shutil.copy(TOP / "pyproject.toml", tmp_path)
+    names = ["Bender.yml", "rtl/lippmann.core", "rtl/lippmann.f", "rtl/lippmann_ecp5.f"]
+    for name in names:
+        (tmp_path / name).unlink(missing_ok=True)
+    monkeypatch.setattr("tools.generate_manifests.repository", lambda: tmp_path)
+    assert sorted(CliRunner().invoke(main).stdout.split()) == names
+    for name in names:
+        assert (tmp_path / name).read_text() == (TOP / name).read_text(), f"{name}: run make manifests"
     assert "-m tools.generate_manifests\n" in (TOP / "Makefile").read_text()
 
 
