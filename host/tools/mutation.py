@@ -34,7 +34,7 @@ LAST = {
 #: Modules that are tested as parts of another, and packages.
 WITHIN = {
     **dict.fromkeys(("request_reader", "request_order", "register_access", "ray_access"), "dispatcher"),
-    **dict.fromkeys(("table_reader", "reply_builder", "reply_writer"), "dispatcher"),
+    **dict.fromkeys(("table_reader", "reply_builder"), "dispatcher"),
     **dict.fromkeys(("word_join", "word_split"), "sdram_store"),
     "wide_product": "multiplier",
     "link_pkg": "packet_out",

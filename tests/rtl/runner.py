@@ -103,13 +103,7 @@ def simulate(
     environment: Mapping[str, str] | None = None,
     plusargs: Mapping[str, object] | None = None,
 ) -> None:
-    """Run the cocotb tests of a Python module on a compiled bench.
-
-    Raises
-    ------
-    AssertionError
-        When a test failed, or none ran: what the simulator printed.
-    """
+    """Run the cocotb tests of a Python module on a compiled bench; tell what it printed if one fails, or none ran."""
     case = os.environ["PYTEST_CURRENT_TEST"].split(" ")[0].rsplit("/", 1)[-1]
     work = BUILD / "runs" / "".join(c if c.isalnum() or c in "-_." else "-" for c in case)
     work.mkdir(parents=True, exist_ok=True)

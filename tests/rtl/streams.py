@@ -156,6 +156,7 @@ class Monitor:
                 sent, offered = sent + 1, False
             waited = 0 if (sent, len(self.got)) > before else waited + 1
             assert waited < patience, f"nothing moved for {patience} clocks; {len(self.got) - already} of {count} came"
+            assert len(self.got) - already <= count, "more words came out than were due"
         for _ in range(patience // 4 if rest is None else rest):
             await self.clock(None, True)
         assert len(self.got) - already == count, "more words came out than were due"

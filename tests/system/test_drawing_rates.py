@@ -9,25 +9,20 @@ from lippmann.board import retries
 from lippmann.board.board import Board
 from lippmann.board.drawn_scene import SceneBoard
 from lippmann.board.port import BITS_A_BYTE
+from lippmann.board.streaming import send_frame
 from lippmann.board.virtual_loop import PATIENCE_S
 from lippmann.fixed.registers import BOARD_REGISTERS
 from lippmann.fixed.scene_build import SceneBuild
 from lippmann.layers.stack import LayerStack
 from lippmann.simulation import virtual_board
-from test_board_scene import HEIGHT, SEED, WIDTH, display_of, moved, random_layer, show, twin
+from test_board_scene import HEIGHT, SEED, WIDTH, captured, display_of, moved, random_layer, show, twin
 
 #: Of the line in the figures that are promised, and the slowest clock for it: the fewest clocks of a bit.
 BAUD = 3_000_000
 SLOW_HZ = BAUD * virtual_board.CLOCKS_OF_A_BIT
 #: The pixel clock of 1280 x 720 at 60 frames a second.
 VIDEO_HZ = 74_250_000
-
-
-@pytest.fixture
-def patient(monkeypatch):
-    """Nothing is sent again because this machine is slow."""
-    for name in ("FIRST_S", "SHORTEST_S", "LONGEST_S"):
-        monkeypatch.setattr(retries, name, PATIENCE_S)
+HD = 1280, 720
 
 
 def frames_of(board):
@@ -35,8 +30,10 @@ def frames_of(board):
 
 
 @pytest.mark.full
-def test_four_layers_are_loaded_in_a_second(patient):
+def test_four_layers_are_loaded_in_a_second(monkeypatch):
     """Of the usual size, by a UART of 3 Mbaud, bit by bit; the clock is the time, in frames of the panel."""
+    for name in ("FIRST_S", "SHORTEST_S", "LONGEST_S"):  # nothing is sent again because this machine is slow
+        monkeypatch.setattr(retries, name, PATIENCE_S)
     build, display = SceneBuild(), display_of("square")
     front, sync, back, above, lines, below, *_ = virtual_board.REDUCED
     frame_s = (WIDTH + front + sync + back) * (HEIGHT + above + lines + below) / SLOW_HZ
@@ -64,8 +61,8 @@ WHOLE_FRAMES = int(os.environ.get("LIPPMANN_FRAMES", "20"))
 def test_no_pixel_is_late_on_a_saturated_line(monkeypatch, rows, frames):
     """Blocks, updates and reads on a line that carries more than 3 Mbaud do, while each clock draws a pixel."""
     rng = np.random.default_rng([SEED, 23, rows])
-    size, whole = (1280, rows), display_of("square", (1280, 720))
-    monkeypatch.setitem(virtual_board.KNOWN_TIMINGS, size, virtual_board.KNOWN_TIMINGS[1280, 720])
+    size, whole = (1280, rows), display_of("square", HD)
+    monkeypatch.setitem(virtual_board.KNOWN_TIMINGS, size, virtual_board.KNOWN_TIMINGS[HD])
     build, display = SceneBuild(), display_of("square", size)
     stack = LayerStack(tuple(random_layer(rng, whole, build) for _ in range(4)))
     texture = rng.bytes(build.slot_bytes)
@@ -88,3 +85,41 @@ def test_no_pixel_is_late_on_a_saturated_line(monkeypatch, rows, frames):
         scene.wait(True)
         assert board.panel_crc() == zlib.crc32(twin(display, stack, build).tobytes())
         assert scene.status().underflows == 0
+
+
+@pytest.mark.full
+def test_no_pixel_of_an_sdram_is_late_while_frames_are_streamed_copied_and_checked(tmp_path):
+    rng = np.random.default_rng([SEED, 41])
+    print(f"seed {SEED}")
+    late, crc = (BOARD_REGISTERS[name].address for name in ("counters_late", "shown_crc"))
+    image = rng.integers(0, 256, (*HD[::-1], 3), np.uint8)
+    sent = []
+    with (
+        virtual_board.running(display_of("square", HD), memory="sdram", capture=tmp_path) as running,
+        Board.open(running.url, patience_s=PATIENCE_S) as board,
+    ):
+        clock_hz = board.info.clock_hz
+        first, written, copied = frames_of(board), board.line.written, 0
+        while frames_of(board) - first < 40:
+            # A band of new tiles; the others are copied on the board, or are there from two frames ago.
+            top = int(rng.integers(0, HD[1] - 96))
+            image = image.copy()
+            image[top : top + 96] = rng.integers(0, 256, (96, HD[0], 3), np.uint8)
+            result = send_frame(board, image)
+            copied += result.copied
+            sent.append(image.tobytes())
+        shown = frames_of(board) - first
+        rate = (board.line.written - written) * BITS_A_BYTE * clock_hz / (shown * (1650 * 750))
+        print(f"{shown} frames, {len(sent)} sent, {copied} tiles copied, the line at {rate / 1e6:.1f} Mbaud")
+        assert copied > 0
+        assert rate >= BAUD
+        assert board.read(late) == [0]
+        until = frames_of(board) + 2
+        while frames_of(board) < until:
+            pass
+        assert board.read(crc) == [zlib.crc32(sent[-1])]
+        assert running.stop()["memory_violations"] == 0
+    allowed = {*sent, bytes(image.nbytes)}
+    frames = captured(tmp_path)
+    assert len(frames) > 2
+    assert set(frames) <= allowed

@@ -10,6 +10,8 @@ import pytest
 from lippmann.simulation.compilation import FAST, cached_file, verilated
 from lippmann.simulation.toolchain import needed, rtl_sources
 from runner import BUILD, CHECKS, OPTIONS, TOP, seed
+from tools.flow import SYNTHESISER, Source, route, run_tool, synthesise
+from tools.synthesis import DEVICE, WANTED_MHZ, sources
 
 MAIN = Path(__file__).with_name("main.cpp")
 MODEL = TOP / "sim" / "board" / "sdram.h"
@@ -37,14 +39,14 @@ ARGUMENTS = {"fast": {"mem_ps": 7000, "grade": 7, "pad": 1}, "720p": {"v_blank":
 def store(build, must_fail=False, **arguments):
     """Run a build of the store; return what it prints, figures and violations."""
     parameters = BUILDS[build]
-    sources = needed("lipp_sdram_store", rtl_sources(TOP))
-    sources += [CHECKS / f"lipp_sdram_{way}_port_checks.sv" for way in ("read", "write")]
+    files = needed("lipp_sdram_store", rtl_sources(TOP))
+    files += [CHECKS / f"lipp_sdram_{way}_port_checks.sv" for way in ("read", "write")]
 
     def make(program):
-        verilated(program, "lipp_sdram_store", sources, [MAIN], parameters, options=OPTIONS, flags=FAST)
+        verilated(program, "lipp_sdram_store", files, [MAIN], parameters, options=OPTIONS, flags=FAST)
 
     program = cached_file(
-        BUILD / f"sdram_store-{build}", [*sources, MAIN, MODEL, repr(parameters), *OPTIONS, *FAST], make
+        BUILD / f"sdram_store-{build}", [*files, MAIN, MODEL, repr(parameters), *OPTIONS, *FAST], make
     )
     chosen = seed()
     size = {"width": parameters["Width"], "height": parameters["Height"], "seed": chosen}
@@ -131,3 +133,32 @@ def test_no_underflow_in_many_frames(build, frames):
     assert figures["errors"] == figures["underflows"] == 0
     assert figures["frames"] == frames
     (BUILD / f"sdram-bandwidth-{build}.txt").write_text("".join(f"{k} {v}\n" for k, v in figures.items()))
+
+
+# ---- as yosys reads it, and its clocks after place-and-route alone, between registers (sim/synth) ----
+
+PROBE = Source("probe_sdram", {}, sources(TOP, "probe_sdram"))
+#: MHz: the memory's fastest grade in use, and the pixel clock of 1280x720 with ten percent in hand.
+WANTED = {"mem_clk": 143, "clk": 82}
+
+
+def test_yosys_reads_it():
+    run_tool([SYNTHESISER, "-p", f"{PROBE.commands}; proc; check -assert"])
+
+
+@pytest.mark.full
+def test_its_clocks():
+    folder = BUILD / "sdram_store-placed"
+    folder.mkdir(parents=True, exist_ok=True)
+    netlist = folder / "netlist.json"
+    written = synthesise(PROBE, netlist, folder / "yosys.log")
+    for number in (1, 2, 3):
+        options = [*DEVICE, "--freq", str(WANTED_MHZ)]
+        found = route(netlist, written, options, number, folder / f"report-{number}.json", folder / f"{number}.log")
+        achieved = {name.split("$")[2].removesuffix("_i"): one["achieved"] for name, one in found["fmax"].items()}
+        assert set(achieved) == set(WANTED)
+        for clock, wanted in WANTED.items():
+            assert achieved[clock] >= wanted, (number, achieved)
+        # Line buffers of show and read; no multiplier.
+        assert found["utilization"]["DP16KD"]["used"] == 5
+        assert found["utilization"]["MULT18X18D"]["used"] == 0
