@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import math
 import tempfile
-import warnings
 import webbrowser
 from collections.abc import Sequence
 from dataclasses import replace
@@ -19,12 +18,12 @@ import numpy as np
 from lippmann.base.files import write_file
 from lippmann.base.images import check_output
 from lippmann.base.progress import Progress, check_progress
-from lippmann.base.variant import own_variant
+from lippmann.base.variant import check_device, own_variant
 from lippmann.capturing.capture import capture as capture_scene
 from lippmann.capturing.capture import placement_before
 from lippmann.capturing.capture_setup import Pickup, Setup, load_setup
 from lippmann.display.description import MAX_SIDE_PX, Display, display_at
-from lippmann.errors import InputError, LippmannWarning, whole_number
+from lippmann.errors import InputError, as_number, check_flags, check_type, warn_user, whole_number
 from lippmann.eye.many_views import render_directs
 from lippmann.eye.notebook import HEIGHT_PX, Sweep, Widget
 from lippmann.eye.observer import Eye, View, whole_window
@@ -222,6 +221,8 @@ def capture(
     built = setup if isinstance(setup, Setup) else load_setup(setup)
     if aperture is not None and not isinstance(built.pickup, Pickup):
         raise InputError("aperture is for a [pickup] only, because a camera has a pinhole; leave it out")
+    if rotate is not None:
+        check_flags(rotate=rotate)
     rotated = not built.concave if rotate is None else rotate
     settings = Settings(samples, aperture or "full", integrator, max_depth, seed, memory_mb, shading)
     check_memory(built.display.panel.width_px, built.display.panel.height_px, settings, colours=1)
@@ -242,11 +243,10 @@ def _losses(lens_percent: float, array_percent: float) -> dict[str, float]:
     """Return the lost rays of a capture by name, per cent; warn of many."""
     if lens_percent > WARNING_PERCENT:
         text = f"the lens's aperture cuts off {lens_percent:.1f} % of the rays (black in the image)"
-        warnings.warn(f"{text}; a larger lens.aperture_mm lets them in", LippmannWarning, stacklevel=3)
+        warn_user(f"{text}; a larger lens.aperture_mm lets them in")
     if array_percent > WARNING_PERCENT:
         text = f"{array_percent:.1f} % of the rays are lost in the array (black in the image)"
-        remedy = "the lenslets' rims reflect them; a longer focal length lets them out"
-        warnings.warn(f"{text}: {remedy}", LippmannWarning, stacklevel=3)
+        warn_user(f"{text}: the lenslets' rims reflect them; a longer focal length lets them out")
     return {"vignetting_percent": lens_percent, "array_loss_percent": array_percent}
 
 
@@ -290,8 +290,7 @@ def observe(
     check_image(image)
     built = image.display if display is None else display_at(display)
     looking = Eye(eye, pupil_mm, focus_z_mm)
-    if not (window is None or isinstance(window, Window)):
-        raise InputError(f"window {window!r} is not a rendering.sampling.Window; leave it out for the whole panel")
+    check_type("window", window, (Window, type(None)), "a rendering.sampling.Window or None")
     window = window or whole_window(image.display, whole_number("width_px", width_px, 1, MAX_SIDE_PX))
     with own_variant(device):
         view = observe_window(image.radiance, built, looking, window, samples, model, seed, crosstalk)
@@ -382,7 +381,7 @@ def sweep(
     """
     count = whole_number("count", count, 2, 1000)
     for name, place in (("start", start), ("end", end)):
-        if np.shape(place) != (3,):
+        if np.array(place, object).shape != (3,):
             raise InputError(f"sweep: {name} {place!r} is not a position; give (x, y, z) in mm")
     places = np.linspace(start, end, count).tolist()
     return Sweep([observe(image, (x, y, z), **options) for x, y, z in places])
@@ -404,11 +403,16 @@ def view_page(
 ) -> bytes:
     """Return the page that `view` writes; `directs` are further direct views, already rendered."""
     check_progress(progress)
+    check_type("later", later, Sequence, "a list of lippmann.IntegralImage")
     for frame in (image, *later):
         check_image(frame)
-    rate: object = frames_per_second
-    if not (isinstance(rate, int | float) and 0.1 <= rate < math.inf):
-        raise InputError(f"frames_per_second {rate} is out of range; give 0.1 or more")
+    check_type("title", title, str, "text")
+    if not 0.1 <= as_number(frames_per_second) < math.inf:
+        raise InputError(f"frames_per_second {frames_per_second} is out of range; give 0.1 or more")
+    if scene is None and (placement is not None or arrange is not None):
+        raise InputError("placement and arrange place a scene; give scene too, or leave them out")
+    check_device(device)
+    seed = whole_number("seed", seed, 0, 2**32 - 1)
     if scene is not None:
         with open_scene(scene, placement, device) as loaded:
             placed = place_scene(loaded, image.display, arrange)

@@ -15,7 +15,7 @@ from lippmann.fixed.conversion import pixels_of_words, rays_of_words, words_of_a
 from lippmann.fixed.ray_pipeline import FixedRays, ray_pipeline
 from lippmann.fixed.words import WIDEST, Ints
 from lippmann.optics.rays import Engine, Floats, Model, Rays, check_fraction_bits
-from lippmann.optics.trace import checked_rays, trace_optics
+from lippmann.optics.trace import check_engine_device, checked_rays, trace_optics
 
 #: Words of pixels u, v and of aperture points a, b, (N,) each.
 Words = tuple[Ints, Ints, Ints, Ints]
@@ -54,6 +54,7 @@ def trace(
         For fast: "llvm" (CPU), "cuda" (GPU) or "auto", the GPU if there is one. For
         twin and rtl: F, 14 to 23; None: the widest.
     """
+    check_engine_device(engine, device)
     if engine in ("twin", "rtl"):
         from lippmann.simulation.harness import rtl_pipeline  # not at the top: a render without it starts sooner
 

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import difflib
+import math
 import re
 import sys
 import warnings
-from collections.abc import Iterable
-from numbers import Integral
+from collections.abc import Collection, Iterable
+from numbers import Integral, Real
 from pathlib import Path
 from typing import Self
 
@@ -84,6 +85,8 @@ def path_of(value: object, what: str) -> Path:
     """Return an argument as a path; refuse other types. `what` is the kind of file."""
     if not isinstance(value, str | Path):
         raise InputError(f"{str(value)[:80]!r} is not {what}; give its path")
+    if not str(value) or "\0" in str(value):
+        raise InputError(f"{str(value)!r} is not a path; give the path of {what}")
     return Path(value)
 
 
@@ -120,6 +123,33 @@ def whole_number(name: str, value: object, low: int, high: int) -> int:
     if not low <= int(value) <= high:
         raise InputError(f"{name} {value} is out of range; give {low} to {high}")
     return int(value)
+
+
+def as_number(value: object) -> float:
+    """Return a real number as a float, NaN for anything else."""
+    if not isinstance(value, Real) or isinstance(value, bool):
+        return math.nan
+    is_huge = isinstance(value, int) and value.bit_length() > 1023
+    return math.inf if is_huge else float(value)
+
+
+def check_type(name: str, value: object, kinds: type | tuple[type, ...], what: str) -> None:
+    """Refuse an argument of other types; `what` says in words what it must be."""
+    if not isinstance(value, kinds):
+        raise InputError(f"{name} must be {what}, not {str(value)[:80]!r}")
+
+
+def check_flags(**flags: object) -> None:
+    """Refuse arguments other than True and False, also numpy's."""
+    for name, value in flags.items():
+        if type(value).__name__ not in ("bool", "bool_"):
+            raise InputError(f"{name} must be True or False, not {str(value)[:80]!r}")
+
+
+def check_choice(name: str, value: object, choices: Collection[str]) -> None:
+    """Refuse an argument that is none of some words."""
+    if not (isinstance(value, str) and value in choices):
+        raise InputError(f"unknown {name} '{value}'; choose from {', '.join(choices)}")
 
 
 def did_you_mean(name: str, choices: Iterable[str]) -> str:

@@ -10,6 +10,7 @@ import shutil
 import subprocess
 import sys
 import time
+from dataclasses import replace
 from importlib import import_module
 from pathlib import Path
 
@@ -22,12 +23,14 @@ from jupyter_client.manager import start_new_kernel
 from lippmann.base.images import read_picture
 from lippmann.base.tones import encoded_values
 from lippmann.cli import run
+from lippmann.display.glass import index_of
 from lippmann.errors import DeviceError, InputError
 from model_board import ModelBoard
 from PIL import Image
 from scene_cases import display_toml, focused_display, glowing_sphere, write_scene
 
 TOP = Path(__file__).parents[2]
+FISH, SETUP = TOP / "scenes/layers/fish", TOP / "scenes/setups/fig8a.toml"
 TEN_LINES = """\
 import lippmann as lp
 display = lp.load_display("vga-square.toml")
@@ -250,7 +253,9 @@ def test_a_users_variant_neither_matters_nor_changes(small, mi, few_samples, var
         ({"device": "tpu"}, "unknown device 'tpu'"),
         ({"placement": "x.toml"}, "placement must be a lippmann.Placement or None, not 'x.toml'"),
         ({"memory_mb": float("nan")}, r"memory_mb \(--memory-mb\) nan is not a limit"),
-        ({"kept": ""}, "kept is empty"),
+        ({"kept": ""}, "'' is not a path; give the path of a folder for kept bands"),
+        ({"scheduler": ""}, "scheduler '' is not an address; give one such as tcp://"),
+        ({"model": "pinhole", "tolerance": "x"}, "tolerance 'x' is not positive and finite"),
         ({"kept": 5}, "'5' is not a folder for kept bands; give its path"),
         ({"progress": 5}, "progress 5 is not a function; give one that takes"),
         ({"memory_mb": 1.0}, "display 'case': panel.width_px, panel.height_px: an image of 60 x 40 pixels: needs"),
@@ -318,7 +323,7 @@ def test_numpys_integers_are_whole_numbers(plain, mi):
         ((0, np.nan, 600), {}, "is not finite; give numbers in mm"),
         ((0, 0, 600), {"pupil_mm": "4"}, "is not finite; give numbers in mm"),
         ((0, 0, 600), {"focus_z_mm": None}, "is not finite; give numbers in mm"),
-        ((0, 0, 600), {"window": 5}, r"window 5 is not a rendering\.sampling\.Window; leave it out"),
+        ((0, 0, 600), {"window": 5}, r"window must be a rendering\.sampling\.Window or None, not '5'"),
     ],
 )
 def test_an_eye_is_a_position(plain, mi, eye, others, said):
@@ -349,6 +354,63 @@ def test_arguments_that_are_refused(small, mi, call, said):
         call()
 
 
+#: Calls with an argument of a wrong type, and what the error says.
+WRONG = [
+    (lambda _: lp.load_scene(""), "'' is not a path; give the path of a scene"),
+    (lambda _: lp.load_display(""), "'' is not a path; give the path of a display file"),
+    (lambda p: lp.observe(p, crosstalk="x"), "crosstalk must be True or False, not 'x'"),
+    (lambda p: lp.IntegralImage.load("a.exr", p.display, force="no"), "force must be True or False, not 'no'"),
+    (lambda p: lp.IntegralImage.load("a.exr", p.display, stored=1), "stored must be True or False, not '1'"),
+    (lambda _: lp.load_scene("ball.xml", 3), r"placement must be a lippmann\.Placement or None, not '3'"),
+    (lambda _: lp.load_scene("ball.xml", device="llvm").placed(3), r"placement must be a lippmann\.Placement, not '3'"),
+    (lambda _: lp.parse_display(3), "text must be text, not '3'"),
+    (lambda p: replace(p, metadata=3), "metadata must be a dictionary, not '3'"),
+    (lambda p: replace(p, measured=[]), "measured must be a dictionary"),
+    (lambda p: lp.IntegralImage([[1, 2], [3]], p.display), "radiance is not an array; give"),
+    (lambda p: replace(p.display, panel=3), "Display: panel must be lippmann's Panel, not '3'"),
+    (lambda p: p.show("x"), "seconds x is no length of time"),
+    (lambda p: lp.view(p, "p.html", later=3), r"later must be a list of lippmann\.IntegralImage, not '3'"),
+    (lambda p: lp.view(p, "p.html", title=3), "title must be text, not '3'"),
+    (lambda p: lp.view(p, "p.html", seed="x"), "seed 'x' is not a whole number"),
+    (lambda p: lp.view(p, "p.html", arrange="fit"), "placement and arrange place a scene; give scene too"),
+    (lambda p: lp.sweep(p, [[1, 2], [3]], (0, 0, 600)), "start .* is not a position"),
+    (lambda p: lp.observe(p, pupil_mm=10**400), "is not finite; give numbers in mm"),
+    (lambda p: lp.trace(p.display, 10**400), "pixels is not an array of numbers"),
+    (lambda p: lp.trace(p.display, [[1, 1]], device="cuda"), "device cuda .* belongs to the engine fast; leave it out"),
+    (lambda p: lp.trace(p.display, [[1, 1]], engine="twin", device=3), "unknown device '3'"),
+    (lambda p: p.display.at_wavelength("x"), "without dispersion"),
+    (lambda p: p.display.misaligned(pitch_scale=0), "pitch_scale: 0 is not valid; give a finite number, more than 0"),
+    (lambda _: index_of("N-BK7", "x"), "wavelength x nm is outside"),
+    (lambda _: lp.LayerStack(3), r"layers must be a list of lippmann\.Layer, not '3'"),
+    (lambda _: lp.load_layers(FISH).moved(scale="x"), "scale x is out of range"),
+    (lambda _: lp.load_layers(FISH).moved(offset_mm=(1,)), r"offset_mm has shape \(1,\); give \(x, y, z\) in mm"),
+    (lambda _: lp.load_layers(FISH).moved(2.0, "x"), "offset_mm contains something that is not a number"),
+    (lambda _: lp.load_setup(SETUP).resized("x"), "size 'x' is not a whole number"),
+    (lambda _: lp.capture("ball.xml", SETUP, rotate="x"), "rotate must be True or False, not 'x'"),
+    (lambda _: lp.Board.open("loop://", baud="x"), "the baud rate x is not positive"),
+]
+
+
+@pytest.mark.parametrize(("call", "said"), WRONG, ids=[said for _, said in WRONG])
+def test_arguments_of_a_wrong_type(plain, mi, call, said):
+    plain.save("a.exr")
+    with pytest.raises(InputError, match=said):
+        call(plain)
+
+
+def test_a_board_refuses_arguments_of_a_wrong_type(plain):
+    model = ModelBoard(60, 40, identity=int(plain.display.identity, 16))
+    with model, lp.Board.open(model.url) as link:
+        for call, said in (
+            (lambda: link.show(plain, progress=3), "progress 3 is not a function"),
+            (lambda: link.show(plain, force="no"), "force must be True or False, not 'no'"),
+            (lambda: link.show_render(3), "plan must be a plan of a render"),
+            (lambda: link.write_optics(3), r"display must be a lippmann\.Display, not '3'"),
+        ):
+            with pytest.raises(InputError, match=said):
+                call()
+
+
 def test_a_display_may_be_given_as_its_path(plain, small, mi):
     pixels = [[30.5, 20.25], [3.0, 39.5]]
     rays, wanted = lp.trace("d.toml", pixels), lp.trace(small, pixels)
@@ -359,7 +421,7 @@ def test_a_display_may_be_given_as_its_path(plain, small, mi):
     assert lp.IntegralImage.load("a.tif", "d.toml").display == small
     views = [lp.observe(plain, width_px=9, display=one, device="llvm").radiance for one in ("d.toml", small)]
     np.testing.assert_array_equal(*views)
-    for display, said in (("e.toml", r"e\.toml: no such file"), (7, "'7' is not a display; give its file, or what")):
+    for display, said in (("e.toml", r"e\.toml: no such file"), (7, "'7' is not a display file; give its path")):
         with pytest.raises(InputError, match=said):
             lp.trace(display, pixels)
 

@@ -179,8 +179,8 @@ LOOKING_AWAY = """<sensor type="perspective"><transform name="to_world">
         ('<sensor type="orthographic"/>' + glowing_sphere((0, 0, 0), 1.0), "camera", "contains no camera"),
         (LOOKING_AWAY + glowing_sphere((0, 0, 0), 1.0), "camera", "the camera does not look at the scene"),
         ('<emitter type="constant"/>', "fit", "no bounded extent to fit"),
-        (glowing_sphere((0, 0, 0), 1.0), "from-camera", "arrange: 'from-camera' is unknown; choose from fit, camera"),
-        (glowing_sphere((0, 0, 0), 1.0), True, "arrange: 'True' is unknown"),
+        (glowing_sphere((0, 0, 0), 1.0), "from-camera", "unknown arrange 'from-camera'; choose from fit, camera"),
+        (glowing_sphere((0, 0, 0), 1.0), True, "unknown arrange 'True'"),
     ],
 )
 def test_scenes_that_cannot_be_placed(mi, tmp_path, body, arrange, said):

@@ -520,3 +520,35 @@ def test_python_keeps_bands_and_shares_them(place, narrow):
         assert image.metadata == usual.metadata
     with pytest.raises(InputError, match="a scene in memory can neither be shared"):
         lippmann.render({"type": "scene", "ball": {"type": "sphere"}}, display, **options, workers=2)
+
+
+def test_what_a_folder_for_bands_says(place, mi, caplog):
+    """A picture of one band is not kept before it is complete; foreign files stay, and are named."""
+    caplog.set_level("INFO", "lippmann")
+    folder = place / "kept"
+    folder.mkdir()
+    (folder / "mine.txt").touch()
+    options = {"samples": 1, "model": "exact", "placement": Placement(), "device": "llvm", "kept": folder}
+    with pytest.warns(LippmannWarning, match="kept: holds 1 other files or folders, which stay"):
+        lippmann.render(place / "three.xml", place / "small.toml", **options)
+    assert "a picture of one band is kept only when complete" in caplog.text
+    assert (folder / "mine.txt").exists()
+    lock = sinks.FolderLock(folder, "")
+    with pytest.raises(InputError, match=r"belongs to another command.*or give another folder as kept"):
+        lippmann.render(place / "three.xml", place / "small.toml", **options)
+    lock.close()
+
+
+def test_nan_and_infinity_of_a_renderer_are_warned_of(place, narrow):
+    plan, _ = still(place, Settings())
+
+    def broken(bands, report):
+        for rendered in render_here(bands, report):
+            radiance = np.array(rendered.radiance)
+            radiance[2, 7] = np.nan, np.inf, -np.inf
+            yield rendered._replace(radiance=radiance)
+
+    with pytest.warns(LippmannWarning, match=r"band 4 .*: NaN or infinity \(count: 3, the first in row 2, column 7\)"):
+        image = render_picture(plan, broken)
+    np.testing.assert_array_equal(image.radiance[2, 7], [0.0, 65504.0, 0.0])
+    assert np.isfinite(image.radiance).all()

@@ -363,7 +363,7 @@ def test_bad_pictures_are_one_line(place, refusal_of, find, put, message):
         ("render out --fit", "--fit is for scenes"),
         ("render out --aperture full", "--aperture is for scenes"),
         ("render out --offset 0,0,900", "900 mm is not in front"),
-        ("render out --scale 0", "scale 0 is out"),
+        ("render out --scale 0", "scale 0.0 is out"),
         ("render out --engine fast", "engine 'fast'; choose from golden, twin, rtl"),
         *(
             (f"render out {option}", f"{option.partition('=')[0]} is for scenes; leave it out with layers")

@@ -221,7 +221,7 @@ def test_draw_returns_golden_s_image():
         ({"engine": "twin", "fraction_bits": 16.0}, "fraction_bits: 16 is not valid; give a whole number from 14"),
         ({"engine": "twin", "fraction_bits": 24}, "fraction_bits: 24 is not valid; give a whole number from 14 to 23"),
         ({"engine": "golden", "fraction_bits": 16}, "belongs to the engines twin and rtl; leave it out with golden"),
-        ({"engine": "fast"}, "layers are not drawn by engine 'fast'; choose from golden, twin, rtl"),
+        ({"engine": "fast"}, "unknown engine 'fast'; choose from golden, twin, rtl"),
         ({"model": "thick"}, "unknown model 'thick'"),
     ],
 )

@@ -15,7 +15,7 @@ import numpy as np
 import numpy.typing as npt
 
 from lippmann.base.programs import silent_stderr
-from lippmann.errors import DeviceError, InputError, missing_library
+from lippmann.errors import DeviceError, InputError, as_number, missing_library
 
 if TYPE_CHECKING:
     import pygame
@@ -84,6 +84,8 @@ def show_frames(frames: Sequence[Pixels], seconds: float | None, frame_s: float 
 
     Larger frames are scaled down to the desktop. Raises DeviceError without a desktop.
     """
+    if seconds is not None and not as_number(seconds) >= 0.0:
+        raise InputError(f"seconds {seconds} is no length of time; give 0 or more, or None: until Escape")
     height, width = frames[0].shape[:2]
     size = window_size((width, height), monitors()[0])
     until = math.inf if seconds is None else time.monotonic() + seconds

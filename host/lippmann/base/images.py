@@ -22,7 +22,7 @@ from lippmann.base.files import not_written, remove_stale_once, replacing
 from lippmann.base.limits import check_expanded, png_chunks, png_is_complete
 from lippmann.base.programs import silent_stderr
 from lippmann.base.tones import BAND_ROWS, Numbers, Transfer, decode, encoded_values, transfer_text
-from lippmann.errors import InputError, input_error, likely_file, missing_library, not_there, path_of
+from lippmann.errors import InputError, input_error, likely_file, missing_library, not_there, path_of, reason
 
 if TYPE_CHECKING:
     import OpenImageIO
@@ -148,6 +148,18 @@ def write_picture(
             raise not_written(path, trouble, partial)
 
 
+def describe_not_finite(radiance: Rows) -> str:
+    """Return how many values of an image are NaN or infinite, and where the first is; "" for none."""
+    count, place = 0, ""
+    for first in range(0, radiance.shape[0], BAND_ROWS):
+        wrong = ~np.isfinite(radiance[first : first + BAND_ROWS])
+        if wrong.any():
+            row, column, _ = np.argwhere(wrong)[0]
+            place = place or f"row {first + row}, column {column}"
+            count += int(np.count_nonzero(wrong))
+    return f"NaN or infinity (count: {count}, the first in {place})" if count else ""
+
+
 def _file_spec(
     suffix: str, shape: tuple[int, ...], metadata: Mapping[str, str], transfer: Transfer, bits: int
 ) -> OpenImageIO.ImageSpec:
@@ -211,7 +223,10 @@ def _opened(
     path: Path, limit: tuple[int, int] | None, accept: Accept | None
 ) -> tuple[OpenImageIO.ImageInput, dict[str, str]]:
     """Open an image file; return OpenImageIO's input and our metadata."""
-    _check_texts(path)
+    try:
+        _check_texts(path)
+    except OSError as error:
+        raise input_error(path, f"cannot be read ({reason(error)})", "change its permissions") from None
     oiio = openimageio()
     source = oiio.ImageInput.open(str(path))
     if source is None:

@@ -35,6 +35,7 @@ class RowProgress:
     """Reports the finished rows of a picture, with those of the band in work."""
 
     def __init__(self, progress: Progress | None, total: int) -> None:
+        check_progress(progress)
         self.done, self._total, self._progress = 0, total, progress
 
     def __call__(self, band_rows: int) -> None:

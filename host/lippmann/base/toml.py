@@ -23,7 +23,7 @@ import msgspec
 import tomli_w
 
 from lippmann.base.limits import MAX_TOML_BYTES, read_limited
-from lippmann.errors import InputError, input_error, likely_file, reason
+from lippmann.errors import InputError, check_type, input_error, likely_file, reason
 
 #: Maximum parts of a dotted key: Python's parser takes time with their square.
 MAX_KEY_PARTS = 32
@@ -247,9 +247,7 @@ def check_fields(table: object) -> None:
     form: Value = type(table)
     source, (plain, parts) = form.__name__, _plain_form(form)
     for name, part in parts.items():
-        if not isinstance(getattr(table, name), part):
-            what = f"{_short(getattr(table, name))} is not valid"
-            raise input_error(f"{source}: {name}", what, f"give a {part.__name__}")
+        check_type(f"{source}: {name}", getattr(table, name), part, f"lippmann's {part.__name__}")
     nodes = schema(plain)["properties"]
     raw = {name: _builtin(getattr(table, name)) for name in nodes}
     try:

@@ -9,7 +9,7 @@ from types import ModuleType
 from typing import Any, TypeAlias
 
 from lippmann.base import interrupts
-from lippmann.errors import InputError, MissingLibraryError, missing_library
+from lippmann.errors import InputError, MissingLibraryError, check_choice, missing_library
 
 #: A value of Dr.Jit or Mitsuba, such as an array; the variant decides its type.
 Jit: TypeAlias = Any
@@ -19,8 +19,7 @@ VARIANTS = {"llvm": "llvm_ad_rgb", "cuda": "cuda_ad_rgb"}
 
 def check_device(device: str) -> None:
     """Raise InputError for a device that does not exist."""
-    if device not in ("auto", *VARIANTS):
-        raise InputError(f"unknown device '{device}'; choose from auto, {', '.join(VARIANTS)}")
+    check_choice("device", device, ("auto", *VARIANTS))
 
 
 def available_device(device: str = "auto") -> str:

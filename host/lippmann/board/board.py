@@ -21,7 +21,7 @@ from lippmann.board.retries import BUSY_REPLY, THIS_RUNS
 from lippmann.board.session import REGISTERS, SLOWEST_HZ, Session
 from lippmann.board.streaming import BoardSink, Sent, send_frame
 from lippmann.display.description import Display
-from lippmann.errors import DeviceError, LippmannError, LippmannWarning
+from lippmann.errors import DeviceError, InputError, LippmannError, LippmannWarning, check_type
 from lippmann.fixed.build import Build
 from lippmann.fixed.configuration import configuration
 from lippmann.fixed.raster import TABLE_ENTRIES, Raster, raster
@@ -141,6 +141,8 @@ class Board(Session):
         `progress` counts rows. Raises as `show` and `executor`; the panel then keeps
         its frame.
         """
+        if not hasattr(plan, "bands"):
+            raise InputError(f"plan must be a plan of a render, such as Job(...).plan(), not {plan!r}")
         self.check_panel()
         sink = BoardSink(self, plan, force)
         render_into(sink, executor, progress)
@@ -151,6 +153,7 @@ class Board(Session):
 
         Raises InputError for an unsupported display.
         """
+        check_type("display", display, Display, "a lippmann.Display")
         build = self.optics_build()
         writes = optics_writes(configuration(display, build, build.model))
         self.write_all([*writes, write("control", apply=1)])

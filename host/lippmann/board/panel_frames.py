@@ -15,7 +15,7 @@ from lippmann.base.tones import Transfer, encoded_values, transfer_name, transfe
 from lippmann.board.session import Hello
 from lippmann.board.tiles import Pixels
 from lippmann.display.description import Display, Panel, TransferName
-from lippmann.errors import input_error
+from lippmann.errors import check_flags, input_error
 from lippmann.rendering.integral_image import IntegralImage, check_image
 
 logger = logging.getLogger(__name__)
@@ -74,6 +74,7 @@ class FrameFile(NamedTuple):
 
 def check_shape(shape: tuple[int, ...], display: Display, target: Hello | Target, force: bool = False) -> str:
     """Return an image's name in messages; refuse another shape and, without `force`, another display."""
+    check_flags(force=force)
     name = f"image for display '{display.name}'"
     _check_identity(name, display.identity, target, force)
     panel_shape = (target.height, target.width, 3)

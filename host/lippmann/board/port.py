@@ -15,6 +15,7 @@ import socket
 import stat
 import time
 from collections import deque
+from numbers import Integral
 from urllib.parse import parse_qs, urlsplit
 
 import serial
@@ -52,9 +53,9 @@ def open_port(url: str, baud: int = DEFAULT_BAUD) -> serial.Serial | socket.Sock
     """
     address: object = url
     if not (isinstance(address, str) and address):
-        what = "an empty port" if address == "" else f"{address!r} is not a port"
+        what = "an empty port" if isinstance(address, str) else f"{address!r} is not a port"
         raise InputError(f"{what}; give a device, or socket://HOST:PORT")
-    if baud <= 0:
+    if not (isinstance(baud, Integral) and baud > 0):
         raise InputError(f"the baud rate {baud} is not positive; give one such as {DEFAULT_BAUD}")
     try:
         if url.startswith(SCHEMES):

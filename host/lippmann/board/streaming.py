@@ -13,7 +13,7 @@ from typing import Annotated
 import numpy as np
 import numpy.typing as npt
 
-from lippmann.base.progress import Progress
+from lippmann.base.progress import Progress, check_progress
 from lippmann.base.toml import documented, key
 from lippmann.board.packets import BACK, FRONT, Kind, ReplyStatus
 from lippmann.board.panel_frames import check_shape, panel_values
@@ -84,6 +84,7 @@ def send_frame(
     Raises InputError for a frame of another size; NoBoardError without connection or
     answer; DeviceError when the board refuses tiles, or another board took its place.
     """
+    check_progress(progress)
     grid = session.info.grid
     if frame.shape != (grid.height, grid.width, 3) or frame.dtype != np.uint8:
         raise InputError(

@@ -31,6 +31,8 @@ def open_webcam(number: int) -> Iterator[cv2.VideoCapture]:
 
     Raises DeviceError when there is no such camera.
     """
+    # The error below says it, not OpenCV's lines about its drivers.
+    cv2.utils.logging.setLogLevel(cv2.utils.logging.LOG_LEVEL_SILENT)
     camera = cv2.VideoCapture(number)
     try:
         if not camera.isOpened():

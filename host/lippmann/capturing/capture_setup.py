@@ -32,7 +32,7 @@ from lippmann.display.description import (
     index_of_keys,
     load_display,
 )
-from lippmann.errors import InputError, input_error, path_of
+from lippmann.errors import input_error, path_of, whole_number
 from lippmann.optics.rays import Floats
 from lippmann.scenes.placement import ORIGIN, Placement, Scale, Triple
 
@@ -134,8 +134,7 @@ class Setup:
     def resized(self, width_px: int) -> Setup:
         """Return the set-up with another number of pixels across; InputError for too few."""
         panel = self.display.panel
-        if not 1 <= width_px <= MAX_SIDE_PX:
-            raise InputError(f"size {width_px} is out of range; give 1 to {MAX_SIDE_PX} pixels")
+        whole_number("size", width_px, 1, MAX_SIDE_PX)
         setup = replace(self, display=replace(self.display, panel=panel.with_columns(width_px)))
         check_elemental_images(setup, f"set-up '{self.name}'", "give a larger --size")
         return setup

@@ -130,7 +130,8 @@ def _explain(error: BaseException) -> tuple[str, int]:
     elif isinstance(error, ImportError) and not (error.name or "").startswith("lippmann"):
         error = missing_library(error)
     elif isinstance(error, OSError) and error.filename and error.strerror:
-        remedy = CANNOT_OPEN.get(type(error), f"{error.strerror}; name another file")
+        remedies = [remedy for kind, remedy in CANNOT_OPEN.items() if isinstance(error, kind)]
+        remedy = (*remedies, f"{error.strerror}; name another file")[0]
         error = InputError(f"{error.filename}: {remedy}")
     if isinstance(error, LippmannError):
         return str(error), error.exit_code

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
+import contextlib
 import tempfile
 import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
 from dataclasses import asdict
 from pathlib import Path
 
@@ -39,7 +39,7 @@ def command() -> None:
     """
 
 
-@contextmanager
+@contextlib.contextmanager
 def _panel(display: Display, port: str | None, baud: int | None, monitor: int) -> Iterator[Callable[[Pixels], object]]:
     """Provide a function that shows pixels on a board's panel or a monitor."""
     if port is None:
@@ -66,13 +66,13 @@ def patterns_command(
     Example: lippmann calibrate patterns scenes/displays/vga-square.toml -o out/patterns
     """
     patterns = PatternSet.of(display)
-    files = write_patterns(patterns, display, output)
-    if port is not None:
-        with _panel(display, port, baud, 0) as show:
-            for pattern in with_progress("patterns", patterns.patterns):
-                show(patterns.panel_values(pattern, display))
-                log(f"shown: {pattern.stem}")
-                time.sleep(wait_s)
+    with contextlib.nullcontext() if port is None else _panel(display, port, baud, 0) as show:
+        files = write_patterns(patterns, display, output)
+        for pattern in with_progress("patterns", patterns.patterns) if show else ():
+            assert show is not None
+            show(patterns.panel_values(pattern, display))
+            log(f"shown: {pattern.stem}")
+            time.sleep(wait_s)
     names = [one.name for one in files]
     result = {"folder": output, "patterns": names, "period_px": patterns.period_px, "streamed": port is not None}
     text = f"{output}: {len(files)} patterns and {FILE}; photograph each from 3 places into position-1, -2, -3"
@@ -91,7 +91,7 @@ def _check_same_panel(built: Display, display: Display) -> None:
 def shoot_command(
     display: Display = argument("DISPLAY.toml"),
     output: Folder = option("Folder for the photographs, such as photos/position-1."),
-    camera: int = option("Number of the webcam.", 0, click.IntRange(0)),
+    camera: int = option("Number of the webcam.", 0, click.IntRange(0, 999)),
     monitor: int = option("Monitor that is the panel.", 0, click.IntRange(0)),
     port: str | None = PANEL_PORT,
     baud: int | None = BAUD,

@@ -148,7 +148,7 @@ TILES = click.IntRange(1, MAX_NUMBERS)
 @make_command("quilt", command)
 def quilt(
     subject: _Subject = SUBJECT,
-    output: Path = option("The quilt; its name gets the tiling.", metavar="FILE.png"),
+    output: Path = option("The quilt, .png, .tif or .exr; its name gets the tiling."),
     columns: int = option("Views across.", 8, TILES),
     rows: int = option("Views up.", 6, TILES),
     cone: float | None = CONE,

@@ -24,10 +24,10 @@ from lippmann.layers.layers_folder import is_layers
 from lippmann.motion.film import Film, is_film, load_film
 from lippmann.motion.film_frames import Reel, plan_film
 from lippmann.motion.live_picture import MAX_SAMPLES, PANEL, VIEW, EyeView, LivePicture, LiveShow, Played
-from lippmann.motion.screens import Hand, Screens, screens
+from lippmann.motion.screens import Hand, Screens, check_screens, screens
 from lippmann.rendering.bands import check_display_memory
 from lippmann.rendering.options import ModelOption, RenderOptions, Settings
-from lippmann.rendering.plan import choose_model
+from lippmann.rendering.plan import report_and_choose_model
 from lippmann.scenes.placement import Placement
 from lippmann.scenes.scene import check_scene_file
 
@@ -66,18 +66,17 @@ def command(
 
     Example: lippmann live scenes/fish/fish.xml --display scenes/displays/vga-square.toml --eye 0,0,600
     """
-    film = _load_film(scene_path)
+    film, panel = _load_film(scene_path), display.panel
     path = check_scene_file(scene_path if film is None else film.scene)
     view = None if eye is None else EyeView(display, Eye(eye), whole_window(display, VIEW_PX))
-    panel = display.panel
     check_display_memory(display, settings, f"display '{display.name}'")
-    _check_panels(monitor, port, window, eye)
+    _check_panels(display, monitor, port, window, eye)
     turn_seconds = seconds if (turn or film) and turn_seconds is None else turn_seconds
     start_mitsuba(device)
     options = RenderOptions(model=model, settings=settings)
     reel = None if film is None else Reel(plan_film(film, display, options, _film_scale(moved)), film.frames_per_second)
     scene = moved.load(path, display) if reel is None else reel.plans[0].load()
-    lens_model = choose_model(scene, display, options)
+    lens_model = report_and_choose_model(scene, display, options)
     picture = LivePicture(scene, display, lens_model, settings)
     if view is not None:
         view.draw(np.zeros((panel.height_px, panel.width_px, 3), np.float32), moving=True)  # compiles it
@@ -119,13 +118,18 @@ def _load_film(path: str) -> Film | None:
     return load_film(path) if is_film(path) else None
 
 
-def _check_panels(monitor: int | None, port: str | None, window: bool | None, eye: Point | None) -> None:
+def _check_panels(
+    display: Display, monitor: int | None, port: str | None, window: bool | None, eye: Point | None
+) -> None:
+    """Refuse contradicting options; raise before the render if there is no such window."""
     if monitor is not None and port is not None:
         raise InputError("--monitor and --port both name a panel; leave one out")
     if window is not None and monitor is not None:
         raise InputError("--monitor fills a monitor instead of a window; leave one out")
     if window is False and (port is None or eye is not None):
         raise InputError("--no-window shows nothing but on a board: give --port, and leave out --eye")
+    if window is not False:
+        check_screens((display.panel.width_px, display.panel.height_px), monitor)
 
 
 def _film_scale(moved: Moved) -> float | None:

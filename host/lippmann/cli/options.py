@@ -15,8 +15,8 @@ from lippmann.errors import InputError
 from lippmann.fixed.words import FRACTIONS, WIDEST
 
 Point = tuple[float, float, float]
-#: Maximum length of a list of numbers.
-MAX_NUMBERS = 100
+#: Maximum length of a list of numbers, and size of a number: mm, and seconds that Python can wait.
+MAX_NUMBERS, MAX_NUMBER = 100, 1e9
 
 
 def is_given(name: str) -> bool:
@@ -51,8 +51,9 @@ def finite(least: float = -math.inf) -> Kind:
         number: float = click.FLOAT(text)
         if not math.isfinite(number):
             raise ValueError(f"'{text}' is not finite; give a number")
-        if number < least:
-            raise ValueError(f"{text} is less than {least:g}")
+        if not max(least, -MAX_NUMBER) <= number <= MAX_NUMBER:
+            low = f"less than {least:g}" if number < least else "too large"
+            raise ValueError(f"{text} is {low}; give a number up to {MAX_NUMBER:g}")
         return number
 
     return Kind("FLOAT", read)

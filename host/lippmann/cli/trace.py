@@ -8,7 +8,6 @@ import time
 from pathlib import Path
 from typing import Any, Literal
 
-import click
 import numpy as np
 
 from lippmann.base.files import replacing
@@ -55,8 +54,6 @@ def command(
     Example: lippmann trace --display scenes/displays/paper-square.toml --pixels 1000 -o
     rays.npz
     """
-    if engine != "fast" and device == "cuda":
-        raise click.UsageError(f"--device cuda belongs to the engine fast; leave it out with {engine}")
     path = check_output(output, (".npz",))
     if wavelength_nm is not None:
         display = display.at_wavelength(wavelength_nm)

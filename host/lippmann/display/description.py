@@ -17,7 +17,7 @@ from lippmann.base.toml import Checked, documented, key, variant
 from lippmann.base.tones import MAX_PAIRS, Curve, curve_of
 from lippmann.display.glass import SELLMEIER, index_of
 from lippmann.display.subpixels import Subpixel, layout_of
-from lippmann.errors import InputError, input_error, path_of
+from lippmann.errors import InputError, check_type, input_error, path_of
 
 Grid = Literal["square", "hex"]
 PlanoSide = Literal["panel", "viewer"]
@@ -310,7 +310,7 @@ class Misalignment(Checked):
     rotation_deg: float
     offset_mm: Pair
     gap_mm: float
-    pitch_scale: float
+    pitch_scale: Annotated[float, key("", above=0.0)]
 
 
 def load_display(path: str | Path) -> Display:
@@ -322,13 +322,13 @@ def display_at(display: str | Path | Display) -> Display:
     """Return a display, read from its file when a path is given."""
     if isinstance(display, Display):
         return display
-    if not isinstance(display, str | Path):
-        raise InputError(f"{str(display)[:80]!r} is not a display; give its file, or what load_display returned")
     return load_display(display)
 
 
 def parse_display(text: str, source: str = "display") -> Display:
     """Read a display from TOML text; `source` names it in errors (see `load_display`)."""
+    for name, value in (("text", text), ("source", source)):
+        check_type(name, value, str, "text")
     return _read(toml.parse(text, source), source)
 
 

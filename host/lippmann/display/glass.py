@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import math
 
-from lippmann.errors import InputError, did_you_mean
+from lippmann.errors import InputError, as_number, did_you_mean
 
 #: Helium d line, the wavelength of a display file's focal length, nm.
 DESIGN_WAVELENGTH_NM = 587.5618
@@ -41,7 +41,7 @@ def index_of(glass: str, wavelength_nm: float = DESIGN_WAVELENGTH_NM) -> float:
         likely = did_you_mean(glass, SELLMEIER)
         raise InputError(f"unknown glass '{glass}'; {likely or 'choose from ' + ', '.join(SELLMEIER)} (or give index)")
     low, high = WAVELENGTH_RANGE_NM
-    if not low <= wavelength_nm <= high:
+    if not low <= as_number(wavelength_nm) <= high:
         raise InputError(f"wavelength {wavelength_nm} nm is outside {low:g} to {high:g} nm")
     w2 = (wavelength_nm * 1e-3) ** 2
     return math.sqrt(1.0 + sum(b * w2 / (w2 - c) for b, c in terms))

@@ -6,14 +6,11 @@ import base64
 import html
 from collections.abc import Sequence
 from dataclasses import dataclass
-from importlib import import_module
 from pathlib import Path
 
 from lippmann.base.animation import FRAME_MS, animation_bytes, write_animation
-from lippmann.base.fullscreen import show_frames
-from lippmann.base.tones import encoded_values
 from lippmann.eye.observer import View
-from lippmann.rendering.integral_image import in_notebook, show_or_report
+from lippmann.rendering.integral_image import show_pictures
 
 #: Height of the viewer page in a notebook, pixels.
 HEIGHT_PX = 720
@@ -56,8 +53,4 @@ class Sweep:
 
     def show(self, seconds: float | None = None) -> None:
         """Show the views to and fro, in a notebook or else in a window, as a picture's `show`."""
-        if in_notebook():
-            import_module("IPython.display").display(self)
-            return
-        frames = [encoded_values(view.radiance, "srgb", 8) for view in self.views]
-        show_or_report(lambda: show_frames([*frames, *frames[-2:0:-1]], seconds, FRAME_MS / 1000.0))
+        show_pictures(self, [*self.views, *self.views[-2:0:-1]], seconds, FRAME_MS / 1000.0)

@@ -11,7 +11,6 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import partial
-from numbers import Real
 from pathlib import Path
 
 import numpy as np
@@ -22,12 +21,12 @@ from lippmann.base.images import Radiance, StoredRows, write_picture
 from lippmann.base.variant import current_device, drjit, mitsuba
 from lippmann.display.description import Display, Panel
 from lippmann.display.subpixels import layout_of
-from lippmann.errors import InputError, whole_number
+from lippmann.errors import InputError, as_number, check_choice, check_flags, whole_number
 from lippmann.optics.backend import Arr, DrJitBackend
-from lippmann.optics.rays import Model, Status
+from lippmann.optics.rays import MODELS, Model, Status
 from lippmann.optics.sample_points import points_in_square
 from lippmann.optics.system import System
-from lippmann.optics.trace import PixelHits, check_model, pixels_from_rays
+from lippmann.optics.trace import PixelHits, pixels_from_rays
 from lippmann.optics.zones import FARTHEST_EYE_MM, TOO_FAR
 from lippmann.rendering.integral_image import Showable
 from lippmann.rendering.sampling import Window
@@ -53,15 +52,15 @@ class Eye:
     def __post_init__(self) -> None:
         if np.array(self.position_mm, object).shape != (3,):
             raise InputError(f"eye: {self.position_mm} is not a position; give (x, y, z) in mm")
-        numbers = (*self.position_mm, self.pupil_mm, self.focus_z_mm)
-        if not all(isinstance(number, Real) and math.isfinite(number) for number in numbers):
+        if not all(map(math.isfinite, map(as_number, (*self.position_mm, self.pupil_mm, self.focus_z_mm)))):
             raise InputError("eye: a coordinate, the pupil or the focus is not finite; give numbers in mm")
         if max(map(abs, self.position_mm)) > FARTHEST_EYE_MM:
             raise InputError(TOO_FAR)
         if self.position_mm[2] <= 0.0:
             raise InputError(f"eye: z {self.position_mm[2]:g} mm is behind the display; give z > 0")
-        if self.pupil_mm < 0.0:
-            raise InputError(f"eye: pupil {self.pupil_mm:g} mm is negative; give its diameter")
+        if not 0.0 <= self.pupil_mm <= FARTHEST_EYE_MM:
+            what = f"pupil {self.pupil_mm:g} mm is negative or over {FARTHEST_EYE_MM:g} mm"
+            raise InputError(f"eye: {what}; give its diameter")
         if self.focus_z_mm >= self.position_mm[2]:
             raise InputError("eye: the focus is behind the eye; give a focus depth below the eye's z")
 
@@ -119,7 +118,8 @@ def observe(
     mi, dr = mitsuba(), drjit()
     panel = display.panel
     check_size(radiance, display)
-    check_model(model)
+    check_choice("model", model, MODELS)
+    check_flags(crosstalk=crosstalk)
     samples, seed = whole_number("samples", samples, 1, 65536), whole_number("seed", seed, 0, 2**32 - 1)
     if 3 * panel.width_px * panel.height_px >= 2**32:
         raise InputError(f"the panel of '{display.name}' has more values than 32 bits can index; take a smaller one")

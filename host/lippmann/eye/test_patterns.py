@@ -20,7 +20,7 @@ from lippmann.base import interrupts
 from lippmann.base.tones import decode
 from lippmann.base.variant import current_device, drjit, mitsuba
 from lippmann.display.description import Display
-from lippmann.errors import InputError
+from lippmann.errors import InputError, check_choice
 from lippmann.eye.observer import CHUNK_RAYS, Eye, eye_rays
 from lippmann.fixed.build import Build
 from lippmann.fixed.configuration import configuration
@@ -183,8 +183,7 @@ def draw(
     board's words instead of float64. Raises InputError for an option of another
     pattern, and for a display that does not fit a board's registers.
     """
-    if kind not in get_args(Kind):
-        raise InputError(f"unknown pattern '{kind}'; choose from {', '.join(get_args(Kind))}")
+    check_choice("pattern", kind, get_args(Kind))
     if eye is None and kind == "white-for-eye":
         raise InputError("white-for-eye is white for one eye; give its place, --eye X,Y,Z in mm")
     if eye is not None and kind != "white-for-eye":

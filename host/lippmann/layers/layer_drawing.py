@@ -23,7 +23,7 @@ from lippmann.base.machine import processor_count
 from lippmann.base.tones import decode, encoded_values
 from lippmann.display.description import Display
 from lippmann.engines import trace
-from lippmann.errors import InputError, input_error
+from lippmann.errors import InputError, check_choice, input_error
 from lippmann.fixed.build import Build
 from lippmann.fixed.drawn_frame import draw
 from lippmann.fixed.scene_build import BLOCK_BYTES, MAX_TEXEL_BLOCKS, SceneBuild
@@ -101,8 +101,7 @@ def scene_build_of(stack: LayerStack, filter: Filter, samples: int) -> SceneBuil
 
 def check_options(filter: str, samples: object) -> None:
     """Refuse filters and numbers of samples that a board does not have."""
-    if filter not in FILTERS:
-        raise InputError(f"unknown filter '{filter}'; choose from {', '.join(FILTERS)}")
+    check_choice("filter", filter, FILTERS)
     if isinstance(samples, bool) or not isinstance(samples, Integral) or samples not in SAMPLES:
         numbers = f"{', '.join(map(str, SAMPLES))} samples a pixel"
         raise InputError(f"layers are drawn with {numbers}, not {samples!r}; give one of these integers")
@@ -249,10 +248,8 @@ def plan_layers(
     """
     check_for_display(stack, display, where)
     check_options(filter, samples)
-    if engine not in LAYER_ENGINES:
-        raise InputError(f"layers are not drawn by engine '{engine}'; choose from {', '.join(LAYER_ENGINES)}")
-    if model not in MODELS:
-        raise InputError(f"unknown model '{model}'; choose from {', '.join(MODELS)}")
+    check_choice("engine", engine, LAYER_ENGINES)
+    check_choice("model", model, MODELS)
     options = RenderOptions(model, engine=engine, fraction_bits=fraction_bits, settings=Settings(samples))
     bands = tuple(bands_of(display.panel.width_px, display.panel.height_px, samples, "llvm"))
     return LayerPlan(display, options, bands, stack, filter)

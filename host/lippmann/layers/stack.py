@@ -10,13 +10,12 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field, replace
-from numbers import Real
 from typing import TypeVar
 
 import numpy as np
 import numpy.typing as npt
 
-from lippmann.errors import InputError
+from lippmann.errors import InputError, as_number, check_flags, check_type
 
 Bytes = npt.NDArray[np.uint8]
 Floats = npt.NDArray[np.float64]
@@ -101,8 +100,7 @@ class Layer:
         brightness = _number("brightness", self.brightness)
         if not 0.0 <= brightness <= 1.0:
             raise InputError(f"layer: brightness {brightness:g} is out of range; give 0 to 1")
-        if not isinstance(self.visible, bool | np.bool_):
-            raise InputError(f"layer: visible {self.visible!r} is neither True nor False; give one of them")
+        check_flags(visible=self.visible)
         values = (texels, palette, depth, matrix, brightness, bool(self.visible))
         for name, value in zip(self.__dataclass_fields__, values, strict=True):
             object.__setattr__(self, name, value)
@@ -124,9 +122,10 @@ class Layer:
 
     def moved(self, scale: float, offset_mm: tuple[float, float, float]) -> Layer:
         """Return the layer scaled about the display's middle, then moved; a sky stays."""
+        scale = _number("scale", scale)
+        x, y, z = _array("layer: offset_mm", offset_mm, np.float64, (3,), "(x, y, z) in mm")
         if self.sky:
             return self
-        x, y, z = offset_mm
         linear, shift = self.matrix[:, :2] / scale, self.matrix[:, 2]
         matrix = np.column_stack([linear, shift - linear @ (x, y)])
         return replace(self, depth_mm=scale * self.depth_mm + z, matrix=matrix)
@@ -170,6 +169,7 @@ class LayerStack:
 
     def __post_init__(self) -> None:
         """Refuse wrong layers, wrong numbers of them, and backgrounds out of range."""
+        check_type("layers", self.layers, (list, tuple), "a list of lippmann.Layer")
         layers = tuple(self.layers)
         for k, layer in enumerate(layers):
             if not isinstance(layer, Layer):
@@ -184,8 +184,8 @@ class LayerStack:
 
     def moved(self, scale: float = 1.0, offset_mm: tuple[float, float, float] = (0.0, 0.0, 0.0)) -> LayerStack:
         """Return the stack scaled about the display's middle, then moved, mm."""
-        if not 0.0 < scale < math.inf:
-            raise InputError(f"layers: scale {scale:g} is out of range; give more than 0")
+        if not 0.0 < as_number(scale) < math.inf:
+            raise InputError(f"layers: scale {scale} is out of range; give more than 0")
         return replace(self, layers=tuple(layer.moved(scale, offset_mm) for layer in self.layers))
 
 
@@ -196,7 +196,7 @@ def _array(
     try:
         # Bytes are not converted, which would lose fractions or high bits.
         array = np.asarray(values, None if kind is np.uint8 else kind)
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         raise InputError(f"{name} contains something that is not a number; give numbers") from None
     if array.dtype != kind:
         raise InputError(f"{name} has type {array.dtype}; give uint8")
@@ -211,8 +211,8 @@ def _array(
 
 
 def _number(name: str, value: object) -> float:
-    number = float(value) if isinstance(value, Real) else math.nan
-    if math.isnan(number) or isinstance(value, bool):
+    number = as_number(value)
+    if math.isnan(number):
         raise InputError(f"layer: {name} {value!r} is not a number; give one")
     return number
 

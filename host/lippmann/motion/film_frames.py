@@ -22,7 +22,7 @@ from lippmann.rendering.cache_key import pixels_identity
 from lippmann.rendering.executors import Band, RenderedBand
 from lippmann.rendering.integral_image import IntegralImage
 from lippmann.rendering.options import RenderOptions
-from lippmann.rendering.plan import ScenePlan, choose_model, make_renderer
+from lippmann.rendering.plan import ScenePlan, make_renderer, report_and_choose_model
 from lippmann.rendering.sampling import colours_of
 from lippmann.rendering.sinks import MemorySink, bands_of_plan, render_picture
 from lippmann.scenes.placement import Placement, placement_beside
@@ -131,9 +131,9 @@ def choose_shading(plans: list[FramePlan]) -> list[FramePlan]:
 
 
 def warn_of_frame(plan: FramePlan) -> None:
-    """Warn and log as `choose_model` for a frame; keep the renderer for `start`."""
+    """Warn and log as `report_and_choose_model` for a frame; keep the renderer for `start`."""
     scene = plan.load()
-    model = choose_model(scene, plan.display, plan.options)
+    model = report_and_choose_model(scene, plan.display, plan.options)
     plan.planned_by.append(make_renderer(scene, plan.display, replace(plan.options, model=model), plan.bands))
 
 

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from lippmann.base.fullscreen import Pixels, check_monitor, desktop, window_size
+from lippmann.base.fullscreen import Pixels, check_monitor, desktop, monitors, window_size
 from lippmann.errors import DeviceError
 from lippmann.motion.film_frames import Reel
 from lippmann.scenes.placement import SCALE_RANGE, Matrix, Placement
@@ -170,6 +170,13 @@ class Screens:
         for window in self._windows.values():
             window.destroy()
         self._windows.clear()
+
+
+def check_screens(size: tuple[int, int], monitor: int | None) -> None:
+    """Raise before a render what `screens` and `Screens.open` would raise after it."""
+    sizes = monitors()
+    if monitor is not None:
+        check_monitor(sizes, monitor, size)
 
 
 @contextmanager

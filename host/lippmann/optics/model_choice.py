@@ -9,13 +9,12 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from numbers import Real
 
 import numpy as np
 import numpy.typing as npt
 
 from lippmann.display.description import Array, Display, Pair
-from lippmann.errors import InputError
+from lippmann.errors import InputError, as_number
 from lippmann.optics.backend import Arr, NumpyBackend
 from lippmann.optics.lattice import Lattice
 from lippmann.optics.rays import MODELS, Floats, Model, Rays, gets_through
@@ -56,6 +55,12 @@ def reconstructed_pixel_mm(display: Display, z_mm: float) -> float:
     return max(display.array.finest_mm, spread)
 
 
+def check_tolerance(tolerance: object) -> None:
+    """Refuse an error limit that is not a positive, finite number."""
+    if not 0.0 < as_number(tolerance) < math.inf:
+        raise InputError(f"tolerance {tolerance!r} is not positive and finite; give pixels, such as {TOLERANCE}")
+
+
 def choose_model(
     display: Display, depth_range_mm: Pair, aperture: str = "chief", tolerance: float = TOLERANCE
 ) -> Choice:
@@ -64,8 +69,7 @@ def choose_model(
     `depth_range_mm` is (far, near) z of the scene; `aperture` is "chief" or "full".
     Raises InputError for a bad tolerance.
     """
-    if not (isinstance(tolerance, Real) and 0.0 < tolerance < math.inf):
-        raise InputError(f"tolerance {tolerance!r} is not positive and finite; give pixels, such as {TOLERANCE}")
+    check_tolerance(tolerance)
     pixels, points = probe(display, aperture)
     truth = trace_optics(display, pixels, points, "exact")
     errors: dict[Model, float] = {}

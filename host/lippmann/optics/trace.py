@@ -11,7 +11,7 @@ import numpy.typing as npt
 
 from lippmann.base.variant import available_device, check_device
 from lippmann.display.description import MAX_LENGTH_MM, Display, display_at
-from lippmann.errors import InputError
+from lippmann.errors import InputError, check_choice
 from lippmann.optics.backend import Arr, Backend, DrJitBackend, NumpyBackend, Point
 from lippmann.optics.faces import Ray
 from lippmann.optics.models import leave_panel, reach_panel
@@ -100,27 +100,25 @@ def backend_of(engine: Engine, device: str = "auto", rays: int = 1) -> Backend:
 
     Raises InputError for another engine or device; else as `available_device`.
     """
-    check_device(device)
-    if engine == "golden":
-        return NumpyBackend()
-    if engine == "fast":
-        return DrJitBackend(available_device(device)) if rays else NumpyBackend()
-    if engine in ENGINES:
+    check_engine_device(engine, device)
+    if engine not in ("golden", "fast"):
         raise InputError(f"engine {engine} traces from the panel to the world only; choose from golden, fast")
-    raise InputError(f"unknown engine '{engine}'; choose from {', '.join(ENGINES)}")
+    return DrJitBackend(available_device(device)) if engine == "fast" and rays else NumpyBackend()
 
 
-def check_model(model: str) -> None:
-    """Refuse an unknown model."""
-    if model not in MODELS:
-        raise InputError(f"unknown model '{model}'; choose from {', '.join(MODELS)}")
+def check_engine_device(engine: str, device: str) -> None:
+    """Refuse an unknown engine or device, and a GPU for an engine that computes without Dr.Jit."""
+    check_choice("engine", engine, ENGINES)
+    check_device(device)
+    if device == "cuda" and engine != "fast":
+        raise InputError(f"device cuda (--device) belongs to the engine fast; leave it out with {engine}")
 
 
 def columns(name: str, values: npt.ArrayLike, width: int, limit: float) -> Floats:
     """Return values as (N, width) float64; refuse other shapes, and values not finite or beyond `limit`."""
     try:
         array = np.asarray(values, np.float64)
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         raise InputError(f"{name} is not an array of numbers; give shape (N, {width})") from None
     if array.ndim != 2 or array.shape[1] != width:
         raise InputError(f"{name} has shape {array.shape}; give (N, {width})")
@@ -151,7 +149,7 @@ def checked_rays(
     display: str | Path | Display, pixels: npt.ArrayLike, aperture: npt.ArrayLike | None, model: Model
 ) -> tuple[Display, Floats, Floats | None]:
     """Check and return the display, pixel coordinates (N, 2) and aperture points (N, 2) of rays."""
-    check_model(model)
+    check_choice("model", model, MODELS)
     display = display_at(display)
     array, panel = display.array, display.panel
     farthest = FARTHEST_LENSLETS * array.finest_mm
@@ -177,7 +175,7 @@ def trace_to_panel(
     A ray flatter than `FLATTEST`, or beyond `FARTHEST_LENSLETS` at the array, has
     missed. Errors as for `trace`; InputError for directions of another length than 1.
     """
-    check_model(model)
+    check_choice("model", model, MODELS)
     origins = columns("origin_mm", origin_mm, 3, MAX_LENGTH_MM)
     directions = columns("direction", direction, 3, math.inf)
     if (np.abs(np.linalg.norm(directions, axis=1) - 1.0) > UNIT_ERROR).any():

@@ -96,7 +96,10 @@ def choose_executor(workers: int | None = None, scheduler: str | None = None, de
     if workers is not None:
         count = whole_number("workers", workers, 1, MAX_WORKERS)
         return lambda bands, _: render_by_workers(count, device, bands)
+    address: object = scheduler
     if scheduler is not None:
+        if not (isinstance(address, str) and address):
+            raise InputError(f"scheduler {address!r} is not an address; give one such as tcp://127.0.0.1:8786")
         _connected(scheduler).close()
         return lambda bands, _: render_on_cluster(scheduler, device, bands)
     return render_here
@@ -104,12 +107,13 @@ def choose_executor(workers: int | None = None, scheduler: str | None = None, de
 
 def render_by_workers(count: int, device: str, bands: Sequence[Band]) -> Iterator[RenderedBand]:
     """Render on new workers of this machine; InputError if their bands exceed the memory limit."""
-    count = min(count, len(bands))
-    if not count:  # only the file is to be written
+    if not bands:  # only the file is to be written
         return
-    plan = bands[0].plan
-    check_band_memory(plan.display, plan.bands, plan.options.settings, count)
-    with local_workers(count) as (address, security):
+    plan, workers = bands[0].plan, min(count, len(bands))
+    check_band_memory(plan.display, plan.bands, plan.options.settings, workers)
+    if workers < count:
+        logger.info("of %d workers %d render: there are no more bands", count, workers)
+    with local_workers(workers) as (address, security):
         yield from render_on_cluster(address, device, bands, security)
 
 

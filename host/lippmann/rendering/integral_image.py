@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from importlib import import_module
 from pathlib import Path
@@ -12,11 +12,18 @@ from typing import cast
 import numpy as np
 
 from lippmann.base.animation import png_bytes
-from lippmann.base.fullscreen import show_frames
-from lippmann.base.images import ENCODED_SUFFIXES, Radiance, StoredRows, read_picture, write_picture
+from lippmann.base.fullscreen import LOOK_S, show_frames
+from lippmann.base.images import (
+    ENCODED_SUFFIXES,
+    Radiance,
+    StoredRows,
+    describe_not_finite,
+    read_picture,
+    write_picture,
+)
 from lippmann.base.tones import encoded_values, transfer_name, transfer_text
 from lippmann.display.description import Display, display_at
-from lippmann.errors import DeviceError, InputError, input_error
+from lippmann.errors import DeviceError, InputError, check_flags, check_type, input_error
 
 
 class Showable:
@@ -40,29 +47,24 @@ class Showable:
         Escape, q, the close button or `seconds` end it. Without a desktop (a server,
         a batch job) a line on stderr says so, and the program continues.
         """
-        if in_notebook():
-            import_module("IPython.display").display(self)
-            return
-        show_or_report(lambda: show_frames([encoded_values(self.radiance, "srgb", 8)], seconds))
+        show_pictures(self, [self], seconds)
 
 
-def show_or_report(show: Callable[[], None]) -> None:
-    """Show something in a window; without a desktop, print a line on stderr."""
+def show_pictures(widget: object, pictures: Sequence[Showable], seconds: float | None, frame_s: float = LOOK_S) -> None:
+    """Display `widget` in a notebook, or its pictures in a window; without a desktop, print a line."""
+    ipython = sys.modules.get("IPython")
+    if ipython is not None and hasattr(ipython.get_ipython(), "kernel"):
+        import_module("IPython.display").display(widget)
+        return
     try:
-        show()
+        show_frames([encoded_values(one.radiance, "srgb", 8) for one in pictures], seconds, frame_s)
     except DeviceError as error:
         print(f"lippmann: not shown: {error}; or save it to a file", file=sys.stderr)
 
 
-def in_notebook() -> bool:
-    """Tell whether a notebook's kernel runs this code."""
-    ipython = sys.modules.get("IPython")
-    return ipython is not None and hasattr(ipython.get_ipython(), "kernel")
-
-
 @dataclass(frozen=True, eq=False, repr=False)
 class IntegralImage(Showable):
-    """The picture of a display's panel. Raises InputError for radiance of another size, or of integers.
+    """The picture of a display's panel. Raises InputError for radiance of another size, of integers, or not finite.
 
     Attributes
     ----------
@@ -87,10 +89,14 @@ class IntegralImage(Showable):
 
     def __post_init__(self) -> None:
         """Check type and size, convert to float32, and add the display's metadata."""
-        if not isinstance(self.display, Display):
-            raise InputError(f"display must be a lippmann.Display, not {str(self.display)[:80]!r}")
+        check_type("display", self.display, Display, "a lippmann.Display")
+        for name in ("metadata", "measured"):
+            check_type(name, getattr(self, name), Mapping, "a dictionary")
         if not isinstance(self.radiance, np.ndarray | StoredRows):
-            object.__setattr__(self, "radiance", np.asarray(self.radiance))
+            try:
+                object.__setattr__(self, "radiance", np.asarray(self.radiance))
+            except ValueError:  # rows of different lengths
+                raise InputError("radiance is not an array; give (height, width, 3) float32") from None
         panel = self.display.panel
         if not np.issubdtype(self.radiance.dtype, np.floating):
             what = f"the radiance is {self.radiance.dtype}, not linear light, where 1 is white"
@@ -101,7 +107,13 @@ class IntegralImage(Showable):
             what = f"the radiance is {size}, the panel {panel.height_px} x {panel.width_px} x 3"
             raise input_error(f"image for display '{self.display.name}'", what, "render it for this display")
         if self.radiance.dtype != np.float32:
-            object.__setattr__(self, "radiance", self.radiance.astype(np.float32))
+            with np.errstate(over="ignore"):
+                object.__setattr__(self, "radiance", self.radiance.astype(np.float32))
+        radiance: object = self.radiance
+        what = "" if isinstance(radiance, StoredRows) else describe_not_finite(self.radiance)
+        if what:  # of a file, each row that is read is checked
+            where = f"image for display '{self.display.name}'"
+            raise input_error(where, f"the radiance has {what}", "replace them (numpy.nan_to_num)")
         texts = {str(key): str(value) for key, value in self.metadata.items()}
         object.__setattr__(self, "metadata", {**texts, **metadata_of(self.display)})
 
@@ -134,6 +146,7 @@ class IntegralImage(Showable):
             For a file that is missing, broken, of another size or display, or a PNG for
             another transfer curve or number of bits.
         """
+        check_flags(force=force, stored=stored)
         built = display_at(display)
 
         def accept(metadata: Mapping[str, str]) -> None:

@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import Literal, get_args
 
-from lippmann.errors import InputError, whole_number
-from lippmann.optics.model_choice import TOLERANCE
+from lippmann.errors import InputError, as_number, check_choice, whole_number
+from lippmann.optics.model_choice import TOLERANCE, check_tolerance
 from lippmann.optics.rays import ENGINES, MODELS, Engine, Model, check_fraction_bits
 from lippmann.rendering.sampling import APERTURES, Aperture
 
@@ -41,14 +41,12 @@ class Settings:
         """Refuse settings out of range."""
         for name, low, high in (("samples", 1, MAX_SAMPLES), ("max_depth", 1, 1000), ("seed", 0, 2**32 - 1)):
             object.__setattr__(self, name, whole_number(name.replace("_", " "), getattr(self, name), low, high))
-        for what, name, names in (("aperture", self.aperture, APERTURES), ("shading", self.shading, SHADINGS)):
-            if name not in names:
-                raise InputError(f"unknown {what} '{name}'; choose from {', '.join(names)}")
+        check_choice("aperture", self.aperture, APERTURES)
+        check_choice("shading", self.shading, SHADINGS)
         if not isinstance(self.integrator, str):
             raise InputError(f"unknown integrator '{self.integrator}'; choose lights, direct, path or scene")
-        limit: object = self.memory_mb
-        if limit is not None and not (isinstance(limit, int | float) and limit > 0.0):
-            raise InputError(f"memory_mb (--memory-mb) {limit} is not a limit; give a number above 0")
+        if self.memory_mb is not None and not as_number(self.memory_mb) > 0.0:
+            raise InputError(f"memory_mb (--memory-mb) {self.memory_mb} is not a limit; give a number above 0")
 
 
 ModelOption = Literal["auto", Model]
@@ -71,7 +69,7 @@ class RenderOptions:
 
     def __post_init__(self) -> None:
         """Refuse unknown names, and a word length for an engine that has none."""
-        for what, name, names in (("model", self.model, MODEL_OPTIONS), ("engine", self.engine, ENGINES)):
-            if name not in names:
-                raise InputError(f"unknown {what} '{name}'; choose from {', '.join(names)}")
+        check_choice("model", self.model, MODEL_OPTIONS)
+        check_choice("engine", self.engine, ENGINES)
+        check_tolerance(self.tolerance)
         check_fraction_bits(self.fraction_bits, self.engine)

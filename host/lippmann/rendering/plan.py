@@ -14,9 +14,9 @@ from typing import TYPE_CHECKING, Any, Protocol, TypeAlias
 
 from lippmann import __version__
 from lippmann.base.images import Radiance
-from lippmann.base.variant import VARIANTS, own_variant
+from lippmann.base.variant import VARIANTS, check_device, own_variant
 from lippmann.display.description import Display
-from lippmann.errors import InputError, input_error
+from lippmann.errors import InputError, check_type, input_error
 from lippmann.fixed.words import WIDEST
 from lippmann.optics import model_choice
 from lippmann.optics.model_choice import TOLERANCE
@@ -204,8 +204,8 @@ def image_metadata(options: RenderOptions, scene_path: Path) -> dict[str, str]:
 @contextlib.contextmanager
 def open_scene(source: SceneSource, placement: Placement | None = None, device: str = "auto") -> Iterator[Scene]:
     """Set the variant, and yield a loaded scene. Errors as `load_scene`, `start_mitsuba`."""
-    if not isinstance(placement, Placement | None):
-        raise InputError(f"placement must be a lippmann.Placement or None, not {str(placement)[:80]!r}")
+    check_type("placement", placement, (Placement, type(None)), "a lippmann.Placement or None")
+    check_device(device)
     if isinstance(source, str | Path):
         check_scene_file(source)
         with own_variant(device):
@@ -242,7 +242,7 @@ def place_scene(scene: Scene, display: Display, arrange: Arrange | None = None) 
     return placed
 
 
-def choose_model(scene: Scene, display: Display, options: RenderOptions) -> Model:
+def report_and_choose_model(scene: Scene, display: Display, options: RenderOptions) -> Model:
     """Warn of what a picture will lack; choose and log the lens model. Errors as `resolve_model`."""
     # The trial view takes time, so it is made only for a log that takes INFO.
     warn_of_unused_parts(scene, options.settings)
@@ -261,14 +261,15 @@ class Job:
     arrange: Arrange | None = None
 
     def plan(self, portable: bool = False) -> ScenePlan:
-        """Decide all "auto"; a `portable` plan needs a scene file. Errors as `arranged`, `choose_model`, `Renderer`."""
+        """Decide all "auto"; a `portable` plan needs a scene file. Errors as `arranged`, `Renderer`."""
         # For other processes, and bands that are kept, the scene's files identify it.
         scene = place_scene(self.scene, self.display, self.arrange)
         path = scene.path.absolute()  # for workers' folders; links stay: their neighbours are read
         if portable and not path.exists():
             raise InputError("a scene in memory can neither be shared with workers nor be kept; give its file")
         # The tolerance has no more effect, and must not change the identity.
-        options = replace(self.options, model=choose_model(scene, self.display, self.options), tolerance=TOLERANCE)
+        model = report_and_choose_model(scene, self.display, self.options)
+        options = replace(self.options, model=model, tolerance=TOLERANCE)
         panel = self.display.panel
         rays = options.settings.samples * colours_of(panel)
         bands = tuple(bands_of(panel.width_px, panel.height_px, rays))

@@ -18,12 +18,12 @@ import numpy as np
 import numpy.typing as npt
 
 from lippmann.base import interrupts
-from lippmann.base.images import Radiance
+from lippmann.base.images import HALF_MAX, Radiance, describe_not_finite
 from lippmann.base.progress import Progress
 from lippmann.base.tones import psnr_db
 from lippmann.base.variant import Jit, current_device, dr, mi
 from lippmann.display.description import Display
-from lippmann.errors import InputError
+from lippmann.errors import InputError, warn_user
 from lippmann.optics.rays import Engine, Model
 from lippmann.rendering.bands import CHUNK_SAMPLES, bands_of, check_memory, memory_mb
 from lippmann.rendering.lights import register_lights
@@ -308,6 +308,15 @@ def radiance_of(planes: list[Jit], width: int) -> Radiance:
     return np.asarray(dr.ravel(mi.Color3f(planes))).reshape(-1, width, 3)
 
 
+def finite_radiance(radiance: Radiance, name: object) -> Radiance:
+    """Return radiance with black for NaN and the largest half float for infinity; warn of them."""
+    if what := describe_not_finite(radiance):
+        remedy = "see whether a texture or a light of the scene has such numbers"
+        warn_user(f"{name}: {what}; NaN becomes black, infinite light {HALF_MAX:g}: {remedy}")
+        return np.nan_to_num(radiance, nan=0.0, posinf=HALF_MAX, neginf=0.0)
+    return radiance
+
+
 def render_rays(scene: Scene, source: RaySource, settings: Settings, progress: Progress | None = None) -> Rendered:
     """Render an image; `progress` gets (rows done, all rows). Errors as `make_integrator`, `check_memory`."""
     check_memory(source.width_px, source.height_px, settings, source.colours)
@@ -319,7 +328,8 @@ def render_rays(scene: Scene, source: RaySource, settings: Settings, progress: P
     started, cpu_before = time.perf_counter(), time.process_time()
     for number, rows in enumerate(renderer.bands):
         report = None if progress is None else lambda done, first=rows.start: progress(first + done, source.height_px)
-        radiance[rows.start : rows.stop], counts = renderer.render(number, report)
+        band, counts = renderer.render(number, report)
+        radiance[rows.start : rows.stop] = finite_radiance(band, f"rows {rows.start} to {rows.stop - 1}")
         lost.append(counts)
     finished, cpu_after = time.perf_counter(), time.process_time()
     traced = source.width_px * source.height_px * renderer.rays

@@ -20,11 +20,12 @@ import numpy as np
 from lippmann.base.files import FolderLock, remove_stale, replacing
 from lippmann.base.images import Radiance, write_picture
 from lippmann.base.progress import Progress, RowProgress
-from lippmann.errors import InputError, NoSpaceError, input_error, path_of, warn_user
+from lippmann.errors import NoSpaceError, input_error, path_of, warn_user
 from lippmann.rendering.bands import check_band_memory
 from lippmann.rendering.executors import Band, Executor, RenderedBand, render_here
 from lippmann.rendering.integral_image import IntegralImage
 from lippmann.rendering.plan import Plan
+from lippmann.rendering.renderer import finite_radiance
 
 logger = logging.getLogger("lippmann")
 #: File name of a kept band: its picture's identity and first row.
@@ -77,7 +78,7 @@ def render_into(sink: Sink, executor: Executor = render_here, progress: Progress
         planning_seconds = missing[0].plan.prepare_seconds if missing else 0.0
         started = time.perf_counter()
         for rendered in executor(missing, report):
-            sink.take(rendered)
+            sink.take(rendered._replace(radiance=finite_radiance(rendered.radiance, rendered.band)))
             rows = len(rendered.band.rows)
             report.add(rows)
             rays += rows * rendered.band.plan.display.panel.width_px * rendered.band.plan.rays
@@ -132,13 +133,13 @@ class MemorySink:
 class KeptBands:
     """A picture whose bands are files in a folder, locked until `release`."""
 
-    def __init__(self, folder: Path, plan: Plan) -> None:
+    def __init__(self, folder: Path, plan: Plan, remedy: str = "choose another place for the picture") -> None:
         """Lock the folder; InputError if that fails or bands are too large, NoSpaceError on a full disk."""
         check_band_memory(plan.display, plan.bands, plan.options.settings)
-        self._lock = FolderLock(folder, "choose another place for the picture")
+        self._lock = FolderLock(folder, remedy)
         self.folder, self.plan, self.bands = folder, plan, bands_of_plan(plan)
         try:
-            _check_disk(folder, plan)
+            _check_disk(folder, plan, remedy)
         except NoSpaceError:
             self.release()
             raise
@@ -147,7 +148,10 @@ class KeptBands:
         self.metadata = plan.metadata
         self._checked: set[int] = set()
         own = {self._path(band.number).name for band in self.bands}
-        others = [path for path in folder.iterdir() if BAND_NAME.fullmatch(path.name) and path.name not in own]
+        names = [path.name for path in folder.iterdir() if path.name not in own and not path.name.startswith(".")]
+        others = [folder / name for name in names if BAND_NAME.fullmatch(name)]
+        if foreign := len(names) - len(others):
+            warn_user(f"{folder}: holds {foreign} other files or folders, which stay")
         for path in others:
             path.unlink(missing_ok=True)
         if others:
@@ -250,21 +254,24 @@ def render_picture(
     progress: Progress | None = None,
 ) -> IntegralImage:
     """Render a plan; a folder keeps the finished bands. Errors as `render_into`."""
-    if folder == "":
-        raise InputError("kept is empty; give the path of a folder for the bands")
     path = None if folder is None else path_of(folder, "a folder for kept bands")
-    sink: MemorySink | KeptBands = MemorySink(plan) if path is None else KeptBands(path, plan)
+    if path is None:
+        sink: MemorySink | KeptBands = MemorySink(plan)
+    else:
+        sink = KeptBands(path, plan, "give another folder as kept")
+        if len(plan.bands) == 1:
+            logger.info("%s: a picture of one band is kept only when complete", path)
     return sink.image(render_into(sink, executor, progress))
 
 
-def _check_disk(folder: Path, plan: Plan) -> None:
+def _check_disk(folder: Path, plan: Plan, remedy: str) -> None:
     """Raise NoSpaceError if the disk has no room for the missing bands."""
     there = sum(path.stat().st_size for path in folder.glob(f"{plan.identity}-*.npy"))
     needed = plan.display.panel.width_px * plan.display.panel.height_px * 3 * 4 - there
     free = shutil.disk_usage(folder).free
     if needed > free:
         what = f"needs {needed / 1e6:.0f} MB on the disk, {free / 1e6:.0f} MB are free"
-        raise NoSpaceError.at(folder, what, "free space or choose another place for the picture")
+        raise NoSpaceError.at(folder, what, f"free space or {remedy}")
 
 
 def bands_folder(path: Path) -> Path:

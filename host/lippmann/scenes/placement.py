@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
-from numbers import Real
 from pathlib import Path
 from typing import Annotated, ClassVar, Literal
 
@@ -47,11 +46,6 @@ class Placement:
 
     def __post_init__(self) -> None:
         """Refuse values out of range, and depths in the wrong order."""
-        if isinstance(self.scale, Real) and not SCALE_RANGE[0] <= self.scale <= SCALE_RANGE[1]:
-            raise InputError(
-                f"placement: scale {self.scale:g} is out of range; give mm per scene unit, "
-                f"{SCALE_RANGE[0]:g} to {SCALE_RANGE[1]:g}"
-            )
         check_fields(self)
         if self.near_mm is not None and self.far_mm is not None and self.near_mm <= self.far_mm:
             raise InputError(

@@ -19,7 +19,7 @@ import numpy as np
 from lippmann.base.limits import check_xml
 from lippmann.base.variant import dr, mi
 from lippmann.display.description import Display
-from lippmann.errors import InputError, input_error, likely_file, path_of
+from lippmann.errors import InputError, check_choice, check_type, input_error, likely_file, path_of
 from lippmann.optics.display_properties import display_properties
 from lippmann.optics.zones import viewing_distance
 from lippmann.scenes.formats import FORMATS, SUFFIXES, as_mitsuba, kind_of
@@ -97,6 +97,7 @@ class Scene:
 
     def placed(self, placement: Placement) -> Scene:
         """Return the scene with another placement; its missing depths are the box's, or InputError."""
+        check_type("placement", placement, Placement, "a lippmann.Placement")
         near, far = placement.near_mm, placement.far_mm
         if near is None or far is None:
             low, high = self.box(placement)
@@ -174,6 +175,7 @@ def load_scene(
     usual, notes = None, list[str]()
     if placement is None:
         usual, placement = usual_arrange(path), placement_beside(path)
+    check_type("placement", placement, Placement, "a lippmann.Placement or None")
     rotation = placement.scene_from_display[:3, :3] * placement.scale
     with parsed(path, rotation, notes) as (configuration, state):
         kinds = mi.ObjectType.Shape, mi.ObjectType.Integrator, mi.ObjectType.Sensor
@@ -343,8 +345,7 @@ def front_of(low: Matrix, high: Matrix) -> float:
 
 def arranged(scene: Scene, display: Display, arrange: Arrange) -> Scene:
     """Return a scene placed for a display, or raise InputError. Only "fit" keeps the scene's own rotation."""
-    if arrange not in get_args(Arrange):
-        raise input_error("arrange", f"'{arrange}' is unknown", f"choose from {', '.join(get_args(Arrange))}")
+    check_choice("arrange", arrange, get_args(Arrange))
     if arrange == "camera":
         return scene.placed(_by_camera(scene, display))
     if arrange == "fill":
