@@ -11,7 +11,7 @@ import cocotb
 from buses import WORDS, merged, pauses, wrong
 from cocotb.clock import Clock
 from cocotb.triggers import FallingEdge, with_timeout
-from cocotbext.axi import AxiLiteBus, AxiLiteMaster
+from cocotbext.axi import AxiLiteBus
 from cocotbext.axi.axil_channels import (
     AxiLiteARSource,
     AxiLiteARTransaction,
@@ -178,26 +178,3 @@ async def reset_ends_all_requests(dut):
         await FallingEdge(dut.clk_i)
         await bench.answered([bench.write(4 * word, random.getrandbits(32), 0xF) for word in range(WORDS)], [])
         await bench.answered([], [bench.read(4 * word) for word in range(WORDS)])
-
-
-@cocotb.test()
-async def bytes_at_any_address(dut):
-    """As cocotbext-axi's own master writes and reads them: several words, from any byte to any other."""
-    dut.clocks_i.value, dut.rst_ni.value = 0, 0
-    Clock(dut.clk_i, 2, unit="ns").start()
-    master = AxiLiteMaster(AxiLiteBus.from_prefix(dut, "s_axil"), dut.clk_i, dut.rst_ni, False)
-    for _ in range(3):
-        await FallingEdge(dut.clk_i)
-    dut.rst_ni.value = 1
-    held = bytearray(random.randbytes(0x140))
-    await master.write(0, bytes(held))
-    for _ in range(40):
-        first, count = random.randrange(0x140), random.randint(1, 40)
-        data = random.randbytes(min(count, 0x140 - first))
-        held[first : first + len(data)] = data
-        assert (await master.write(first, data)).resp == OKAY
-        first = random.randrange(0x140)
-        got = await master.read(first, min(random.randint(1, 40), 0x140 - first))
-        assert (got.resp, got.data) == (OKAY, bytes(held[first : first + len(got.data)]))
-    assert (await master.write(0x150, b"wrong")).resp == SLVERR
-    assert (await master.read(0x17F, 1)).resp == SLVERR

@@ -123,6 +123,12 @@ class Block:
                 return
         raise AssertionError(f"status stays {status}")
 
+    async def apply(self, optics, *more):
+        """Write optics, and more registers, and have them take effect."""
+        await self.write([*optics_writes(optics), *more])
+        await self.command(**APPLY)
+        await self.settle(busy=0)
+
     async def fill_table(self):
         # Aims within one and a half pitches, the range that the host promises.
         aims = [RANDOM.randrange(-1536, 1537) & 0xFFF for _ in range(2 * TABLE_ENTRIES)]
@@ -171,8 +177,17 @@ class Block:
         assert len(self.exits) == len(expected) > 0
         assert self.exits == expected
         assert (self.firsts, self.lasts) == (firsts, lasts)
-        self.exits, self.firsts, self.lasts = [], [], []
+        self.forget()
         return expected
+
+    def forget(self):
+        self.exits, self.firsts, self.lasts = [], [], []
+
+
+async def start_block(dut):
+    block = Block(dut)
+    await block.begin()
+    return block
 
 
 def frame_of(jitter="off", rays=60):
@@ -187,8 +202,7 @@ def frame_of(jitter="off", rays=60):
 
 @cocotb.test(timeout_time=1, timeout_unit="ms")
 async def registers_answer(dut):
-    block = Block(dut)
-    await block.begin()
+    block = await start_block(dut)
     words = {name: await block.read(name) for name in ("identity", "version", "build")}
     assert build_of(words) == BUILD
     # Reset values, then every bit of every register that is read and written, high and low.
@@ -233,12 +247,9 @@ async def registers_answer(dut):
 
 @cocotb.test(timeout_time=1, timeout_unit="ms")
 async def frames_equal_the_twin(dut):
-    block = Block(dut)
-    await block.begin()
+    block = await start_block(dut)
     coverage = Coverage("optics_block", f"{MODEL}-F{F}")
-    await block.write(optics_writes(OPTICS))
-    await block.command(**APPLY)
-    await block.settle(busy=0)
+    await block.apply(OPTICS)
     statuses, wanted = set(), {0, 4} if BUILD.aims else {0}
     # A frame may lie beside the array, and rays that leave through a neighbour are rare on some displays: frames follow
     # until both were seen.
@@ -263,11 +274,8 @@ async def frames_equal_the_twin(dut):
 
 @cocotb.test(timeout_time=1, timeout_unit="ms")
 async def an_apply_waits_for_the_end_of_the_frame(dut):
-    block = Block(dut)
-    await block.begin()
-    await block.write(optics_writes(OPTICS))
-    await block.command(**APPLY)
-    await block.settle(busy=0)
+    block = await start_block(dut)
+    await block.apply(OPTICS)
     optics = [OPTICS, OTHER_OPTICS]
     for turn in range(4):
         block.stall = RANDOM.choice([0.3, 0.7])
@@ -303,14 +311,11 @@ async def an_apply_waits_for_the_end_of_the_frame(dut):
 @cocotb.test(timeout_time=1, timeout_unit="ms")
 async def an_apply_as_a_frame_begins_does_not_tear_it(dut):
     """Whichever clock the apply falls on, all rays are of the old optics or all of the new."""
-    block = Block(dut)
-    await block.begin()
+    block = await start_block(dut)
     seen = set()
     for pause in range(12):
         block.pause = None
-        await block.write(optics_writes(OPTICS))
-        await block.command(**APPLY)
-        await block.settle(busy=0)
+        await block.apply(OPTICS)
         frame = frame_of("lfsr", 40)
         await block.write([*raster_writes(frame), *optics_writes(OTHER_OPTICS)])
         block.pause = pause
@@ -327,29 +332,10 @@ async def an_apply_as_a_frame_begins_does_not_tear_it(dut):
 
 
 @cocotb.test(timeout_time=1, timeout_unit="ms")
-async def the_source_waits_for_an_apply(dut):
-    block = Block(dut)
-    await block.begin()
-    await block.write(optics_writes(OPTICS))
-    await block.command(**APPLY)
-    await block.settle(busy=0)
-    # Written, not applied: rays still come from the raster.
-    frame = frame_of("lfsr", 40)
-    await block.write([*raster_writes(frame), write("source", stream=1)])
-    await block.command(**START)
-    await block.settle(running=0)
-    await block.drain(frame.rays)
-    block.check((raster(frame, block.table, F), OPTICS))
-
-
-@cocotb.test(timeout_time=1, timeout_unit="ms")
 async def the_stream_at_the_port_is_traced(dut):
-    block = Block(dut)
-    await block.begin()
+    block = await start_block(dut)
     block.stall = 0.4
-    await block.write([*optics_writes(OPTICS), write("source", stream=1)])
-    await block.command(**APPLY)
-    await block.settle(busy=0)
+    await block.apply(OPTICS, write("source", stream=1))
     frames = [raster(frame_of("lfsr", 300), block.table, F) for _ in range(3)]
     asked = []
 
@@ -391,14 +377,11 @@ async def the_stream_at_the_port_is_traced(dut):
 @cocotb.test(timeout_time=2, timeout_unit="ms")
 async def an_abort_leaves_the_block_empty(dut):
     """At any moment of a frame, with a start remembered and an apply that waits, and with a stream that has no end."""
-    block = Block(dut)
-    await block.begin()
+    block = await start_block(dut)
     for turn in range(16):
         block.stall = RANDOM.choice([0.0, 0.5, 0.95])
         stream = turn % 4 == 3
-        await block.write([*optics_writes(OPTICS), write("source", stream=0)])
-        await block.command(**APPLY)
-        await block.settle(busy=0)
+        await block.apply(OPTICS, write("source", stream=0))
         await block.write(raster_writes(frame_of("lfsr", 60000)))
         if stream:  # a frame of the stream begins, one of the raster waits
             await block.write([write("source", stream=1)])
@@ -423,7 +406,7 @@ async def an_abort_leaves_the_block_empty(dut):
             await block.edge
         assert len(block.exits) == left, "a ray came out of an empty block"
         assert not any(block.lasts)
-        block.exits, block.firsts, block.lasts = [], [], []
+        block.forget()
         # What comes next is whole, in the optics that the abort let in.
         frame = frame_of("lfsr", 60)
         await block.write(raster_writes(frame))
