@@ -1,5 +1,3 @@
-"""cobs_decoder in the simulator."""
-
 import random
 
 import cocotb

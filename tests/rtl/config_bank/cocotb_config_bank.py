@@ -1,5 +1,3 @@
-"""config_bank in the simulator."""
-
 import random
 
 import cocotb

@@ -10,7 +10,6 @@ KINDS = range(1, 13 if rules.LAYERS else 11)
 #: Kinds that are executed once.
 ONCE = (WRITE, SIGN, ABORT, RESET)
 RUNS_FRAME, RUNS_SIGN, RUNS_THIS, RUNS_SCENE, RUNS_SLOT = 1, 2, 3, 4, 5
-BLOCK_BYTES = 1024
 
 
 def request(kind: int, number: int, body: bytes = b"") -> bytes:
@@ -112,7 +111,7 @@ class Reference:
         if kind == TRACE:
             pixels = (word for k, (word,) in enumerate(struct.iter_unpack("<i", body[: size & ~3])) if k % 4 < 2)
             return size % 16 == 0 and 1 <= size // 16 <= 64 and all(-(1 << 17) <= one < 1 << 17 for one in pixels)
-        return size >= 5 if kind == TILE else size == {HELLO: 5, PRESENT: 6, BLOCK: 2 + BLOCK_BYTES}.get(kind, 0)
+        return size >= 5 if kind == TILE else size == {HELLO: 5, PRESENT: 6, BLOCK: 2 + rules.BLOCK_BYTES}.get(kind, 0)
 
     def _hello(self, number: int, body: bytes) -> tuple[int, bytes]:
         version, nonce = struct.unpack("<BI", body)

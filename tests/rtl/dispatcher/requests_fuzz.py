@@ -5,24 +5,7 @@ import struct
 from collections.abc import Iterator
 
 import rules
-from protocol import (
-    ABORT,
-    BLOCK,
-    BLOCK_BYTES,
-    BLOCKS,
-    HELLO,
-    KINDS,
-    PRESENT,
-    READ,
-    RESET,
-    SIGN,
-    TILE,
-    TILES,
-    TRACE,
-    WRITE,
-    Reference,
-    request,
-)  # fmt: skip
+from protocol import ABORT, BLOCK, BLOCKS, KINDS, READ, RESET, SIGN, TILE, TILES, TRACE, WRITE, Reference, request
 
 
 def addresses() -> tuple[int, int]:
@@ -100,7 +83,7 @@ def trace(_: Reference) -> bytes:
 
 def block(_: Reference) -> bytes:
     slot, number = place()
-    return bytes([slot, number]) + random.randbytes(BLOCK_BYTES)
+    return bytes([slot, number]) + random.randbytes(rules.BLOCK_BYTES)
 
 
 def blocks(_: Reference) -> bytes:
@@ -121,10 +104,8 @@ def nothing(_: Reference) -> bytes:
 
 
 #: Bodies of the right length; what they say may be wrong.
-BODIES = {
-    HELLO: hello, READ: read, WRITE: write, TILE: tile, PRESENT: present, TILES: tiles, TRACE: trace, SIGN: nothing,
-    ABORT: nothing, RESET: nothing, BLOCK: block, BLOCKS: blocks,
-}  # fmt: skip
+_BODIES = (hello, read, write, tile, present, tiles, trace, nothing, nothing, nothing, block, blocks)
+BODIES = dict(zip(KINDS, _BODIES, strict=False))
 #: Kinds that change little for the requests behind them.
 OFTEN = [kind for kind in KINDS if kind not in (ABORT, RESET)]
 

@@ -18,6 +18,7 @@ OK, STALE, FRAME_CRC = 0, 4, 6
 LAYERS, SLOTS, BLOCKS = (int(cocotb.plusargs[name]) for name in ("Layers", "Slots", "Blocks"))
 DRAW, LOOK = 0x40C, 0x61C
 CURVE, CURVE_BLOCKS = 15, 8
+BLOCK_BYTES = 1024
 #: The version of the protocol.
 VERSION = 3 if LAYERS else 2
 

@@ -1,5 +1,3 @@
-"""fifo in the simulator."""
-
 import random
 
 import cocotb

@@ -1,5 +1,3 @@
-"""frame_check in the simulator."""
-
 import random
 import zlib
 

@@ -1,5 +1,3 @@
-"""packet_fifo in the simulator."""
-
 import random
 
 import cocotb

@@ -1,7 +1,7 @@
-"""packet_out, against zlib and the cobs package."""
+"""packet_out, and cobs_encoder in it, against zlib and the cobs package."""
 
 from runner import run_cocotb
 
 
 def test_packet_out():
-    run_cocotb("packet_out", tests="packets_out")
+    run_cocotb("packet_out")

@@ -1,5 +1,3 @@
-"""cobs_encoder and packet_out in the simulator: packets in, frames out."""
-
 import random
 
 import cocotb
@@ -17,10 +15,6 @@ async def start(dut):
     return monitor
 
 
-def sent(dut, body):
-    return frame(with_crc(body) if dut._name == "lipp_packet_out" else body)
-
-
 @cocotb.test()
 @cocotb.parametrize((("idle", "pressure"), PAIRS))
 async def encodes(dut, idle, pressure):
@@ -29,7 +23,7 @@ async def encodes(dut, idle, pressure):
     random.shuffle(bodies)
     bodies = bodies[: 5 if "heavy" in (idle, pressure) else 15]
     words = [word for body in bodies for word in marked(body)]
-    wanted = b"".join(sent(dut, body) for body in bodies)
+    wanted = b"".join(frame(with_crc(body)) for body in bodies)
     monitor = await start(dut)
     # The pause in front of a stream is longer than the banks are.
     await monitor.run(words, pattern(idle, random, 700), pattern(pressure, random, 700), 3000, len(wanted))
@@ -45,7 +39,7 @@ async def keeps_its_rate(dut, zeros):
         "every other": bytes([7, 0] * 1000),
         "random": some_bytes(random, 2000),
     }[zeros]
-    wanted = sent(dut, body)
+    wanted = frame(with_crc(body))
     monitor = await start(dut)
     await monitor.run(marked(body), pattern("always", random, 0), pattern("always", random, 0), 300, len(wanted))
     assert bytes(monitor.got) == wanted
@@ -59,4 +53,4 @@ async def keeps_its_rate(dut, zeros):
 
 @cocotb.test()
 async def coverage_is_complete(dut):
-    Coverage(dut._name, "all", {name: SEEN[name] for name in SEEN.keys() - INFERRED}).close()
+    Coverage("packet_out", "all", {name: SEEN[name] for name in SEEN.keys() - INFERRED}).close()
