@@ -3,9 +3,8 @@
 import random
 
 import cocotb
-from cocotb.clock import Clock
 from cocotb.triggers import ClockCycles, FallingEdge
-from streams import pattern
+from streams import pattern, start_and_reset
 
 WIDTH, HEIGHT = int(cocotb.plusargs["Width"]), int(cocotb.plusargs["Height"])
 PIXELS = WIDTH * HEIGHT
@@ -33,17 +32,6 @@ class Store:
 class Bench:
     def __init__(self, dut):
         self.dut, self.store = dut, Store()
-
-    async def begin(self):
-        dut = self.dut
-        for client in ("show", "write", "read"):
-            getattr(dut, f"{client}_valid_i").value = 0
-        dut.show_pixel_ready_i.value = dut.read_pixel_ready_i.value = dut.write_pixel_valid_i.value = 0
-        dut.rst_ni.value = 0
-        cocotb.start_soon(Clock(dut.clk_i, 10, "ns").start())
-        await ClockCycles(dut.clk_i, 3)
-        await FallingEdge(dut.clk_i)
-        dut.rst_ni.value = 1
 
     def port(self, client, name):
         return getattr(self.dut, f"{client}_{name}")
@@ -96,6 +84,19 @@ class Bench:
         for place in places:
             self.store.settle(place)
 
+    async def write_all(self, buffer):
+        """Fill a buffer; its pixels."""
+        pixels = [random.getrandbits(24) for _ in range(PIXELS)]
+        await self.write(buffer, 0, pixels, pattern("always", random, 0))
+        return pixels
+
+
+async def begin(dut):
+    dut.show_valid_i.value = dut.write_valid_i.value = dut.read_valid_i.value = 0
+    dut.show_pixel_ready_i.value = dut.read_pixel_ready_i.value = dut.write_pixel_valid_i.value = 0
+    await start_and_reset(dut)
+    return Bench(dut)
+
 
 def span():
     count = random.choice([1, 2, random.randint(1, PIXELS), PIXELS])
@@ -104,10 +105,9 @@ def span():
 
 @cocotb.test(timeout_time=20, timeout_unit="ms")
 async def what_was_written_is_read(dut):
-    bench = Bench(dut)
-    await bench.begin()
+    bench = await begin(dut)
     for buffer in (0, 1):
-        await bench.write(buffer, 0, [random.getrandbits(24) for _ in range(PIXELS)], pattern("always", random, 0))
+        await bench.write_all(buffer)
 
     async def reads(client):
         for _ in range(REQUESTS):
@@ -133,10 +133,8 @@ async def what_was_written_is_read(dut):
 @cocotb.test(timeout_time=20, timeout_unit="ms")
 async def a_pixel_each_clock(dut):
     """7 clocks after the request, then without a pause; and a request with write_done sees what was written."""
-    bench = Bench(dut)
-    await bench.begin()
-    pixels = [random.getrandbits(24) for _ in range(PIXELS)]
-    await bench.write(1, 0, pixels, pattern("always", random, 0))
+    bench = await begin(dut)
+    pixels = await bench.write_all(1)
     for client in ("read", "show"):
         got, late = await bench.read(client, 1, 0, PIXELS, pattern("always", random, 0))
         assert got == pixels
@@ -145,10 +143,8 @@ async def a_pixel_each_clock(dut):
 
 @cocotb.test(timeout_time=20, timeout_unit="ms")
 async def reset_forgets_requests_and_keeps_pixels(dut):
-    bench = Bench(dut)
-    await bench.begin()
-    pixels = [random.getrandbits(24) for _ in range(PIXELS)]
-    await bench.write(0, 0, pixels, pattern("always", random, 0))
+    bench = await begin(dut)
+    pixels = await bench.write_all(0)
     for wait in (1, 2, 5, 9, 14):
         await bench.ask("show", 0, 0, PIXELS)
         await bench.ask("write", 1, 0, PIXELS)

@@ -9,7 +9,6 @@ from itertools import pairwise
 
 import cocotb
 from buses import WORDS, merged, pauses, wrong
-from cocotb.clock import Clock
 from cocotb.triggers import FallingEdge, with_timeout
 from cocotbext.axi import AxiLiteBus
 from cocotbext.axi.axil_channels import (
@@ -23,6 +22,7 @@ from cocotbext.axi.axil_channels import (
     AxiLiteWTransaction,
 )
 from rtl_coverage import Coverage
+from streams import start_and_reset
 
 TRANSFERS = int(os.environ["TRANSFERS"])
 OKAY, SLVERR = 0, 2
@@ -44,13 +44,9 @@ class Bench:
     async def begin(self, clocks):
         dut = self.dut
         dut.clocks_i.value = clocks
-        dut.rst_ni.value = 0
-        Clock(dut.clk_i, 2, unit="ns").start()
-        for _ in range(3):
-            await FallingEdge(dut.clk_i)
+        await start_and_reset(dut)
         for ready in (dut.s_axil_awready, dut.s_axil_wready, dut.s_axil_arready):
             assert not ready.value
-        dut.rst_ni.value = 1
         await FallingEdge(dut.clk_i)
 
     def write(self, address, data, strobes):

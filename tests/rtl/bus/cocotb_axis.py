@@ -10,10 +10,10 @@ import struct
 
 import cocotb
 from buses import pauses
-from cocotb.clock import Clock
 from cocotb.triggers import FallingEdge, with_timeout
 from cocotbext.axi import AxiStreamBus, AxiStreamFrame, AxiStreamSink, AxiStreamSource
 from rtl_coverage import Coverage
+from streams import start_and_reset
 
 TRANSFERS = int(os.environ["TRANSFERS"])
 F = int(os.environ["BUS_F"])
@@ -47,15 +47,11 @@ def stream(kind, dut, prefix):
 
 
 async def begin(dut):
-    dut.rst_ni.value = 0
     for port in (dut.s_axis_tvalid, dut.exit_valid_i, dut.ray_ready_i, dut.m_axis_tready):
         port.value = 0
-    Clock(dut.clk_i, 2, unit="ns").start()
-    for _ in range(3):
-        await FallingEdge(dut.clk_i)
+    await start_and_reset(dut)
     for port in (dut.s_axis_tready, dut.exit_ready_o, dut.ray_valid_o, dut.m_axis_tvalid):
         assert not port.value
-    dut.rst_ni.value = 1
     await FallingEdge(dut.clk_i)
 
 

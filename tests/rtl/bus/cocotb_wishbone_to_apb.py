@@ -8,20 +8,16 @@ import random
 
 import cocotb
 from buses import WORDS, WishboneMaster, merged, wrong
-from cocotb.clock import Clock
-from cocotb.triggers import FallingEdge
 from rtl_coverage import Coverage
+from streams import start_and_reset
 
 TRANSFERS = int(os.environ["TRANSFERS"])
 
 
 async def begin(dut, clocks):
-    dut.clocks_i.value, dut.rst_ni.value = clocks, 0
-    Clock(dut.clk_i, 2, unit="ns").start()
+    dut.clocks_i.value = clocks
     master = WishboneMaster(dut)
-    for _ in range(3):
-        await FallingEdge(dut.clk_i)
-    dut.rst_ni.value = 1
+    await start_and_reset(dut)
     await master.idle(1)
     return master
 

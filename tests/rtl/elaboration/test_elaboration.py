@@ -73,14 +73,31 @@ def timed(cas=3, mrd=2):
 
 FRAMES = [{"Width": w, "Height": h} for w, h in ((2, 1), (34, 5), (1280, 720), (1920, 1080))]
 SCENES = [drawn(), drawn(1, 1, 5, 32, samples_bits=2), drawn(8, 15, 10, 254, bilinear=1, samples_bits=1)]
+
+
+def share_sets(modules, sets):
+    """The same sets of parameters for several modules."""
+    return dict.fromkeys(modules.split(), sets)
+
+
 #: Every module of rtl/common, rtl/math, rtl/optics, rtl/scene; those of other folders where their defaults are not all.
 #: optics_block holds a ray_stream, and that a ray_pipeline, of the same parameters: each kind of ray is linted once.
 PARAMETERS = {
+    **share_sets("byte_square curve_table frame_gate mult18 sdram_arbiter", [{}]),
+    **share_sets("axis_from_rays axis_to_rays exit_line lenslet_hex lenslet_square pixel_to_lattice", F_SETS),
+    **share_sets("raster rsqrt", F_SETS),
+    **share_sets("enter_dome enter_flat exit_dome exit_flat leave_dome leave_flat unit_slope", [*F_SETS, *CELLS]),
+    **share_sets("block_store frame_check frame_store show_frame tile_table tile_writer", PANELS),
+    # Parts of ray_pipeline, in which every kind of ray is linted.
+    **share_sets("optics_block pixel_to_lens start_ray walk_domes", RAYS[-1:]),
+    "config_range": RAYS[:1],
+    **share_sets("fifo memory_1w1r", [{"Width": w, "AddressBits": b} for w, b in ((1, 2), (150, 9))]),
+    **share_sets("word_join word_split", [{"Width": w, "Parts": n} for w, n in ((1, 2), (16, 3), (24, 2), (8, 5))]),
+    **share_sets("axil_to_apb wishbone_to_apb", [{"AddressBits": b} for b in (3, 32)]),
+    **share_sets("cut_product wide_product", PRODUCTS),
+    **share_sets("pulse_sync reset_sync", [{"Stages": s} for s in (2, 4)]),
     "aim": GRID_SETS,
     "async_fifo": [{"Width": w, "AddressBits": b, "Stages": s} for w, b, s in ((1, 2, 2), (40, 9, 3))],
-    "axil_to_apb": [{"AddressBits": b} for b in (3, 32)],
-    "axis_from_rays": F_SETS,
-    "axis_to_rays": F_SETS,
     "bit_sync": [{"Stages": s, "ResetValue": r} for s, r in ((2, 1), (5, 0))],
     "blend": [*F_SETS, *CELLS, {"F": 23, "Second": 0}, {"F": 14, "Wx": 18}, {"F": 23, "Wx": 27, "CrossCells": 1},
               {"F": 23, "Wx": 27, "Wa": 27}],
@@ -92,8 +109,6 @@ PARAMETERS = {
     "video_board": [{"Dvi": 0, **built(F=14, Model=0)}],
     "block_ring": [{"Width": w, "Cycles": c} for w, c in ((1, 5), (30, 33))],
     "config_bank": [{"Width": w} for w in (1, 1140)],
-    "cut_product": PRODUCTS,
-    "wide_product": PRODUCTS,
     "cell_step": [*GRID_SETS, *SHEARED, {"F": 23, "Grid": 1, "CrossCells": 1, "Shear": 1}],
     "converge": [*GRID_SETS, {"F": 23, "Grid": 1, "CrossCells": 1}],
     "delay": [
@@ -103,46 +118,24 @@ PARAMETERS = {
     "dispatcher": [
         *PANELS, *({"Layers": a, "Slots": b, "Blocks": c} for a, b, c in ((1, 1, 2), (8, 15, 256)))
     ],
-    # Parts of ray_pipeline, in which every kind of ray is linted.
-    "config_range": RAYS[:1],
-    "exit_dome": [*F_SETS, *CELLS],
-    "exit_flat": [*F_SETS, *CELLS],
-    "pixel_to_lens": RAYS[-1:],
-    "start_ray": RAYS[-1:],
-    "walk_domes": RAYS[-1:],
-    "enter_dome": [*F_SETS, *CELLS],
-    "enter_flat": [*F_SETS, *CELLS],
     "extent": [{"Grid": g} for g in (0, 1)],
-    "fifo": [{"Width": w, "AddressBits": b} for w, b in ((1, 2), (150, 9))],
-    "memory_1w1r": [{"Width": w, "AddressBits": b} for w, b in ((1, 2), (150, 9))],
-    "frame_check": PANELS,
-    "frame_gate": [{}],
-    "block_store": PANELS,
-    "frame_store": PANELS,
     "flow_control": [{"Latency": c, "AddressBits": b, "Width": 9} for c, b in ((1, 4), (118, 7))],
-    "leave_dome": [*F_SETS, *CELLS],
-    "leave_flat": [*F_SETS, *CELLS],
-    "lenslet_hex": F_SETS,
-    "lenslet_square": F_SETS,
     # Verilator takes a recursive top's inner instances for empty ones: the trees are seen to in `multiplier`.
     "low_product": [{"Low": n} for n in (1, 2)],
     "meet_dome": [
         {"F": f, "Upward": u, "CrossCells": c} for f, u, c in ((14, 0, 0), (16, 1, 1), (23, 1, 0), (23, 0, 1))
     ],
     "move_lenslet": [*GRID_SETS, *SHEARED],
-    "mult18": [{}],
     "small_product": [{"Wa": a, "Drop": d} for a, d in ((3, 0), (17, 8))],
     "gated_sum": [{"W": n} for n in (1, 37)],
     "digit_product": [{"W": w, "Digit": d, "Signed": s} for w in (3, 18) for d in (1, 2, 3, 4) for s in (0, 1)],
     "row_product": [{"W": w, "Low": n} for w, n in ((18, 1), (18, 4), (3, 7), (18, 10), (12, 14), (18, 16))],
-    "byte_square": [{}],
     "row_multiplier": [
         {"Wa": a, "Wb": b, "Drop": d, "Square": s}
         for a, b, d, s in (
             (18, 18, 0, 0), (3, 16, 5, 0), (25, 25, 20, 1), (32, 12, 8, 0), (18, 20, 2, 0), (28, 25, 17, 0),
         )
     ],
-    "exit_line": F_SETS,
     "layer_coordinate": [*F_SETS, {"F": 16, "Bilinear": 1}],
     "texel_memory": [{"Depth": d} for d in (2, 1024, 1536, 12288, 49152, 261120)],
     "texel_slot": [*SCENES, drawn(1, 1, 10, 255)],
@@ -150,7 +143,6 @@ PARAMETERS = {
     "texel_blend": [{"Taps": n} for n in (1, 4)],
     "composite": [{"Layers": n} for n in (1, 2, 8)],
     "sample_mean": [{"SamplesBits": n} for n in (0, 1, 2)],
-    "curve_table": [{}],
     "scene": [{"F": 23, **SCENES[1]}, {"F": 14, **SCENES[2]}],
     "multiplier": [
         {"Wa": a, "Wb": b, "Drop": d, "Square": s, "CrossCells": c}
@@ -159,12 +151,8 @@ PARAMETERS = {
         )
         for c in (0, 1)
     ],
-    "optics_block": RAYS[-1:],
     "packet_fifo": [{"AddressBits": b} for b in (12, 13, 14)],
-    "pixel_to_lattice": F_SETS,
-    "pulse_sync": [{"Stages": s} for s in (2, 4)],
     "quadratic": [{"F": f, "Root": r} for f in (14, 18, 23) for r in (0, 1)],
-    "raster": F_SETS,
     "ray_stream": RAYS[-2:-1],
     "ray_pipeline": RAYS[:-2],
     "draw_frame": [{**panel, "SamplesBits": k % 3} for k, panel in enumerate(PANELS)],
@@ -175,15 +163,11 @@ PARAMETERS = {
     "request_reader": [*PANELS, {"Scene": 1}],
     "reply_builder": [{"HeadBytes": b} for b in (4, 5, 34)],
     "reply_writer": [{"Bytes": b} for b in (1, 2, 4, 63)],
-    "reset_sync": [{"Stages": s} for s in (2, 4)],
     "ring": [{"Width": w, "Cycles": c} for w, c in ((1, 2), (30, 17), (30, 33))],
-    "rsqrt": F_SETS,
     "saturate": [{"From": a, "To": b, "Slack": c} for a, b, c in ((20, 18, 6), (18, 18, 17), (5, 1, 0))],
     "pixel_feed": [{"Pixels": n} for n in (1, 1000)],
-    "show_frame": PANELS,
     "scan_out": [{**panel, **grid, "ClocksPerPixel": n}
                  for panel, grid, n in zip(PANELS, GRID_SETS, (1, 2, 4, 1), strict=True)],
-    "sdram_arbiter": [{}],
     "sdram_controller": [{"ClockHz": f, "PadClocks": n, **timed()} for f, n in ((50_000_000, 0), (142_857_142, 4))],
     "sdram_read_port": [{**frame, "Block": b, "AddressBits": a}
                         for frame, b, a in zip(FRAMES, (1, 96, 512, 96), (4, 5, 10, 11), strict=True)],
@@ -196,13 +180,7 @@ PARAMETERS = {
     "skid_buffer": [{"Width": w} for w in (1, 185)],
     "sqrt": [{"F": f, "Normalise": n} for f in (14, 23) for n in (0, 1)],
     "test_pattern": [*GRID_SETS, *F_SETS, *PANELS],
-    "tile_table": PANELS,
-    "tile_writer": PANELS,
     "tmds_serialiser": [{"Channels": c} for c in (1, 4)],
-    "unit_slope": [*F_SETS, *CELLS],
-    "word_join": [{"Width": w, "Parts": n} for w, n in ((1, 2), (16, 3), (24, 2), (8, 5))],
-    "word_split": [{"Width": w, "Parts": n} for w, n in ((1, 2), (16, 3), (24, 2), (8, 5))],
-    "wishbone_to_apb": [{"AddressBits": b} for b in (3, 32)],
 }  # fmt: skip
 
 #: Builds of the drawing that are not legal.

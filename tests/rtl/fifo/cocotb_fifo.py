@@ -11,7 +11,6 @@ SEEN = Monitor.seen
 async def start(dut, room):
     Clock(dut.clk_i, 2, unit="ns").start()
     dut.write_i.value = dut.ready_i.value = dut.data_i.value = 0
-
     monitor = Monitor(dut.clk_i, dut.write_i, None, dut.valid_o, dut.ready_i, dut.data_o, dut.data_i, room)
     await reset(dut, monitor)
     return monitor
@@ -20,8 +19,7 @@ async def start(dut, room):
 async def reset(dut, monitor):
     await hold_reset(dut)
     assert not dut.valid_o.value
-    monitor._stalled = None
-    monitor.accepted, monitor.left, monitor.got = [], [], []
+    monitor.forget()
 
 
 def sizes(dut):

@@ -16,7 +16,6 @@ SEEN = Monitor.seen
 async def start(dut):
     Clock(dut.clk_i, 2, unit="ns").start()
     dut.valid_i.value = dut.ready_i.value = dut.data_i.value = dut.hold_i.value = 0
-
     monitor = Monitor(dut.clk_i, dut.valid_i, dut.ready_o, dut.valid_o, dut.ready_i, dut.data_o, dut.data_i)
     await reset(dut, monitor)
     return monitor
@@ -32,8 +31,7 @@ async def reset(dut, monitor):
         assert not dut.valid_o.value
         assert not dut.ready_o.value, "a ray that came now would be lost"
     dut.rst_ni.value = 1
-    monitor._stalled = None
-    monitor.accepted, monitor.left, monitor.got = [], [], []
+    monitor.forget()
     # A clock in which nothing is offered: the input opens.
     await monitor.clock(None, False)
     assert dut.idle_o.value

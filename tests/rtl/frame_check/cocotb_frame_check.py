@@ -2,9 +2,8 @@ import random
 import zlib
 
 import cocotb
-from cocotb.clock import Clock
 from cocotb.triggers import FallingEdge
-from streams import PATTERNS, pattern
+from streams import PATTERNS, pattern, start_and_reset
 
 PIXELS = int(cocotb.plusargs["Width"]) * int(cocotb.plusargs["Height"])
 #: Clocks of a check beside one for each pixel: 7 of them are the block store's.
@@ -14,13 +13,9 @@ MORE = 9
 async def begin(dut):
     """Random pixels in both buffers; their bytes."""
     dut.start_i.value = dut.buffer_i.value = dut.fill_i.value = dut.pause_i.value = 0
-    dut.rst_ni.value = 0
-    Clock(dut.clk_i, 2, unit="ns").start()
-    edge = FallingEdge(dut.clk_i)
-    for _ in range(3):
-        await edge
+    await start_and_reset(dut)
     assert not dut.busy_o.value
-    dut.rst_ni.value = 1
+    edge = FallingEdge(dut.clk_i)
     frames = [random.randbytes(3 * PIXELS) for _ in range(2)]
     for buffer, frame in enumerate(frames):
         dut.fill_buffer_i.value = buffer
