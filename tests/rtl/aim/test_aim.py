@@ -24,8 +24,8 @@ def test_equals_twin(f, grid, seed, rng, seen):
     stream_step(f"aim-{grid}", f, [Segment({}, words, expected)], seed)
 
     di, dj = ((out.i - i + 2048) & 4095) - 2048, ((out.j - j + 2048) & 4095) - 2048
-    seen.values("step", [f"{p} {q}" for p, q in zip(di, dj, strict=True)],
-                ["0 0", "1 0", "0 1", "-1 0", "0 -1", "1 -1", "-1 1"])  # fmt: skip
+    steps = ["0 0", "1 0", "0 1", "-1 0", "0 -1", "1 -1", "-1 1"]
+    seen.values("step", [f"{p} {q}" for p, q in zip(di, dj, strict=True)], steps)
     seen.point("beyond", out.beyond)
     seen.point("not beyond, another lenslet", ~out.beyond & out.stray)
     seen.point("index wraps", np.abs(out.i - i) > 4)

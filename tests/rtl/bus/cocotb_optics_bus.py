@@ -1,5 +1,6 @@
 """optics_block behind each adapter, as a driver of a system has it: the rays equal the twin's."""
 
+import logging
 import os
 import random
 import struct
@@ -8,8 +9,7 @@ import cocotb
 import numpy as np
 from buses import WishboneMaster, pauses
 from cocotb.triggers import FallingEdge, with_timeout
-from cocotb_axis import stream
-from cocotbext.axi import AxiLiteBus, AxiLiteMaster, AxiStreamFrame, AxiStreamSink, AxiStreamSource
+from cocotbext.axi import AxiLiteBus, AxiLiteMaster, AxiStreamBus, AxiStreamFrame, AxiStreamSink, AxiStreamSource
 from lippmann.display.description import load_display
 from lippmann.fixed.build import Build
 from lippmann.fixed.configuration import configuration
@@ -66,11 +66,15 @@ class Wish:
 
 async def driver(dut, registers):
     """What software does: identify the block, write the optics, trace a frame of the raster and two of the stream."""
-    source, sink = stream(AxiStreamSource, dut, "s_axis"), stream(AxiStreamSink, dut, "m_axis")
+    source, sink = (
+        kind(AxiStreamBus.from_prefix(dut, prefix), dut.clk_i, dut.rst_ni, False, byte_lanes=1)  # of whole transfers
+        for kind, prefix in ((AxiStreamSource, "s_axis"), (AxiStreamSink, "m_axis"))
+    )
     await start_and_reset(dut)
     await FallingEdge(dut.clk_i)
     registers.pause()
     for side in (source, sink):
+        side.log.setLevel(logging.WARNING)
         side.set_pause_generator(pauses())
 
     async def settle(**wanted):

@@ -13,14 +13,8 @@ def test_equals_twin(f, seed, rng, seen):
     near, one = signed(f + 2), 1 << (f + 3)
     segments = []
     indices = [(int(word(1 / n, f + 1)), int(word(1 / n**2, f))) for n in (1.16, 1.5, 2.2, *rng.uniform(1.16, 2.2, 3))]
-    indices += [
-        (1, 1),
-        (1, -1),
-        (near[1], -(1 << f)),
-        (near[1], (1 << f) - 1),
-        (near[1], signed(f + 4)[1]),
-        (1, signed(f + 4)[1]),
-    ]
+    indices += [(1, square) for square in (1, -1, signed(f + 4)[1])]
+    indices += [(near[1], square) for square in (-(1 << f), (1 << f) - 1, signed(f + 4)[1])]
     for inverse, square in indices:
         # nx, ny, cos, ex, ey, s: cosine and sine are never negative.
         words = mixed(rng, 500, near, near, (0, near[1]), near, near, (0, one - 1))
@@ -31,9 +25,8 @@ def test_equals_twin(f, seed, rng, seen):
         real[2], real[5] = np.minimum(word(cos, f + 1), near[1]), np.clip(word(1 - cos**2, f + 3), 0, one - 1)
         nx, ny, c, ex, ey, s = (np.concatenate(pair) for pair in zip(words, real, strict=True))
         nothing = np.zeros(len(nx), np.int64)
-        dx, dy, beyond = enter_dome(
-            Meeting(nx, ny, nothing, c, s, nothing == 1, nothing == 1), ex, ey, inverse, square, f
-        )
+        met = Meeting(nx, ny, nothing, c, s, nothing == 1, nothing == 1)
+        dx, dy, beyond = enter_dome(met, ex, ey, inverse, square, f)
         inputs = {"nx_i": nx, "ny_i": ny, "cos_i": c, "s_i": s, "ex_i": ex, "ey_i": ey}
         config = {"index_inverse_i": inverse, "index_inverse_square_i": square}
         segments.append(Segment(config, inputs, {"dx_o": dx, "dy_o": dy, "beyond_o": beyond.astype(np.int64)}))

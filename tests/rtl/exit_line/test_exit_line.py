@@ -14,27 +14,19 @@ from words import mixed, signed
 def test_equals_twin(f, seed, rng, seen):
     one = 1 << (f + 1)
     segments = []
-    lattices = [
-        (0, 0, 0),
-        (*signed(32), 1),
-        *rng.integers(*signed(32), (4, 3)).tolist(),
-        (1 << 30, 1 << 29, 930_000_000),
-    ]
-    for lattice in lattices:
+    lattices = [(0, 0, 0), (*signed(32), 1), (1 << 30, 1 << 29, 930_000_000)]
+    for lattice in [*lattices, *rng.integers(*signed(32), (4, 3)).tolist()]:
         # Unit directions, a quarter of them near the limit of dz; then any words.
         count = 400
         dz = np.where(rng.random(count) < 0.25, 0.25 + rng.uniform(-1e-3, 1e-3, count), rng.uniform(0.2, 1.0, count))
         angle = rng.uniform(0, 2 * np.pi, count)
         side = np.sqrt(1 - dz**2)
-        unit = [
-            np.clip(np.rint(d * one), -one, one - 1).astype(np.int64)
-            for d in (side * np.cos(angle), side * np.sin(angle), dz)
-        ]
+        unit = np.rint(np.stack([side * np.cos(angle), side * np.sin(angle), dz]) * one)
+        unit = np.clip(unit, -one, one - 1).astype(np.int64)
         unit[2][:4] = one // 4 - 1, one // 4, one - 1, one // 4 + 1
         near = rng.integers(-60, 60, (2, count)), rng.integers(-(one << 1), one << 1, (3, count))
         rays = [*near[0], *near[1], *unit]
-        ranges = [signed(12)] * 2 + [signed(f + 4)] * 3 + [signed(f + 2)] * 3
-        wild = mixed(rng, 600, *ranges)
+        wild = mixed(rng, 600, *[signed(12)] * 2, *[signed(f + 4)] * 3, *[signed(f + 2)] * 3)
         rays = [np.concatenate(pair) for pair in zip(rays, wild, strict=True)]
         rays = FixedRays(*rays, rng.integers(0, 8, len(rays[0])))
         lines = exit_line(rays, *lattice, f)

@@ -27,15 +27,14 @@ def test_equals_twin(grid, seed, rng, seen):
         near_j = rng.choice([-1, 1], 400) * (across + rng.integers(-1, 3, 400))
         c = rng.choice([-1, 1], 400) * (along + rng.integers(-2, 4, 400))
         near_i = (c - (near_j if grid == "hex" else 0)) // 2
-        held = (np.abs(2 * near_i + 1) < 4096) & (np.abs(2 * near_j + 1) < 4096)
-        i, j = np.r_[i, near_i[held]], np.r_[j, near_j[held]]
+        fits = (np.abs(2 * near_i + 1) < 4096) & (np.abs(2 * near_j + 1) < 4096)
+        i, j = np.r_[i, near_i[fits]], np.r_[j, near_j[fits]]
         missing = extent(i, j, along, across, grid)
         # 2 i + j half pitches: the centre's place on its row, whose lenslets are a pitch apart.
         place = i + (j / 2 if grid == "hex" else 0)
         np.testing.assert_array_equal(missing, (abs(place) > along / 2) | (abs(j) > across))
-        batch.append(
-            (one, Segment({"along_i": along, "across_i": across}, {"i_i": i, "j_i": j}, {"missing_o": missing}))
-        )
+        held = {"along_i": along, "across_i": across}
+        batch.append((one, Segment(held, {"i_i": i, "j_i": j}, {"missing_o": missing})))
         seen.point("every lenslet", not missing.any())
         seen.point("no lenslet", missing.all())
         seen.point("the last along the row", ~missing & (2 * abs(place) == along))

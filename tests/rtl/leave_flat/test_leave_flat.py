@@ -32,9 +32,8 @@ def test_equals_twin(f, seed, rng, seen):
         dx, dy = np.concatenate([dx, other[0][unit], axis[0]]), np.concatenate([dy, other[1][unit], axis[1]])
         nx, ny, nz = (w[-len(dx) :] for w in mixed(rng, len(dx), near, near, near))
         nothing = np.zeros(len(dx), np.int64)
-        out = leave_flat(
-            Meeting(nx, ny, nz, nothing, nothing, nothing == 1, nothing == 1), dx, dy, zc, index, square, f
-        )
+        met = Meeting(nx, ny, nz, nothing, nothing, nothing == 1, nothing == 1)
+        out = leave_flat(met, dx, dy, zc, index, square, f)
         inputs = {"nx_i": nx, "ny_i": ny, "nz_i": nz, "dx_i": dx, "dy_i": dy}
         expected = {f"{k}_o": np.asarray(w).astype(np.int64) for k, w in out._asdict().items()}
         config = {"zc_i": zc, "index_i": index, "index_square_i": square}

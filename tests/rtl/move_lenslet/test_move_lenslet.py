@@ -18,9 +18,8 @@ def test_equals_twin(f, grid, sheared, seed, rng, seen):
         rx = int(rng.choice([low, top, 0, *rng.integers(low, top, 3)]))
         x, y, beyond = move_lenslet(hx, hy, di, dj, cx, cy, rx, grid, f, sheared)
         words = {"hx_i": hx, "hy_i": hy, "di_i": di, "dj_i": dj}
-        segments.append(
-            Segment({"cx_i": cx, "cy_i": cy, "rx_i": rx}, words, {"hx_o": x, "hy_o": y, "beyond_o": beyond.astype(int)})
-        )
+        out = {"hx_o": x, "hy_o": y, "beyond_o": beyond.astype(int)}
+        segments.append(Segment({"cx_i": cx, "cy_i": cy, "rx_i": rx}, words, out))
         seen.point("beyond", beyond)
         seen.point("not beyond", ~beyond)
         steps = [f"{p} {q}" for p, q in zip(di, dj, strict=True)]
