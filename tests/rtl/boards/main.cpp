@@ -1,6 +1,6 @@
-// The top of an FPGA board with a chip of SDRAM and a host at its wires; writes the bits of its video.
+// The top of an FPGA board with a chip of SDRAM and a host at its wires; writes the last whole frame of its video.
 //
-//   top KEY=VALUE ...   in: bytes that the host sends; out: bytes of the board; video: four bits a time, one a byte
+//   top KEY=VALUE ...   in: bytes that the host sends; out: bytes of the board; video: red, green, blue of each pixel
 //
 // A turn is an edge of the PLL's VCO, of vco_ps / 2. The chip is pad_ps of delay away, there and back
 // together. The host's list is a file of (replies, length, bytes): so many replies, which end with a
@@ -19,6 +19,7 @@
 #include "Vtop___024root.h"
 #include "../../../sim/board/sdram.h"
 #include "../../../sim/board/uart.h"
+#include "../../../sim/netlist/dvi.h"
 #include "verilated.h"
 
 int main(int argc, char** argv) {
@@ -55,7 +56,11 @@ int main(int argc, char** argv) {
   std::deque<std::pair<uint64_t, uint16_t>> to_board;
   bool chip_clock = false;
   uint16_t dq = 0xffff;
-  std::vector<uint8_t> bits;
+  auto size = [&](const char* name) { return static_cast<int>(number(name)); };
+  dvi::Receiver receiver({size("width"), size("height"), size("h_front"), size("h_sync"), size("h_back"),
+                          size("v_front"), size("v_sync"), size("v_back"), false, false});
+  std::vector<char> frame, last_frame;
+  bool in_sync = false;
   uint64_t end = ~0ull, turn = 0, unlock_at = ~0ull;
   top->btn = 0;
   top->ftdi_txd = 1;
@@ -130,15 +135,21 @@ int main(int argc, char** argv) {
       to_chip.pop_front();
     }
     // A bit of each pair lasts half a shift clock: seen at its end.
-    if (turn % shift_div == shift_div - 1) {
-      bits.push_back(top->gpdi_dp);
+    if (turn % shift_div == shift_div - 1 && receiver.bit(top->gpdi_dp)) {
+      const dvi::Pixel& pixel = receiver.pixel();
+      if (!pixel.de && !pixel.vsync && !in_sync) {
+        last_frame.swap(frame);
+        frame.clear();
+      }
+      in_sync = !pixel.de && !pixel.vsync;
+      if (pixel.de)
+        for (int shift : {16, 8, 0}) frame.push_back(static_cast<char>(pixel.rgb >> shift));
     }
   }
-  const size_t last = 2 * frame_turns / shift_div;
-  const size_t from = bits.size() > last ? bits.size() - last : 0;
-  video.write(reinterpret_cast<const char*>(bits.data()) + from, static_cast<std::streamsize>(bits.size() - from));
+  video.write(last_frame.data(), static_cast<std::streamsize>(last_frame.size()));
   std::printf("led=%d\nreplies=%llu\nturns=%llu\nreads=%llu\n", top->led, (unsigned long long)heard,
               (unsigned long long)turn, (unsigned long long)chip.reads());
+  std::printf("counts={%s}\n", receiver.counts().c_str());
   if (!chip.violations().empty()) std::printf("first=%llu\n", (unsigned long long)(chip.first_violation() / half_ps));
   for (const auto& [name, count] : chip.violations())
     std::printf("violation: %s: %llu\n", name.c_str(), (unsigned long long)count);

@@ -10,17 +10,7 @@ from itertools import pairwise
 import cocotb
 from buses import WORDS, merged, pauses, wrong
 from cocotb.triggers import FallingEdge, with_timeout
-from cocotbext.axi import AxiLiteBus
-from cocotbext.axi.axil_channels import (
-    AxiLiteARSource,
-    AxiLiteARTransaction,
-    AxiLiteAWSource,
-    AxiLiteAWTransaction,
-    AxiLiteBSink,
-    AxiLiteRSink,
-    AxiLiteWSource,
-    AxiLiteWTransaction,
-)
+from cocotbext.axi import AxiLiteBus, axil_channels
 from rtl_coverage import Coverage
 from streams import start_and_reset
 
@@ -35,9 +25,11 @@ class Bench:
         self.dut = dut
         bus = AxiLiteBus.from_prefix(dut, "s_axil")
         ports = {"clock": dut.clk_i, "reset": dut.rst_ni, "reset_active_level": False}
-        self.aw, self.w = AxiLiteAWSource(bus.write.aw, **ports), AxiLiteWSource(bus.write.w, **ports)
-        self.ar = AxiLiteARSource(bus.read.ar, **ports)
-        self.b, self.r = AxiLiteBSink(bus.write.b, **ports), AxiLiteRSink(bus.read.r, **ports)
+        self.aw = axil_channels.AxiLiteAWSource(bus.write.aw, **ports)
+        self.w = axil_channels.AxiLiteWSource(bus.write.w, **ports)
+        self.ar = axil_channels.AxiLiteARSource(bus.read.ar, **ports)
+        self.b = axil_channels.AxiLiteBSink(bus.write.b, **ports)
+        self.r = axil_channels.AxiLiteRSink(bus.read.r, **ports)
         self.words = [0] * WORDS
         self.strobes, self.answers = [], []
 
@@ -50,8 +42,8 @@ class Bench:
         await FallingEdge(dut.clk_i)
 
     def write(self, address, data, strobes):
-        self.aw.send_nowait(AxiLiteAWTransaction(awaddr=address, awprot=random.randrange(8)))
-        self.w.send_nowait(AxiLiteWTransaction(wdata=data, wstrb=strobes))
+        self.aw.send_nowait(axil_channels.AxiLiteAWTransaction(awaddr=address, awprot=random.randrange(8)))
+        self.w.send_nowait(axil_channels.AxiLiteWTransaction(wdata=data, wstrb=strobes))
         word = address // 4
         if wrong(word):
             return SLVERR
@@ -59,7 +51,7 @@ class Bench:
         return OKAY
 
     def read(self, address):
-        self.ar.send_nowait(AxiLiteARTransaction(araddr=address, arprot=random.randrange(8)))
+        self.ar.send_nowait(axil_channels.AxiLiteARTransaction(araddr=address, arprot=random.randrange(8)))
         word = address // 4
         return (SLVERR, 0) if wrong(word) else (OKAY, self.words[word])
 

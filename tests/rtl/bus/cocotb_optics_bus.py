@@ -25,12 +25,10 @@ OPTICS = configuration(DISPLAY, BUILD, "exact")
 
 
 class Lite:
-    """The registers behind AXI4-Lite."""
+    """The registers behind AXI4-Lite, with pauses in each channel."""
 
     def __init__(self, dut):
         self.master = AxiLiteMaster(AxiLiteBus.from_prefix(dut, "s_axil"), dut.clk_i, dut.rst_ni, False)
-
-    def pause(self):
         for side in (self.master.write_if, self.master.read_if):
             for name in ("aw_channel", "w_channel", "b_channel", "ar_channel", "r_channel"):
                 if hasattr(side, name):
@@ -49,9 +47,6 @@ class Wish:
 
     def __init__(self, dut):
         self.master = WishboneMaster(dut)
-
-    def pause(self):
-        pass
 
     async def write(self, address, word):
         _, error = await self.master.cycle(address // 4, word)
@@ -72,7 +67,6 @@ async def driver(dut, registers):
     )
     await start_and_reset(dut)
     await FallingEdge(dut.clk_i)
-    registers.pause()
     for side in (source, sink):
         side.log.setLevel(logging.WARNING)
         side.set_pause_generator(pauses())

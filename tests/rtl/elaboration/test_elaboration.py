@@ -409,6 +409,7 @@ def test_the_command_tells_of_each_module_that_is_not_clean(monkeypatch):
         return subprocess.CompletedProcess([], 1 if module == "ring" else 0, "", said)
 
     monkeypatch.setattr("tools.lint.lint", found)
+    monkeypatch.setattr("tools.lint.fpga_boards", dict)
     result = CliRunner().invoke(main)
     assert result.exit_code == 1
     assert result.stderr.splitlines() == [

@@ -34,32 +34,13 @@ async def keeps_order_and_contract(dut, idle, pressure):
     monitor = await start(dut, room)
     await monitor.run(words, pattern(idle, random, 3 * room), pattern(pressure, random, 3 * room), 8 * room + 200)
     assert monitor.got == words
+    if idle == "always" and pressure in ("always", "stuck"):  # a word each clock, also of those that waited
+        assert monitor.left == list(range(monitor.left[0], monitor.left[0] + len(words)))
+    if idle == pressure == "always":
+        assert {out - into for into, out in zip(monitor.accepted, monitor.left, strict=True)} == {4}
     SEEN["full"] += sum(
         k + room < len(words) and monitor.accepted[k + room - 1] < monitor.left[k] for k in range(len(words) - room)
     )
-
-
-@cocotb.test()
-async def gives_a_word_each_clock_after_four(dut):
-    room, words = sizes(dut)
-    monitor = await start(dut, room)
-    await monitor.run(words, pattern("always", random, 0), pattern("always", random, 0), 50)
-    assert monitor.got == words
-    assert {out - into for into, out in zip(monitor.accepted, monitor.left, strict=True)} == {4}
-    assert monitor.left == list(range(monitor.left[0], monitor.left[0] + len(words)))
-
-
-@cocotb.test()
-async def drains_without_a_bubble(dut):
-    room, words = sizes(dut)
-    monitor = await start(dut, room)
-    for word in words[:room]:
-        assert await monitor.clock(word, False)
-    for _ in range(6):
-        await monitor.clock(None, False)
-    for _ in range(room):
-        await monitor.clock(None, True)
-    assert monitor.got == words[:room]
 
 
 @cocotb.test()

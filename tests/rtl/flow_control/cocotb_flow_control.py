@@ -50,17 +50,9 @@ async def keeps_order_and_contract(dut, idle, pressure):
     await monitor.run(words, pattern(idle, random, stuck), pattern(pressure, random, stuck), PATIENCE)
     assert monitor.got == words
     assert dut.idle_o.value
-
-
-@cocotb.test()
-async def takes_and_gives_a_word_each_clock(dut):
-    monitor = await start(dut)
-    words = some_words(dut, 6 * ROOM)
-    await monitor.run(words, pattern("always", random, 0), pattern("always", random, 0), PATIENCE)
-    assert monitor.got == words
-    assert monitor.accepted == list(range(monitor.accepted[0], monitor.accepted[0] + len(words)))
-    # Latency clocks to the FIFO and four through it.
-    assert {out - into for into, out in zip(monitor.accepted, monitor.left, strict=True)} == {LATENCY + 4}
+    if idle == pressure == "always":  # a word each clock; Latency clocks to the FIFO and four through it
+        assert monitor.accepted == list(range(monitor.accepted[0], monitor.accepted[0] + len(words)))
+        assert {out - into for into, out in zip(monitor.accepted, monitor.left, strict=True)} == {LATENCY + 4}
 
 
 @cocotb.test()
