@@ -94,11 +94,6 @@ class Monitor:
     def count(self, name: str, seen: bool) -> None:
         self.seen[name] += bool(seen)
 
-    def forget(self) -> None:
-        """Begin anew, after a reset of the device."""
-        self._stalled = None
-        self.accepted, self.left, self.got = [], [], []
-
     def settled(self) -> None:
         """Look at handles that depend on inputs of the same clock, where `through` holds."""
 

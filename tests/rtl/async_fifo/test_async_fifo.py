@@ -1,4 +1,4 @@
-"""async_fifo: words between two unrelated clocks."""
+"""async_fifo: words between two unrelated clocks, pauses on both sides, the latencies that it promises."""
 
 import pytest
 from runner import run_cocotb

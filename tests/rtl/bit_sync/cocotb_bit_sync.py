@@ -1,5 +1,3 @@
-"""bit_sync and reset_sync in the simulator: a signal that changes at any time."""
-
 import random
 
 import cocotb

@@ -1,4 +1,4 @@
-"""bit_sync: a bit that changes at any time of the clock, and reset."""
+"""bit_sync, and reset_sync: a bit that changes at any time of the clock, and reset."""
 
 import pytest
 from runner import run_cocotb

@@ -1,5 +1,3 @@
-"""block_store in the simulator: random requests of all clients at once, against two buffers of a dictionary."""
-
 import random
 
 import cocotb

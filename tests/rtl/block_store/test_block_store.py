@@ -1,4 +1,4 @@
-"""block_store: three clients of two buffers, whatever they ask and however they pause."""
+"""block_store: three clients of two buffers, against two buffers of a dictionary, however they pause."""
 
 import pytest
 from runner import run_cocotb

@@ -1,21 +1,15 @@
-"""board_lamps in the simulator: how long the lamps are lit, and a button that bounces."""
-
 import random
 
 import cocotb
 from cocotb.triggers import FallingEdge
-from two_clocks import start
+from streams import start_and_reset
 
 HOLD, STILL = 1 << int(cocotb.plusargs["HoldBits"]), 1 << int(cocotb.plusargs["IdleBits"])
 
 
 async def begin(dut):
-    for name in ("packet_i", "error_i", "clock_lost_i", "button_i", "rst_ni"):
-        getattr(dut, name).value = 0
-    start(dut.clk_i, 1000)
-    for _ in range(3):
-        await FallingEdge(dut.clk_i)
-    dut.rst_ni.value = 1
+    dut.packet_i.value = dut.error_i.value = dut.clock_lost_i.value = dut.button_i.value = 0
+    await start_and_reset(dut)
     await FallingEdge(dut.clk_i)
 
 

@@ -1,4 +1,4 @@
-"""board_lamps: LEDs of a board, and the button of its test patterns."""
+"""board_lamps: how long the lamps of a board are lit, and the button of its test patterns, which bounces."""
 
 from runner import run_cocotb
 

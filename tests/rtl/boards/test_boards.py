@@ -8,6 +8,7 @@ from lippmann.board.bitstreams import read_bitfile
 from lippmann.board.fpga_boards import fpga_board, fpga_boards
 from lippmann.display.description import load_display
 from lippmann.simulation.toolchain import repository
+from runner import run_cocotb
 from tools import bitstream, netlist
 from tools.flow import run_tool
 from tools.lint import elaborated, lint_board
@@ -48,6 +49,11 @@ def ports(name):
     for high, low, port in re.findall(r"^  (?:input|output|inout)\s+\w+\s+(?:\[(\d+):(\d+)\])?\s*(\w+),?$", text, re.M):
         found += [f"{port}[{bit}]" for bit in range(int(low), int(high) + 1)] if high else [port]
     return found
+
+
+def test_a_board_on_a_byte_stream_loses_nothing_at_a_reset():
+    small = {"ByteLink": 1, "Width": 32, "Height": 16, "Build": "16'h000e"}
+    run_cocotb("board_with_store", small, tests="cocotb_byte_line")
 
 
 @pytest.mark.parametrize("name", BOARDS)

@@ -143,26 +143,3 @@ async def answers_take_the_clocks_that_are_said(dut):
             assert answers[0] - offered == n + 3
             gaps = {b - a for a, b in pairwise(answers)}
             assert gaps == {n + 1 if kinds == "wr" else n + 2}, (n, kinds, answers)
-
-
-@cocotb.test()
-async def reset_ends_all_requests(dut):
-    bench = Bench(dut)
-    await bench.begin(0)
-    for _ in range(20):
-        for _ in range(6):
-            bench.write(4 * random.randrange(WORDS), random.getrandbits(32), 0xF)
-            bench.read(4 * random.randrange(WORDS))
-        for _ in range(random.randrange(30)):
-            await FallingEdge(dut.clk_i)
-        dut.rst_ni.value = 0
-        for _ in range(2):
-            await FallingEdge(dut.clk_i)
-            assert not dut.s_axil_bvalid.value
-            assert not dut.s_axil_rvalid.value
-        for channel in (bench.aw, bench.w, bench.ar, bench.b, bench.r):
-            channel.clear()
-        dut.rst_ni.value = 1
-        await FallingEdge(dut.clk_i)
-        await bench.answered([bench.write(4 * word, random.getrandbits(32), 0xF) for word in range(WORDS)], [])
-        await bench.answered([], [bench.read(4 * word) for word in range(WORDS)])

@@ -13,9 +13,8 @@ def test_equals_twin(layers, seed, rng, seen):
     for number in range(8):
         count = 800
         opacity = rng.integers(0, 65537, (count, layers))
-        opacity = np.where(
-            rng.random((count, layers)) < 0.5, rng.choice([0, 1, 65535, 65536], (count, layers)), opacity
-        )
+        extreme = rng.choice([0, 1, 65535, 65536], (count, layers))
+        opacity = np.where(rng.random((count, layers)) < 0.5, extreme, opacity)
         opacity[:20], opacity[20:40] = 0, 65536
         # Premultiplied: a layer has no more light than it has opacity.
         most = np.minimum((opacity * 65025 + 32768) >> 16, 65025)
@@ -28,11 +27,7 @@ def test_equals_twin(layers, seed, rng, seen):
             "brightness_i": int(joined(brightness[None], 9)[0]),
             "background_i": int(joined(background[None, ::-1], 16)[0]),
         }
-        words = {
-            "light_i": joined(light[..., ::-1], 16),
-            "opacity_i": joined(opacity, 17),
-            "draws_i": draws.astype(np.int64),
-        }
+        words = {"light_i": joined(light[..., ::-1], 16), "opacity_i": joined(opacity, 17), "draws_i": draws}
         segments.append(Segment(config, words, {"light_o": joined(out[:, ::-1], 16)}))
         seen.point("black without an exit", ~draws)
         seen.point("the background shows whole", draws & (opacity == 0).all(axis=1))

@@ -9,7 +9,7 @@ from packets import marked
 from protocol import ABORT, HELLO, KINDS, READ, RESET, SIGN, TILE, TILES, TRACE, WRITE, Reference, request
 from requests_fuzz import BODIES, traffic
 from rtl_coverage import Coverage
-from streams import PATTERNS, hold_reset, pattern
+from streams import PAIRS, hold_reset, pattern
 
 WIDTH, HEIGHT, CLOCK_HZ = (int(cocotb.plusargs[name]) for name in ("Width", "Height", "ClockHz"))
 IDENTITY = 0x0123_4567_89AB_CDEF
@@ -70,11 +70,11 @@ async def ask(monitor, reference, *requests):
 
 
 @cocotb.test()
-@cocotb.parametrize(idle=PATTERNS, pressure=PATTERNS)
+@cocotb.parametrize((("idle", "pressure"), PAIRS))
 async def replies_as_the_protocol_says(dut, idle, pressure):
     slow = random.choice([0, 3, 40])
     monitor, reference = await start(dut, random.choice([0, 0xFFFE, random.getrandbits(16)]), slow)
-    count = 8 if "heavy" in (idle, pressure) else 25
+    count = 8 if "heavy" in (idle, pressure) else 35
     requests, wanted = zip(*traffic(reference, count), strict=True)
     await converse(monitor, reference, requests, wanted, idle, pressure)
 

@@ -1,5 +1,3 @@
-"""dvi_out in the simulator: a receiver that has only the bits finds the symbols, every pixel and every sync."""
-
 import random
 
 import cocotb

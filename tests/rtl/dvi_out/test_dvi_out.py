@@ -1,4 +1,4 @@
-"""dvi_out: frames of video, decoded from the bits of its wires."""
+"""dvi_out: a receiver that has only the bits of the wires finds the symbols, every pixel and every sync."""
 
 from runner import run_cocotb
 

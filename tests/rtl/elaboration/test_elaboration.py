@@ -365,9 +365,9 @@ def test_lint_is_clean(module, tmp_path):
     assert not done.stderr.strip(), done.stderr
 
 
-#: Checks of two limits in one condition: at every commit a value below, the others with the exhaustive tests. What is
-#: handed on, too: optics_block's F goes through ray_stream, and tests of frames fail with a wrong Grid.
-BEYOND = ({"F": 24}, {"F": 99}, {"Grid": 2}, built(F=13))
+#: Checks of several limits in one condition: at every commit some of them, the others with the exhaustive tests. What
+#: is handed on, too: optics_block's F goes through ray_stream, and tests of frames fail with a wrong Grid.
+BEYOND = ({"F": 24}, {"F": 99}, {"Grid": 2}, {"Width": 16384}, {"Height": 0}, built(F=13))
 
 #: Boards that are elaborated side by side, one for each message: Verilator gives a line's message once. The one of no
 #: height, the last of its message, stops it early.

@@ -37,7 +37,4 @@ def test_equals_twin(f, seed, rng, seen):
         assert (beyond == (sine > 0.75))[(np.abs(sine - 0.75) > 2.0**-f) & (sine < 1.0)].all()
         seen.point("beyond 60 degrees", beyond)
         seen.point("steepest", sine > 0.99 * 0.75 / 1.16**2)
-        for name, e in (("x", ex), ("y", ey)):
-            seen.point(f"{name} negative", e < 0)
-            seen.point(f"{name} positive", e > 0)
     stream_step("enter_flat", f, segments, seed)

@@ -33,7 +33,6 @@ def test_equals_twin(f, seed, rng, seen):
         words = {f"{name}_i": word for name, word in rays._asdict().items()}
         out = {f"{name}_o": word.astype(np.int64) for name, word in lines._asdict().items()}
         segments.append(Segment(dict(zip(("xi_i", "xj_i", "yj_i"), lattice, strict=True)), words, out))
-        seen.values("status", rays.status, range(8))
         through = (rays.status == 0) | (rays.status == 4)
         seen.point("draws", lines.draws)
         seen.point("too steep", through & (rays.dz < one // 4))

@@ -1,25 +1,18 @@
 import random
 
 import cocotb
-from cocotb.clock import Clock
 from rtl_coverage import Coverage
-from streams import PAIRS, Monitor, hold_reset, pattern
+from streams import PAIRS, Monitor, pattern, start_and_reset
 
 SEEN = Monitor.seen
 
 
 async def start(dut, room):
-    Clock(dut.clk_i, 2, unit="ns").start()
     dut.write_i.value = dut.ready_i.value = dut.data_i.value = 0
     monitor = Monitor(dut.clk_i, dut.write_i, None, dut.valid_o, dut.ready_i, dut.data_o, dut.data_i, room)
-    await reset(dut, monitor)
-    return monitor
-
-
-async def reset(dut, monitor):
-    await hold_reset(dut)
+    await start_and_reset(dut)
     assert not dut.valid_o.value
-    monitor.forget()
+    return monitor
 
 
 def sizes(dut):
@@ -41,18 +34,6 @@ async def keeps_order_and_contract(dut, idle, pressure):
     SEEN["full"] += sum(
         k + room < len(words) and monitor.accepted[k + room - 1] < monitor.left[k] for k in range(len(words) - room)
     )
-
-
-@cocotb.test()
-async def forgets_all_at_reset(dut):
-    room, words = sizes(dut)
-    monitor = await start(dut, room)
-    for count in (1, 2, 3, 4, 5, room):
-        for word in words[:count]:
-            await monitor.clock(word, random.random() < 0.2)
-        await reset(dut, monitor)
-        await monitor.run(words[: 2 * room], pattern("light", random, 0), pattern("light", random, 0), 200 + 8 * room)
-        assert monitor.got == words[: 2 * room]
 
 
 @cocotb.test()

@@ -1,4 +1,4 @@
-"""fifo: order, contract, throughput and reset, under every pair of pauses."""
+"""fifo: order, contract and throughput, under every pair of pauses."""
 
 import re
 

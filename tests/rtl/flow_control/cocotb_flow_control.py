@@ -1,5 +1,3 @@
-"""flow_control in the simulator, around a pipeline that only delays."""
-
 import random
 
 import cocotb
@@ -17,13 +15,7 @@ async def start(dut):
     Clock(dut.clk_i, 2, unit="ns").start()
     dut.valid_i.value = dut.ready_i.value = dut.data_i.value = dut.hold_i.value = 0
     monitor = Monitor(dut.clk_i, dut.valid_i, dut.ready_o, dut.valid_o, dut.ready_i, dut.data_o, dut.data_i)
-    await reset(dut, monitor)
-    return monitor
-
-
-async def reset(dut, monitor):
     dut.rst_ni.value = 0
-    dut.valid_i.value = 0
     # The first edge of a simulation may come before any of the clock's rising ones.
     await monitor.edge
     for _ in range(3):
@@ -31,10 +23,10 @@ async def reset(dut, monitor):
         assert not dut.valid_o.value
         assert not dut.ready_o.value, "a ray that came now would be lost"
     dut.rst_ni.value = 1
-    monitor.forget()
     # A clock in which nothing is offered: the input opens.
     await monitor.clock(None, False)
     assert dut.idle_o.value
+    return monitor
 
 
 def some_words(dut, count):
@@ -95,18 +87,6 @@ async def hold_closes_the_input_and_idle_tells_when_all_have_left(dut):
         dut.hold_i.value = 0
         await monitor.clock(None, True)
         SEEN["held"] += 1
-
-
-@cocotb.test()
-async def forgets_all_at_reset(dut):
-    monitor = await start(dut)
-    for count in (1, 3, LATENCY, LATENCY + 4, 3 * ROOM):
-        words = some_words(dut, max(count, 3 * ROOM))
-        for word in words[:count]:
-            await monitor.clock(word, random.random() < 0.3)
-        await reset(dut, monitor)
-        await monitor.run(words, pattern("light", random, 0), pattern("light", random, 0), PATIENCE)
-        assert monitor.got == words
 
 
 @cocotb.test()

@@ -1,4 +1,4 @@
-"""flow_control: order, contract, throughput, hold and reset, under every pair of pauses."""
+"""flow_control around a pipeline that only delays: order, contract, throughput and hold, under every pair of pauses."""
 
 from pathlib import Path
 

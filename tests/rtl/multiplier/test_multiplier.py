@@ -25,9 +25,6 @@ def test_equals_twin_for_all_parameters(seed, rng, seen):
         for cells in (0, 1):
             one = multiplier(wa, wb, drop, square, cells)
             batch.append((one, Segment({}, {"a_i": a, "b_i": b}, {"p_o": p})))
-        kind = "square" if square else "product"
-        seen.point(f"{kind}, low bits of {'both' if la and lb else 'a' if la else 'b' if lb else 'none'}", len(a))
-        seen.point("most negative by most positive", (a == signed(wa)[0]) & (b == signed(wb)[1]))
         seen.point("two most negative", (a == signed(wa)[0]) & (b == signed(wb)[0]))
         seen.point("-1 by -1", (a == -1) & (b == -1))
     stream_parts(batch, seed)

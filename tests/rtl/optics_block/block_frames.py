@@ -43,16 +43,20 @@ class Block:
         self.pause = None  # between two accesses, clocks; random when None
         self.exits, self.firsts, self.lasts = [], [], []
 
-    async def begin(self):
-        dut = self.dut
+    @classmethod
+    async def start(cls, top):
+        """The block after a reset."""
+        block = cls(top)
+        dut = block.dut
         for name in ("psel", "penable", "pwrite", "pprot", "paddr", "pwdata", "pstrb"):
             getattr(dut, f"s_apb_{name}").value = 0
         for name in ("valid", "u", "v", "a", "b", "first", "last"):
             getattr(dut, f"ray_{name}_i").value = 0
         dut.exit_ready_i.value = 0
-        await hold_reset(dut, self.edge)
-        cocotb.start_soon(self._collect())
-        await self.edge
+        await hold_reset(dut, block.edge)
+        cocotb.start_soon(block._collect())
+        await block.edge
+        return block
 
     async def _collect(self):
         """Take exit rays, with pauses; a ray that waits must not change."""
@@ -184,12 +188,6 @@ class Block:
         self.exits, self.firsts, self.lasts = [], [], []
 
 
-async def start_block(dut):
-    block = Block(dut)
-    await block.begin()
-    return block
-
-
 def frame_of(jitter="off", rays=60):
     columns, rows = RANDOM.randint(3, 12), RANDOM.randint(3, 8)
     left, top = RANDOM.randint(0, WIDTH - columns), RANDOM.randint(0, HEIGHT - rows)
@@ -202,7 +200,7 @@ def frame_of(jitter="off", rays=60):
 
 @cocotb.test(timeout_time=1, timeout_unit="ms")
 async def registers_answer(dut):
-    block = await start_block(dut)
+    block = await Block.start(dut)
     words = {name: await block.read(name) for name in ("identity", "version", "build")}
     assert build_of(words) == BUILD
     # Reset values, then every bit of every register that is read and written, high and low.
@@ -247,7 +245,7 @@ async def registers_answer(dut):
 
 @cocotb.test(timeout_time=1, timeout_unit="ms")
 async def frames_equal_the_twin(dut):
-    block = await start_block(dut)
+    block = await Block.start(dut)
     coverage = Coverage("optics_block", f"{MODEL}-F{F}")
     await block.apply(OPTICS)
     statuses, wanted = set(), {0, 4} if BUILD.aims else {0}
@@ -274,7 +272,7 @@ async def frames_equal_the_twin(dut):
 
 @cocotb.test(timeout_time=1, timeout_unit="ms")
 async def an_apply_waits_for_the_end_of_the_frame(dut):
-    block = await start_block(dut)
+    block = await Block.start(dut)
     await block.apply(OPTICS)
     optics = [OPTICS, OTHER_OPTICS]
     for turn in range(4):
@@ -311,7 +309,7 @@ async def an_apply_waits_for_the_end_of_the_frame(dut):
 @cocotb.test(timeout_time=1, timeout_unit="ms")
 async def an_apply_as_a_frame_begins_does_not_tear_it(dut):
     """Whichever clock the apply falls on, all rays are of the old optics or all of the new."""
-    block = await start_block(dut)
+    block = await Block.start(dut)
     seen = set()
     for pause in range(12):
         block.pause = None
@@ -333,7 +331,7 @@ async def an_apply_as_a_frame_begins_does_not_tear_it(dut):
 
 @cocotb.test(timeout_time=1, timeout_unit="ms")
 async def the_stream_at_the_port_is_traced(dut):
-    block = await start_block(dut)
+    block = await Block.start(dut)
     block.stall = 0.4
     await block.apply(OPTICS, write("source", stream=1))
     frames = [raster(frame_of("lfsr", 300), block.table, F) for _ in range(3)]
@@ -377,7 +375,7 @@ async def the_stream_at_the_port_is_traced(dut):
 @cocotb.test(timeout_time=2, timeout_unit="ms")
 async def an_abort_leaves_the_block_empty(dut):
     """At any moment of a frame, with a start remembered and an apply that waits, and with a stream that has no end."""
-    block = await start_block(dut)
+    block = await Block.start(dut)
     for turn in range(16):
         block.stall = RANDOM.choice([0.0, 0.5, 0.95])
         stream = turn % 4 == 3

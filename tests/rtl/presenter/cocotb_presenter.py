@@ -1,5 +1,3 @@
-"""presenter in the simulator, between a frame_check and a scan_out of a few lines."""
-
 import random
 
 import cocotb

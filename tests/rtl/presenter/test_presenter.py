@@ -1,4 +1,4 @@
-"""presenter: a frame is shown once, and only when all of it is right."""
+"""presenter beside a frame_check and a scan_out: a frame is shown once, and only when all of it is right."""
 
 from runner import run_cocotb
 

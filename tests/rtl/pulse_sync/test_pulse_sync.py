@@ -1,4 +1,4 @@
-"""pulse_sync: pulses between two unrelated clocks."""
+"""pulse_sync between two unrelated clocks: one pulse out for each that was accepted."""
 
 import pytest
 from runner import run_cocotb
