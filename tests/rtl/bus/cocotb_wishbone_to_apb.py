@@ -68,3 +68,16 @@ async def a_cycle_takes_the_clocks_that_are_said(dut):
                 assert answer is not None
                 assert master.clocks == n + 2
             await master.idle(3)
+
+
+@cocotb.test()
+async def reset_ends_a_cycle(dut):
+    master = await begin(dut, 16)
+    for clocks in range(1, 8):
+        assert await master.cycle(5, 0xFFFFFFFF, patience=clocks) is None
+        dut.rst_ni.value = 0
+        await master.idle(2)
+        dut.rst_ni.value = 1
+        await master.idle(20)
+        assert await master.cycle(6, 0x1908) is not None
+        assert await master.cycle(6) == (0x1908, False)
