@@ -9,7 +9,6 @@ MULTIPLIERS = [
     (19, 19, 2, 0), (19, 19, 2, 1), (20, 21, 13, 0), (23, 18, 5, 0), (18, 23, 7, 0), (22, 22, 17, 1), (25, 25, 20, 0),
     (25, 25, 20, 1), (27, 25, 21, 0), (27, 27, 20, 1), (26, 26, 20, 1), (27, 27, 23, 0),
 ]  # fmt: skip
-LOWS = [(low, None) for low in (*range(1, 10), 17)] + [(1, 1), (2, 4), (5, 6), (9, 5)]
 #: Widths of a and places dropped.
 SMALL_PRODUCTS = [(17, 8), (17, 0), (16, 8), (9, 0), (3, 0), (3, 8)]
 #: Multipliers that are made of rows, and those of words that only they take.
@@ -18,12 +17,10 @@ ROW_MULTIPLIERS += [(28, 25, 17, 0), (32, 12, 8, 0), (32, 12, 15, 0), (12, 32, 8
 ROW_MULTIPLIERS += [(30, 21, 15, 0), (3, 3, 0, 0), (3, 32, 0, 0)]
 #: Bits of the signed and of the unsigned word.
 ROW_PRODUCTS = [(18, low) for low in range(1, 17)] + [(3, 5), (12, 14)]
-GATED_SUMS = (1, 2, 7, 36)
 #: Bits of the word, of the digit, signed.
 DIGIT_PRODUCTS = [(w, digit, signed) for w in (3, 18) for digit in (1, 2, 3, 4) for signed in (0, 1)]
 DELAYS = [(w, c) for c in (0, 1, 2, 3, 4, 16, 17, 18, 19, 20, 34, 35, 40) for w in (1, 7, 65)]
 RINGS = [(9, c) for c in (2, 3, 4, 5, 8, 9, 10, 16, 17)] + [(1, 3), (70, 17)]
-BLOCK_RINGS = [(9, c) for c in (5, 6, 8, 9, 18, 33, 64, 65)] + [(70, 40)]
 SATURATES = [(20, 18, 6), (19, 18, 17), (18, 18, 6), (36, 5, 2), (5, 1, 0), (3, 2, 0), (29, 25, 6)]
 
 
@@ -32,12 +29,6 @@ def multiplier(wa: int, wb: int, drop: int, square: int, cells: int) -> Instance
         "multiplier", {"a_i": wa, "b_i": wb}, {"p_o": wa + wb - drop}, f"lipp_math_pkg::mul_latency({wa}, {wb})",
         {"Wa": wa, "Wb": wb, "Drop": drop, "Square": square, "CrossCells": cells},
     )  # fmt: skip
-
-
-def low_product(low: int, latency: int | None) -> Instance:
-    parameters = {"Low": low} | ({} if latency is None else {"Latency": latency})
-    claimed = f"lipp_math_pkg::low_latency({low})" if latency is None else str(latency)
-    return Instance("low_product", {"a_i": 18, "low_i": low}, {"p_o": 18 + low}, claimed, parameters)
 
 
 def delay(module: str, width: int, cycles: int) -> Instance:
@@ -66,10 +57,6 @@ def row_product(w: int, low: int) -> Instance:
     return Instance("row_product", {"a_i": w, "low_i": low}, {"p_o": w + low}, "2", {"W": w, "Low": low})
 
 
-def gated_sum(w: int) -> Instance:
-    return Instance("gated_sum", {"a_i": w, "x_i": w, "b_i": w, "y_i": w}, {"s_o": w}, "0", {"W": w}, clocked=False)
-
-
 def digit_product(w: int, digit: int, signed: int) -> Instance:
     parameters = {"W": w, "Digit": digit, "Signed": signed}
     return Instance("digit_product", {"a_i": w, "d_i": digit}, {"p_o": w + digit}, "0", parameters, clocked=False)
@@ -80,23 +67,15 @@ def saturate(width: int, to: int, slack: int) -> Instance:
     return Instance("saturate", {"d_i": width}, {"q_o": to, "beyond_o": 1}, "1", parameters)
 
 
-MULT18 = Instance("mult18", {"a_i": 18, "b_i": 18}, {"p_o": 36}, "3")
-BYTE_SQUARE = Instance("byte_square", {"value_i": 8}, {"square_o": 16}, "lipp_math_pkg::byte_square_latency()")
-
 PARTS = [
-    MULT18,
     *(multiplier(*p, cells) for p in MULTIPLIERS for cells in (0, 1)),
-    *(low_product(*p) for p in LOWS),
     *(delay("delay", *p) for p in DELAYS),
     *(rings(w, c) for w, c in DELAYS if w != 1),
     *(small_product(*p) for p in SMALL_PRODUCTS),
     *(row_multiplier(*p) for p in ROW_MULTIPLIERS),
     *(row_product(*p) for p in ROW_PRODUCTS),
-    *(gated_sum(w) for w in GATED_SUMS),
     *(digit_product(*p) for p in DIGIT_PRODUCTS),
-    BYTE_SQUARE,
     *(delay("ring", *p) for p in RINGS),
-    *(delay("block_ring", *p) for p in BLOCK_RINGS),
     *(saturate(*p) for p in SATURATES),
 ]
 
