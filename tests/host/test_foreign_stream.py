@@ -95,16 +95,27 @@ def test_a_shipped_display_that_ends_and_is_skewed(tracer):
     assert [one for one, verdict in found.items() if not verdict.right] == []
 
 
-#: Faults of the quick test: one of each step of the ray.
+#: One fault of each step of the ray.
 QUICK = ("x flipped", "lenslet off by one", "aperture halved", "wrong index", "focal length for radius", "few bits")
+
+
+def mutated(*names):
+    """Return display, source and words of some faults together; None when they change the same lines."""
+    displays, source, words = set(), SOURCE, []
+    for name in names:
+        display, old, new, word = FAULTS[name]
+        if old not in source:
+            return None
+        source = (ROUNDING if "B(" in new else "") + source.replace(old, new)
+        displays.add(display)
+        words.append(word)
+    return (displays.pop(), source, words) if len(displays) == 1 else None
 
 
 def named(name, folder):
     """Tell whether a planted fault is named."""
-    display, old, new, word = FAULTS[name]
-    assert old in SOURCE
-    program = compiled(folder, (ROUNDING if "B(" in new else "") + SOURCE.replace(old, new))
-    found = verdicts(answered(program, asked(parse_display(DISPLAYS[display]), random=2000)))
+    display, source, (word,) = mutated(name)
+    found = verdicts(answered(compiled(folder, source), asked(parse_display(DISPLAYS[display]), random=2000)))
     wrong = [verdict for verdict in found.values() if not verdict.right]
     assert wrong, f"{name}: not found"
     return any(word in str(verdict.fault) for verdict in wrong)
@@ -153,23 +164,26 @@ def test_a_check_that_is_left_out_is_found(name, case, tmp_path):
         assert any("wrong status code" in str(verdict.fault) or "extent" in str(verdict.fault) for verdict in wrong)
 
 
-@pytest.mark.parametrize("case", ["fates", "total-reflection", pytest.param("cell-edges", marks=pytest.mark.full)])
+def rewritten(answers, change):
+    """Return a stream whose answers, as words, are changed."""
+    lines = [line if line.startswith(b"#") else b" ".join(change(line.split())) for line in answers.splitlines()]
+    return b"".join(line + b"\n" for line in lines)
+
+
+@pytest.mark.parametrize(
+    "case", ["total-reflection", *(pytest.param(k, marks=pytest.mark.full) for k in ("fates", "cell-edges"))]
+)
 def test_rays_on_an_edge_are_judged_too(case, tracer):
     """They may be golden's on either side, and nothing else."""
     answers = answered(tracer, asked(parse_display(DISPLAYS["plain"]), case, 0))
     assert all(verdict.right for verdict in verdicts(answers).values())
-    garbage = {"lenslet and point": b" 0 77 77 9 9 0 0 0 1", "status": b" 1", "direction": None}
-    for what, answer in garbage.items():
-        lines = []
-        for line in answers.splitlines():
-            words = line.split()
-            if line.startswith(b"#") or (answer is None and len(words) < 14):
-                lines.append(line + b"\n")
-            elif answer is None:
-                lines.append(b" ".join([*words[:11], b"0.6 0 0.8\n"]))
-            else:
-                lines.append(b" ".join(words[:5]) + answer + b"\n")
-        found = verdicts(b"".join(lines))
+    garbage = {
+        "lenslet and point": lambda words: [*words[:5], b"0 77 77 9 9 0 0 0 1"],
+        "status": lambda words: [*words[:5], b"1"],
+        "direction": lambda words: words if len(words) < 14 else [*words[:11], b"0.6 0 0.8"],
+    }
+    for what, change in garbage.items():
+        found = verdicts(rewritten(answers, change))
         for name, verdict in found.items():
             assert verdict.wrong > 0.3 * verdict.rays, (what, name)
         assert sum(verdict.on_edge for verdict in found.values()) > 20, what
@@ -182,28 +196,11 @@ def test_planted_faults_are_named(tmp_path):
     assert unnamed == []
 
 
-def mutated(*names):
-    """Return display, source and words of some faults together; None when they change the same lines."""
-    displays, source, words = set(), SOURCE, []
-    for name in names:
-        display, old, new, word = FAULTS[name]
-        if old not in source:
-            return None
-        source = (ROUNDING if "B(" in new else "") + source.replace(old, new)
-        displays.add(display)
-        words.append(word)
-    return (displays.pop(), source, words) if len(displays) == 1 else None
-
-
 def one_of_two_named(names, folder):
     display, source, words = mutated(*names)
     answers = answered(compiled(folder, source), asked(parse_display(DISPLAYS[display]), random=2000))
     *_, (_, foreign) = StreamReader(answers.splitlines(keepends=True)).sets()
     return any(word in str(judge(foreign).fault) for word in words)
-
-
-def test_two_faults_at_once_are_named(tmp_path):
-    assert one_of_two_named(("column off by one", "plano side"), tmp_path)
 
 
 @pytest.mark.full  # minutes
@@ -214,12 +211,8 @@ def test_most_pairs_of_faults_are_named(tmp_path):
     assert len(unnamed) <= 5, unnamed
 
 
-# ---- published sets ----
-
-
-SETS = re.findall(
-    r"^\| (\S+) \| `(--display .*)` \| ([0-9a-f]{64}) \|$", (TOP / "docs/reference/stream.md").read_text(), re.M
-)
+PUBLISHED = re.compile(r"^\| (\S+) \| `(--display .*)` \| ([0-9a-f]{64}) \|$", re.M)
+SETS = {name: rest for name, *rest in PUBLISHED.findall((TOP / "docs/reference/stream.md").read_text())}
 #: Another processor: neither numpy nor the C library uses what the newer ones have.
 OLD_MACHINE = {
     "NPY_DISABLE_CPU_FEATURES": "X86_V3 X86_V4 AVX512_ICL AVX512_SPR",
@@ -227,19 +220,13 @@ OLD_MACHINE = {
 }
 
 
-@pytest.mark.parametrize(("name", "options", "digest"), SETS, ids=[name for name, *_ in SETS])
+@pytest.mark.parametrize("name", ["square-2", "hex-2", "square-18-2", "hex-18-2"])
 @pytest.mark.parametrize("environment", [{}, OLD_MACHINE], ids=["this", "old"])
-def test_published_sets_have_their_hash_on_any_machine(name, options, digest, environment):
+def test_published_sets_have_their_hash_on_any_machine(name, environment):
+    options, digest = SETS[name]
     command = [*LIPPMANN, "vectors", "--stream", "--case", "all", *options.split()]
     done = subprocess.run(command, cwd=TOP, capture_output=True, check=True, env={**os.environ, **environment})
     assert done.stdout.splitlines()[-1].split()[-1].decode() == digest, name
-
-
-def test_four_sets_are_published():
-    assert [name for name, *_ in SETS] == ["square-2", "hex-2", "square-18-2", "hex-18-2"]
-
-
-# ---- words ----
 
 
 def in_words(questions, fraction_bits=16):
@@ -274,9 +261,6 @@ def test_words_are_judged_bit_for_bit():
     *right, wrong = verdicts(b"".join(lines)).values()
     assert all(verdict.right for verdict in right)
     assert (wrong.wrong, wrong.stage) == (1, "status")
-
-
-# ---- coverage points ----
 
 
 def met_by(display):
@@ -338,8 +322,6 @@ def test_the_predicates_by_hand():
     assert masks["contact"] == [False] * 3
 
 
-# ---- bounds ----
-
 BOUNDS = """
 direction_urad = 5.0
 point_nm = 20.0
@@ -355,18 +337,12 @@ direction_urad = 70.0
 """
 
 
-def biased(answers, urad, nm):
-    """Answers whose directions are turned by so much, and whose points are moved along z."""
-    lines = []
-    for line in answers.splitlines(keepends=True):
-        words = line.split()
-        if not line.startswith(b"#") and len(words) == 14:
-            words[10] = repr(float(words[10]) + nm * 1e-6).encode()
-            words[11] = repr(float(words[11]) + urad * 1e-6).encode()
-            lines.append(b" ".join(words) + b"\n")
-        else:
-            lines.append(line)
-    return b"".join(lines)
+def bias(words, urad, nm):
+    """Turn an answer's direction by so much, and move its point along z."""
+    if len(words) == 14:
+        words[10] = repr(float(words[10]) + nm * 1e-6).encode()
+        words[11] = repr(float(words[11]) + urad * 1e-6).encode()
+    return words
 
 
 @pytest.mark.parametrize(
@@ -376,13 +352,10 @@ def test_bounds_of_steps_and_cases(urad, nm, right, tracer, tmp_path):
     """Chief rays may be off by 90 microradians, others of a turned array by 70, exit points by 400 nm."""
     (tmp_path / "bounds.toml").write_text(BOUNDS)
     bounds = load_bounds(tmp_path / "bounds.toml")
-    answers = biased(answered(tracer, asked(parse_display(DISPLAYS["plain"]), random=300)), urad, nm)
-    found = {
-        name: judge(foreign, bounds, two_faults=False)
-        for name, foreign in StreamReader(answers.splitlines(keepends=True)).sets()
-    }
-    wanted = {"chief-ray": bool(right), "random/0": right is True}
-    assert {name: verdict.right for name, verdict in found.items()} == wanted
+    answers = answered(tracer, asked(parse_display(DISPLAYS["plain"]), random=300))
+    lines = rewritten(answers, lambda words: bias(words, urad, nm)).splitlines(keepends=True)
+    found = {name: judge(foreign, bounds, two_faults=False).right for name, foreign in StreamReader(lines).sets()}
+    assert found == {"chief-ray": bool(right), "random/0": right is True}
 
 
 @pytest.mark.parametrize(
@@ -397,7 +370,6 @@ def test_bounds_of_steps_and_cases(urad, nm, right, tracer, tmp_path):
     ],
 )
 def test_bad_bounds(text, said, tmp_path, refusal_of):
-
     (tmp_path / "b.toml").write_text(text)
     line = refusal_of("regress", "--stream", "--bounds", tmp_path / "b.toml")
     assert "b.toml" in line
@@ -405,7 +377,13 @@ def test_bad_bounds(text, said, tmp_path, refusal_of):
     assert "leave out --bounds" in refusal_of("regress", "--stream", "--bounds", "b.toml", "--tolerance-nm", "3")
 
 
-# ---- the commands ----
+def regressed(answers, *options):
+    command = [*LIPPMANN, "regress", "--stream", *map(str, options)]
+    return subprocess.run(command, input=answers, capture_output=True, check=False)
+
+
+def suite_in(path):
+    return next(iter(JUnitXml.fromfile(str(path))))
 
 
 def test_the_pipe_of_commands(tracer, tmp_path):
@@ -413,34 +391,32 @@ def test_the_pipe_of_commands(tracer, tmp_path):
     vectors = [*LIPPMANN, "vectors", "--display", str(tmp_path / "d.toml"), "--stream", "--case", "cell-edges"]
     questions = subprocess.run(vectors, stdout=subprocess.PIPE, check=True).stdout
     assert questions == subprocess.run(vectors, stdout=subprocess.PIPE, check=True).stdout
-    regress = [*LIPPMANN, "regress", "--stream", "--junit", str(tmp_path / "j.xml")]
     answers = answered(tracer, questions)
-    done = subprocess.run(regress, input=answers, capture_output=True, check=False)
+    done = regressed(answers, "--junit", tmp_path / "j.xml")
     assert (done.returncode, done.stderr) == (0, b"")
-    assert re.search(
-        r" in 2 sets: right\ncoverage: \d+ of \d+ points met; not pixel-on-a-corner, tie, ", done.stdout.decode()
-    )
-    suite = next(iter(JUnitXml.fromfile(str(tmp_path / "j.xml"))))
+    coverage = r" in 2 sets: right\ncoverage: \d+ of \d+ points met; not pixel-on-a-corner, tie, "
+    assert re.search(coverage, done.stdout.decode())
+    suite, stream_hash = suite_in(tmp_path / "j.xml"), answers.split()[-1].decode()
+    assert f"stream: {stream_hash}" in done.stdout.decode()
+    properties = {one.name: one.value for one in suite.properties()}
+    assert properties["hash"] == stream_hash
+    assert json.loads(properties["bounds"])["point_nm"] == 50.0
     assert (suite.tests, suite.failures, suite.errors) == (2, 0, 0)
     assert {case.name for case in suite} == {"cell-edges/pixels", "cell-edges/aims"}
 
-    program = compiled(
-        tmp_path, SOURCE.replace("display.n, ", "display.n + 0.01, ").replace("1.0 / display.n", "1.0 / 1.6")
-    )
-    done = subprocess.run(regress, input=answered(program, questions), capture_output=True, check=False)
+    source = SOURCE.replace("display.n, ", "display.n + 0.01, ").replace("1.0 / display.n", "1.0 / 1.6")
+    done = regressed(answered(compiled(tmp_path, source), questions), "--junit", tmp_path / "j.xml")
     assert done.returncode == 4
-    cases = list(next(iter(JUnitXml.fromfile(str(tmp_path / "j.xml")))))
+    cases = list(suite_in(tmp_path / "j.xml"))
     assert all(isinstance(one, Failure) for case in cases for one in case.result)
     assert any(case.result for case in cases)
 
     # A program that dies in the middle: what was judged is told.
-    done = subprocess.run(
-        regress, input=answers[: answers.index(b"# set cell-edges/aims") + 60], capture_output=True, check=False
-    )
+    done = regressed(answers[: answers.index(b"# set cell-edges/aims") + 60], "--junit", tmp_path / "j.xml")
     assert done.returncode == 2
     assert b" rays in 1 set: right\n" in done.stdout
     assert b"is cut in the set cell-edges/aims" in done.stderr
-    *_, last = next(iter(JUnitXml.fromfile(str(tmp_path / "j.xml"))))
+    *_, last = suite_in(tmp_path / "j.xml")
     assert isinstance(last.result[0], Error)
 
 
@@ -454,11 +430,8 @@ def test_a_fault_is_named_on_every_hard_case_too(name, tmp_path):
     found = json.loads(done.stdout)
     assert len(found["sets"]) == answers.count(b"# set ")
     assert word in found["sets"][-1]["fault"]
-
-
-def regressed(answers, *options):
-    command = [*LIPPMANN, "regress", "--stream", *map(str, options)]
-    return subprocess.run(command, input=answers, capture_output=True, check=False)
+    assert (found["hash"], found["made"]) == (answers.split()[-1].decode(), "test")
+    assert found["bounds"]["direction_urad"] == 2.0
 
 
 @pytest.mark.parametrize("kept", [0, 1, 3])
@@ -467,7 +440,8 @@ def test_a_cut_stream_says_so_in_every_file(kept, tracer, tmp_path):
     answers = answered(tracer, asked(parse_display(DISPLAYS["plain"]), "cell-edges", random=50))
     starts = [found.start() for found in re.finditer(rb"# set ", answers)]
     answers = answers[: answers.index(b"\n", starts[kept - 1]) + 1] if kept else b""
-    done = regressed(answers, "--report", tmp_path / "page", "--junit", tmp_path / "j.xml")
+    as_json = ["--json"] if kept != 1 else []
+    done = regressed(answers, *as_json, "--report", tmp_path / "page", "--junit", tmp_path / "j.xml")
     assert done.returncode == 2
     (line,) = done.stderr.decode().splitlines()
     assert ("is cut" if kept else "is empty") in line
@@ -475,8 +449,14 @@ def test_a_cut_stream_says_so_in_every_file(kept, tracer, tmp_path):
     assert "**The stream ended early**" in page
     judged = max(0, kept - 1)
     assert ("**Right**, in 2 sets" if judged else "Nothing was judged") in page
-    assert (b" in 2 sets: right" if judged else b"nothing was judged") in done.stdout
-    assert len(list(next(iter(JUnitXml.fromfile(str(tmp_path / "j.xml")))))) == judged + 1
+    assert len(list(suite_in(tmp_path / "j.xml"))) == judged + 1
+    if not as_json:
+        assert b"nothing was judged" in done.stdout
+        return
+    told = json.loads(done.stdout)
+    assert (told["exit_code"], told["hash"], told["right"], len(told["sets"])) == (2, None, False, judged)
+    assert told["ended"] == told["error"]
+    assert told["error"] in line
 
 
 def test_what_a_terminal_obeys_is_escaped_in_the_files(tracer, tmp_path):
@@ -486,7 +466,7 @@ def test_what_a_terminal_obeys_is_escaped_in_the_files(tracer, tmp_path):
     lines[first] = b"\x1b[2J" + lines[first]
     done = regressed(b"".join(lines), "--junit", tmp_path / "j.xml")
     assert done.returncode == 2
-    *_, last = next(iter(JUnitXml.fromfile(str(tmp_path / "j.xml"))))
+    *_, last = suite_in(tmp_path / "j.xml")
     assert "\\x1b[2J0" in last.result[0].message
 
 
@@ -588,47 +568,11 @@ def test_words_that_are_too_long_and_notes_that_are_wrong():
         verdicts(answers.replace(b"words exact 16", b"words exact 99", 1))
 
 
-def piped(questions, *command):
-    """Run `lippmann` with questions or answers at its stdin."""
-    return subprocess.run([*LIPPMANN, *command], input=questions, capture_output=True, cwd=TOP, check=False)
-
-
-def test_a_stream_that_ends_early_is_one_json_object(tracer):
-    answers = answered(tracer, asked(parse_display(DISPLAYS["plain"]), random=50))
-    for some, judged in ((answers[:-200], 1), (b"", 0)):
-        done = piped(some, "regress", "--stream", "--json")
-        told = json.loads(done.stdout)
-        assert (done.returncode, told["exit_code"], told["hash"], told["right"]) == (2, 2, None, False)
-        assert told["ended"] == told["error"]
-        assert len(told["sets"]) == judged
-        assert told["error"] in done.stderr.decode()
-    told = json.loads(piped(answers, "regress", "--stream", "--json").stdout)
-    assert told["hash"] == answers.split()[-1].decode()
-    assert told["made"] == "test"
-    assert told["bounds"]["direction_urad"] == 2.0
-
-
-def test_the_verdict_names_what_was_judged(tracer, tmp_path):
-    answers = answered(tracer, asked(parse_display(DISPLAYS["plain"]), random=50))
-    done = piped(answers, "regress", "--stream", "--junit", str(tmp_path / "j.xml"))
-    hash_ = answers.split()[-1].decode()
-    assert f"stream: {hash_}" in done.stdout.decode()
-    suite = next(iter(JUnitXml.fromfile(str(tmp_path / "j.xml"))))
-    properties = {one.name: one.value for one in suite.properties()}
-    assert properties["hash"] == hash_
-    assert json.loads(properties["bounds"])["point_nm"] == 50.0
-
-
 def test_ctrl_c_keeps_the_verdicts(tracer):
     answers = answered(tracer, asked(parse_display(DISPLAYS["plain"]), random=50))
     wrong = re.sub(rb"^(0 \S+ \S+ \S+ \S+ \d) .*$", rb"\1 5 5 0 0 0 0 0 1", answers, count=1, flags=re.M)
-    with subprocess.Popen(
-        [*LIPPMANN, "regress", "--stream"],
-        stdin=subprocess.PIPE,
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        cwd=TOP,
-    ) as process:
+    pipes = dict.fromkeys(("stdin", "stdout", "stderr"), subprocess.PIPE)
+    with subprocess.Popen([*LIPPMANN, "regress", "--stream"], **pipes) as process:
         process.stdin.write(wrong[: wrong.index(b"# set random")])
         process.stdin.flush()
         assert b"1 of 48 rays wrong" in process.stdout.readline()
@@ -644,11 +588,7 @@ def test_ctrl_c_keeps_the_verdicts(tracer):
     [
         ("vectors --display DISPLAY --stream >&-", 3, "stdout is closed"),
         ("regress --stream <&-", 2, "stdin is closed"),
-        (
-            "vectors --display scenes/displays/paper-square.toml --stream --case tangent",
-            2,
-            "has no rays from the panel",
-        ),
+        ("vectors --display DISPLAY --stream --case tangent", 2, "has no rays from the panel"),
         ("vectors --display DISPLAY --stream --case nothing", 2, "unknown case"),
     ],
 )
@@ -661,15 +601,11 @@ def test_no_stream(command, code, said):
 
 
 def test_options_that_do_not_go_together(tmp_path, refusal_of):
-
-    display = str(TOP / "scenes/displays/paper-square.toml")
+    display, folder = str(TOP / "scenes/displays/paper-square.toml"), str(tmp_path / "v")
     for arguments, said in (
         (["vectors", "--display", display], "no output; give a folder with -o, or --stream"),
-        (["vectors", "--display", display, "--stream", "-o", str(tmp_path / "v")], "leave out -o or --stream"),
-        (
-            ["vectors", "--display", display, "--words", "-o", str(tmp_path / "v")],
-            "--words: is of a stream; add --stream",
-        ),
+        (["vectors", "--display", display, "--stream", "-o", folder], "leave out -o or --stream"),
+        (["vectors", "--display", display, "--words", "-o", folder], "--words: is of a stream; add --stream"),
         (["regress", "--stream", "--rays", "x.npz"], "--rays: the stream has it"),
         (["regress", "--stream", "--model", "exact"], "--model: the stream has it"),
         (["regress", "--stream", "--fraction-bits", "18"], "--fraction-bits: the stream has it"),
@@ -680,10 +616,8 @@ def test_options_that_do_not_go_together(tmp_path, refusal_of):
         (["regress", "--stream", "--junit", str(tmp_path / "j.txt")], "j.txt"),
     ):
         assert said in refusal_of(*arguments)
-    assert not Path(tmp_path / "v").exists()
+    assert not Path(folder).exists()
 
-
-# --- numbers --------------------------------------------------------------------------------------
 
 SPELLINGS = (repr, "{:.17g}".format, "{:.25e}".format, "{:+.17g}".format, lambda x: f"{x:.17f}"[:300])
 

@@ -4,6 +4,7 @@ Files of the right kind are changed at random. `LIPPMANN_INPUTS` is the number o
 file is kept under build/fuzz. Those that failed once are in tests/host/fuzz, and are tried first.
 """
 
+import importlib
 import json
 import os
 import shutil
@@ -80,152 +81,75 @@ def with_right_sums(data):
 # ---- the readers, in a child: a library may crash ----
 
 
-def display_file(path):
-    from lippmann.display.description import load_display
-    from lippmann.optics.display_properties import display_properties
-
-    display_properties(load_display(path))
-
-
-def placement_file(path):
-    from lippmann.scenes.placement import load_placement
-
-    load_placement(path)
-
-
-def film_file(path):
-    from lippmann.motion.film import load_film
-
-    load_film(path)
-
-
-def layer_film_file(path):
-    from lippmann.motion.layer_film import check_keys, load_layer_film
-
-    check_keys(load_layer_film(path), _display(), path)
-
-
-def setup_file(path):
-    from lippmann.capturing.capture_setup import load_setup
-
-    load_setup(path)
-
-
-def layers_file(path):
-    from lippmann import load_layers
-
-    load_layers(path)
-
-
-def layer_picture(path):
-    from lippmann import load_layers
-
-    load_layers(path.parent)
-
-
-def pictures_file(path):
-    from lippmann.layers.layers_folder import cut_pictures
-
-    cut_pictures(path, _display(), (32, 32))
-
-
-def placed_picture(path):
-    from lippmann.layers.layers_folder import cut_pictures
-
-    cut_pictures(path.parent, _display(), (32, 32))
-
-
-def image_file(path):
-    from lippmann.base.images import read_picture
-
-    read_picture(path)
-
-
-def scene_file(path):
-    from lippmann.scenes.scene import load_scene
-
-    load_scene(path)
-
-
-def splats_file(path):
-    scene_file(path)
-
-
-def views_folder(path):
-    scene_file(path.parent)
-
-
-def foreign_rays(path):
-    from lippmann.conformance.vector_files import read_foreign
-
-    read_foreign(path, _display(), "exact", 16)
-
-
-def bitstream_file(path):
-    from lippmann.board.bitstreams import read_bitfile
-
-    read_bitfile(path)
-
-
-def photograph(path):
-    from lippmann.calibration.photographs import read_photograph
-
-    read_photograph(path)
-
-
-def depth_picture(path):
-    scene_file(path.with_name("pair.toml"))
-
-
-def scene_mesh(path):
-    scene_file(path.with_name("mesh.xml"))
-
-
-def scene_material(path):
-    scene_file(path.with_name("painted.obj"))
-
-
-def scene_texture(path):
-    scene_material(path)
-
-
-def scene_buffer(path):
-    scene_file(path.with_name("m.gltf"))
-
-
-def patterns_file(path):
-    from lippmann.calibration.coded_patterns import read_patterns
-
-    read_patterns(path, _display())
-
-
-def calibration_file(path):
-    from lippmann.calibration.result import load_calibration
-
-    load_calibration(path.with_suffix(".toml"))
+def call(name, *arguments):
+    """Call a function of the package by its dotted name; its modules are loaded by the first call."""
+    module, _, function = f"lippmann.{name}".rpartition(".")
+    return getattr(importlib.import_module(module), function)(*arguments)
 
 
 def _display():
-    from lippmann.display.description import load_display
-
-    return load_display(Path("vga-square.toml"))
+    return call("display.description.load_display", Path("vga-square.toml"))
 
 
-#: Each reader, and the good file that is changed for it.
-READERS = {
-    (display_file, "d.toml"), (placement_file, "p.toml"), (film_file, "f.toml"), (layer_film_file, "l.toml"),
-    (setup_file, "s.toml"), (layers_file, "layers/layers.toml"), (layer_picture, "layers/fish.png"),
-    (pictures_file, "pictures/pictures.toml"), (placed_picture, "pictures/one.png"), (image_file, "i.png"),
-    (image_file, "i.exr"), (image_file, "i.tif"), (scene_file, "scene.xml"), (foreign_rays, "rays.npz"),
-    (foreign_rays, "rays.csv"), (foreign_rays, "rays.mem"), (bitstream_file, "b.bit"), (photograph, "p.png"),
-    (photograph, "p.jpg"), (photograph, "p.tif"), (photograph, "p.bmp"), (depth_picture, "depth.png"),
-    (patterns_file, "patterns.toml"), (calibration_file, "c.npz"), (scene_mesh, "mesh.ply"),
-    (scene_file, "m.glb"), (scene_file, "m.gltf"), (scene_file, "m.obj"), (scene_file, "m.ply"), (scene_file, "m.stl"),
-    (splats_file, "splats.ply"), (scene_file, "q_qs2x2a1.png"), (views_folder, "views/views.json"),
-    (scene_file, "q_qs2x2a1.webp"), (scene_file, "q_qs2x2a1.jpg"), (scene_file, "pair.toml"),
-    (scene_material, "painted.mtl"), (scene_texture, "paint.png"), (scene_buffer, "gltf_buffer_0.bin"),
-}  # fmt: skip
-CASES = {f"{reader.__name__}, {Path(name).suffix[1:]}": (reader, name) for reader, name in READERS}
+def reading(name):
+    """Return a reader: a function of a path and nothing else."""
+    return lambda path: call(name, path)
+
+
+def cut_pictures(path):
+    call("layers.layers_folder.cut_pictures", path, _display(), (32, 32))
+
+
+def layer_film(path):
+    film = call("motion.layer_film.load_layer_film", path)
+    call("motion.layer_film.check_keys", film, _display(), path)
+
+
+def display(path):
+    call("optics.display_properties.display_properties", call("display.description.load_display", path))
+
+
+scene, photograph = reading("scenes.scene.load_scene"), reading("calibration.photographs.read_photograph")
+picture = reading("base.images.read_picture")
+
+
+def scene_with(name):
+    """Return a reader of a scene that names the broken file."""
+    return lambda path: scene(path.with_name(name))
+
+
+def foreign_rays(path):
+    call("conformance.vector_files.read_foreign", path, _display(), "exact", 16)
+
+
+#: Each reader with its name, and the good files that are changed for it.
+READERS = [
+    ("display_file", display, "d.toml"),
+    ("placement_file", reading("scenes.placement.load_placement"), "p.toml"),
+    ("film_file", reading("motion.film.load_film"), "f.toml"),
+    ("layer_film_file", layer_film, "l.toml"),
+    ("setup_file", reading("capturing.capture_setup.load_setup"), "s.toml"),
+    ("layers_file", reading("load_layers"), "layers/layers.toml"),
+    ("layer_picture", lambda path: call("load_layers", path.parent), "layers/fish.png"),
+    ("pictures_file", cut_pictures, "pictures/pictures.toml"),
+    ("placed_picture", lambda path: cut_pictures(path.parent), "pictures/one.png"),
+    ("image_file", picture, "i.png", "i.exr", "i.tif"),
+    ("foreign_rays", foreign_rays, "rays.npz", "rays.csv", "rays.mem"),
+    ("bitstream_file", reading("board.bitstreams.read_bitfile"), "b.bit"),
+    ("photograph", photograph, "p.png", "p.jpg", "p.tif", "p.bmp"),
+    ("patterns_file", lambda path: call("calibration.coded_patterns.read_patterns", path, _display()), "patterns.toml"),
+    ("calibration_file", lambda path: call("calibration.result.load_calibration", path.with_suffix(".toml")), "c.npz"),
+    ("scene_file", scene, "scene.xml", "m.glb", "m.gltf", "m.obj", "m.ply", "m.stl", "pair.toml"),
+    ("scene_file", scene, "q_qs2x2a1.png", "q_qs2x2a1.webp", "q_qs2x2a1.jpg"),
+    ("splats_file", scene, "splats.ply"),
+    ("views_folder", lambda path: scene(path.parent), "views/views.json"),
+    ("depth_picture", scene_with("pair.toml"), "depth.png"),
+    ("scene_mesh", scene_with("mesh.xml"), "mesh.ply"),
+    ("scene_material", scene_with("painted.obj"), "painted.mtl"),
+    ("scene_texture", scene_with("painted.obj"), "paint.png"),
+    ("scene_buffer", scene_with("m.gltf"), "gltf_buffer_0.bin"),
+]
+CASES = {f"{name}, {Path(file).suffix[1:]}": (reader, file) for name, reader, *files in READERS for file in files}
 
 
 def make_seeds(place):

@@ -50,9 +50,6 @@ def crossings(display, heights, model="exact"):
     return z - z_last - x * out.direction[:, 2] / out.direction[:, 0]
 
 
-# --- focus ----------------------------------------------------------------------------------------
-
-
 @pytest.mark.parametrize("index", [1.33, 1.5, 1.9, 2.4])
 @pytest.mark.parametrize("thickness", [0.5, 2.0])
 @everywhere
@@ -88,12 +85,8 @@ def test_third_order_spherical_aberration(side, index, thickness):
     f_numbers = np.array([16.0, 12.0, 8.0, 6.0, 4.0])
     heights = f / (2 * f_numbers)
     heights = heights[heights < 0.25 * radius]
-    third = np.array(
-        [
-            float(truth.third_order_longitudinal_aberration(radius, index, thickness, float(h), FIRST[side]))
-            for h in heights
-        ]
-    )
+    lens = (radius, index, thickness)
+    third = np.array([float(truth.third_order_longitudinal_aberration(*lens, float(h), FIRST[side])) for h in heights])
     aberration = crossings(display, heights) - focus
     left = aberration - third
     assert (aberration < 0).all()  # the rim focuses short
@@ -109,25 +102,6 @@ def test_third_order_spherical_aberration(side, index, thickness):
     # Seidel's term itself: slope 2 at small h.
     small = crossings(display, np.array([0.02, 0.04]) * radius) - focus
     assert abs(math.log2(small[1] / small[0]) - 2) < 0.01
-
-
-def test_the_flat_face_to_the_beam_is_the_worse_way_round():
-    """n = 1.5, thin: 4.5 against 7/6 times h^2 / f (Jenkins and White)."""
-    h = 0.01
-    for side, factor in (("panel", 4.5), ("viewer", 7 / 6)):
-        display = display_of("square", side, radius=1.5, index=1.5, thickness=0.5)
-        f = 3.0
-        focus = f - (0.5 / 1.5 if side == "viewer" else 0.0)
-        lsa = crossings(display, [h])[0] - focus
-        thick = factor
-        if side == "viewer":
-            # T shortens the path after the dome: (n f - T) for n f in the second term.
-            n = 1.5
-            thick = f / (2 * n**2) * (f + (n * f - 0.5) * (n**2 - 1) * (n - 1) ** 2 / n) / 2.25
-        assert abs(lsa / (-thick * h**2 / f) - 1) < 1e-3
-
-
-# --- the ideal models, by hand --------------------------------------------------------------------
 
 
 def local_of(display, pixels):
@@ -158,6 +132,8 @@ def test_ideal_models_against_their_formulas_in_50_digits(grid, side, kind, mode
         aperture[0] = 0
         out = lippmann.trace(display, pixels, aperture, model)
         assert (out.status == OK).all()
+        chief = lippmann.trace(display, pixels[:1], None, model)
+        np.testing.assert_array_equal(chief.direction[0], out.direction[0])
         T, index, gap = (mp.mpf(q) for q in (array.thickness_mm, array.index, display.gap_mm))
         f = mp.mpf(array.radius_mm) / (index - 1)
         D = truth.aperture_distance(optics_of(display))
@@ -192,25 +168,6 @@ def test_ideal_models_against_their_formulas_in_50_digits(grid, side, kind, mode
                 assert abs(got - true / length) < 4e-13 / small, display
             for got, true in zip(out.local_mm[k], place, strict=True):
                 assert abs(got - true) < 4e-13 * float(1 + T / small), display
-
-
-@pytest.mark.parametrize("side", SIDES)
-def test_pinhole_and_thin_by_hand(side):
-    """Lenslet (0, 0) of 1 mm, f = 3 mm; a pixel at (0.25, -0.125) mm from its centre."""
-    display = display_of("square", side, thickness=1.5, gap=1.0)
-    depth = 1.0 + (1.0 if side == "panel" else 0.0)  # gap + T / n, or gap
-    pixel, aim = pixels_above(display, [(0.25, -0.125)]), [(0.5 - 1e-9, 0.25)]
-    for model, sx, sy in (
-        ("pinhole", -0.25 / depth, 0.125 / depth),
-        ("thin", 0.25 / depth - 0.5 / 3, 0.375 / depth - 0.25 / 3),
-    ):
-        out = lippmann.trace(display, pixel, aim, model)
-        length = math.sqrt(1 + sx**2 + sy**2)
-        np.testing.assert_allclose(out.direction[0], (sx / length, sy / length, 1 / length), 0, 2e-9)
-        place = (0, 0, 0) if model == "pinhole" else (*aim[0], 0)
-        np.testing.assert_array_equal(out.local_mm[0], place)
-    chief = lippmann.trace(display, pixel, None, "thin")
-    np.testing.assert_array_equal(chief.direction, lippmann.trace(display, pixel, None, "pinhole").direction)
 
 
 @pytest.mark.parametrize("side", SIDES)
@@ -264,9 +221,6 @@ def test_ideal_models_there_and_back(grid, side, kind, model):
         assert error < 1e-12 * lever**2 * slope, display
 
 
-# --- another house's tracer -----------------------------------------------------------------------
-
-
 @everywhere
 def test_rayoptics_agrees(grid, side):
     """2,500 rays each through one lenslet, to 1e-13 of unit directions and of the lens' size.
@@ -280,16 +234,8 @@ def test_rayoptics_agrees(grid, side):
         drawn = random_display(rng, grid, side, steepest=1.1)
         # One lenslet around the panel's centre, not turned and not moved: the same place for both.
         a = drawn.array
-        display = display_of(
-            grid,
-            side,
-            pitch=a.pitch_mm,
-            radius=a.radius_mm,
-            index=a.index,
-            thickness=a.thickness_mm,
-            gap=drawn.gap_mm,
-            pixel_pitch=2.0**-10,
-        )
+        lens = {"pitch": a.pitch_mm, "radius": a.radius_mm, "index": a.index, "thickness": a.thickness_mm}
+        display = display_of(grid, side, **lens, gap=drawn.gap_mm, pixel_pitch=2.0**-10)
         points = random_in_cell(rng, display, 100) * 0.999
         aims = random_in_cell(rng, display, 100) * 0.999
         pixels = pixels_above(display, points)
@@ -314,62 +260,37 @@ def test_rayoptics_agrees(grid, side):
         compared += np.count_nonzero(good)
 
 
-# --- far and flat ---------------------------------------------------------------------------------
-
-
+@pytest.mark.parametrize(
+    ("radius", "thickness", "gap", "bound"),
+    [(1e6, 2.0, 0.1, 4e-15), (1e6, 2.0, 1000.0, 1e-15), (1.5, 1.0, 1000.0, 1e-15)],
+)
 @everywhere
-def test_nearly_flat_lens_of_a_kilometre(grid, side):
-    """R = 1e6 mm, from a panel in contact and from 1 m away: a few ulp of the 50-digit ray.
+def test_no_digit_is_lost_by_flat_lenses_and_from_afar(grid, side, radius, thickness, gap, bound):
+    """R = 1e6 mm, from a panel in contact and from 1 m away, and an ordinary lens from there, in 50 digits.
 
-    Nothing may cancel: R - sqrt(R^2 - r^2) of floats would be off by 1e-10 mm here.
+    Nothing may cancel: R - sqrt(R^2 - r^2) of floats would be off by 1e-10 mm. Slopes to 10 carry roundings of the
+    pixel's place tenfold: some 20 ulp of 1 in contact, 4 from afar.
     """
     rng = generator(SEED, 5, grid, side)
-    for gap in (0.1, 1000.0):
-        display = display_of(grid, side, radius=1e6, thickness=2.0, gap=gap, width_px=256, height_px=256)
-        points = random_in_cell(rng, display, 60)
-        pixels = pixels_above(display, points)
-        aperture = random_in_cell(rng, display, 60) * 0.99
-        out = lippmann.trace(display, pixels, aperture)
-        optics = optics_of(display)
-        compared = 0
-        for k in range(60):
-            true = truth.trace(optics, *pixels[k], *aperture[k])
-            if true.margin < 1e-12:
-                continue
-            compared += 1
-            assert (out.status[k], tuple(out.lenslet[k])) == (true.status, true.lenslet)
-            centre = truth.centre_of(optics, true.lenslet)
-            local = (true.origin[0] - centre[0], true.origin[1] - centre[1], true.origin[2])
-            # Slopes to 10 carry roundings of the pixel's place tenfold: some 20 ulp of 1 in contact,
-            # 4 from afar.
-            bound = 4e-15 if gap < 1 else 1e-15
-            for got, wanted in zip(out.direction[k], true.direction, strict=True):
-                assert abs(got - wanted) < bound
-            for got, wanted in zip(out.local_mm[k], local, strict=True):
-                assert abs(got - wanted) < 5 * bound
-        assert compared > 50
-
-
-@everywhere
-def test_rays_from_a_metre_away(grid, side):
-    """An ordinary lens, 1 m from its panel: no digit is lost."""
-    rng = generator(SEED, 6, grid, side)
-    display = display_of(grid, side, radius=1.5, thickness=1.0, gap=1000.0)
-    pixels = pixels_above(display, random_in_cell(rng, display, 80))
-    aperture = random_in_cell(rng, display, 80) * 0.99
+    display = display_of(grid, side, radius=radius, thickness=thickness, gap=gap, width_px=256, height_px=256)
+    pixels = pixels_above(display, random_in_cell(rng, display, 60))
+    aperture = random_in_cell(rng, display, 60) * 0.99
     out = lippmann.trace(display, pixels, aperture)
     optics = optics_of(display)
-    for k in range(80):
+    compared = 0
+    for k in range(60):
         true = truth.trace(optics, *pixels[k], *aperture[k])
-        assert out.status[k] == true.status == OK
+        if true.margin < 1e-12:
+            continue
+        compared += 1
+        assert (out.status[k], tuple(out.lenslet[k])) == (true.status, true.lenslet)
+        centre = truth.centre_of(optics, true.lenslet)
+        local = (true.origin[0] - centre[0], true.origin[1] - centre[1], true.origin[2])
         for got, wanted in zip(out.direction[k], true.direction, strict=True):
-            assert abs(got - wanted) < 1e-15  # some 4 ulp
-        assert true.lenslet == (0, 0)
-        for got, wanted in zip(out.local_mm[k], true.origin, strict=True):
-            assert abs(got - wanted) < 1e-15
-
-
-# --- all rays -------------------------------------------------------------------------------------
+            assert abs(got - wanted) < bound
+        for got, wanted in zip(out.local_mm[k], local, strict=True):
+            assert abs(got - wanted) < (5 * bound if radius > 1e5 else bound)
+    assert compared > 50
 
 
 @pytest.mark.parametrize("model", ["pinhole", "thin", "paraxial", "exact"])
@@ -388,14 +309,8 @@ def test_unit_directions(grid, side, model):
 
 
 def test_status_codes_are_those_of_the_page():
-    assert [(s.name, int(s)) for s in lippmann.Status] == [
-        ("OK", OK),
-        ("MISSED", MISSED),
-        ("INTERNAL_REFLECTION", REFLECTED),
-        ("BLOCKED", 3),
-        ("CROSSTALK", CROSSTALK),
-    ]
-    assert [int(s) for s in lippmann.Status] == [0, 1, 2, 3, 4]
+    assert [s.name for s in lippmann.Status] == ["OK", "MISSED", "INTERNAL_REFLECTION", "BLOCKED", "CROSSTALK"]
+    assert [int(s) for s in lippmann.Status] == [OK, MISSED, REFLECTED, 3, CROSSTALK] == [0, 1, 2, 3, 4]
 
 
 @pytest.mark.parametrize("side", SIDES)

@@ -48,9 +48,6 @@ def far(p, q) -> float:
     )
 
 
-# --- the claim: every ray leads back to its pixel -------------------------------------------------
-
-
 def owners(display, points) -> tuple[np.ndarray, np.ndarray]:
     """The lenslet that owns each panel point, and the point from its centre, array's axes.
 
@@ -154,9 +151,6 @@ def test_every_ray_leads_back_to_its_pixel(grid, side, kind):
     # In glass a ray falls short of its aperture point: from the cell to the cell it stays there. Towards an eye aside
     # it comes from beside the cell, and may leave through the neighbour.
     assert (crossed > 0) == (side == "viewer" or kind != "far")
-
-
-# --- in 50 digits, ray by ray ---------------------------------------------------------------------
 
 
 def wild_case(rng, grid, side, fate, kind="far"):
@@ -353,9 +347,6 @@ def test_world_rays_that_do_not_head_for_the_array():
         assert np.isfinite(out.pixel).all()
 
 
-# --- ties -----------------------------------------------------------------------------------------
-
-
 @pytest.mark.parametrize("side", SIDES)
 def test_edges_and_corners_of_squares_have_one_owner(side):
     """Half-open cells, by hand: in binary-exact numbers the edges are hit exactly.
@@ -405,31 +396,3 @@ def test_vertices_and_slanted_edges_of_hexagons_belong_to_a_cell_that_touches_th
             assert near.margin < 1e-13
             assert far(start[:2], (x, y)) < 1e-13
             assert out.status[0] in (OK, REFLECTED)
-
-
-@everywhere
-def test_a_fine_net_is_shared_out_without_gaps_or_overlaps(grid, side):
-    """Every cell gets its area of a net that is finer than it, and nobody's point is far off."""
-    display = display_of(grid, side, rotation=17.0, offset=(0.01, 0.02), width_px=800)
-    n = 256
-    net = np.stack(np.meshgrid(*[(np.arange(n) + 0.5) / n * 128] * 2), axis=-1).reshape(-1, 2)
-    out = lippmann.trace(display, net)
-    assert (np.hypot(*(out.centre_mm - points_of(display, net)).T) <= rho_of(grid) + 1e-12).all()
-    owners, points = np.unique(out.lenslet, axis=0, return_counts=True)
-    area = 1.0 if grid == "square" else math.sqrt(0.75)
-    full = points[points > 0.97 * points.max()]
-    # Counting on a net errs by its mesh along the cell's outline.
-    assert abs(full.mean() / (n / 8) ** 2 - area) < 5e-3
-    assert len(full) > 30
-    assert len(owners) > len(full)
-
-
-def points_of(display, pixels):
-    """Panel mm of pixel coordinates."""
-    half = 0.5 * np.array([display.panel.width_px, display.panel.height_px])
-    return (pixels - half) * display.panel.pixel_pitch_mm * (1, -1)
-
-
-def rho_of(grid):
-    """Half diagonal of a cell of 1 mm."""
-    return 1 / math.sqrt({"square": 2, "hex": 3}[grid])

@@ -12,8 +12,7 @@ import numpy as np
 import OpenImageIO as oiio
 import pytest
 from lippmann.base.animation import FRAME_MS, write_animation, write_contact_sheet
-from lippmann.base.files import replacing
-from lippmann.base.images import PREFIX, StoredRows, check_output, read_picture, write_picture
+from lippmann.base.images import StoredRows, check_output, read_picture, write_picture
 from lippmann.base.tones import decode, encode
 from lippmann.board.panel_frames import Target, load_frame
 from lippmann.errors import InputError
@@ -41,9 +40,6 @@ def picture(*key, height=13, width=17):
     return generator(SEED, *key).random((height, width, 3), np.float32)
 
 
-# --- curves ---------------------------------------------------------------------------------------
-
-
 @pytest.mark.parametrize("transfer", ["srgb", "gamma2.2", "linear"])
 def test_decode_is_the_inverse_of_encode(transfer):
     light = np.linspace(0.0, 1.0, 20001)
@@ -61,10 +57,7 @@ def test_srgb_values():
     # Table values everyone knows: 18 % grey is 118, half the light 188.
     assert [round(float(encode(np.array(x), "srgb")) * 255) for x in (0.18, 0.5, 1.0)] == [118, 188, 255]
     assert float(encode(np.array(0.5), "gamma2.2")) == pytest.approx(math.pow(0.5, 1.0 / 2.2), rel=1e-6)
-
-
-def test_light_out_of_range_is_clipped():
-    # One rounding of float32 in 1.055 - 0.055.
+    # Light out of range is clipped, but for one rounding of float32 in 1.055 - 0.055.
     np.testing.assert_allclose(encode(np.array([-1.0, 2.0, math.inf]), "srgb"), [0.0, 1.0, 1.0], atol=1e-7)
 
 
@@ -74,20 +67,19 @@ def test_unknown_transfer_is_refused(curve):
         curve(np.zeros(1), "pq")
 
 
-# --- round trips ----------------------------------------------------------------------------------
-
-
 @pytest.mark.parametrize("suffix", [".exr", ".tif", ".tiff", ".png", ".EXR"])
 def test_metadata_and_size_come_back(tmp_path, suffix):
     light = picture(suffix)
+    if suffix != ".png":
+        light[0, 0] = -0.5, 100.0, 60000.0
     path = tmp_path / f"picture{suffix}"
     write_picture(path, light, META)
     back = read_picture(path, limit=(17, 13))
     assert {key: back.metadata[key] for key in META} == META
     assert back.radiance.dtype == np.float32
     # Half floats keep 11 bits, 8-bit sRGB a step of at most 1 / 255 times the curve's slope 1 / 0.44.
-    tolerance = {".exr": 2.0**-11, ".tif": 0.0, ".tiff": 0.0, ".png": 0.5 / 255 * 2.3}[suffix.lower()]
-    assert np.abs(back.radiance - light).max() <= tolerance
+    relative, absolute = {".exr": (2.0**-11, 2.0**-24), ".png": (0.0, 0.5 / 255 * 2.3)}.get(suffix.lower(), (0.0, 0.0))
+    np.testing.assert_allclose(back.radiance, light, rtol=relative, atol=absolute)
     assert list(tmp_path.iterdir()) == [path]
 
 
@@ -119,13 +111,6 @@ def test_png_holds_the_panels_levels(tmp_path, bits, transfer):
     assert np.abs(back - light).max() <= (0.5 / levels + 0.5 / full) * 2.4 + 1e-6
 
 
-def test_bright_and_negative_light_survives_linear_files(tmp_path):
-    light = np.array([[[-0.5, 100.0, 60000.0]]], np.float32)
-    for suffix, tolerance in ((".exr", 2.0**-11), (".tif", 0.0)):
-        write_picture(tmp_path / f"a{suffix}", light, {})
-        np.testing.assert_allclose(read_picture(tmp_path / f"a{suffix}").radiance, light, rtol=tolerance)
-
-
 def test_grey_and_alpha_files_are_read(tmp_path):
     grey, alpha = tmp_path / "grey.png", tmp_path / "alpha.png"
     Image.fromarray(np.full((4, 5), 188, np.uint8)).save(grey)
@@ -135,16 +120,6 @@ def test_grey_and_alpha_files_are_read(tmp_path):
         assert back.radiance.shape == (4, 5, 3)
         np.testing.assert_allclose(back.radiance[0, 0], expected, atol=0.005)
         assert back.metadata == {}
-
-
-def test_keys_carry_our_prefix(tmp_path):
-    write_picture(tmp_path / "a.exr", picture("keys"), META)
-    source = oiio.ImageInput.open(str(tmp_path / "a.exr"))
-    assert source.spec().get_string_attribute(PREFIX + "identity") == META["identity"]
-    source.close()
-
-
-# --- refusals -------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("name", ["a.jpg", "a", "a.exr.bak", ".exr"])
@@ -245,12 +220,6 @@ def test_a_picture_that_is_not_wanted_is_not_read(tmp_path):
         load_frame(path, Target(1, 64, 64))
 
 
-def test_a_picture_of_another_size_is_refused(tmp_path):
-    write_picture(tmp_path / "a.exr", picture("size"), {})
-    with pytest.raises(InputError, match=r"is 17 x 13 pixels, the panel 13 x 17"):
-        read_picture(tmp_path / "a.exr", limit=(13, 17))
-
-
 @pytest.mark.parametrize("bits", [6, 8, 12])
 @pytest.mark.parametrize(("transfer", "gamma"), [("srgb", 1 / 2.2), ("gamma2.2", 1 / 2.2), ("linear", 1.0)])
 def test_a_pngs_gamma_is_its_curves(tmp_path, transfer, gamma, bits):
@@ -273,63 +242,26 @@ def test_bands_leave_no_seams(tmp_path, suffix, height):
     assert np.abs(back - light).max() <= {".exr": 2.0**-12, ".tif": 0.0, ".png": 2e-5}[suffix]
 
 
-@pytest.mark.parametrize("suffix", [pytest.param(".exr", marks=pytest.mark.full), ".png"])
-def test_an_8k_file_takes_no_copy_of_the_image(tmp_path, suffix):
-    """7680 x 4320, 398 MB of light: in a process of its own, writing adds less than a quarter of that."""
-    script = """
-        import resource, sys
-        import numpy as np
-        from lippmann.base.images import write_picture
-        peak = lambda: resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024 / 1e6
-        write_picture(sys.argv[1], np.full((64, 7680, 3), 0.5, np.float32), {})
-        light = np.empty((4320, 7680, 3), np.float32)
-        light[:] = np.linspace(0.0, 1.0, 7680, dtype=np.float32)[:, None]
-        before = peak()
-        write_picture(sys.argv[1], light, {})
-        print(before, peak())
-    """
-    words = [sys.executable, "-c", textwrap.dedent(script), str(tmp_path / f"a{suffix}")]
-    done = subprocess.run(words, capture_output=True, text=True, check=True)
-    before, after = map(float, done.stdout.split())
-    print(f"{before:.0f} MB before, {after:.0f} MB at most")
-    assert before > 398.0
-    assert after - before < 100.0
-
-
-# --- whole or not at all --------------------------------------------------------------------------
-
-
 @pytest.mark.parametrize("suffix", [".exr", ".tif", ".png"])
-@pytest.mark.parametrize("failure", ["replace", "interrupt"])
-def test_a_failing_write_leaves_the_old_file_alone(tmp_path, monkeypatch, suffix, failure):
+@pytest.mark.parametrize(
+    ("library", "name", "error", "expected", "message"),
+    [
+        (os, "replace", PermissionError(13, "No"), InputError, r"a\.\w+: cannot be written \(No\); free space"),
+        (oiio.ImageOutput, "write_scanlines", KeyboardInterrupt(), KeyboardInterrupt, None),
+    ],
+    ids=["replace", "interrupt"],
+)
+def test_a_failing_write_leaves_the_old_file_alone(
+    tmp_path, monkeypatch, suffix, library, name, error, expected, message
+):
     path = tmp_path / f"a{suffix}"
     write_picture(path, picture("old"), {"age": "old"})
     old = path.read_bytes()
 
-    class Interrupted:
-        """An output that Ctrl-C ends after some bytes."""
+    def fail(*_):
+        raise error
 
-        def open(self, name, spec):
-            self.name = name
-            return True
-
-        def write_scanlines(self, first, end, z, pixels):
-            with open(self.name, "wb") as stream:
-                stream.write(b"half")
-            raise KeyboardInterrupt
-
-        def close(self):
-            return True
-
-    def refuse(*_):
-        raise PermissionError(13, "Permission denied")
-
-    if failure == "replace":
-        monkeypatch.setattr(os, "replace", refuse)
-        expected, message = InputError, r"a\.\w+: cannot be written \(Permission denied\); free space"
-    else:
-        monkeypatch.setattr(oiio.ImageOutput, "create", lambda *_: Interrupted())
-        expected, message = KeyboardInterrupt, None
+    monkeypatch.setattr(library, name, fail)
     with pytest.raises(expected, match=message):
         write_picture(path, picture("new"), {"age": "new"})
     assert path.read_bytes() == old
@@ -365,27 +297,6 @@ def test_a_file_that_does_not_fit_is_told(tmp_path, suffix):
     assert list(tmp_path.iterdir()) == [path]
 
 
-def test_replacing_moves_only_on_success(tmp_path):
-    path = tmp_path / "a.bin"
-    with replacing(path) as partial:
-        partial.write_bytes(b"one")
-        assert not path.exists()
-    assert path.read_bytes() == b"one"
-
-    def spoil():
-        with replacing(path) as partial:
-            partial.write_bytes(b"two")
-            raise ZeroDivisionError
-
-    with pytest.raises(ZeroDivisionError):
-        spoil()
-    assert path.read_bytes() == b"one"
-    assert list(tmp_path.iterdir()) == [path]
-
-
-# --- animations and sheets ------------------------------------------------------------------------
-
-
 @pytest.mark.parametrize("suffix", [".gif", ".png", ".apng"])
 def test_animations_run_to_and_fro(tmp_path, suffix):
     views = [np.full((6, 8, 3), light, np.float32) for light in (0.0, 0.2, 0.5, 1.0)]
@@ -418,7 +329,8 @@ def test_contact_sheets_hold_every_view(tmp_path):
 
 @pytest.mark.parametrize("suffix", [".exr", ".tif", ".png"])
 def test_metadata_with_line_breaks_stay(tmp_path, suffix):
-    metadata = {"note": "first\nsecond\n\tthird\n", "after": "a = b", "mark": "one\u2028line"}
+    values = ("first\nsecond\n\tthird\n", "a = b", "one\u2028line", "one\n\ttwo\n\nthree", "a\r\nb", "\nstarts")
+    metadata = {f"note {k}": value for k, value in enumerate(values)}
     write_picture(tmp_path / f"a{suffix}", np.zeros((4, 4, 3), np.float32), metadata)
     assert read_picture(tmp_path / f"a{suffix}").metadata.items() >= metadata.items()
 

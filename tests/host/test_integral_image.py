@@ -13,6 +13,7 @@ from lippmann.base.images import read_picture, write_picture
 from lippmann.base.tones import encoded_values
 from lippmann.display.description import display_text
 from lippmann.errors import InputError
+from lippmann.eye.observer import View
 from lippmann.rendering.bands import BASE_MEMORY_MB
 from lippmann.rendering.integral_image import IntegralImage, metadata_of
 from optics_cases import display_of
@@ -40,7 +41,7 @@ def test_saved_and_loaded(tmp_path, suffix, transfer, bits):
     back = IntegralImage.load(path, display)
     assert back.display is display
     assert back.metadata == image.metadata
-    assert back.metadata == {
+    assert image.metadata == {
         "model": "exact", "display": display.name, "identity": display.identity, "transfer": transfer, "bits": str(bits)
     }  # fmt: skip
     if suffix == ".tif":
@@ -51,9 +52,6 @@ def test_saved_and_loaded(tmp_path, suffix, transfer, bits):
         # What a panel shows of the file is what it shows of the image.
         values = encoded_values(image.radiance, transfer, bits)
         np.testing.assert_array_equal(encoded_values(back.radiance, transfer, bits), values)
-        source = oiio.ImageInput.open(str(path))
-        np.testing.assert_array_equal(source.read_image(oiio.UINT8 if bits <= 8 else oiio.UINT16), values)
-        source.close()
 
 
 @pytest.mark.parametrize("bits", [1, 5, 6, 8, 9, 12, 16])
@@ -103,6 +101,20 @@ def test_panel_values_of_other_tones_are_refused(tmp_path, tones, said):
         assert (back.metadata["transfer"], back.metadata["bits"]) == (tones[0], str(tones[1]))
 
 
+def write_foreign(path, pixels, entries):
+    """Write an image file with other entries than this version's."""
+    spec = oiio.ImageSpec(17, 13, 3, oiio.UINT8 if path.suffix == ".png" else oiio.FLOAT)
+    if path.suffix == ".tif":
+        spec.attribute("ImageDescription", "\n".join(f"lippmann:{k}={v}" for k, v in entries.items()))
+    else:
+        for key, value in entries.items():
+            spec.attribute(f"lippmann:{key}", value)
+    out = oiio.ImageOutput.create(str(path))
+    assert out.open(str(path), spec)
+    assert out.write_image(pixels)
+    out.close()
+
+
 def test_files_of_version_0_1_load(tmp_path):
     """They carry no bits; `transfer` is the file's: linear in .exr and .tif, the panel's in .png."""
     display = display_with("gamma2.2", 6)
@@ -111,17 +123,7 @@ def test_files_of_version_0_1_load(tmp_path):
     for suffix, transfer in ((".exr", "linear"), (".tif", "linear"), (".png", "gamma2.2")):
         path = tmp_path / f"a{suffix}"
         pixels = encoded_values(light, "gamma2.2", 6) if suffix == ".png" else light
-        spec = oiio.ImageSpec(17, 13, 3, oiio.UINT8 if suffix == ".png" else oiio.FLOAT)
-        entries = {**carried, "transfer": transfer}
-        if suffix == ".tif":
-            spec.attribute("ImageDescription", "\n".join(f"lippmann:{k}={v}" for k, v in entries.items()))
-        else:
-            for key, value in entries.items():
-                spec.attribute(f"lippmann:{key}", value)
-        out = oiio.ImageOutput.create(str(path))
-        assert out.open(str(path), spec)
-        assert out.write_image(pixels)
-        out.close()
+        write_foreign(path, pixels, {**carried, "transfer": transfer})
         back = IntegralImage.load(path, display)
         assert back.metadata == {**carried, "transfer": "gamma2.2", "bits": "6"}
         if suffix == ".png":
@@ -132,17 +134,33 @@ def test_files_of_version_0_1_load(tmp_path):
             np.testing.assert_array_equal(back.radiance, light)
 
 
-@pytest.mark.parametrize("shape", [(13, 17), (17, 13, 3), (13, 17, 4), (0, 0, 3)])
-def test_the_radiance_must_fit_the_panel(shape):
-    with pytest.raises(InputError, match="the panel 13 x 17 x 3; render it for this display"):
-        IntegralImage(np.zeros(shape, np.float32), display_with())
+def test_an_unknown_curve_in_a_file_names_the_file(tmp_path):
+    """EXR holds linear light: its curve is only the panel's, and the display's own takes its place."""
+    display, pixels = display_with(), np.zeros((13, 17, 3), np.uint8)
+    for suffix in (".exr", ".png"):
+        write_foreign(tmp_path / f"a{suffix}", pixels, {"transfer": "gamma2.6"})
+    assert IntegralImage.load(tmp_path / "a.exr", display, force=True).metadata["transfer"] == "srgb"
+    with pytest.raises(InputError, match=r"a\.png: unknown transfer 'gamma2\.6'; choose from srgb"):
+        IntegralImage.load(tmp_path / "a.png", display, force=True)
 
 
-@pytest.mark.parametrize("kind", [np.uint8, np.uint16, np.int64, bool])
-def test_integers_are_not_radiance(kind):
-    """128 of 255 was taken for 128 times white."""
-    with pytest.raises(InputError, match=rf"the radiance is {np.dtype(kind)}, not linear light, where 1 is white"):
-        IntegralImage(np.full((13, 17, 3), 1, kind), display_with())
+@pytest.mark.parametrize(
+    ("radiance", "message"),
+    [
+        *((np.zeros(shape), "the panel 13 x 17 x 3; render it for this display")
+          for shape in ((13, 17), (17, 13, 3), (13, 17, 4), (0, 0, 3))),
+        *((np.ones((13, 17, 3), kind), f"the radiance is {np.dtype(kind)}, not linear light, where 1 is white")
+          for kind in (np.uint8, np.uint16, np.int64, bool)),
+        ([[0.0]], "the radiance is 1 x 1, the panel 13 x 17 x 3"),
+        ([[1]], "not linear light"),
+    ],
+)  # fmt: skip
+def test_what_is_no_radiance_is_refused(radiance, message):
+    """128 of 255 was taken for 128 times white; a list was an AttributeError."""
+    with pytest.raises(InputError, match=message):
+        IntegralImage(radiance, display_with())
+    with pytest.raises(InputError, match=r"display must be a lippmann\.Display, not 'desk\.toml'"):
+        IntegralImage(np.zeros((13, 17, 3)), "desk.toml")
 
 
 @pytest.mark.parametrize("suffix", [".exr", ".tif", ".png"])
@@ -166,19 +184,7 @@ def test_what_is_saved_can_be_loaded(tmp_path, suffix, value):
     assert IntegralImage.load(path, display).radiance[12, 16, 1] == (largest if value > 0 else least)
 
 
-def test_the_callers_metadata_stays():
-    given = {"model": "exact", "transfer": "mine"}
-    display = display_with()
-    image = IntegralImage(image_for(display).radiance, display, given)
-    assert given == {"model": "exact", "transfer": "mine"}
-    assert image.metadata == {
-        "model": "exact", "display": display.name, "identity": display.identity, "transfer": "srgb", "bits": "8"
-    }  # fmt: skip
-
-
 def test_printing_shows_no_pixels():
-    from lippmann.eye.observer import View
-
     image = image_for(display_with())
     assert str(image) == f"<IntegralImage, 17 x 13 px, {image.metadata}>"
     view = View(np.zeros((4, 5, 3), np.float32), {"ok": 1.0}, {"eye_mm": "(0, 0, 600)"})
@@ -191,30 +197,6 @@ def test_a_file_of_another_size_is_refused(tmp_path):
         IntegralImage.load(tmp_path / "a.exr", display_with())
 
 
-@pytest.mark.parametrize("suffix", [".exr", ".png"])
-def test_an_unknown_curve_in_a_file_names_the_file(tmp_path, suffix):
-    """EXR holds linear light: its curve is only the panel's, and the display's own takes its place."""
-    display, path = display_with(), tmp_path / f"a{suffix}"
-    image = image_for(display)
-    image.save(path)
-    source = oiio.ImageInput.open(str(path))
-    pixels, spec = source.read_image(oiio.FLOAT), source.spec()
-    source.close()
-    spec.attribute("lippmann:transfer", "gamma2.6")
-    out = oiio.ImageOutput.create(str(path))
-    assert out.open(str(path), spec)
-    assert out.write_image(pixels)
-    out.close()
-    if suffix == ".exr":
-        assert IntegralImage.load(path, display, force=True).metadata["transfer"] == "srgb"
-        return
-    with pytest.raises(InputError, match=rf"^{path}: unknown transfer 'gamma2.6'; choose from srgb"):
-        IntegralImage.load(path, display, force=True)
-
-
-# --- shown ------------------------------------------------------------------------------------------------------------
-
-
 def test_a_notebook_gets_srgb():
     """Whatever the panel's curve: a notebook is seen on an ordinary screen."""
     image = image_for(display_with("linear", 6))
@@ -223,25 +205,17 @@ def test_a_notebook_gets_srgb():
 
 
 def test_a_window_closes_after_its_seconds(monkeypatch, capfd):
-    monkeypatch.setenv("SDL_VIDEODRIVER", "dummy")
-    small = image_for(display_with())
-    capfd.readouterr()
-    small.show(seconds=0.01)
-    large = dataclasses.replace(display_with(), panel=dataclasses.replace(display_with().panel, width_px=5000))
-    IntegralImage(np.zeros((13, 5000, 3), np.float32), large).show(seconds=0.01)
-    assert capfd.readouterr() == ("", "")
-
-
-def test_a_program_that_loads_ipykernel_is_no_notebook(monkeypatch, capfd):
-    """jupyter_client loads it to start a kernel; the image was printed as if in a cell."""
+    """Also in a program that loads ipykernel, as jupyter_client does: that is no notebook."""
     import ipykernel
     import IPython
 
     assert {IPython.__name__, ipykernel.__name__} <= set(sys.modules)
     monkeypatch.setenv("SDL_VIDEODRIVER", "dummy")
-    image = image_for(display_with())
+    large = dataclasses.replace(display_with(), panel=dataclasses.replace(display_with().panel, width_px=5000))
+    images = image_for(display_with()), IntegralImage(np.zeros((13, 5000, 3), np.float32), large)
     capfd.readouterr()
-    image.show(seconds=0.01)
+    for image in images:
+        image.show(seconds=0.01)
     assert capfd.readouterr() == ("", "")
 
 
@@ -256,8 +230,6 @@ def test_without_a_desktop_a_line_says_so(no_desktop, capfd):
 
 
 def test_a_view_is_saved_with_its_metadata(tmp_path):
-    from lippmann.eye.observer import View
-
     view = View(generator(3).random((4, 5, 3), np.float32), {"ok": 1.0}, {"eye_mm": "(0.0, 0.0, 600.0)"})
     view.save(tmp_path / "v.tif")
     back = read_picture(tmp_path / "v.tif")
@@ -287,13 +259,16 @@ FULL_SIZES = ((1280, 720), (7680, 4320), (15360, 8640))
 @pytest.mark.parametrize("sizes", [QUICK_SIZES, pytest.param(FULL_SIZES, marks=pytest.mark.full)], ids=["4k", "16k"])
 @pytest.mark.parametrize("suffix", [".png", ".exr", ".tif"])
 def test_files_are_written_within_the_memory_that_is_asked_for(tmp_path, suffix, sizes):
-    """`check_memory` allows three pictures in float32, 36 bytes a pixel, above the base: one is the image itself."""
+    """`check_memory` allows three pictures in float32, 36 bytes a pixel, above the base: one is the image itself.
+
+    A larger image takes no copy of itself, of 12 bytes a pixel.
+    """
     (tmp_path / "it.toml").write_text(display_text(display_with()))
     command = [sys.executable, "-c", PEAKS.replace("SIZES", repr(sizes)), "it.toml", f"a{suffix}"]
     said = subprocess.run(command, cwd=tmp_path, check=True, capture_output=True, text=True).stdout
     peaks, pixels = np.array(said.split(), float), np.array([width * height for width, height in sizes])
     assert (peaks <= BASE_MEMORY_MB + 36e-6 * pixels).all()
-    assert (np.diff(peaks) <= 36e-6 * np.diff(pixels)).all()
+    assert (np.diff(peaks) <= 18e-6 * np.diff(pixels)).all()
     assert peaks[-1] >= 12e-6 * pixels[-1]
 
 
@@ -306,25 +281,12 @@ def test_other_floats_and_lists_become_float32(kind):
     np.testing.assert_allclose(image.radiance, light, atol=1e-3)
 
 
-@pytest.mark.parametrize(
-    ("radiance", "display", "message"),
-    [
-        ([[0.0]], None, "the radiance is 1 x 1, the panel 3 x 4 x 3"),
-        ([[1]], None, "not linear light"),
-        (np.zeros((3, 4, 3), np.float32), "desk.toml", "display must be a lippmann.Display, not 'desk.toml'"),
-    ],
-)
-def test_what_is_no_radiance_is_refused(radiance, display, message):
-    """A list was an AttributeError."""
-    display = focused_display("square", width_px=4, height_px=3) if display is None else display
-    with pytest.raises(InputError, match=message):
-        IntegralImage(radiance, display)
-
-
 def test_metadata_are_texts(mi):
     display = focused_display("square", width_px=40, height_px=30)
-    image = IntegralImage(np.zeros((30, 40, 3), np.float32), display, {"gain": np.float64(1.5)})
-    assert image.metadata["gain"] == "1.5"
+    given = {"gain": np.float64(1.5), "transfer": "mine"}
+    image = IntegralImage(np.zeros((30, 40, 3), np.float32), display, given)
+    assert (image.metadata["gain"], image.metadata["transfer"]) == ("1.5", "srgb")
+    assert given == {"gain": 1.5, "transfer": "mine"}, "the caller's stays"
     view = lippmann.observe(image, tuple(np.array([0.0, 1.5, 600.0])), width_px=8, samples=1)
     assert view.metadata["eye_mm"] == "(0.0, 1.5, 600.0)"
 
@@ -338,13 +300,3 @@ def test_a_forced_image_keeps_the_identity_of_its_file(tmp_path, stored):
     assert IntegralImage.load(tmp_path / "b.exr", own).metadata["identity"] == own.identity
     with pytest.raises(InputError, match="was made for display"):
         IntegralImage.load(tmp_path / "b.exr", other)
-
-
-@pytest.mark.parametrize("value", ["one\ntwo", "one\n\ttwo\n\nthree", "a\r\nb", "\nstarts", "ends\n"])
-@pytest.mark.parametrize("suffix", [".tif", ".exr", ".png"])
-def test_metadata_of_several_lines_survive(tmp_path, value, suffix):
-    display = focused_display("square", width_px=4, height_px=3)
-    image = IntegralImage(np.zeros((3, 4, 3), np.float32), display, {"comment": value, "next": "x"})
-    image.save(tmp_path / f"a{suffix}")
-    loaded = IntegralImage.load(tmp_path / f"a{suffix}", display)
-    assert (loaded.metadata["comment"], loaded.metadata["next"]) == (value, "x")
