@@ -8,6 +8,8 @@ import numpy as np
 import pytest
 import truth
 from lippmann.display.description import Array, Display, Panel
+from lippmann.engines import trace, trace_fixed
+from lippmann.fixed.conversion import aims_of_words, words_of_aims
 
 GRIDS = ("square", "hex")
 SIDES = ("panel", "viewer")
@@ -170,3 +172,20 @@ def exit_cosine(display, local_mm, direction):
         return np.abs(direction[:, 2])
     normal = local_mm / display.array.radius_mm + (0, 0, 1)
     return np.abs((normal * direction).sum(axis=1))
+
+
+def trace_both(rng, display, count, aims, model="exact"):
+    """The same random rays by the twin and by golden; their pixels and aims are words of the twin."""
+    pixels, points = random_pixels(rng, display, count), None
+    if aims:
+        points = aims_of_words(display, *words_of_aims(display, random_in_cell(rng, display, count), 23), 23)
+        pixels = pixels[: len(points)]
+    twin = trace_fixed(display, pixels, points, model)
+    return twin, trace(display, twin.pixel, points, model)
+
+
+def twin_errors(display, twin, golden):
+    """The angles between rays, over what is promised, max(1, 0.5 / cos) microradian; the exit points' errors, nm."""
+    turn = np.linalg.norm(twin.direction - golden.direction, axis=1) * 1e6
+    promised = np.maximum(1.0, 0.5 / exit_cosine(display, golden.local_mm, golden.direction))
+    return turn / promised, np.linalg.norm(twin.local_mm - golden.local_mm, axis=1) * 1e6

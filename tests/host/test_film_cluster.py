@@ -6,6 +6,7 @@ import signal
 import subprocess
 import sys
 import time
+from concurrent.futures import ThreadPoolExecutor
 
 import distributed
 import numpy as np
@@ -20,19 +21,10 @@ from lippmann.rendering.plan import Job, check_same_scene
 from lippmann.rendering.sinks import MemorySink, render_into, render_picture
 from lippmann.scenes.placement import Placement
 from lippmann.scenes.scene import load_scene
-from test_film import DISPLAY, FILM, MOVE, SCENE
+from test_film import DISPLAY, FILM, MOVE, PATIENCE_S, SCENE, until
 
 FRAMES = 30
 ANIMATE = ("animate", "film.toml", "--display", "small.toml", "--samples", "16", "--device", "llvm")
-PATIENCE_S = 120.0
-
-
-def until(done, what):
-    deadline = time.monotonic() + PATIENCE_S
-    while not (found := done()):
-        assert time.monotonic() < deadline, what
-        time.sleep(0.02)
-    return found
 
 
 class Cluster:
@@ -161,12 +153,22 @@ def test_an_interrupted_film_leaves_whole_frames_and_an_idle_cluster(place, clus
     assert told(cluster.film("shared", "--cluster", cluster.address))["kept"] == len(names)
 
 
-def test_a_lost_scheduler_ends_the_film(place, cluster):
+def test_a_lost_scheduler_ends_the_film(mi, place, cluster, monkeypatch, refusal_of):
+    """In this process, where Dask looks for the scheduler no longer than is needed here."""
     cluster.worker()
-    film = cluster.film("shared", "--cluster", cluster.address)
-    until(lambda: list((place / "shared").glob("frame_*.exr")), "no frames")
-    cluster.processes[0].kill()
-    assert "the scheduler is lost" in told(film, 1)["error"]
+    with distributed.Client(cluster.address) as client:
+        client.wait_for_workers(1)
+    monkeypatch.setattr(executors, "ANSWER_S", 2.0)
+    monkeypatch.chdir(place)
+
+    def kill_scheduler():
+        until(lambda: list((place / "shared").glob("frame_*.exr")), "no frames")
+        cluster.processes[0].kill()
+
+    with ThreadPoolExecutor(1) as threads:
+        killed = threads.submit(kill_scheduler)
+        assert "the scheduler is lost" in refusal_of(*ANIMATE, "-o", "shared", "--cluster", cluster.address, code=1)
+    killed.result()
     assert {path.suffix for path in (place / "shared").iterdir()} == {".exr"}
 
 

@@ -1,7 +1,6 @@
 """`fit`: model, samples and build within a tolerance, against brute force; layers of scenes whose depths are known."""
 
 import dataclasses
-import itertools
 import json
 import math
 import re
@@ -157,9 +156,6 @@ def fit_of_build(display, depths, tolerance):
     return None if build is None else (build.model, build.fraction_bits)
 
 
-SIDES_PX = [(1.0, 1.0), (0.247, 0.988), (1.0, 0.3)]
-
-
 NET = 120
 
 
@@ -177,7 +173,7 @@ def farthest(samples, sides):
     return max(KDTree(way * sides).query(net)[0].max() for way in ways)
 
 
-@pytest.mark.parametrize("sides", SIDES_PX)
+@pytest.mark.parametrize("sides", [(1.0, 1.0), (0.247, 0.988), (1.0, 0.3)])
 @pytest.mark.parametrize("samples", [1, 2, 3, 4, 7, 16, 49, 200])
 def test_no_light_passes_farther_than_the_gap(mi, samples, sides):
     """A place beside the net's is nearer to one of them than half of its diagonal."""
@@ -225,16 +221,9 @@ def test_no_fewer_samples_would_do(mi, spread, tolerance):
     assert all(farthest(samples, (spread, spread)) > tolerance - step for samples in TRIED_SAMPLES if samples < chosen)
 
 
-def test_numbers_of_samples_that_are_tried():
-    assert TRIED_SAMPLES[:20] == list(range(1, 21))
-    assert TRIED_SAMPLES[-1] == 1024
-    assert all(b <= 1.05 * a + 1 for a, b in itertools.pairwise(TRIED_SAMPLES))
-
-
-@pytest.mark.parametrize("tolerance", ["0.03", "0.01"])
-def test_each_of_the_three_is_said_by_itself_and_what_is_advised_suffices(tolerance, capfd):
+def test_each_of_the_three_is_said_by_itself_and_what_is_advised_suffices(capfd):
     arguments = ["fit", "scenes/displays/paper-square.toml", "--depths", "-400,30"]
-    assert run([*arguments, "--tolerance", tolerance]) == 0
+    assert run([*arguments, "--tolerance", "0.01"]) == 0
     out = capfd.readouterr().out
     assert "model pinhole: the cheapest" in out
     assert "RTL " in out
@@ -242,7 +231,7 @@ def test_each_of_the_three_is_said_by_itself_and_what_is_advised_suffices(tolera
     advised = out.split("they are enough for --tolerance ")[1].split()[0]
     assert run([*arguments, "--tolerance", advised, "--json"]) == 0
     assert 1 <= json.loads(capfd.readouterr().out)["samples"] <= 1024
-    assert run([*arguments, "--tolerance", tolerance, "--json"]) == 0
+    assert run([*arguments, "--tolerance", "0.01", "--json"]) == 0
     assert json.loads(capfd.readouterr().out)["samples"] is None
 
 
@@ -283,8 +272,7 @@ def test_the_command_says_what_and_why(capfd, refusal_of):
     assert run(["fit", path, "--depths", "-40,30", "--json"]) == 0
     told = json.loads(capfd.readouterr().out)
     chosen = fit(load_display(path), (-40.0, 30.0))
-    assert told["model"] == chosen.choice.model
-    assert told["samples"] == chosen.samples
+    assert (told["model"], told["samples"]) == (chosen.choice.model, chosen.samples)
     assert told["build"]["fraction_bits"] == chosen.build.fraction_bits
     # Version 0.1 named it so.
     assert told["build"]["walk"] == told["build"]["max_cell_steps"] == chosen.build.max_cell_steps
@@ -292,11 +280,8 @@ def test_the_command_says_what_and_why(capfd, refusal_of):
     out = capfd.readouterr().out
     assert f"samples {chosen.samples} per pixel:" in out
     assert f"F {chosen.build.fraction_bits}:" in out
-    for words, what in ((["--depths", "1,-1"], "nearer"), (["--tolerance", "0"], "not positive")):
-        assert what in refusal_of("fit", path, *words)
+    assert "nearer" in refusal_of("fit", path, "--depths", "1,-1")
 
-
-# ---- layers of a scene ----
 
 PANEL = focused_display("square", focal=4.0, width_px=160, height_px=120, pixel_pitch=0.2)
 SMALL = ((64, 48), (128, 96))
@@ -398,6 +383,5 @@ def test_the_command_chooses_layers_and_says_what_was_tried(cards, capfd, refusa
     out = capfd.readouterr().out
     assert "none of those tried is within 40 dB; limit: larger builds, not tried, need more than --block-rams" in out
     assert sum(line.endswith("best") for line in out.splitlines()) == 1
-    for more, what in ((["--tolerance-db", "-1"], "finite"), (["--slot", "60x64"], "choose 32, 64, 128")):
-        assert what in refusal_of(*words, *more)
+    assert "finite" in refusal_of(*words, "--tolerance-db", "-1")
     assert "--scale places a scene; give --scene too" in refusal_of("fit", "tiny.toml", "--scale", "2")

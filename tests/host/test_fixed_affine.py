@@ -1,7 +1,6 @@
 """Arrays of two pitches, a shear and an end in fixed point: registers by hand, rays against golden, what is refused."""
 
 import dataclasses
-import itertools
 import math
 import os
 from fractions import Fraction
@@ -9,15 +8,13 @@ from fractions import Fraction
 import numpy as np
 import pytest
 from lippmann.display.description import Array, Display, Panel
-from lippmann.engines import trace, trace_fixed
+from lippmann.engines import trace_fixed
 from lippmann.errors import InputError
 from lippmann.fixed.build import Build
 from lippmann.fixed.configuration import EVERYWHERE, configuration
-from lippmann.fixed.conversion import aims_of_words, words_of_aims
 from lippmann.fixed.ray_pipeline import ray_pipeline
 from lippmann.optics.rays import MODELS, Status, gets_through
-from lippmann.optics.system import System
-from optics_cases import GRIDS, SIDES, display_of, exit_cosine, random_in_cell, random_pixels
+from optics_cases import GRIDS, SIDES, display_of, random_pixels, trace_both, twin_errors
 
 SEED = int(os.environ.get("LIPPMANN_SEED", np.random.SeedSequence().entropy % (1 << 32)))
 RAYS = 8_000
@@ -36,16 +33,6 @@ def skewed(rng, grid, side="panel", *, ratio=0.5, shear=0.4, eye=None, extent=No
     return Display("skewed", Panel(2400, 1600, 0.06), array, 0.0 if side == "panel" else 3.0, eye, axis)
 
 
-def compared(rng, display, aperture, model="exact"):
-    """Twin and golden of the same random rays; their pixels and aims are words of the twin."""
-    pixels, aims = random_pixels(rng, display, RAYS), None
-    if aperture == "full":
-        aims = aims_of_words(display, *words_of_aims(display, random_in_cell(rng, display, RAYS), 23), 23)
-        pixels = pixels[: len(aims)]
-    twin = trace_fixed(display, pixels, aims, model)
-    return twin, trace(display, twin.pixel, aims, model)
-
-
 @pytest.mark.parametrize("eye", [None, 600.0])
 @pytest.mark.parametrize("aperture", ["chief", "full"])
 @pytest.mark.parametrize("side", SIDES)
@@ -62,7 +49,7 @@ def test_exact_rays_against_golden(grid, side, aperture, eye):
     for number in range(6):
         extent = tuple(rng.uniform(30.0, 150.0, 2).tolist()) if number % 2 else None
         display = skewed(rng, grid, side, eye=eye, extent=extent)
-        twin, golden = compared(rng, display, aperture)
+        twin, golden = trace_both(rng, display, RAYS, aperture == "full")
         away = np.abs(golden.lenslet - twin.lenslet).max(axis=1)
         at_wall = (twin.status == Status.BLOCKED) & (away == 1) & ((side, aperture) == ("viewer", "full"))
         same = (twin.status == golden.status) & ((twin.status == Status.MISSED) | (away == 0) | at_wall)
@@ -75,10 +62,9 @@ def test_exact_rays_against_golden(grid, side, aperture, eye):
             assert blocked < 0.01
         elif max(extent) < 110.0:  # a larger one, turned, may cover the panel of 144 mm x 96 mm
             assert blocked > 0.01
-        turn = np.linalg.norm(twin.direction - golden.direction, axis=1)[active] * 1e6
-        cosine = exit_cosine(display, golden.local_mm, golden.direction)[active]
-        assert (turn <= np.maximum(1.0, 0.5 / cosine)).all()
-        assert np.linalg.norm(twin.local_mm - golden.local_mm, axis=1)[active].max() * 1e6 <= 2.0
+        angle, distance_nm = twin_errors(display, twin, golden)
+        assert angle[active].max() <= 1.0
+        assert distance_nm[active].max() <= 2.0
 
 
 @pytest.mark.parametrize("model", [model for model in MODELS if model != "exact"])
@@ -89,11 +75,11 @@ def test_ideal_rays_against_golden(grid, eye, model):
     print(f"seed {SEED}")
     rng = np.random.default_rng([SEED, *f"{grid}{eye}{model}".encode()])
     display = skewed(rng, grid, eye=eye)
-    twin, golden = compared(rng, display, "chief" if model == "pinhole" else "full", model)
+    twin, golden = trace_both(rng, display, RAYS, model != "pinhole", model)
     same = (twin.lenslet == golden.lenslet).all(axis=1)
     assert (same & (twin.status == golden.status)).mean() > 0.9995
     assert np.linalg.norm(twin.direction - golden.direction, axis=1)[same].max() < 10.0 * 2.0**-24
-    assert np.linalg.norm(twin.local_mm - golden.local_mm, axis=1)[same].max() * 1e6 <= 2.0
+    assert twin_errors(display, twin, golden)[1][same].max() <= 2.0
 
 
 @pytest.mark.parametrize("shear", [-1.0, 0.0, 1.0])
@@ -106,16 +92,15 @@ def test_the_most_skewed_lattices_that_a_file_may_have(grid, ratio, shear):
         grid, "panel", pitch=pitch, row_pitch=pitch * ratio, shear=shear, radius=6.0, index=1.5, thickness=9.0, gap=3.0
     )
     for aperture in ("chief", "full"):
-        twin, golden = compared(rng, display, aperture)
+        twin, golden = trace_both(rng, display, RAYS, aperture == "full")
         same = (twin.status == golden.status) & (twin.lenslet == golden.lenslet).all(axis=1)
         assert same.mean() > 0.99
         active = same & gets_through(golden.status)
         assert active.mean() > 0.9
-        turn = np.linalg.norm(twin.direction - golden.direction, axis=1)[active] * 1e6
-        cosine = exit_cosine(display, golden.local_mm, golden.direction)[active]
-        assert (turn <= 1.5 * np.maximum(1.0, 0.5 / cosine)).all()
+        angle, distance_nm = twin_errors(display, twin, golden)
+        assert angle[active].max() <= 1.5
         # R is 6 mm: (5 + 1.2 1.5^2) 6 mm 2^-24.
-        assert np.linalg.norm(twin.local_mm - golden.local_mm, axis=1)[active].max() * 1e6 <= 2.8
+        assert distance_nm[active].max() <= 2.8
 
 
 #: 1.25 mm lenslets, rows of 1 mm, a shear of 1/4, R 1.6 mm; D = 1.5 + 2.25 / 1.5 = 3 mm. Pixels are 1/16 mm.
@@ -150,9 +135,11 @@ def test_registers_by_hand(grid):
         assert abs(getattr(config, name) - value) <= Fraction(501, 1000), name
 
 
+@pytest.mark.parametrize("step", ["shear", "converge"])
 @pytest.mark.parametrize("aims", [False, True])
 @pytest.mark.parametrize("grid", GRIDS)
-def test_a_lattice_that_is_regular_after_all_has_the_words_of_one(grid, aims):
+def test_a_step_that_the_display_does_not_need_changes_roundings_only(grid, aims, step):
+    """A lattice of two equal pitches and no shear has the words of a regular one."""
     display = display_of(grid, "panel", offset=(0.3, -0.2), rotation=7.0)
     build = Build.of(display, "exact", 23, aims)
     plain = configuration(display, build, "exact")
@@ -160,14 +147,14 @@ def test_a_lattice_that_is_regular_after_all_has_the_words_of_one(grid, aims):
     assert (plain.shear_x, plain.shear_lean) == (0, 0)
     array = dataclasses.replace(display.array, pitch_mm=(1.0, 1.0), shear=0.0)
     assert configuration(dataclasses.replace(display, array=array), build, "exact") == plain
-    # A build with the step gives the same rays but for roundings.
+    able = Build.of(display, "exact", 23, aims, **{step: True})
+    assert able == dataclasses.replace(build, **{step: True}) != build
+    config = configuration(display, able, "exact")
+    assert (config.converge_share, config.converge_x, config.converge_y) == (0, 0, 0)
     rng = np.random.default_rng(6)
     u, v = rng.integers(-1600, 1600, (2, 5000))
     a, b = rng.integers(-(1 << 21), 1 << 21, (2, 5000)) * aims
-    skewing = Build.of(display, "exact", 23, aims, shear=True)
-    assert skewing == dataclasses.replace(build, shear=True)
-    rays = ray_pipeline(u, v, a, b, configuration(display, skewing, "exact"), skewing)
-    wanted = ray_pipeline(u, v, a, b, plain, build)
+    rays, wanted = ray_pipeline(u, v, a, b, config, able), ray_pipeline(u, v, a, b, plain, build)
     np.testing.assert_array_equal((rays.i, rays.j, rays.status), (wanted.i, wanted.j, wanted.status))
     for name in ("dx", "dy", "dz", "x", "y", "z"):
         assert np.abs(getattr(rays, name) - getattr(wanted, name)).max() <= 16
@@ -198,11 +185,10 @@ def test_what_lies_beside_the_array_is_blocked(grid, side, aperture):
     if aperture == "full":
         # Up to a pitch away: into cells of the neighbours.
         aims = rng.uniform(-1.0, 1.0, (RAYS, 2)) * (0.9, 0.75)
-    twin = trace_fixed(display, pixels, aims, "exact", max_cell_steps=2 if side == "viewer" or aims is not None else 0)
+    steps = {"max_cell_steps": 2 if side == "viewer" or aims is not None else 0}
+    twin = trace_fixed(display, pixels, aims, "exact", **steps)
     everywhere = dataclasses.replace(display, array=dataclasses.replace(display.array, extent_mm=None))
-    whole = trace_fixed(
-        everywhere, pixels, aims, "exact", max_cell_steps=2 if side == "viewer" or aims is not None else 0
-    )
+    whole = trace_fixed(everywhere, pixels, aims, "exact", **steps)
     own = trace_fixed(everywhere, pixels, None, "pinhole").lenslet
 
     def there(lenslets):
@@ -222,7 +208,7 @@ def test_what_lies_beside_the_array_is_blocked(grid, side, aperture):
 def test_lenslets_of_a_skewed_lattice_by_hand():
     """Pinholes: the owner of each pixel by the definition, in whole fractions."""
     display = display_of("square", "panel", **HAND)
-    columns, rows = (w.ravel() for w in np.meshgrid(np.arange(200) + 0.5, np.arange(160) + 0.5))
+    columns, rows = (w.ravel() for w in np.meshgrid(np.arange(0, 200, 3) + 0.5, np.arange(0, 160, 3) + 0.5))
     rays = trace_fixed(display, np.stack([columns, rows], axis=1), None, "pinhole")
     checked = 0
     for u, v, lenslet, direction in zip(columns, rows, rays.lenslet, rays.direction, strict=True):
@@ -238,14 +224,4 @@ def test_lenslets_of_a_skewed_lattice_by_hand():
         ]
         wanted = np.array([*slopes, 1.0]) / math.hypot(*slopes, 1.0)
         np.testing.assert_allclose(direction, wanted, rtol=0.0, atol=6.0 * 2.0**-24)
-    assert checked > 30_000
-
-
-def test_chief_rays_of_a_skewed_cell_stay_in_it():
-    for grid, side in itertools.product(GRIDS, SIDES):
-        display = display_of(grid, side, **HAND | ({"gap": 3.0, "thickness": 1.0} if side == "viewer" else {}))
-        build = Build.of(display, "exact", 23, aims=False)
-        assert build.max_cell_steps == (2 if side == "viewer" else 0)
-        rays = trace_fixed(display, random_pixels(np.random.default_rng(4), display, RAYS), None, "exact")
-        assert (rays.status == Status.OK).all()
-        assert System.of(display).lattice.holds(*rays.local_mm[:, :2].T).all()
+    assert checked > 3_500

@@ -45,40 +45,20 @@ def test_every_table_entry_is_the_nearest_word(f, root):
     assert worst <= 0.5 + 1e-5
 
 
-def reference_error():
-    """How far numpy's longdouble roots are from 50-digit ones, relative: the bound that the tests below add."""
-    rng = np.random.default_rng(20_010_825)
-    worst = 0.0
-    for x in rng.integers(1 << 24, 1 << 26, 2000).tolist():
-        exact = 1 / mpmath.sqrt(mpmath.mpf(x) / (1 << 24))
-        got = np.longdouble(1) / np.sqrt(np.longdouble(x) / (1 << 24))
-        high, low = float(got), float(got - np.longdouble(float(got)))
-        worst = max(worst, abs(float((mpmath.mpf(high) + mpmath.mpf(low)) / exact - 1)))
-    return worst
-
-
-def worst_rsqrt(f, words):
+def largest_error(root, f, words):
     """The largest error in units of the last place, and where, over batches of input words."""
-    worst, where = 0.0, 0
+    largest, where = 0.0, 0
     for x in words:
-        value = np.longdouble(1) / np.sqrt(np.ldexp(x.astype(np.longdouble), -(f + 1)))
-        error = np.abs(rsqrt(x, f) - np.ldexp(value, f + 1))
+        if root == "rsqrt":
+            value, result = np.longdouble(1) / np.sqrt(np.ldexp(x.astype(np.longdouble), -(f + 1))), rsqrt(x, f)
+        else:
+            value = np.sqrt(np.ldexp(x.astype(np.longdouble), -(f + 3)))
+            result = sqrt(x, f, normalise=root == "sqrt")
+        error = np.abs(result - np.ldexp(value, f + 1))
         at = int(error.argmax())
-        if error[at] > worst:
-            worst, where = float(error[at]), int(x[at])
-    return worst, where
-
-
-def worst_sqrt(f, words, normalise=True):
-    """The same for sqrt."""
-    worst, where = 0.0, 0
-    for x in words:
-        value = np.sqrt(np.ldexp(x.astype(np.longdouble), -(f + 3)))
-        error = np.abs(sqrt(x, f, normalise=normalise) - np.ldexp(value, f + 1))
-        at = int(error.argmax())
-        if error[at] > worst:
-            worst, where = float(error[at]), int(x[at])
-    return worst, where
+        if error[at] > largest:
+            largest, where = float(error[at]), int(x[at])
+    return largest, where
 
 
 def batches(low, high):
@@ -99,54 +79,38 @@ def sample(f, low, high, count, seed):
 
 
 def test_longdouble_is_a_fit_judge():
-    assert reference_error() < 1e-18
+    """How far numpy's longdouble roots are from 50-digit ones, relative."""
+    rng = np.random.default_rng(20_010_825)
+    for x in rng.integers(1 << 24, 1 << 26, 2000).tolist():
+        exact = 1 / mpmath.sqrt(mpmath.mpf(x) / (1 << 24))
+        got = np.longdouble(1) / np.sqrt(np.longdouble(x) / (1 << 24))
+        high, low = float(got), float(got - np.longdouble(float(got)))
+        assert abs((mpmath.mpf(high) + mpmath.mpf(low)) / exact - 1) < 1e-18
 
 
-def test_rsqrt_all_words_of_the_compact_configuration():
-    f = 16
-    worst, where = worst_rsqrt(f, batches(1 << (f + 1), 1 << (f + 3)))
-    print(f"rsqrt, F {f}: worst {worst:.4f} units at word {where}, all {3 << (f + 1)} inputs")
-    assert 0.5 < worst < 1.0
-
-
-def test_the_worst_word_that_the_reference_names():
-    """Found among all words by the test marked full, below."""
-    page = (repository() / "docs/reference/rtl.md").read_text()
-    row = r"([\d.]+) units of the last place at most, at word (\d+), over all ([\d,]+)"
-    said, word, inputs = re.search(row, page).groups()
-    assert f"{worst_rsqrt(23, [np.array([int(word)])])[0]:.4f}" == said
-    assert inputs == f"{3 << 24:,}"
-
-
-def test_sqrt_all_words_of_the_compact_configuration():
-    f = 16
-    worst, where = worst_sqrt(f, batches(0, 1 << (f + 3)))
-    print(f"sqrt, F {f}: worst {worst:.4f} units at word {where}, all {1 << (f + 3)} inputs")
+@pytest.mark.parametrize("f", [16, *(pytest.param(f, marks=pytest.mark.full) for f in (18, 22, 23))])
+@pytest.mark.parametrize("root", ["rsqrt", "sqrt"])
+def test_all_words(root, f):
+    low = 1 << (f + 1) if root == "rsqrt" else 0
+    worst, where = largest_error(root, f, batches(low, 1 << (f + 3)))
+    print(f"{root}, F {f}: worst {worst:.4f} units at word {where}, all {(1 << (f + 3)) - low} inputs")
     assert 0.5 < worst < 1.0
 
 
 @pytest.mark.parametrize("f", FRACTIONS)
-def test_roots_of_sampled_words(f):
-    seed = 7 * f
-    inverse = worst_rsqrt(f, sample(f, 1 << (f + 1), 1 << (f + 3), 100_000, seed))
-    square = worst_sqrt(f, sample(f, 0, 1 << (f + 3), 100_000, seed))
-    plain = worst_sqrt(f, sample(f, 1 << (f + 1), 1 << (f + 3), 100_000, seed), normalise=False)
-    print(f"F {f}, seed {seed}: rsqrt {inverse}, sqrt {square}, not normalised {plain}: worst units, at word")
-    for worst, _ in (inverse, square, plain):
-        assert 0.5 < worst < 1.0
-
-
-@pytest.mark.full
-@pytest.mark.parametrize("f", [18, 22, 23])
-def test_rsqrt_all_words(f):
-    worst, where = worst_rsqrt(f, batches(1 << (f + 1), 1 << (f + 3)))
-    print(f"rsqrt, F {f}: worst {worst:.4f} units at word {where}, all {3 << (f + 1)} inputs")
+@pytest.mark.parametrize("root", ["rsqrt", "sqrt", "sqrt of a word that is not normalised"])
+def test_sampled_words(root, f):
+    low = 0 if root == "sqrt" else 1 << (f + 1)
+    worst, where = largest_error(root, f, sample(f, low, 1 << (f + 3), 100_000, 7 * f))
+    print(f"F {f}, seed {7 * f}, {root}: worst {worst:.4f} units at word {where}")
     assert 0.5 < worst < 1.0
 
 
-@pytest.mark.full
-@pytest.mark.parametrize("f", [18, 22, 23])
-def test_sqrt_all_words(f):
-    worst, where = worst_sqrt(f, batches(0, 1 << (f + 3)))
-    print(f"sqrt, F {f}: worst {worst:.4f} units at word {where}, all {1 << (f + 3)} inputs")
-    assert 0.5 < worst < 1.0
+def test_the_worst_word_that_the_reference_names():
+    """Found among all words by the test marked full, above."""
+    page = (repository() / "docs/reference/rtl.md").read_text()
+    row = r"([\d.]+) units of the last place at most, at word (\d+), over all ([\d,]+)"
+    said, word, inputs = re.search(row, page).groups()
+    error, _ = largest_error("rsqrt", 23, [np.array([int(word)])])
+    assert f"{error:.4f}" == said
+    assert inputs == f"{3 << 24:,}"

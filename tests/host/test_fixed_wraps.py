@@ -42,9 +42,6 @@ def name(build: Build) -> str:
     return "-".join([build.grid, build.model, f"F{build.fraction_bits}", *flags])
 
 
-# --- the steps over the reals -----------------------------------------------------------------------------------------
-
-
 class Ideal(NamedTuple):
     """Exit rays over the reals, and how far roundings may turn and shift the twin's; `lost`: no such ray."""
 
@@ -215,9 +212,6 @@ def outside(n: np.ndarray, error: np.ndarray, c: dict[str, np.ndarray], build: B
         return (np.abs(q0) > c["cell_half"] + slack) | (np.abs(n[1]) > c["cell_half_y"] + slack)
     q1 = n[0] / 2 + c["cell_rise"] * n[1]
     return np.max(np.abs([q0, q1, q1 - q0]), axis=0) > c["cell_half"] + slack
-
-
-# --- the tests ------------------------------------------------------------------------------------------------------
 
 
 def wrong(random: np.random.Generator, build: Build, count: int, displays: int) -> tuple[np.ndarray, ...]:

@@ -12,8 +12,6 @@ import numpy as np
 import pytest
 import truth
 from independent import sequential_lenslet
-from lippmann.optics.models import ray_matrix
-from lippmann.optics.system import System
 from optics_cases import (
     GRIDS,
     KEYS,
@@ -72,36 +70,6 @@ def test_back_focal_length_from_paraxial_rays(grid, side, thickness, index):
     at_f = crossings(display, [0.1875], "thin")[0]
     z_last = 0.0 if side == "panel" else thickness
     assert abs(at_f + z_last - float(truth.lensmaker_focal_length(1.5, index))) < 1e-13
-
-
-@pytest.mark.parametrize("side", SIDES)
-@pytest.mark.parametrize(("index", "thickness"), [(1.4, 0.6), (1.5168, 1.0), (1.9, 2.5)])
-def test_third_order_spherical_aberration(side, index, thickness):
-    """From f/16 to f/2.5: L(h) - L(0) is Seidel's h^2 term, and what is left over grows as h^4."""
-    radius = 2.0
-    display = display_of("square", side, pitch=2.0, radius=radius, index=index, thickness=thickness, gap=1.0)
-    f = radius / (index - 1)
-    focus = float(truth.back_focal_length(radius, index, thickness, FIRST[side]))
-    f_numbers = np.array([16.0, 12.0, 8.0, 6.0, 4.0])
-    heights = f / (2 * f_numbers)
-    heights = heights[heights < 0.25 * radius]
-    lens = (radius, index, thickness)
-    third = np.array([float(truth.third_order_longitudinal_aberration(*lens, float(h), FIRST[side])) for h in heights])
-    aberration = crossings(display, heights) - focus
-    left = aberration - third
-    assert (aberration < 0).all()  # the rim focuses short
-    # Seidel's term is right to a share that is itself of order (h / R)^2 ...
-    share = np.abs(left / third) / (heights / radius) ** 2
-    assert (share < 12).all()
-    assert share.max() / share.min() < 1.25
-    # ... so that the remainder follows h^4.
-    order = np.diff(np.log(np.abs(left))) / np.diff(np.log(heights))
-    assert (np.abs(order - 4) < 0.25).all()
-    # Nearer and nearer to 4 towards the axis.
-    assert abs(order[0] - 4) < abs(order[-1] - 4)
-    # Seidel's term itself: slope 2 at small h.
-    small = crossings(display, np.array([0.02, 0.04]) * radius) - focus
-    assert abs(math.log2(small[1] / small[0]) - 2) < 0.01
 
 
 def local_of(display, pixels):
@@ -168,28 +136,6 @@ def test_ideal_models_against_their_formulas_in_50_digits(grid, side, kind, mode
                 assert abs(got - true / length) < 4e-13 / small, display
             for got, true in zip(out.local_mm[k], place, strict=True):
                 assert abs(got - true) < 4e-13 * float(1 + T / small), display
-
-
-@pytest.mark.parametrize("side", SIDES)
-def test_ray_matrix_in_50_digits(side):
-    """Determinant 1 (air to air) and every entry, the products written out."""
-    rng = generator(SEED, 2, side)
-    for _ in range(50):
-        display = random_display(rng, "hex", side)
-        array = display.array
-        g = mp.mpf(display.gap_mm)
-        t = mp.mpf(array.thickness_mm) / mp.mpf(array.index)
-        power = (mp.mpf(array.index) - 1) / mp.mpf(array.radius_mm)
-        if side == "panel":
-            wanted = ((1, g + t), (-power, 1 - power * (g + t)))
-        else:
-            wanted = ((1 - t * power, g + t * (1 - power * g)), (-power, 1 - power * g))
-        got = ray_matrix(System.of(display))
-        for row, wanted_row in zip(got, wanted, strict=True):
-            for entry, true in zip(row, wanted_row, strict=True):
-                # 1 - power * g may cancel: a few units in the last place of its terms.
-                assert abs(entry - true) < 1e-15 * float(1 + power * (g + t) + g + t)
-        assert abs(np.linalg.det(got) - 1) < 1e-13 * float(1 + power * (g + t)) ** 2
 
 
 @pytest.mark.parametrize("model", ["pinhole", "thin", "paraxial"])

@@ -35,6 +35,7 @@ def test_as_stored(mi, scene_of, name, grid):
     check(render_golden(scene_of(name), grid), path_of(name, grid))
 
 
+@pytest.mark.full
 @pytest.mark.parametrize(("name", "grid"), list(itertools.product(STANDS, SUBPIXELS)))
 def test_as_version_0_1_but_for_the_places_of_samples(mi, scene_of, name, grid, monkeypatch):
     """By the places that it gave samples, each ray's own light makes its pictures."""

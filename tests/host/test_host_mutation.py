@@ -12,6 +12,7 @@ from tools.host_mutation import differs, fate, faults_of
 from tools.source_faults import Fault, Scratch, faults_page, in_turn, try_faults
 
 TOP = repository()
+GLASS = "host/lippmann/display/glass.py"
 
 
 def changes_of(tmp_path, text):
@@ -112,37 +113,33 @@ def fault_at(scratch, file, text):
 
 def test_the_tests_that_execute_a_line_run_first_those_that_execute_least(scratch, reach):
     # Found by reading test_glass.py: who asks for a glass that is unknown, and who for its index.
-    refused = reach.tests(fault_at(scratch, "host/lippmann/display/glass.py", "raise"))
+    refused = reach.tests(fault_at(scratch, GLASS, "raise"))
     assert refused
     assert all("::test_" in test and test.startswith("tests/host/test_glass.py") for test in refused)
-    constant = reach.tests(fault_at(scratch, "host/lippmann/display/glass.py", "from __future__"))
+    constant = reach.tests(fault_at(scratch, GLASS, "from __future__"))
     assert set(refused) < set(constant), "a line of the import: whoever executes any line of the file"
     assert not reach.tests(fault_at(scratch, "host/tools/peers.py", "import"))
 
 
 def test_a_planted_fault_is_caught_by_the_tests_of_its_file(scratch, small):
-    path = TOP / "host/lippmann/display/glass.py"
-    text = path.read_text()
-    planted = [fault for fault in faults_of(path, "host/lippmann/display/glass.py") if differs(fault, text)]
+    text = (TOP / GLASS).read_text()
+    planted = [fault for fault in faults_of(TOP / GLASS, GLASS) if differs(fault, text)]
     fault = next(fault for fault in planted if fault.was.count(" / ") > fault.now.count(" / "))
     assert fate(fault, scratch).startswith("caught by tests/host/test_glass.py::")
     assert (scratch.folder / fault.file).read_text() == text, "the copy is as before"
 
 
 def test_what_is_no_fault_survives_the_tests_of_its_file(scratch, small):
-    path = TOP / "host/lippmann/display/glass.py"
-    first = path.read_text().split("\n")[0]
-    docstring = Fault("host/lippmann/display/glass.py", 1, first, first.replace(" ", "  ", 1))
-    assert fate(docstring, scratch) == "survived"
-    place = path.read_text().split("\n").index("from __future__ import annotations") + 1
-    assert fate(Fault(docstring.file, place, "from __future__ import annotations", "from ("), scratch) == "refused"
+    first = (TOP / GLASS).read_text().split("\n")[0]
+    assert fate(Fault(GLASS, 1, first, first.replace(" ", "  ", 1)), scratch) == "survived"
+    line = fault_at(scratch, GLASS, "from __future__")
+    assert fate(Fault(GLASS, line.line, line.was, "from ("), scratch) == "refused"
 
 
 @pytest.fixture
 def planted(scratch, monkeypatch):
     """Returns the fate of a change that no test can see: a test file of a given text executes it, or runs last."""
-    line = "from __future__ import annotations"
-    place = (TOP / "host/lippmann/display/glass.py").read_text().split("\n").index(line) + 1
+    fault = fault_at(scratch, GLASS, "from __future__")
     path = scratch.folder / "tests/host/test_planted.py"
 
     def fate_with(text, stage):
@@ -151,7 +148,7 @@ def planted(scratch, monkeypatch):
         near, last = (tests, []) if stage == "near" else (tests[:1], tests[1:])
         monkeypatch.setattr(host_mutation, "_reach", lambda _: SimpleNamespace(tests=lambda _: near))
         monkeypatch.setattr(host_mutation, "_last", lambda _: last)
-        return fate(Fault("host/lippmann/display/glass.py", place, line, f"{line}; 1"), scratch)
+        return fate(Fault(GLASS, fault.line, fault.was, f"{fault.was}; 1"), scratch)
 
     yield fate_with
     path.unlink()
@@ -166,22 +163,15 @@ def test_a_test_that_fails_without_the_fault_is_left_out(scratch, planted, capsy
 
 
 def test_a_fault_that_keeps_a_file_of_tests_from_its_import_is_caught(scratch, monkeypatch):
-    file, name = "host/lippmann/display/glass.py", "def index_of("
-    tests = ["tests/host/test_pll.py", "tests/host/test_glass.py::test_planted"]
+    tests = ["tests/host/test_pll.py", "tests/host/test_glass.py::test_every_glass_is_checked_here"]
     monkeypatch.setattr(host_mutation, "_reach", lambda _: SimpleNamespace(tests=lambda _: tests))
-    fault = fault_at(scratch, file, name)
-    planted = scratch.folder / "tests/host/test_glass.py"
-    text = planted.read_text()
-    planted.write_text(f"{text}\nfrom lippmann.display.glass import index_of\n\ndef test_planted():\n    pass\n")
-    try:
-        gone = Fault(file, fault.line, fault.was, fault.was.replace("index_of", "index"))
-        assert fate(gone, scratch) == f"caught by {tests[1]}"
-        tests[1] = "tests/host/test_glass.py::test_that_never_was"
-        with pytest.raises(LippmannError, match="pytest does not run in the copy"):
-            fate(gone, scratch)
-    finally:
-        planted.write_text(text)
-        scratch.left_out.clear()
+    fault = fault_at(scratch, GLASS, "def index_of(")
+    gone = Fault(GLASS, fault.line, fault.was, fault.was.replace("index_of", "index"))
+    assert fate(gone, scratch) == f"caught by {tests[1]}"
+    tests[1] = "tests/host/test_glass.py::test_that_never_was"
+    with pytest.raises(LippmannError, match="pytest does not run in the copy"):
+        fate(gone, scratch)
+    scratch.left_out.clear()
 
 
 #: Fails in its first run, with the fault, and whenever the file whose name it writes says so.

@@ -40,17 +40,6 @@ def picture(*key, height=13, width=17):
     return generator(SEED, *key).random((height, width, 3), np.float32)
 
 
-@pytest.mark.parametrize("transfer", ["srgb", "gamma2.2", "linear"])
-def test_decode_is_the_inverse_of_encode(transfer):
-    light = np.linspace(0.0, 1.0, 20001)
-    # float32: a few roundings; sRGB's own two pieces miss each other by 3e-8 at their seam.
-    np.testing.assert_allclose(decode(encode(light, transfer), transfer), light, atol=5e-7)
-    values = encode(light, transfer)
-    assert values[0] == 0.0
-    assert values[-1] == pytest.approx(1.0, abs=1e-6)
-    assert (np.diff(values) >= 0.0).all()
-
-
 def test_srgb_values():
     light = np.concatenate([np.linspace(0.0, 0.01, 100), np.linspace(0.0, 1.0, 200)])
     np.testing.assert_allclose(encode(light, "srgb"), [srgb_by_hand(x) for x in light], atol=3e-7)
