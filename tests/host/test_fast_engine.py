@@ -40,12 +40,15 @@ generator = functools.partial(scene_cases.generator, SEED)
 def panel_of(pitch, width, ratio):
     """A panel of `width` mm, `ratio` as high, with 20 pixels a lenslet, under an array that is shifted."""
     across = width / (pitch / 20)
-    return {
-        "width_px": int(across),
-        "height_px": int(ratio * across),
-        "pixel_pitch": pitch / 20,
-        "offset": (0.31, -0.17),
-    }
+    size = {"width_px": int(across), "height_px": int(ratio * across)}
+    return size | {"pixel_pitch": pitch / 20, "offset": (0.31, -0.17)}
+
+
+def trace_both(display, pixels, aperture, model):
+    """Rays by golden and by fast, the angles between them, rad, and their exit points' distances, mm."""
+    golden, fast = (lippmann.trace(display, pixels, aperture, model, engine) for engine in ("golden", "fast"))
+    angles, distances = (getattr(fast, name) - getattr(golden, name) for name in ("direction", "local_mm"))
+    return golden, fast, np.linalg.norm(angles, axis=1), np.linalg.norm(distances, axis=1)
 
 
 def both_counted(golden, fast) -> np.ndarray:
@@ -76,9 +79,6 @@ def same_statuses(display, pixels, aperture, model, golden, fast) -> int:
     return odd.size
 
 
-# --- the stated precision -------------------------------------------------------------------------
-
-
 @pytest.mark.parametrize(("kind", "model"), cases(((model,) for model in MODELS), ("exact",)))
 @everywhere
 def test_two_microradians_and_fifty_nanometres(grid, side, kind, model):
@@ -104,17 +104,14 @@ def test_two_microradians_and_fifty_nanometres(grid, side, kind, model):
             display = with_random_eye(rng, display)
         pixels = random_pixels(rng, display, n)
         aperture = None if chief else random_in_cell(rng, display, n)
-        golden = lippmann.trace(display, pixels, aperture, model)
-        fast = lippmann.trace(display, pixels, aperture, model, "fast")
+        golden, fast, apart, aside = trace_both(display, pixels, aperture, model)
         assert fast.direction.dtype == golden.direction.dtype == np.float64
         odd += same_statuses(display, pixels, aperture, model, golden, fast)
         good = both_counted(golden, fast)
         np.testing.assert_array_equal(fast.lenslet[good], golden.lenslet[good])
         # Centres are float64 in both engines.
         assert np.abs(fast.centre_mm - golden.centre_mm)[good].max() < 1e-12
-        apart = np.linalg.norm(fast.direction - golden.direction, axis=1)
         assert (apart <= 2 * MICRORADIAN)[good].all(), display
-        aside = np.linalg.norm(fast.local_mm - golden.local_mm, axis=1)
         assert (aside[good] <= 50 * NANOMETRE).all(), display
         rays += np.count_nonzero(good)
     assert odd <= 2  # of 16,000: float32's rounding is 1e-7 of a cell wide
@@ -135,8 +132,7 @@ def test_any_display_within_four_roundings(grid, side, kind, model):
         display = random_display(rng, grid, side, kind=kind)
         pixels = random_pixels(rng, display, n)
         aperture = random_in_cell(rng, display, n) * rng.choice((0.0, 1.0, 5.0), (n, 1))
-        golden = lippmann.trace(display, pixels, aperture, model)
-        fast = lippmann.trace(display, pixels, aperture, model, "fast")
+        golden, fast, apart, aside = trace_both(display, pixels, aperture, model)
         odd += same_statuses(display, pixels, aperture, model, golden, fast)
 
         # A thousand roundings, so that golden's own do not show.
@@ -144,51 +140,19 @@ def test_any_display_within_four_roundings(grid, side, kind, model):
         turned, moved = np.zeros(n), np.zeros(n)
         alike = both_counted(golden, fast) & (fast.lenslet == golden.lenslet).all(axis=1)
         for k, axis in itertools.product((0, 1), np.eye(2)):
-            other = lippmann.trace(
-                display,
-                pixels + k * step / display.panel.pixel_pitch_mm * axis,
-                aperture + (1 - k) * step * axis,
-                model,
-            )
+            changed = pixels + k * step / display.panel.pixel_pitch_mm * axis
+            other = lippmann.trace(display, changed, aperture + (1 - k) * step * axis, model)
             turned += np.linalg.norm(other.direction - golden.direction, axis=1) / 1000
             moved += np.linalg.norm(other.local_mm - golden.local_mm, axis=1) / 1000
             # Near a seam or total reflection the changed ray is no measure.
             alike &= (other.lenslet == golden.lenslet).all(axis=1)
             alike &= np.isin(other.status, COUNTED)
-        apart = np.linalg.norm(fast.direction - golden.direction, axis=1)
-        bound = 2 * MICRORADIAN + 4 * turned
-        assert (apart <= bound)[alike].all(), display
-        aside = np.linalg.norm(fast.local_mm - golden.local_mm, axis=1)
+        assert (apart <= 2 * MICRORADIAN + 4 * turned)[alike].all(), display
         assert (aside <= 50 * NANOMETRE + 4 * moved)[alike].all(), display
         rays += np.count_nonzero(alike)
     assert odd <= 3
     # Half of the skewed arrays end on the panel, and many a ray beside them.
     assert rays > (n / 2 if kind == "skewed" else n)
-
-
-@pytest.mark.parametrize("aimed", [False, True])
-@pytest.mark.parametrize("model", MODELS)
-@pytest.mark.parametrize(
-    ("grid", "pitch", "radius", "thickness", "index", "turn"),
-    [("hex", 3.6, 30.3, 28.4, 1.5, 0.0), ("square", 0.42, 0.5687, None, 1.9736, 33.0)],
-)
-def test_domes_on_the_panel(grid, pitch, radius, thickness, index, turn, model, aimed):
-    """The hardest that may be asked: a panel in contact with domes that face it, where all rays start near grazing."""
-    rng = generator(6, grid, model)
-    lens = {"pitch": pitch, "radius": radius, "thickness": thickness, "index": index, "gap": 0.0, "rotation": turn}
-    display = display_of(grid, "viewer", **lens, width_px=1500, height_px=1000, pixel_pitch=0.2)
-    n = 50_000
-    pixels = random_pixels(rng, display, n)
-    aperture = random_in_cell(rng, display, n) if aimed else None
-    golden = lippmann.trace(display, pixels, aperture, model)
-    fast = lippmann.trace(display, pixels, aperture, model, "fast")
-    good = both_counted(golden, fast)
-    assert good.sum() > 1000
-    assert np.linalg.norm(fast.direction - golden.direction, axis=1)[good].max() <= 2 * MICRORADIAN
-    assert np.linalg.norm(fast.local_mm - golden.local_mm, axis=1)[good].max() <= 50 * NANOMETRE
-
-
-# --- statuses -------------------------------------------------------------------------------------
 
 
 @everywhere
@@ -247,8 +211,7 @@ def test_all_fates_alike(side):
     angle = rng.uniform(-math.pi, math.pi, n)
     reach = rng.choice((0.3, 1.0, 4.0), n)
     aperture = reach[:, None] * np.stack([np.cos(angle), np.sin(angle)], axis=1)
-    golden = lippmann.trace(display, pixels, aperture)
-    fast = lippmann.trace(display, pixels, aperture, engine="fast")
+    golden, fast, *_ = trace_both(display, pixels, aperture, "exact")
     counts = np.bincount(golden.status, minlength=5)
     print(counts)
     assert (counts[[0, 2, 3, 4]] > 20).all()
@@ -258,9 +221,6 @@ def test_all_fates_alike(side):
     assert np.isfinite(fast.origin_mm).all()
     assert np.isfinite(fast.direction).all()
     assert np.abs(np.linalg.norm(fast.direction, axis=1) - 1).max() < 4e-7
-
-
-# --- from the world -------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(("kind", "model"), cases(((model,) for model in MODELS), ("exact",)))
@@ -313,39 +273,21 @@ def test_world_to_panel(grid, side, kind, model):
     assert hit > n
 
 
-# --- and the same each time -----------------------------------------------------------------------
-
-
 @pytest.mark.parametrize("engine", ["golden", "fast"])
+@pytest.mark.parametrize("model", MODELS)
 @pytest.mark.parametrize("side", SIDES)
-def test_the_same_ray_comes_out_the_same(engine, side):
-    """Run after run, in any company: order and number of the rays do not matter."""
+def test_the_same_ray_comes_out_the_same(side, model, engine):
+    """Run after run, in any company: order and number of the rays do not matter; there may be none."""
     rng = generator(6, side)
     display = display_of("hex", side, radius=0.7, gap=0.1, rotation=5.0)
     pixels, n = random_pixels(rng, display, 3000), 3000
     aperture = random_in_cell(rng, display, n) * 1.5
-    once = lippmann.trace(display, pixels, aperture, engine=engine)
-    order = rng.permutation(n)
-    again = lippmann.trace(display, pixels[order], aperture[order], engine=engine)
-    part = lippmann.trace(display, pixels[:7], aperture[:7], engine=engine)
-    for field in ("lenslet", "centre_mm", "local_mm", "direction", "status"):
-        np.testing.assert_array_equal(getattr(again, field), getattr(once, field)[order])
-        np.testing.assert_array_equal(getattr(part, field), getattr(once, field)[:7])
-    back = lippmann.trace_to_panel(display, once.origin_mm, -once.direction, engine=engine)
-    twin = lippmann.trace_to_panel(display, once.origin_mm, -once.direction, engine=engine)
-    for field in ("pixel", "lenslet", "status"):
-        np.testing.assert_array_equal(getattr(back, field), getattr(twin, field))
-
-
-@pytest.mark.parametrize("engine", ["golden", "fast"])
-@pytest.mark.parametrize("model", MODELS)
-def test_no_rays_and_one_ray(engine, model):
-    display = display_of("hex", "viewer")
-    one = lippmann.trace(display, [(100.25, 80.75)], [(0.1, 0.0)], model, engine)
-    assert one.direction.shape == (1, 3)
-    assert one.status.tolist() == [Status.OK]
-    none = lippmann.trace(display, np.empty((0, 2)), None, model, engine)
-    assert none.direction.shape == (0, 3)
-    assert none.lenslet.shape == (0, 2)
-    back = lippmann.trace_to_panel(display, np.empty((0, 3)), np.empty((0, 3)), model, engine)
-    assert back.pixel.shape == (0, 2)
+    once = lippmann.trace(display, pixels, aperture, model, engine)
+    back = lippmann.trace_to_panel(display, once.origin_mm, -once.direction, model, engine)
+    for some in (rng.permutation(n), np.arange(7), np.arange(1), np.arange(0)):
+        again = lippmann.trace(display, pixels[some], aperture[some], model, engine)
+        for field in ("lenslet", "centre_mm", "local_mm", "direction", "status"):
+            np.testing.assert_array_equal(getattr(again, field), getattr(once, field)[some])
+        twin = lippmann.trace_to_panel(display, once.origin_mm[some], -once.direction[some], model, engine)
+        for field in ("pixel", "lenslet", "status"):
+            np.testing.assert_array_equal(getattr(twin, field), getattr(back, field)[some])

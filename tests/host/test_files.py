@@ -87,16 +87,6 @@ def test_a_power_cut_leaves_the_old_file_or_the_new_one(tmp_path, monkeypatch, o
     assert {name: disk.content[inode] for name, inode in disk.names.items()}["a.bin"] == b"new"
 
 
-def test_a_power_cut_during_a_command(tmp_path, monkeypatch):
-    (tmp_path / "tiny.toml").write_text(TINY)
-    out = tmp_path / "rays.npz"
-    out.write_bytes(b"old")
-    disk = Disk(tmp_path, monkeypatch)
-    assert run(["trace", "--display", str(tmp_path / "tiny.toml"), "--pixels", "9", "-o", str(out)]) == 0
-    assert {state["rays.npz"] for state in disk.states} == {b"old", out.read_bytes()}
-    assert {name: disk.content[inode] for name, inode in disk.names.items()}["rays.npz"] == out.read_bytes()
-
-
 #: Writes half a file, and half a folder, says so and waits.
 HALF = """
 import sys, time

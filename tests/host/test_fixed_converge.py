@@ -143,11 +143,6 @@ def test_a_build_tries_further_domes_where_chief_rays_stray():
     assert strays.mean() > 0.01
     np.testing.assert_array_equal(none.status[~strays], golden.status[~strays])
     assert (none.status[strays] == Status.MISSED).all()
-    # On the smaller panel none leaves its cell: the farthest is 0.1 mm from the axis.
-    near = display_for("15.6-inch", "hex")
-    found = trace(near, random_pixels(rng, near, RAYS), None, "exact")
-    assert (found.status == Status.OK).all()
-    assert 0.05 < np.linalg.norm(found.local_mm[:, :2], axis=1).max() < 0.2
 
 
 #: By hand: half of the diagonal is 197.47 mm, and the half diagonal of a cell 0.5774 mm.

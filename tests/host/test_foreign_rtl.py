@@ -58,9 +58,6 @@ def judged(folder, display, options, random):
     return shell(f"{vectors} | ./build/bench +verilator+quiet | {LIPPMANN} regress --stream", folder=folder)
 
 
-# ---- the how-to ----
-
-
 def shown():
     """Return the verdict that the how-to shows under its lines."""
     return re.search(rf"{re.escape(COCOTB)}\n```\n\n    (\d+ rays in \d+ sets: right)\n", HOW_TO)[1]
@@ -83,14 +80,6 @@ def test_the_benches_begin_with_the_lines_of_the_how_to():
     assert re.findall(r"^///   (.*)$", head, re.M) == [ON_PATH, COMPILE, PIPE]
     head = (FOREIGN / "stream_cocotb.py").read_text().split('"""')[1]
     assert re.findall(r"^    (.*)$", head, re.M) == [ON_PATH, COCOTB]
-
-
-def test_the_bench_compiles_without_a_warning(reader):
-    done = shell(ON_PATH, COMPILE.replace("--binary", "--lint-only -Wall"), folder=reader)
-    assert (done.returncode, done.stderr) == (0, "")
-
-
-# ---- the design ----
 
 
 @pytest.mark.parametrize("turn", [0.0, 9.0, -133.0])
@@ -123,20 +112,12 @@ def test_the_bench_says_why_it_stops(options, name, why, reader):
     assert f"is cut in the set {name}, after 0 of its rays" in ended
 
 
-def copied(folder, name, old, new):
-    """Copy design and cocotb bench, one of them with a change."""
-    for path in (FOREIGN / "pinhole.sv", FOREIGN / "stream_cocotb.py"):
-        text = path.read_text()
-        assert old in text or path.name != name
-        (folder / path.name).write_text(text.replace(old, new) if path.name == name else text)
-
-
 @pytest.mark.parametrize(
     ("file", "old", "new", "options", "said"),
     [
-        (
+        pytest.param(
             "stream_cocotb.py", 'self.value["pitch_x"] * i', 'self.value["pitch"] * i', "--model pinhole",
-            ["in answer", "KeyError: 'pitch'", "the test in the simulator failed"],
+            ["in answer", "KeyError: 'pitch'", "the test in the simulator failed"], marks=pytest.mark.full,
         ),
         pytest.param(
             "pinhole.sv", "", "", "--model exact", ["ValueError: the stream is not in ", "give --model pinhole"],
@@ -149,7 +130,10 @@ def copied(folder, name, old, new):
 def test_the_cocotb_bench_says_why_it_fails(file, old, new, options, said, tmp_path):
     """The end of the log, at stderr, and exit code 1; the notes before stay, so that regress calls the stream cut."""
     folder = reader_folder(tmp_path)
-    copied(folder, file, old, new)
+    for path in (FOREIGN / "pinhole.sv", FOREIGN / "stream_cocotb.py"):
+        text = path.read_text()
+        assert old in text or path.name != file
+        (folder / path.name).write_text(text.replace(old, new) if path.name == file else text)
     vectors = f"{LIPPMANN} vectors --display plain.toml --stream --case chief-ray {options}"
     done = shell(ON_PATH, f"{vectors} | python stream_cocotb.py", folder=folder)
     assert done.returncode == 1
@@ -169,48 +153,30 @@ def test_the_cocotb_bench_says_that_verilator_is_missing(tmp_path):
     assert "first lines" in done.stderr
 
 
-# ---- with faults ----
-
-
-def mutated(name):
-    """Return the sources with a fault."""
-    texts = dict(SOURCES)
-    for old, new in DESIGN_FAULTS[name].edits:
-        (file,) = [file for file, text in texts.items() if old in text]
-        texts[file] = texts[file].replace(old, new)
-    return texts
-
-
-@pytest.fixture(scope="module")
-def workshop(tmp_path_factory):
-    """Return a folder in which one faulty design after another is compiled."""
-    return reader_folder(tmp_path_factory.mktemp("faulty"))
-
-
 def said_of(name, folder):
     """Return the fault that regress names for a planted one: that of the last set that is wrong."""
     (folder / "build").mkdir(exist_ok=True)
-    for file, text in mutated(name).items():
+    texts, fault = dict(SOURCES), DESIGN_FAULTS[name]
+    for old, new in fault.edits:
+        (file,) = [file for file, text in texts.items() if old in text]
+        texts[file] = texts[file].replace(old, new)
+    for file, text in texts.items():
         (folder / "build" / file).write_text(text)
     line = COMPILE.replace("tests/foreign/", "build/").replace("--binary", "--binary -Wno-fatal")
     done = shell(ON_PATH, line, folder=folder)
     assert done.returncode == 0, f"{name}: {done.stderr}"
-    fault = DESIGN_FAULTS[name]
     done = judged(folder, f"{fault.display}.toml", f"--case {fault.case}", 2000)
     assert (done.returncode, done.stderr) == (4, ""), f"{name}: no ray is wrong"
     return WRONG.findall(done.stdout)[-1][1]
 
 
-def is_named(name, said):
-    return re.fullmatch(DESIGN_FAULTS[name].said, said) is not None
-
-
 @pytest.mark.full  # minutes
-def test_faults_of_the_design_are_named(workshop, reader):
+def test_faults_of_the_design_are_named(tmp_path, reader):
     assert len(DESIGN_FAULTS) == 30
     for display, case in {(fault.display, fault.case) for fault in DESIGN_FAULTS.values()}:
         done = judged(reader, f"{display}.toml", f"--case {case}", 2000)
         assert (done.returncode, done.stderr) == (0, ""), f"{display}, {case}: not without a fault"
+    workshop = reader_folder(tmp_path)
     said = {name: said_of(name, workshop) for name in DESIGN_FAULTS}
-    unnamed = {name: fault for name, fault in said.items() if not is_named(name, fault)}
+    unnamed = {name: fault for name, fault in said.items() if not re.fullmatch(DESIGN_FAULTS[name].said, fault)}
     assert len(unnamed) <= 2, "\n".join(f"{name}: {fault}" for name, fault in unnamed.items())

@@ -5,7 +5,6 @@ lens in a beam, and textbooks say where it crosses the axis.
 """
 
 import itertools
-import math
 
 import lippmann
 import numpy as np
@@ -90,11 +89,14 @@ def local_of(display, pixels):
 @kinds
 @everywhere
 def test_ideal_models_against_their_formulas_in_50_digits(grid, side, kind, model):
-    """Chief and other rays; the ABCD matrices are multiplied out by hand here."""
+    """Chief and other rays; the ABCD matrices are multiplied out by hand here. Backwards they undo themselves.
+
+    Only the first rays are traced in 50 digits. A pinhole's rays all leave through the centre.
+    """
     rng = generator(SEED, grid, side, model, *KEYS[kind])
     for _ in range(10):
         display = random_display(rng, grid, side, kind=kind, ends=False)
-        array, n = display.array, 8
+        array, n = display.array, 200
         pixels = random_pixels(rng, display, n)
         aperture = random_in_cell(rng, display, n) * 0.999
         aperture[0] = 0
@@ -107,7 +109,7 @@ def test_ideal_models_against_their_formulas_in_50_digits(grid, side, kind, mode
         D = truth.aperture_distance(optics_of(display))
         turn = mp.mpf(array.rotation_deg) * mp.pi / 180
         c, s = mp.cos(turn), mp.sin(turn)
-        for k, (x, y) in enumerate(local_of(display, pixels)):
+        for k, (x, y) in enumerate(local_of(display, pixels[:8])):
             slopes, heights = [], []
             for from_, to in ((x, mp.mpf(aperture[k][0])), (y, mp.mpf(aperture[k][1]))):
                 aim = (to - from_) / D
@@ -137,26 +139,12 @@ def test_ideal_models_against_their_formulas_in_50_digits(grid, side, kind, mode
             for got, true in zip(out.local_mm[k], place, strict=True):
                 assert abs(got - true) < 4e-13 * float(1 + T / small), display
 
-
-@pytest.mark.parametrize("model", ["pinhole", "thin", "paraxial"])
-@kinds
-@everywhere
-def test_ideal_models_there_and_back(grid, side, kind, model):
-    """Backwards they undo themselves. A pinhole's rays all leave through the centre."""
-    rng = generator(SEED, 3, grid, side, model, *KEYS[kind])
-    for _ in range(20):
-        display = random_display(rng, grid, side, kind=kind, ends=False)
-        array = display.array
-        pixels = random_pixels(rng, display, 100)
-        aperture = random_in_cell(rng, display, 100) * 0.99
-        out = lippmann.trace(display, pixels, aperture, model)
-        cell = np.ones(100, bool)
+        cell = np.ones(n, bool)
         if model == "paraxial":
             # The reverse trace takes the cell of the point on the last face.
             back_there = lippmann.trace_to_panel(display, out.origin_mm, -out.direction, model)
             cell = (back_there.lenslet == out.lenslet).all(axis=1)
-        start = out.origin_mm + out.direction * 3.0
-        back = lippmann.trace_to_panel(display, start, -out.direction, model)
+        back = lippmann.trace_to_panel(display, out.origin_mm + out.direction * 3.0, -out.direction, model)
         np.testing.assert_array_equal(back.lenslet[cell], out.lenslet[cell])
         # A pixel right at its cell's edge may come back on the other side.
         assert np.count_nonzero(back.status[cell] != OK) <= 1
@@ -206,39 +194,6 @@ def test_rayoptics_agrees(grid, side):
         compared += np.count_nonzero(good)
 
 
-@pytest.mark.parametrize(
-    ("radius", "thickness", "gap", "bound"),
-    [(1e6, 2.0, 0.1, 4e-15), (1e6, 2.0, 1000.0, 1e-15), (1.5, 1.0, 1000.0, 1e-15)],
-)
-@everywhere
-def test_no_digit_is_lost_by_flat_lenses_and_from_afar(grid, side, radius, thickness, gap, bound):
-    """R = 1e6 mm, from a panel in contact and from 1 m away, and an ordinary lens from there, in 50 digits.
-
-    Nothing may cancel: R - sqrt(R^2 - r^2) of floats would be off by 1e-10 mm. Slopes to 10 carry roundings of the
-    pixel's place tenfold: some 20 ulp of 1 in contact, 4 from afar.
-    """
-    rng = generator(SEED, 5, grid, side)
-    display = display_of(grid, side, radius=radius, thickness=thickness, gap=gap, width_px=256, height_px=256)
-    pixels = pixels_above(display, random_in_cell(rng, display, 60))
-    aperture = random_in_cell(rng, display, 60) * 0.99
-    out = lippmann.trace(display, pixels, aperture)
-    optics = optics_of(display)
-    compared = 0
-    for k in range(60):
-        true = truth.trace(optics, *pixels[k], *aperture[k])
-        if true.margin < 1e-12:
-            continue
-        compared += 1
-        assert (out.status[k], tuple(out.lenslet[k])) == (true.status, true.lenslet)
-        centre = truth.centre_of(optics, true.lenslet)
-        local = (true.origin[0] - centre[0], true.origin[1] - centre[1], true.origin[2])
-        for got, wanted in zip(out.direction[k], true.direction, strict=True):
-            assert abs(got - wanted) < bound
-        for got, wanted in zip(out.local_mm[k], local, strict=True):
-            assert abs(got - wanted) < (5 * bound if radius > 1e5 else bound)
-    assert compared > 50
-
-
 @pytest.mark.parametrize("model", ["pinhole", "thin", "paraxial", "exact"])
 @everywhere
 def test_unit_directions(grid, side, model):
@@ -257,25 +212,3 @@ def test_unit_directions(grid, side, model):
 def test_status_codes_are_those_of_the_page():
     assert [s.name for s in lippmann.Status] == ["OK", "MISSED", "INTERNAL_REFLECTION", "BLOCKED", "CROSSTALK"]
     assert [int(s) for s in lippmann.Status] == [OK, MISSED, REFLECTED, 3, CROSSTALK] == [0, 1, 2, 3, 4]
-
-
-@pytest.mark.parametrize("side", SIDES)
-def test_total_reflection_sets_in_where_snell_says(side):
-    """Parallel light: at h = R / n from inside the dome; from the flat face at asin(1 / n)."""
-    radius, index = 0.72, 1.9
-    display = display_of("square", side, radius=radius, index=index, thickness=2.0, gap=0.5)
-    if side == "panel":
-        onset, direction = radius / index, np.array([1.0, 0.0])
-    else:
-        turn = mp.findroot(
-            lambda h: mp.asin(h / radius) - mp.asin(h / (index * radius)) - mp.asin(1 / mp.mpf(index)),
-            (0.6, 0.7),
-            solver="anderson",
-        )
-        onset, direction = float(turn), np.array([1.0, 1.0]) / math.sqrt(2)
-    points = np.array([(onset * (1 + e)) * direction for e in (-1e-9, 1e-9)])
-    out = lippmann.trace(display, pixels_above(display, points), points)
-    assert out.status.tolist() == [OK, REFLECTED]
-    # A lost ray keeps the direction that it had in the glass.
-    if side == "panel":
-        np.testing.assert_allclose(out.direction[1], (0, 0, 1), 0, 1e-15)

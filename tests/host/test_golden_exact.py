@@ -138,6 +138,13 @@ def test_every_ray_leads_back_to_its_pixel(grid, side, kind):
         assert (out.status[missing(display, owner)] == BLOCKED).all(), display
         assert not (good & beside).any(), display
         ended += np.count_nonzero(beside)
+        # By the front door, from elsewhere on the ray; one that starts or leaves at an edge may come back beside it.
+        back = lippmann.trace_to_panel(display, out.origin_mm + 7 * out.direction, -out.direction)
+        steep = (exit_cosine(display, out.local_mm, out.direction) > 0.1) & (out.direction[:, 2] > 0.1)
+        same = (back.status == out.status) & (back.lenslet == out.lenslet).all(axis=1)
+        assert np.count_nonzero(good & steep & ~same) <= 1
+        error = np.abs(back.pixel - pixels)[good & steep & same] * display.panel.pixel_pitch_mm
+        assert error.max(initial=0) < 1e-9, display
         own = (out.lenslet == owner).all(axis=1)
         np.testing.assert_array_equal(own[good], (out.status == OK)[good])
         rays += np.count_nonzero(good)
@@ -153,13 +160,8 @@ def test_every_ray_leads_back_to_its_pixel(grid, side, kind):
     assert (crossed > 0) == (side == "viewer" or kind != "far")
 
 
-def wild_case(rng, grid, side, fate, kind="far"):
-    """A display and 30 rays (100 of the rare kind) that favour one fate."""
-    display, pixels, aperture = wild_rays(rng, grid, side, fate, kind)
-    return with_random_eye(rng, display) if kind == "near" else display, pixels, aperture
-
-
 def wild_rays(rng, grid, side, fate, kind):
+    """A display and 30 rays (100 of the rare kind) that favour one fate."""
     turn, offset = float(rng.uniform(-180, 180)), (float(rng.uniform(-1, 1)), 0.3)
     common = {"rotation": turn, "offset": offset}
     n = 30
@@ -207,7 +209,9 @@ def test_statuses_lenslets_origins_directions_in_50_digits(grid, side, kind, dis
     seen = dict.fromkeys(range(5), 0)
     compared = skipped = ended = 0
     for fate, _ in itertools.product((OK, REFLECTED, CROSSTALK, BLOCKED, MISSED), range(displays)):
-        display, pixels, aperture = wild_case(rng, grid, side, fate, kind)
+        display, pixels, aperture = wild_rays(rng, grid, side, fate, kind)
+        if kind == "near":
+            display = with_random_eye(rng, display)
         optics, out = optics_of(display), lippmann.trace(display, pixels, aperture)
         assert np.isfinite(out.origin_mm).all()
         for k in range(len(pixels)):
@@ -316,30 +320,6 @@ def test_world_to_panel_in_50_digits(grid, side, kind):
     assert seen[BLOCKED] > 10
 
 
-@kinds
-@everywhere
-def test_there_and_back_through_the_front_door(grid, side, kind):
-    """trace, then trace_to_panel from elsewhere on the ray: pixel, lenslet and status again."""
-    rng = generator(SEED, 4, grid, side, *KEYS[kind])
-    rays = 0
-    for _ in range(40):
-        display = random_display(rng, grid, side, kind=kind)
-        pixels = random_pixels(rng, display, 200)
-        out = lippmann.trace(display, pixels, random_in_cell(rng, display, 200) * 1.5)
-        cosine = exit_cosine(display, out.local_mm, out.direction)
-        good = np.isin(out.status, (OK, CROSSTALK)) & (cosine > 0.1) & (out.direction[:, 2] > 0.1)
-        back = lippmann.trace_to_panel(display, (out.origin_mm + 7 * out.direction)[good], -out.direction[good])
-        # A ray that starts or leaves at an edge may come back on its other side: 1e-10 of them.
-        same = back.status == out.status[good]
-        same &= (back.lenslet == out.lenslet[good]).all(axis=1)
-        assert np.count_nonzero(~same) <= 1
-        error = np.abs(back.pixel - pixels[good])[same] * display.panel.pixel_pitch_mm
-        # As the claim above, with the rounding of 16 digits added twice.
-        assert error.max(initial=0) < 1e-9, display
-        rays += np.count_nonzero(same)
-    assert rays > 3000
-
-
 def test_world_rays_that_do_not_head_for_the_array():
     for grid, side in itertools.product(GRIDS, SIDES):
         out = lippmann.trace_to_panel(display_of(grid, side), np.zeros((3, 3)), [(0, 0, 1), (1, 0, 0), (0.6, 0, 0.8)])
@@ -372,27 +352,3 @@ def test_upright_edges_of_hexagons_have_one_owner(side):
     pixels = [(100 + 16 * (x + i), 80 - 16 * y) for x, y, _ in EDGES for i in range(-3, 4)]
     wanted = [(i + di, dj) for _, _, (di, dj) in EDGES for i in range(-3, 4)]
     assert [tuple(k) for k in lippmann.trace(display, pixels).lenslet.tolist()] == wanted
-
-
-@pytest.mark.parametrize("side", SIDES)
-@pytest.mark.parametrize("pitch", [1.0, 0.7, 1 / 3])
-def test_vertices_and_slanted_edges_of_hexagons_belong_to_a_cell_that_touches_them(side, pitch):
-    """No float lies on them exactly: one of the cells that meet there owns the nearest float, and
-    the ray's own point lies in that cell, half diagonal and half pitch kept to rounding.
-    """
-    display = display_of("hex", side, pitch=pitch, radius=1.5 * pitch, gap=0.25)
-    rho = pitch / math.sqrt(3)
-    for i, j in itertools.product((-2, 0, 1), repeat=2):
-        cx, cy = pitch * (i + j / 2), pitch * j * math.sqrt(0.75)
-        for k in range(12):
-            # Vertices at 30, 90, ... degrees; middles of the edges at 0, 60, ... degrees.
-            angle, reach = math.radians(30 * k), rho if k % 2 else pitch / 2
-            x, y = cx + reach * math.cos(angle), cy + reach * math.sin(angle)
-            out = lippmann.trace(display, [(100 + 16 * x, 80 - 16 * y)])
-            centre = out.centre_mm[0]
-            assert abs(math.hypot(centre[0] - x, centre[1] - y) - reach) < 1e-13
-            start = truth.panel_point(optics_of(display), 100 + 16 * x, 80 - 16 * y)
-            near = truth.trace(optics_of(display), 100 + 16 * x, 80 - 16 * y)
-            assert near.margin < 1e-13
-            assert far(start[:2], (x, y)) < 1e-13
-            assert out.status[0] in (OK, REFLECTED)

@@ -1,15 +1,13 @@
 """The mutation tool for the host: what it takes for a fault, which tests it runs first, and that they find one."""
 
-from pathlib import Path
 from types import SimpleNamespace
 
-import numpy as np
 import pytest
 from lippmann.errors import LippmannError
 from lippmann.simulation.toolchain import repository
-from tools import host_mutation, source_faults
+from tools import host_mutation
 from tools.host_mutation import differs, fate, faults_of
-from tools.source_faults import Fault, Scratch, faults_page, in_turn, try_faults
+from tools.source_faults import Fault, Scratch, faults_page, try_faults
 
 TOP = repository()
 GLASS = "host/lippmann/display/glass.py"
@@ -219,15 +217,3 @@ def test_faults_are_counted_and_reported(tmp_path, capsys):
     assert "| a.py | 4 | `was 4` | `now 4 \\| x` | 0 is 0 |\n" in page
     assert "`tests/test_a.py::test_b`" in page
     assert len(made[1].read_text().splitlines()) == 5
-
-
-def test_groups_take_turns():
-    groups = [[Fault(name, k, "", "") for k in range(size)] for name, size in (("a", 5), ("b", 1), ("c", 2))]
-    files = "".join(fault.file for fault in in_turn(groups, np.random.default_rng(1)))
-    assert files == "abcacaaa"
-
-
-def test_the_copy_is_the_checkout_without_compiled_files(scratch):
-    assert (scratch.folder / "scenes/displays/paper-hex.toml").is_file()
-    assert all((scratch.folder / name).exists() for name in source_faults.TESTED)
-    assert not list(Path(scratch.folder, "docs").rglob("__pycache__"))
