@@ -167,10 +167,6 @@ def test_a_declaration_is_all_that_a_file_needs():
 @pytest.mark.parametrize(
     ("raw", "said"),
     [
-        ({"stand": {}}, "f: stand.height_mm: the key is missing; add it"),
-        ({"stand": {}, "stools": [{"leg": 3}]}, "f: stools[0].leg: unknown key; did you mean legs?"),
-        ({"stand": {"height_mm": 2000.5}}, "f: stand.height_mm: 2000.5 is not valid; give a finite number, from 0 to"),
-        ({"stand": {"height_mm": 1, "legs": 2}}, "f: stand.legs: 2 is not valid; give a whole number from 3 to 5"),
         ({"stand": {"height_mm": 1, "legs": True}}, "f: stand.legs: True is not valid; give a whole number"),
         ({"stand": {"height_mm": 1}, "stools": [{"height_mm": 1}, 7]}, "f: stools[1]: 7 is not valid; write it as"),
         ({"stand": {"height_mm": 1}, "legs": 3}, "f: legs: unknown key; it belongs in [stand] or in [stools]"),

@@ -205,23 +205,27 @@ def test_what_lies_beside_the_array_is_blocked(grid, side, aperture):
         np.testing.assert_array_equal(getattr(twin, name), getattr(whole, name))
 
 
-def test_lenslets_of_a_skewed_lattice_by_hand():
-    """Pinholes: the owner of each pixel by the definition, in whole fractions."""
-    display = display_of("square", "panel", **HAND)
-    columns, rows = (w.ravel() for w in np.meshgrid(np.arange(0, 200, 3) + 0.5, np.arange(0, 160, 3) + 0.5))
-    rays = trace_fixed(display, np.stack([columns, rows], axis=1), None, "pinhole")
-    checked = 0
-    for u, v, lenslet, direction in zip(columns, rows, rays.lenslet, rays.direction, strict=True):
-        x, y = Fraction(u - 100) / 16, Fraction(80 - v) / 16
-        along, across = (x - y / 4) / Fraction(5, 4) + Fraction(1, 2), y + Fraction(1, 2)
-        i, j = math.floor(along), math.floor(across)
-        if min(along - i, i + 1 - along) > Fraction(1, 1 << 20):
-            assert (i, j) == tuple(lenslet)
+@pytest.mark.parametrize("axis", [None, (0.0, 0.0), (31.0, -17.0)])
+def test_lenslets_and_directions_by_hand(axis):
+    """Pinholes: the owner of pixels by the definition, in whole fractions; of a skewed lattice, or towards an eye."""
+    if axis is None:
+        display = display_of("square", "panel", **HAND)
+        share, depth, pitch, shear = 0, 3, Fraction(5, 4), Fraction(1, 4)
+    else:
+        array = Array("square", 1.0, 2.0, 1.5, 1.0, "viewer")
+        display = Display("hand", Panel(1600, 1600, 0.125), array, 4.0, 396.0, axis)
+        share, depth, pitch, shear = Fraction(1, 100), 4, 1, 0
+    size, q = (display.panel.width_px, display.panel.height_px), Fraction(display.panel.pixel_pitch_mm)
+    pixels = np.floor(np.random.default_rng(8).uniform(0, size, (3000, 2))) + 0.5
+    rays, checked = trace_fixed(display, pixels, None, "pinhole"), 0
+    for (u, v), (i, j), direction in zip(pixels.tolist(), rays.lenslet.tolist(), rays.direction, strict=True):
+        x, y = (Fraction(u) - Fraction(size[0], 2)) * q, (Fraction(size[1], 2) - Fraction(v)) * q
+        px, py = (w - (w - Fraction(a)) * share for w, a in zip((x, y), axis or (0, 0), strict=True))
+        along, across = (px - py * shear) / pitch + Fraction(1, 2), py + Fraction(1, 2)
+        if min(along % 1, -along % 1, across % 1, -across % 1) > Fraction(1, 1 << 20):
+            assert (math.floor(along), math.floor(across)) == (i, j)
             checked += 1
-        slopes = [
-            float(c - p) / 3
-            for c, p in ((lenslet[0] * Fraction(5, 4) + Fraction(int(lenslet[1]), 4), x), (int(lenslet[1]), y))
-        ]
+        slopes = [float(i * pitch + j * shear - x) / depth, float(j - y) / depth]
         wanted = np.array([*slopes, 1.0]) / math.hypot(*slopes, 1.0)
         np.testing.assert_allclose(direction, wanted, rtol=0.0, atol=6.0 * 2.0**-24)
-    assert checked > 3_500
+    assert checked > 2900

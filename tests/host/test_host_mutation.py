@@ -74,13 +74,9 @@ def test_a_fault_over_two_lines(tmp_path):
         fault.changed(text.replace("a", "z"))
 
 
-def test_every_file_of_the_areas_has_faults():
+def test_every_area_has_faults():
     groups = host_mutation.groups(TOP)
     assert list(groups) == ["display", "optics", "fixed", "board", "rendering"]
-    files = {fault.file for group in groups.values() for fault in group}
-    for name in ("display/description.py", "optics/faces.py", "fixed/raster.py", "board/packets.py", "board/tiles.py",
-                 "rendering/lights.py"):  # fmt: skip
-        assert f"host/lippmann/{name}" in files
     assert all(len(group) > 100 for group in groups.values())
     assert all((TOP / path).exists() for paths in host_mutation.LAST.values() for path in paths)
 
@@ -192,7 +188,7 @@ def test_chance():
     ],
     ids=["a test that executes the line fails once", "another fails twice", "another fails by chance"],
 )
-def test_a_test_that_does_not_execute_the_line_must_fail_twice(scratch, planted, tmp_path, stage, passes, end, runs):
+def test_another_test_must_fail_twice(scratch, planted, tmp_path, stage, passes, end, runs):
     """Its runs: with the fault, without it, and with the fault again."""
     record = tmp_path / "runs"
     record.write_text("")

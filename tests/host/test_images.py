@@ -7,6 +7,7 @@ import subprocess
 import sys
 import textwrap
 import zlib
+from functools import partial
 
 import numpy as np
 import OpenImageIO as oiio
@@ -56,14 +57,16 @@ def test_unknown_transfer_is_refused(curve):
         curve(np.zeros(1), "pq")
 
 
+@pytest.mark.parametrize("height", [1, 63, 64, 65, 130])
 @pytest.mark.parametrize("suffix", [".exr", ".tif", ".tiff", ".png", ".EXR"])
-def test_metadata_and_size_come_back(tmp_path, suffix):
-    light = picture(suffix)
+def test_light_metadata_and_size_come_back(tmp_path, suffix, height):
+    """Of one band and of several, without a seam."""
+    light = picture(suffix, height=height)
     if suffix != ".png":
         light[0, 0] = -0.5, 100.0, 60000.0
     path = tmp_path / f"picture{suffix}"
     write_picture(path, light, META)
-    back = read_picture(path, limit=(17, 13))
+    back = read_picture(path, limit=(17, height))
     assert {key: back.metadata[key] for key in META} == META
     assert back.radiance.dtype == np.float32
     # Half floats keep 11 bits, 8-bit sRGB a step of at most 1 / 255 times the curve's slope 1 / 0.44.
@@ -73,13 +76,13 @@ def test_metadata_and_size_come_back(tmp_path, suffix):
 
 
 @pytest.mark.parametrize("transfer", ["srgb", "gamma2.2", "linear"])
-@pytest.mark.parametrize("bits", [1, 5, 8, 10, 16])
+@pytest.mark.parametrize("bits", [1, 5, 6, 8, 9, 12, 16])
 def test_png_holds_the_panels_levels(tmp_path, bits, transfer):
     """Read by Pillow (8 bits) or raw (16): the nearest of 2^bits levels, spread over the file's range.
 
     PNG 11.3.2.2: gAMA is the exponent of the encoding times 100000; sRGB comes with 45455.
     """
-    light = picture(bits, transfer)
+    light = picture(bits, transfer, height=64, width=64)
     path = tmp_path / "panel.png"
     write_picture(path, light, {}, transfer, bits)
     parts = chunks(path)
@@ -95,8 +98,8 @@ def test_png_holds_the_panels_levels(tmp_path, bits, transfer):
     raw = np.asarray(source.read_image(oiio.UINT16 if deep else oiio.UINT8), float)
     assert source.spec().format == (oiio.UINT16 if deep else oiio.UINT8)
     source.close()
+    assert set(np.unique(raw)) <= {round(k * full / levels) for k in range(levels + 1)}
     level = raw * levels / full
-    assert np.abs(level - np.rint(level)).max() <= 0.5 * levels / full + 1e-9
     # float32 may round a value on the border between two levels either way.
     assert np.abs(np.rint(level) - values * levels).max() <= 0.5 + 0.01
     if not deep:
@@ -121,8 +124,6 @@ def test_grey_and_alpha_files_are_read(tmp_path):
 def test_unknown_extensions_are_refused(tmp_path, name):
     with pytest.raises(InputError, match=r"unknown extension.*choose from \.exr"):
         check_output(tmp_path / name)
-    with pytest.raises(InputError, match="unknown extension"):
-        write_picture(tmp_path / name, picture("x"), {})
     assert list(tmp_path.iterdir()) == []
 
 
@@ -132,14 +133,11 @@ def test_places_that_cannot_be_written_are_refused(tmp_path, monkeypatch):
         check_output(tmp_path / "folder.png")
     with pytest.raises(InputError, match=r"missing does not exist; make it"):
         check_output(tmp_path / "missing" / "a.png")
-    (tmp_path / "file").write_text("")
-    with pytest.raises(InputError, match="does not exist"):
-        check_output(tmp_path / "file" / "a.png")
     # Root may write anywhere, but not there, though its permissions allow it.
     with pytest.raises(InputError, match=r"a\.png: cannot be written \(.+\); free space or choose another place"):
         check_output("/proc/a.png")
     check_output(tmp_path / "a.png")
-    assert {path.name for path in tmp_path.iterdir()} == {"folder.png", "file"}
+    assert [path.name for path in tmp_path.iterdir()] == ["folder.png"]
     # Ask as one who may not.
     monkeypatch.setattr(os, "access", lambda *_: False)
     with pytest.raises(InputError, match=r"a\.png: cannot be written; choose another place"):
@@ -215,23 +213,18 @@ def test_a_picture_that_is_not_wanted_is_not_read(tmp_path):
         load_frame(path, Target(1, 64, 64))
 
 
-@pytest.mark.parametrize("height", [1, 63, 64, 65, 130])
-@pytest.mark.parametrize("suffix", [".exr", ".tif", ".png"])
-def test_bands_leave_no_seams(tmp_path, suffix, height):
-    light = picture("bands", suffix, height=height)
-    write_picture(tmp_path / f"a{suffix}", light, {}, bits=16)
-    back = read_picture(tmp_path / f"a{suffix}").radiance
-    assert back.shape == light.shape
-    # Half floats keep 11 bits; 16-bit sRGB steps times the slope of the curve, and float32's powers.
-    assert np.abs(back - light).max() <= {".exr": 2.0**-12, ".tif": 0.0, ".png": 2e-5}[suffix]
-
-
 @pytest.mark.parametrize("suffix", [".exr", ".tif", ".png"])
 @pytest.mark.parametrize(
     ("library", "name", "error", "expected", "message"),
     [
-        (os, "replace", PermissionError(13, "No"), InputError, r"a\.\w+: cannot be written \(No\); free space"),
-        (oiio.ImageOutput, "write_scanlines", KeyboardInterrupt(), KeyboardInterrupt, None),
+        (
+            os,
+            "replace",
+            partial(OSError, 13, "No"),
+            InputError,
+            r"a\.\w+: cannot be written \(No\); free space",
+        ),
+        (oiio.ImageOutput, "write_scanlines", KeyboardInterrupt, KeyboardInterrupt, None),
     ],
     ids=["replace", "interrupt"],
 )
@@ -243,7 +236,7 @@ def test_a_failing_write_leaves_the_old_file_alone(
     old = path.read_bytes()
 
     def fail(*_):
-        raise error
+        raise error()
 
     monkeypatch.setattr(library, name, fail)
     with pytest.raises(expected, match=message):
@@ -307,8 +300,6 @@ def test_contact_sheets_hold_every_view(tmp_path):
     for light in (0.1, 0.4, 0.7, 1.0):
         level = round(255 * srgb_by_hand(light))
         assert (sheet == level).all(axis=2).sum() >= 120
-    with pytest.raises(InputError, match="unknown extension"):
-        write_contact_sheet(tmp_path / "sheet.gif", views, ["a"] * 4)
 
 
 @pytest.mark.parametrize("suffix", [".exr", ".tif", ".png"])
