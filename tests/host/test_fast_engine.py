@@ -213,7 +213,6 @@ def test_all_fates_alike(side):
     aperture = reach[:, None] * np.stack([np.cos(angle), np.sin(angle)], axis=1)
     golden, fast, *_ = trace_both(display, pixels, aperture, "exact")
     counts = np.bincount(golden.status, minlength=5)
-    print(counts)
     assert (counts[[0, 2, 3, 4]] > 20).all()
     # Grazing rays make float32's rounding many times as wide as elsewhere.
     mixed = np.flatnonzero(golden.status != fast.status)

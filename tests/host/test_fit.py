@@ -114,7 +114,8 @@ def test_the_build_is_within_tolerance_and_no_dearer_than_brute_force(number):
     rng = generator(SEED, "build", number)
     display, depths, tolerance = random_case(rng)
     tolerance *= 0.1
-    chosen = fit_of_build(display, depths, tolerance)
+    build, _ = choose_build(display, depths, tolerance)
+    chosen = None if build is None else (build.model, build.fraction_bits)
     few, many = (trace(display, as_words(display, dense(rng, display, count, 0.97))) for count in (3000, 150_000))
     # Where a pixel begins to spread beyond the lenslet the error may be larger than at the ends.
     kink = display.array.pitch_mm * display.aperture_distance_mm / display.panel.pixel_pitch_mm
@@ -149,11 +150,6 @@ def build_error(display, truth, model, bits, depths):
         return math.inf
     np.testing.assert_array_equal(rays.pixel, truth.pixel)
     return apart(display, truth, rays, depths)
-
-
-def fit_of_build(display, depths, tolerance):
-    build, _ = choose_build(display, depths, tolerance)
-    return None if build is None else (build.model, build.fraction_bits)
 
 
 NET = 120

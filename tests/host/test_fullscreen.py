@@ -41,20 +41,16 @@ def test_nothing_is_scaled():
         show(noise(width, height), 7, 0.01)
 
 
-def test_without_a_desktop(monkeypatch):
-    monkeypatch.setenv("SDL_VIDEODRIVER", "x11")
-    monkeypatch.delenv("DISPLAY", raising=False)
-    with pytest.raises(DeviceError, match="graphical session"):
-        monitors()
-
-
-def test_a_driver_that_shows_nothing_is_refused(no_desktop, capfd):
+def test_a_driver_that_shows_nothing_is_refused(no_desktop, monkeypatch, capfd):
     """Without a desktop SDL takes one of its blind drivers by itself; libraries print no line of their own."""
     width, height = 1024, 768
     for call in (monitors, lambda: show(noise(width, height), 0, 0.0)):
         with pytest.raises(DeviceError, match=r"no desktop.*graphical session"):
             call()
     assert capfd.readouterr() == ("", "")
+    monkeypatch.setenv("SDL_VIDEODRIVER", "x11")
+    with pytest.raises(DeviceError, match="graphical session"):
+        monitors()
 
 
 @pytest.mark.parametrize("named", ["dummy", "offscreen", "nonsense,offscreen"])

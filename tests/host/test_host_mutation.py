@@ -121,11 +121,6 @@ def test_a_planted_fault_is_caught_by_the_tests_of_its_file(scratch, small):
     fault = next(fault for fault in planted if fault.was.count(" / ") > fault.now.count(" / "))
     assert fate(fault, scratch).startswith("caught by tests/host/test_glass.py::")
     assert (scratch.folder / fault.file).read_text() == text, "the copy is as before"
-
-
-def test_what_is_no_fault_survives_the_tests_of_its_file(scratch, small):
-    first = (TOP / GLASS).read_text().split("\n")[0]
-    assert fate(Fault(GLASS, 1, first, first.replace(" ", "  ", 1)), scratch) == "survived"
     line = fault_at(scratch, GLASS, "from __future__")
     assert fate(Fault(GLASS, line.line, line.was, "from ("), scratch) == "refused"
 
