@@ -5,6 +5,7 @@ lens in a beam, and textbooks say where it crosses the axis.
 """
 
 import itertools
+import math
 
 import lippmann
 import numpy as np
@@ -69,6 +70,59 @@ def test_back_focal_length_from_paraxial_rays(grid, side, thickness, index):
     at_f = crossings(display, [0.1875], "thin")[0]
     z_last = 0.0 if side == "panel" else thickness
     assert abs(at_f + z_last - float(truth.lensmaker_focal_length(1.5, index))) < 1e-13
+
+
+@pytest.mark.parametrize("side", SIDES)
+@pytest.mark.parametrize(("index", "thickness"), [(1.4, 0.6), (1.5168, 1.0), (1.9, 2.5)])
+def test_third_order_spherical_aberration(side, index, thickness):
+    """From f/16 to f/2.5: L(h) - L(0) is Seidel's h^2 term, and what is left over grows as h^4."""
+    radius = 2.0
+    display = display_of("square", side, pitch=2.0, radius=radius, index=index, thickness=thickness, gap=1.0)
+    f = radius / (index - 1)
+    focus = float(truth.back_focal_length(radius, index, thickness, FIRST[side]))
+    f_numbers = np.array([16.0, 12.0, 8.0, 6.0, 4.0])
+    heights = f / (2 * f_numbers)
+    heights = heights[heights < 0.25 * radius]
+    third = np.array(
+        [
+            float(truth.third_order_longitudinal_aberration(radius, index, thickness, float(h), FIRST[side]))
+            for h in heights
+        ]
+    )
+    aberration = crossings(display, heights) - focus
+    left = aberration - third
+    assert (aberration < 0).all()  # the rim focuses short
+    # Seidel's term is right to a share that is itself of order (h / R)^2 ...
+    share = np.abs(left / third) / (heights / radius) ** 2
+    assert (share < 12).all()
+    assert share.max() / share.min() < 1.25
+    # ... so that the remainder follows h^4.
+    order = np.diff(np.log(np.abs(left))) / np.diff(np.log(heights))
+    assert (np.abs(order - 4) < 0.25).all()
+    # Nearer and nearer to 4 towards the axis.
+    assert abs(order[0] - 4) < abs(order[-1] - 4)
+    # Seidel's term itself: slope 2 at small h.
+    small = crossings(display, np.array([0.02, 0.04]) * radius) - focus
+    assert abs(math.log2(small[1] / small[0]) - 2) < 0.01
+
+
+def test_the_flat_face_to_the_beam_is_the_worse_way_round():
+    """n = 1.5, thin: 4.5 against 7/6 times h^2 / f (Jenkins and White)."""
+    h = 0.01
+    for side, factor in (("panel", 4.5), ("viewer", 7 / 6)):
+        display = display_of("square", side, radius=1.5, index=1.5, thickness=0.5)
+        f = 3.0
+        focus = f - (0.5 / 1.5 if side == "viewer" else 0.0)
+        lsa = crossings(display, [h])[0] - focus
+        thick = factor
+        if side == "viewer":
+            # T shortens the path after the dome: (n f - T) for n f in the second term.
+            n = 1.5
+            thick = f / (2 * n**2) * (f + (n * f - 0.5) * (n**2 - 1) * (n - 1) ** 2 / n) / 2.25
+        assert abs(lsa / (-thick * h**2 / f) - 1) < 1e-3
+
+
+# --- the ideal models, by hand --------------------------------------------------------------------
 
 
 def local_of(display, pixels):
@@ -212,3 +266,25 @@ def test_unit_directions(grid, side, model):
 def test_status_codes_are_those_of_the_page():
     assert [s.name for s in lippmann.Status] == ["OK", "MISSED", "INTERNAL_REFLECTION", "BLOCKED", "CROSSTALK"]
     assert [int(s) for s in lippmann.Status] == [OK, MISSED, REFLECTED, 3, CROSSTALK] == [0, 1, 2, 3, 4]
+
+
+@pytest.mark.parametrize("side", SIDES)
+def test_total_reflection_sets_in_where_snell_says(side):
+    """Parallel light: at h = R / n from inside the dome; from the flat face at asin(1 / n)."""
+    radius, index = 0.72, 1.9
+    display = display_of("square", side, radius=radius, index=index, thickness=2.0, gap=0.5)
+    if side == "panel":
+        onset, direction = radius / index, np.array([1.0, 0.0])
+    else:
+        turn = mp.findroot(
+            lambda h: mp.asin(h / radius) - mp.asin(h / (index * radius)) - mp.asin(1 / mp.mpf(index)),
+            (0.6, 0.7),
+            solver="anderson",
+        )
+        onset, direction = float(turn), np.array([1.0, 1.0]) / math.sqrt(2)
+    points = np.array([(onset * (1 + e)) * direction for e in (-1e-9, 1e-9)])
+    out = lippmann.trace(display, pixels_above(display, points), points)
+    assert out.status.tolist() == [OK, REFLECTED]
+    # A lost ray keeps the direction that it had in the glass.
+    if side == "panel":
+        np.testing.assert_allclose(out.direction[1], (0, 0, 1), 0, 1e-15)
