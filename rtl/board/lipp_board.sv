@@ -1,7 +1,31 @@
 // SPDX-License-Identifier: Apache-2.0
 `default_nettype none
 
-/// A board: serial line, panel, and the ray-lenslet optics.
+/// The board's design: serial link, frame store ports, panel output and the ray-lenslet optics.
+///
+/// With Scene.layers > 0 the board also draws a scene on the panel. The host then loads the scene's
+/// textures and registers over the serial line. Each pixel lasts 2^Scene.samples_bits clocks, and
+/// pixel_o marks the first clock of each pixel.
+///
+/// The request RESET resets everything except the serial link and its packets, so no byte on the
+/// link is lost.
+///
+/// The frame store is an external memory behind the ports show_*, write_* and read_*. It must keep
+/// the contract of lipp_sdram_store: two buffers of Width * Height pixels, 14.7 Mbit at 640 x 480.
+/// store_rst_no resets the frame store, so that RESET cancels pending store requests.
+/// lipp_board_with_store connects block RAM, for small panels and for simulation.
+/// lipp_board_with_sdram connects an SDRAM.
+///
+/// A pattern_i other than 0, set by a push button, overrides the test pattern register. packet_o
+/// pulses for each received packet. error_o pulses for each dropped packet and for each late pixel.
+/// shown_o is high while a frame or a scene is on the panel.
+///
+/// ByteLink = 1 replaces the UART's wires by a byte stream, for a USB FIFO or a fast simulation.
+/// in_ready_o is low until the clock after the registers have left reset, so no early byte is lost.
+/// docs/reference/protocol.md describes the protocol, docs/generated/board-registers.md the
+/// registers.
+///
+/// Data flow of the link, the frames and the rays:
 ///
 ///   uart_rx -> cobs_decoder -> packet_fifo -> dispatcher -> tile_writer -> store -> scan_out
 ///                                              |  |  |
@@ -9,28 +33,10 @@
 ///                                                 v                    -> optics_block
 ///   uart_tx <- packet_out <- dispatcher      ray_signature
 ///
-/// With Scene.layers > 0 the board draws: textures and registers are loaded over the line.
+/// Data flow of the scene:
 ///
 ///   draw_frame -> optics_block -> scene -> draw_frame -> scan_out
 ///                   slot_loader ---^
-///
-/// A pixel then lasts 2^Scene.samples_bits clocks. pixel_o marks the first clock of each pixel.
-///
-/// The request RESET resets all but the line and its packets, so that no byte of them is lost.
-///
-/// The store of the frames is a memory behind the ports show_*, write_* and read_*, with the
-/// contract of lipp_sdram_store: two buffers of Width * Height pixels, 14.7 Mbit at 640 x 480.
-/// store_rst_no is its reset: RESET forgets what the clients asked. lipp_board_with_store has block
-/// RAM there, for small panels and for simulation; lipp_board_with_sdram an SDRAM.
-///
-/// pattern_i, a button's, shows a test pattern in place of the register's, unless it is 0. packet_o
-/// is a pulse for each packet received, error_o for each that was dropped and for each pixel late;
-/// shown_o says that a frame or a scene is on the panel.
-///
-/// ByteLink = 1 replaces the UART's wires by a byte stream, for a USB FIFO or a fast simulation:
-/// in_ready_o is low until the clock after the registers have left reset, so that no byte is lost
-/// before. docs/reference/protocol.md describes the protocol, docs/generated/board-registers.md the
-/// registers.
 module lipp_board #(
   parameter bit ByteLink = 1'b0,
   parameter int ClockHz = 148_500_000,
@@ -42,26 +48,26 @@ module lipp_board #(
   parameter int VFront = 4,
   parameter int VSync = 5,
   parameter int VBack = 36,
-  parameter bit HPositive = 1'b1,   // polarities of the syncs
-  parameter bit VPositive = 1'b1,
-  // Chief rays through the optics of the whole board: aims must be 0.
+  parameter bit HPositive = 1'b1,  // 1: the horizontal sync is active high
+  parameter bit VPositive = 1'b1,  // 1: the vertical sync is active high
+  // Optics build. Its field aims must be 0, since a board traces chief rays only.
   parameter lipp_optics_pkg::build_t Build = '{
     fraction_bits: 5'd16, model: 2'(lipp_optics_pkg::ModelExact), default: '0
   },
-  // No layers: nothing of the drawing is built.
+  // Scene build. With 0 layers the modules that draw a scene are left out.
   parameter lipp_scene_pkg::scene_build_t Scene = '0,
   localparam int F = int'(Build.fraction_bits),
   localparam int PlaceBits = $clog2(Width * Height)
 ) (
   input  logic        clk_i,
-  input  logic        rst_ni,       // asynchronous
-  input  logic [63:0] identity_i,   // hash of panel and array
+  input  logic        rst_ni,       // asynchronous reset, active low
+  input  logic [63:0] identity_i,   // hash of the panel and the lenslet array
 
-  input  logic [15:0] step_i,       // UART: bits per clock, times 65536
+  input  logic [15:0] step_i,       // UART bits per clock, times 65536
   input  logic        rx_i,
   output logic        tx_o,
 
-  input  logic        in_valid_i,   // used with ByteLink
+  input  logic        in_valid_i,   // the byte stream is used only with ByteLink = 1
   output logic        in_ready_o,
   input  logic [7:0]  in_data_i,
   output logic        out_valid_o,
@@ -95,8 +101,8 @@ module lipp_board #(
   output logic                 read_pixel_ready_o,
   input  logic [23:0]          read_rgb_i,
 
-  input  logic [2:0]  pattern_i,
-  input  logic        clock_lost_i, // a clock has failed since power-up
+  input  logic [2:0]  pattern_i,    // test pattern; 0 selects the register's test pattern
+  input  logic        clock_lost_i, // 1: a clock has failed since power-up
   output logic        packet_o,
   output logic        shown_o,
   output logic        error_o,
@@ -141,7 +147,7 @@ module lipp_board #(
   logic rx_valid, rx_ready, tx_valid, tx_ready, framing_error, overflow;
   logic [7:0] rx_data, tx_data;
   if (ByteLink) begin : gen_bytes
-    // The registers leave reset some clocks after rst_ni has: a byte that comes before waits.
+    // The registers leave reset some clocks after rst_ni rises. A byte that arrives earlier waits.
     logic open_q;
     always_ff @(posedge clk_i or negedge rst_n) begin
       if (!rst_n) open_q <= 1'b0;
@@ -186,8 +192,8 @@ module lipp_board #(
     .out_last_o(packet_last), .accepted_o(accepted), .dropped_long_o(dropped_long),
     .dropped_cobs_o(dropped_cobs), .dropped_short_o(dropped_short), .dropped_crc_o(dropped_crc)
   );
-  // The ways of requests and replies are long, and whether a byte is taken hangs on much: no path
-  // leads through.
+  // The wiring of requests and replies is long, and the ready signals have deep logic. The skid
+  // buffers break these combinational paths.
   lipp_skid_buffer #(.Width(9)) i_request_buffer (
     .clk_i, .rst_ni(rst_n), .clear_i('0), .in_valid_i(packet_valid), .in_ready_o(packet_ready),
     .in_data_i({packet_last, packet_data}), .out_valid_o(request_valid),
@@ -207,7 +213,8 @@ module lipp_board #(
   );
 
   // ---- reset of all but the link ----
-  logic reset, core_reset_q, core_rst_n;  // the register is high in reset, as in lipp_reset_sync
+  // core_reset_q is high during reset, as in lipp_reset_sync
+  logic reset, core_reset_q, core_rst_n;
   always_ff @(posedge clk_i or negedge rst_n) begin
     if (!rst_n) core_reset_q <= 1'b1;
     else core_reset_q <= reset;
@@ -219,7 +226,7 @@ module lipp_board #(
   logic [10:0] bus_at;
   logic [31:0] bus_word, bus_answer;
   logic tile_start, tile_empty, tile_valid, tile_ready, tile_done, tile_ok, stale, tile_bad;
-  logic tile_last, part_valid, part_ready, part_last;  // part: of a tile, before its buffer
+  logic tile_last, part_valid, part_ready, part_last;  // part: tile data before the skid buffer
   logic [15:0] tile, table_at, epoch, present_epoch;
   logic [7:0] tile_coding, tile_data, part_data;
   logic [31:0] tile_crc, table_crc, present_crc;
@@ -230,8 +237,9 @@ module lipp_board #(
   logic [8:0][31:0] exit_words;
   logic sign_start, sign_done;
   logic [31:0] sign_rays, sign_crc;
-  logic scene_late;     // a pixel was not drawn in time
-  logic drawn, update;  // the optics draw the panel; the scene's registers are being written
+  logic scene_late;     // a pixel of the scene was not ready in time
+  // drawn: the optics draw the panel. update: the scene's registers are being written.
+  logic drawn, update;
   logic [15:0] shown_slots;
   logic block_start, block_done, blocks_busy;
   logic [3:0] block_slot, blocks_slot;
@@ -335,7 +343,8 @@ module lipp_board #(
   logic [PlaceBits-1:0] copy_first, check_first;
   logic [PlaceBits:0] copy_count, check_count;
   assign store_rst_no = core_rst_n;
-  // Whether the writer is ready hangs on its state: that way ends here, not in the dispatcher.
+  // The tile writer's ready signal has deep logic. This skid buffer keeps it out of the
+  // dispatcher's paths.
   lipp_skid_buffer #(.Width(9)) i_tile_buffer (
     .clk_i, .rst_ni(core_rst_n), .clear_i('0), .in_valid_i(part_valid), .in_ready_o(part_ready),
     .in_data_i({part_last, part_data}), .out_valid_o(tile_valid), .out_ready_i(tile_ready),
@@ -352,7 +361,8 @@ module lipp_board #(
     .read_pixel_valid_i(read_pixel_valid_i && !check_busy), .read_pixel_ready_o(copy_ready),
     .read_rgb_i
   );
-  // The table's entry of a tile is invalid from its start until it ended without an error.
+  // The table entry of a tile is invalid from the start of its write until the write ends without
+  // an error.
   lipp_tile_table #(.Width(Width), .Height(Height)) i_tile_table (
     .clk_i, .rst_ni(core_rst_n), .busy_o(table_busy),
     .write_i(tile_start || (tile_done && tile_ok)), .write_buffer_i(!front),
@@ -368,7 +378,7 @@ module lipp_board #(
     .read_ready_i, .read_buffer_o(check_buffer), .read_first_o(check_first),
     .read_count_o(check_count), .read_pixel_valid_i, .read_pixel_ready_o(check_ready), .read_rgb_i
   );
-  // Requests are executed one at a time, so a tile is never copied while a frame is checked.
+  // Requests are executed one at a time, so no tile is copied while a frame is checked.
   assign {read_valid_o, read_buffer_o, read_first_o, read_count_o, read_pixel_ready_o} = check_busy
       ? {check_valid, check_buffer, check_first, check_count, check_ready}
       : {copy_valid, copy_buffer, copy_first, copy_count, copy_ready};
@@ -425,10 +435,10 @@ module lipp_board #(
     lipp_optics_pkg::ray_status_e status;
     logic first, last;
   } exit_t;
-  exit_t traced, traced_q, exit;  // from the optics, a clock later, and two clocks later
+  exit_t traced, traced_q, exit;  // exit rays at the optics, one clock later and two clocks later
   logic traced_valid, traced_ready, traced_valid_q, exit_open, scene_open, unused_ray;
   assign unused_ray = ^{ray, exit.first};
-  // The stream's rays: a TRACE's, or those of the panel's pixels.
+  // The rays of the stream come from a TRACE request or from the panel's pixels.
   logic stream_valid, stream_ready, stream_first, stream_last;
   logic draw_valid, draw_first, draw_last;
   logic signed [PixelBits-1:0] stream_u, stream_v, draw_u, draw_v;
@@ -451,8 +461,8 @@ module lipp_board #(
     .exit_dy_o(traced.dy), .exit_dz_o(traced.dz), .exit_status_o(traced.status),
     .exit_first_o(traced.first), .exit_last_o(traced.last), .optics_o(optics)
   );
-  // Who takes the rays lies far from who sends them, and the scene far from the others: registers
-  // in both directions where the rays leave, and where they arrive.
+  // The optics, the users of the rays and the scene lie far apart on the FPGA. Skid buffers
+  // register both directions at the optics' output and at each user's input.
   lipp_skid_buffer #(.Width($bits(exit_t))) i_left_buffer (
     .clk_i, .rst_ni(core_rst_n), .clear_i('0), .in_valid_i(traced_valid), .in_ready_o(traced_ready),
     .in_data_i(traced), .out_valid_o(traced_valid_q), .out_ready_i(drawn ? scene_open : exit_open),
@@ -468,7 +478,7 @@ module lipp_board #(
     32'(exit.status), 32'(exit.dz), 32'(exit.dy), 32'(exit.dx), 32'(exit.z), 32'(exit.y),
     32'(exit.x), 32'(exit.j), 32'(exit.i)
   };
-  // Rays of a frame that nobody asked to sign are dropped.
+  // The rays of a frame without a SIGN request are dropped.
   assign exit_ready = trace ? trace_ready : sign_ready || !sign;
   lipp_ray_signature i_ray_signature (
     .clk_i, .rst_ni(core_rst_n), .start_i(sign_start), .ray_valid_i(exit_valid && sign),
@@ -480,7 +490,8 @@ module lipp_board #(
   if (Draws) begin : gen_scene
     localparam int Blanking = ((VSync + VBack) * (HSync + HBack + Width + HFront) + HSync + HBack)
         * ClocksPerPixel;
-    // From the start of a frame to its first pixel: draw_frame, optics_block, buffers, scene.
+    // Clocks from the start of a frame to its first pixel, through draw_frame, optics_block, the
+    // buffers and scene.
     localparam int Latency = 2 + lipp_optics_pkg::ray_latency(Build) + 7
         + lipp_scene_pkg::scene_latency(F, Scene) + 5 + ClocksPerPixel;
     if (Blanking < Latency) begin : gen_illegal_blanking

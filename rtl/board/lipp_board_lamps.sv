@@ -1,24 +1,25 @@
 // SPDX-License-Identifier: Apache-2.0
 `default_nettype none
 
-/// What a board's lamps show, and its button that steps through the test patterns.
+/// Drives a board's status LEDs, and reads the button that selects the test pattern.
 ///
-/// linked_o lasts 2^HoldBits clocks after the last packet, alarm_o as long after the last error,
-/// and for ever once the clock was lost. Each press of the button takes the next pattern, and after
-/// the last one none; the button counts when it has been still for 2^IdleBits clocks.
+/// linked_o stays high for 2^HoldBits clocks after the last packet. alarm_o stays high for as long
+/// after the last error, and permanently once a clock was lost. Each press of the button selects
+/// the next pattern, and after the last pattern none. A change of the button counts once it has
+/// been stable for 2^IdleBits clocks.
 module lipp_board_lamps #(
   parameter int HoldBits = 23,
   parameter int IdleBits = 20
 ) (
   input  logic       clk_i,
   input  logic       rst_ni,
-  input  logic       packet_i,      // pulse
-  input  logic       error_i,       // pulse
-  input  logic       clock_lost_i,  // level
-  input  logic       button_i,      // a pin, high while it is pressed
+  input  logic       packet_i,      // pulse: a packet was received
+  input  logic       error_i,       // pulse: an error occurred
+  input  logic       clock_lost_i,  // level: a clock was lost
+  input  logic       button_i,      // pin, high while the button is pressed
   output logic       linked_o,
   output logic       alarm_o,
-  output logic [2:0] pattern_o      // 0: none
+  output logic [2:0] pattern_o      // number of the test pattern, 0 for none
 );
 
   if (HoldBits < 1 || IdleBits < 1) begin : gen_illegal
@@ -28,7 +29,7 @@ module lipp_board_lamps #(
   localparam logic [2:0] Last = lipp_panel_pkg::PatternRamp;
 
   // ---- lamps ----
-  logic [HoldBits-1:0] link_q, error_q;  // clocks that are left
+  logic [HoldBits-1:0] link_q, error_q;  // counters of the clocks until the LED goes off
   always_ff @(posedge clk_i or negedge rst_ni) begin
     if (!rst_ni) begin
       {link_q, error_q} <= '0;

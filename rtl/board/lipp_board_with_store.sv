@@ -1,9 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 `default_nettype none
 
-/// `lipp_board` with its store of frames in block RAM: for small panels, and for simulation.
+/// `lipp_board` with its frame store in block RAM, for small panels and for simulation.
 ///
-/// A pixel takes 48 bits: the panel of 64 x 48 in the tests 147 kbit, one of 1280 x 720 44.2 Mbit.
+/// A pixel takes 48 bits of block RAM: 147 kbit for the 64 x 48 panel of the tests, 44.2 Mbit for a
+/// panel of 1280 x 720.
 module lipp_board_with_store #(
   parameter bit ByteLink = 1'b0,
   parameter int ClockHz = 148_500_000,
@@ -15,22 +16,22 @@ module lipp_board_with_store #(
   parameter int VFront = 4,
   parameter int VSync = 5,
   parameter int VBack = 36,
-  parameter bit HPositive = 1'b1,   // polarities of the syncs
-  parameter bit VPositive = 1'b1,
+  parameter bit HPositive = 1'b1,  // 1: the horizontal sync is active high
+  parameter bit VPositive = 1'b1,  // 1: the vertical sync is active high
   parameter lipp_optics_pkg::build_t Build = '{
     fraction_bits: 5'd16, model: 2'(lipp_optics_pkg::ModelExact), default: '0
   },
-  parameter lipp_scene_pkg::scene_build_t Scene = '0  // no layers: none
+  parameter lipp_scene_pkg::scene_build_t Scene = '0  // with 0 layers the board has no scene
 ) (
   input  logic        clk_i,
-  input  logic        rst_ni,       // asynchronous
-  input  logic [63:0] identity_i,   // hash of panel and array
+  input  logic        rst_ni,       // asynchronous reset, active low
+  input  logic [63:0] identity_i,   // hash of the panel and the lenslet array
 
-  input  logic [15:0] step_i,       // UART: bits per clock, times 65536
+  input  logic [15:0] step_i,       // UART bits per clock, times 65536
   input  logic        rx_i,
   output logic        tx_o,
 
-  input  logic        in_valid_i,   // used with ByteLink
+  input  logic        in_valid_i,   // the byte stream is used only with ByteLink = 1
   output logic        in_ready_o,
   input  logic [7:0]  in_data_i,
   output logic        out_valid_o,

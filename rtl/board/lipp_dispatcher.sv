@@ -1,7 +1,30 @@
 // SPDX-License-Identifier: Apache-2.0
 `default_nettype none
 
-/// Receives requests, has them executed, and replies: one request at a time, one reply to each.
+/// Receives the requests, has each one executed by another module, and sends one reply to each
+/// request.
+///
+/// The dispatcher executes one request at a time. Packets are byte streams without their CRC, as
+/// described in docs/reference/protocol.md. A request is executed only after its packet's CRC was
+/// checked, since packet_fifo forwards only complete, correct packets. A request of a wrong length
+/// has no effect. WRITE, SIGN, ABORT and RESET are executed once, in the order of their numbers. If
+/// the last of these requests is repeated, only its reply is sent again. An older request is
+/// refused.
+///
+/// Every request gets a reply. No request can wait forever: each module states the maximum number
+/// of clocks until its answer, and a reply is sent as fast as the serial line accepts it. A task
+/// that takes longer, such as a frame of the raster, runs in the background while further requests
+/// are answered.
+///
+/// A board with a scene (Layers > 0) implements version 3 of the protocol, a board without a scene
+/// version 2. update_o is high while a WRITE changes the scene's registers, because their values
+/// are inconsistent during that time. Before a WRITE sets the scene's register `source` to 1, the
+/// optics are switched to the stream as their source.
+///
+/// The request reader accepts one byte per clock. The reply starts when the request has been
+/// executed.
+///
+/// Modules that the dispatcher uses:
 ///
 ///   request_reader -> dispatcher -> reply_builder
 ///                      |  request_order: executed before?
@@ -9,36 +32,19 @@
 ///                      |  ray_access: TRACE, SIGN, ABORT; may a WRITE change the optics?
 ///                      |  table_reader: TILES, BLOCKS
 ///                      +- tile_writer, presenter, slot_loader: TILE, PRESENT, BLOCK
-///
-/// Packets are streams of bytes without their CRC (docs/reference/protocol.md). No request is
-/// executed before its packet has passed the CRC: packet_fifo passes on whole, correct packets
-/// only. A request of a wrong length has no effect. WRITE, SIGN, ABORT and RESET are executed once,
-/// in the order of their numbers: if the last one comes again, only its reply is sent again; an
-/// older one is refused.
-///
-/// Each request is answered. Whatever it waits for ends: a neighbour's answer comes within the
-/// clocks that the neighbour's module states, and a reply is sent as fast as the line takes it.
-/// What lasts longer, a frame of the raster, runs while further requests are answered.
-///
-/// A board with a scene (Layers > 0) speaks version 3 of the protocol, another one version 2.
-/// update_o is high while a WRITE to the scene's registers is executed: they are not whole then. A
-/// WRITE of 1 to the register `source` of the scene makes the stream the source of the optics
-/// first.
-///
-/// A request is read at one byte a clock. Its reply starts when it is executed.
 module lipp_dispatcher #(
-  parameter int Width = 640,            // of the panel, in pixels
-  parameter int Height = 480,
+  parameter int Width = 640,   // the panel's width in pixels
+  parameter int Height = 480,  // the panel's height in pixels
   parameter int ClockHz = 100_000_000,
-  parameter int Layers = 0,             // of the scene; 0: there is none
-  parameter int Slots = 1,
-  parameter int Blocks = 1              // of a slot
+  parameter int Layers = 0, // number of layers of the scene, 0 without a scene
+  parameter int Slots = 1,  // number of texture slots of the scene
+  parameter int Blocks = 1  // number of blocks per slot
 ) (
   input  logic              clk_i,
   input  logic              rst_ni,
-  input  logic [63:0]       identity_i,  // of panel and array
+  input  logic [63:0]       identity_i,  // hash of the panel and the lenslet array
   input  logic [15:0]       epoch_i,
-  output logic              reset_o,     // RESET: all but the link, 8 clocks
+  output logic              reset_o,     // RESET request: resets all but the link for 8 clocks
 
   input  logic              in_valid_i,
   output logic              in_ready_o,
@@ -69,12 +75,12 @@ module lipp_dispatcher #(
   output logic              tile_last_o,
   input  logic              tile_done_i,
   input  logic              tile_ok_i,
-  output logic              stale_o,         // a request refused with StatusStale
+  output logic              stale_o,         // pulse: a request was refused with StatusStale
   output logic              tile_bad_o,
-  input  logic              table_busy_i,    // cleared after reset: no request is accepted
-  output logic              table_front_o,   // buffer whose entry is read
+  input  logic              table_busy_i,    // the table is being cleared; no request is accepted
+  output logic              table_front_o,   // 1: table_crc_i is for the front buffer
   output logic [15:0]       table_at_o,
-  input  logic [31:0]       table_crc_i,     // at most 3 clocks after table_at_o
+  input  logic [31:0]       table_crc_i,     // table entry, at most 3 clocks after table_at_o
 
   // ---- frames: presenter ----
   output logic                         present_start_o,
@@ -86,31 +92,31 @@ module lipp_dispatcher #(
   // ---- rays: optics_block, ray_signature ----
   output logic              ray_valid_o,
   input  logic              ray_ready_i,
-  output logic [3:0][31:0]  ray_o,           // u, v, a, b
-  output logic              trace_o,         // exit rays go here
+  output logic [3:0][31:0]  ray_o,           // fields of the ray: u, v, a, b
+  output logic              trace_o,         // 1: the exit rays are sent to this module
   input  logic              exit_valid_i,
   output logic              exit_ready_o,
   input  logic [8:0][31:0]  exit_i,
-  output logic              sign_o,          // exit rays go to the signature
+  output logic              sign_o,          // 1: the exit rays are sent to the signature
   output logic              sign_start_o,
   input  logic              sign_done_i,
   input  logic [31:0]       sign_rays_i,
   input  logic [31:0]       sign_crc_i,
 
   // ---- the scene: draw_frame, slot_loader ----
-  input  logic              drawn_i,         // the optics draw the panel
+  input  logic              drawn_i,         // 1: the optics draw the panel
   output logic              update_o,
-  input  logic [15:0]       slots_i,         // slots that are shown
+  input  logic [15:0]       slots_i,         // bit k: slot k is on the panel
   output logic              block_start_o,
   output logic [3:0]        block_slot_o,
   output logic [7:0]        block_o,
   input  logic [7:0]        block_word_at_i,
-  output logic [31:0]       block_word_o,    // two clocks after its place
+  output logic [31:0]       block_word_o,    // word at block_word_at_i, two clocks later
   input  logic              block_done_i,
-  input  logic              blocks_busy_i,   // cleared after reset, as table_busy_i
-  output logic [3:0]        blocks_slot_o,   // whose entry is read
+  input  logic              blocks_busy_i,   // the table of blocks is being cleared after reset
+  output logic [3:0]        blocks_slot_o,   // slot of the table entry to read
   output logic [7:0]        blocks_at_o,
-  input  logic [31:0]       blocks_crc_i     // at most 3 clocks after blocks_at_o
+  input  logic [31:0]       blocks_crc_i     // table entry, at most 3 clocks after blocks_at_o
 );
   import lipp_link_pkg::*;
 
@@ -128,16 +134,16 @@ module lipp_dispatcher #(
     $fatal(1, "lipp_dispatcher: Layers must be 0 to 8, Slots 1 to 15, and Blocks 1 to 256");
   end
 
-  localparam int CurveBlocks = 8;  // of slot 15
-  localparam int HeadBytes = 34;  // of the longest reply without words, that of HELLO
+  localparam int CurveBlocks = 8; // number of blocks of slot 15, the panel's curve
+  localparam int HeadBytes = 34;  // length of HELLO's reply, the longest reply without words
   localparam logic [15:0] AtOptics = 16'h200, AtBuild = 16'h208, AtScene = 16'h400,
       AtDraw = 16'h40C;
 
   typedef enum logic [2:0] {Receive, Judge, Execute, Reply, Words} state_e;
   state_e state_q;
   reply_status_e status_q;
-  logic executed_q;            // to be remembered
-  logic answer, reply_ready, reply_q;  // reply_q: the reply's head is in its register
+  logic executed_q;                    // the request was executed and must be remembered
+  logic answer, reply_ready, reply_q;  // 1: the head of the reply is registered
   assign answer = state_q == Reply && reply_q && reply_ready;
 
   // ---- the request ----
@@ -156,7 +162,7 @@ module lipp_dispatcher #(
   );
   logic [15:0] first, second, table_first, table_count;
   logic [31:0] nonce;
-  logic once;  // executed at most once
+  logic once;  // the request may be executed at most once
   assign {second, first} = request.arguments[3:0];
   assign {table_count, table_first} = request.arguments[4:1];
   assign nonce = request.arguments[4:1];
@@ -169,10 +175,11 @@ module lipp_dispatcher #(
     endcase
   end
 
-  // ---- may it be executed? The request is stable from two clocks before Judge ----
-  logic no_block;  // no such slot, or block of it
+  // ---- may the request be executed? It is stable from two clocks before Judge ----
+  logic no_block;  // the slot or its block does not exist
   logic no_tile, version, no_block_q, no_tile_q, version_q;
-  // the slot is drawn, or will be: a slot becomes one by a WRITE only, which is over by now
+  // The slot is on the panel or soon will be. Only a WRITE can select a slot, and no WRITE is
+  // running now.
   logic slot_in_use_q;
   reply_status_e refusal, refusal_q;
   assign version = request.arguments[0] == ProtocolVersion;
@@ -194,7 +201,7 @@ module lipp_dispatcher #(
     refusal_q <= refusal;
   end
 
-  // ---- executed before? ----
+  // ---- was the request executed before? ----
   logic repeated, older, hello;
   reply_status_e executed_status;
   lipp_request_order i_order (
@@ -212,12 +219,14 @@ module lipp_dispatcher #(
   logic is_hello, is_write;
   assign is_hello = request.kind == RequestHello;
   assign is_write = request.kind == RequestWrite;
-  logic on_optics, on_scene, draws;  // a WRITE to their registers; the scene becomes the source
+  // on_optics, on_scene: a WRITE to these registers. draws: the scene becomes the source.
+  logic on_optics, on_scene, draws;
   assign on_optics = is_write && first >= AtOptics && (!Scene || first < AtScene);
   assign on_scene = Scene && is_write && first >= AtScene;
-  // Nothing before it in its block can be written, so a WRITE that has it begins with it.
+  // The register `source` is the first writable one of its block, so a WRITE to it begins with it.
   assign draws = on_scene && first == AtDraw && request.odd;
-  // A clock late: the first register changes later than that, and the last one has changed by then.
+  // update_o is one clock late: the first register changes later than that, and the last one has
+  // changed before update_o falls.
   always_ff @(posedge clk_i or negedge rst_ni) begin
     if (!rst_ni) update_o <= 1'b0;
     else update_o <= on_scene && state_q == Execute;
@@ -261,7 +270,7 @@ module lipp_dispatcher #(
     .ray_valid_o, .ray_ready_i, .ray_o, .trace_o, .exit_valid_i, .exit_ready_o, .exit_i,
     .sign_o, .sign_start_o, .sign_done_i
   );
-  // One of the two at a time has the bus.
+  // Only one of the two modules uses the bus at a time.
   assign bus_start_o = register_bus_start || ray_bus_start;
   assign {bus_write_o, bus_at_o, bus_word_o} = ray_bus_start ?
       {ray_bus_write, ray_bus_at, ray_bus_word} :
@@ -284,7 +293,8 @@ module lipp_dispatcher #(
 
   // ---- blocks of the scene's slots ----
   logic block_start, slot_there;
-  logic [8:0] slot_blocks, blocks_end;  // of the slot; behind the last that is asked for
+  // number of blocks of the slot; index after the last requested block
+  logic [8:0] slot_blocks, blocks_end;
   assign {block_start_o, block_slot_o, block_o} =
       {block_start, request.arguments[0][3:0], request.arguments[1]};
   assign block_word_o = word;
@@ -352,12 +362,13 @@ module lipp_dispatcher #(
           words = {2'd0, request.arguments[2]};
         end
         RequestRead: words = {2'd0, request.arguments[2]};
-        RequestTrace: words = {request.words[8:2], 3'd0} + 10'(request.words[8:2]);  // 9 a ray
+        // 9 words per ray
+        RequestTrace: words = {request.words[8:2], 3'd0} + 10'(request.words[8:2]);
         default: ;
       endcase
     end
   end
-  // The head is stable while it is sent.
+  // The registered head is stable while it is sent.
   always_ff @(posedge clk_i) begin
     if (reply_ready) {head_q, head_bytes_q, words_q} <= {head, head_bytes, words};
   end
@@ -365,7 +376,8 @@ module lipp_dispatcher #(
     if (!rst_ni) reply_q <= 1'b0;
     else reply_q <= state_q == Reply && reply_ready && !answer;
   end
-  // whose words; that of HELLO's READ is in its head
+  // These flags select the source of the reply's words. The word that HELLO reads is part of the
+  // reply's head.
   logic from_table_q, from_rays_q, keeps_word_q;
   always_ff @(posedge clk_i) begin
     from_table_q <= request.kind inside {RequestTiles, RequestBlocks};
@@ -389,7 +401,7 @@ module lipp_dispatcher #(
   always_ff @(posedge clk_i) if (register_valid && keeps_word_q) build_q <= register_word;
 
   // ---- the order of events ----
-  logic [3:0] reset_q;  // clocks of a RESET; reset_o is high in the first 8
+  logic [3:0] reset_q;  // remaining clocks of a RESET; reset_o is high in the first 8
   assign reset_o = reset_q[3];
   always_ff @(posedge clk_i or negedge rst_ni) begin
     if (!rst_ni) begin
@@ -462,7 +474,7 @@ module lipp_dispatcher #(
                   register_start <= 1'b1;
                 end else begin
                   state_q <= Reply;
-                  // One that the optics cannot take now may come again.
+                  // A request that the optics could not accept may be repeated.
                   if (ray_denied) executed_q <= 1'b0;
                 end
               end

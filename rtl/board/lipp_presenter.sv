@@ -1,12 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
 `default_nettype none
 
-/// Shows the back buffer, if all of it is correct.
+/// Shows the back buffer if its content is correct.
 ///
-/// start_i requests a frame, given its epoch and CRC-32. If the epoch is the board's, the back
-/// buffer's CRC-32 is computed and compared. If they are equal, the buffers are swapped at the next
-/// vertical sync, and the epoch is incremented. A request for the frame just shown is a repetition
-/// after a lost reply: it succeeds without a swap. done_o is a pulse, valid with the status.
+/// start_i requests a frame by its epoch and its CRC-32. If the epoch equals the board's epoch, the
+/// CRC-32 of the back buffer is computed and compared. If the two CRCs are equal, the buffers are
+/// swapped at the next vertical sync and the epoch is incremented. A request for the frame that was
+/// just shown is a retry after a lost reply: it succeeds without a swap. done_o is a pulse;
+/// status_o is valid with it.
 module lipp_presenter (
   input  logic              clk_i,
   input  logic              rst_ni,
@@ -18,14 +19,14 @@ module lipp_presenter (
   output lipp_link_pkg::reply_status_e status_o,
 
   output logic [15:0]       epoch_o,
-  // of the frame that was shown last, from the clock after swapped_i
+  // CRC-32 of the last frame shown, updated one clock after swapped_i
   output logic [31:0]       shown_crc_o,
-  output logic              failed_o,        // the CRC differs
+  output logic              failed_o,        // the computed CRC differs from the requested CRC
 
-  output logic              check_start_o,   // to frame_check
+  output logic              check_start_o,   // start of lipp_frame_check
   input  logic              check_done_i,
   input  logic [31:0]       check_crc_i,
-  output logic              swap_o,          // to scan_out: held until swapped_i
+  output logic              swap_o,          // swap request to scan_out, high until swapped_i
   input  logic              swapped_i
 );
   import lipp_link_pkg::*;

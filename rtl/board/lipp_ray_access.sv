@@ -1,29 +1,28 @@
 // SPDX-License-Identifier: Apache-2.0
 `default_nettype none
 
-/// Shares the optics block among requests: one of them at a time has its pipeline.
+/// Shares the optics block among requests: one request at a time uses its pipeline.
 ///
-/// start_i begins an operation, held in op_i; done_o is a pulse, valid with status_o.
+/// start_i starts the operation op_i, which must be stable until done_o. done_o is a pulse;
+/// status_o is valid with it. While the panel is drawn (drawn_i), OpClaim, OpTrace and OpSign
+/// return StatusBusy and change nothing, and OpDraw and OpAbort do nothing.
 ///
-///   OpClaim  may the block's registers be written? StatusOk once no apply waits
-///   OpTrace  takes the rays of the stream; after done_o with StatusOk, nine words of each exit ray
-///            follow as a stream. Before those of the last one the raster is the source again
-///   OpSign   starts a frame whose rays are signed, with StatusBusy, or StatusOptics
-///   OpResult of the last OpSign: StatusOk when its rays are signed, otherwise StatusBusy or
-///            StatusOptics
-///   OpAbort  ends the frame that runs; done when no ray is in the pipeline
-///   OpDraw   makes the stream the source, for the drawing of the panel
+/// While a frame runs or its rays are being signed, OpClaim, OpTrace, OpSign and OpDraw return
+/// StatusBusy and change nothing. denied_o is then high, and runs_o shows which task is running.
+/// OpTrace and OpSign wait until the pipeline is empty and their apply has taken effect. Therefore
+/// a signature covers all rays of its own frame and no other rays, and a trace returns only its own
+/// rays. All other exit rays are dropped at once, so the pipeline never stalls and every wait ends.
 ///
-/// While the panel is drawn (drawn_i), OpClaim, OpTrace and OpSign give StatusBusy and change
-/// nothing, and OpDraw and OpAbort have nothing to do.
+/// The bus is the bus of register_bus: the next access starts after bus_done_i. The operations are:
 ///
-/// While a frame runs, or its rays are being signed, OpClaim, OpTrace, OpSign and OpDraw give
-/// StatusBusy and change nothing: denied_o is high, and runs_o says what runs. OpTrace and OpSign
-/// wait for their apply, which the pipeline takes when it is empty. So a signature has all rays of
-/// its own frame and no others, and a trace gets the rays that it asked for. All other exit rays
-/// are dropped at once: the pipeline never stands still, and each wait ends.
-///
-/// The bus is that of register_bus: its next access starts after bus_done_i.
+///   OpClaim  asks if the block's registers may be written: StatusOk once no apply is pending.
+///   OpTrace  traces the rays of the stream. After done_o with StatusOk, nine words per exit ray
+///            follow as a stream. The raster is the source again before the words of the last ray.
+///   OpSign   starts a frame whose rays are signed. It returns StatusBusy, or StatusOptics.
+///   OpResult returns the result of the last OpSign: StatusOk when its rays are signed, otherwise
+///            StatusBusy or StatusOptics.
+///   OpAbort  aborts the running frame. It is done when no ray is left in the pipeline.
+///   OpDraw   makes the stream the source, so that the panel can be drawn.
 module lipp_ray_access (
   input  logic                         clk_i,
   input  logic                         rst_ni,
@@ -31,15 +30,15 @@ module lipp_ray_access (
   input  logic                         drawn_i,  // the optics draw the panel
   input  logic                         start_i,
   input  lipp_link_pkg::ray_op_e       op_i,
-  input  logic [8:0]                   count_i,  // words of the rays to trace, 4 each
+  input  logic [8:0]                   count_i,  // number of words of the rays to trace, 4 per ray
   output logic                         done_o,
   output lipp_link_pkg::reply_status_e status_o,
   output lipp_link_pkg::runs_e         runs_o,
-  output logic                         denied_o,  // with done_o: the pipeline was not free
+  output logic                         denied_o,  // with done_o: the pipeline was in use
 
-  output logic [7:0]        word_at_o,     // of the rays to trace
-  input  logic [31:0]       word_i,        // two clocks after its place
-  output logic              word_valid_o,  // of exit rays
+  output logic [7:0]        word_at_o,     // index of a word of the rays to trace
+  input  logic [31:0]       word_i,        // the word at word_at_o, two clocks later
+  output logic              word_valid_o,  // word_o is a word of an exit ray
   input  logic              word_ready_i,
   output logic [31:0]       word_o,
 
@@ -52,12 +51,12 @@ module lipp_ray_access (
 
   output logic              ray_valid_o,
   input  logic              ray_ready_i,
-  output logic [3:0][31:0]  ray_o,         // u, v, a, b
-  output logic              trace_o,       // exit rays come here
+  output logic [3:0][31:0]  ray_o,         // fields of the ray: u, v, a, b
+  output logic              trace_o,       // 1: the exit rays are sent to this module
   input  logic              exit_valid_i,
   output logic              exit_ready_o,
   input  logic [8:0][31:0]  exit_i,
-  output logic              sign_o,        // exit rays go to the signature
+  output logic              sign_o,        // 1: the exit rays are sent to the signature
   output logic              sign_start_o,
   input  logic              sign_done_i
 );
@@ -66,17 +65,17 @@ module lipp_ray_access (
   localparam logic [10:0] AtControl = 11'h20C, AtStatus = 11'h210, AtSource = 11'h214;
   localparam logic [31:0] Apply = 32'd1, Start = 32'd2, Abort = 32'd4;
 
-  // Those of the first line access the bus.
+  // The states of the first line access the bus.
   typedef enum logic [3:0] {
     Claim, Source, TakeOver, TakenOver, Begin, Begun, End, Ended,
     Idle, Settle, Place, Placed, Fetch, Offer, Exit, Words
   } state_e;
   state_e state_q;
-  logic bus_pending_q;  // the bus has been asked
+  logic bus_pending_q;  // a bus access is pending
   logic signing_q, sign_refused_q;
-  logic restore_q;  // the source is set to the raster behind a trace
+  logic restore_q;  // the source is set back to the raster after a trace
   logic [2:0] pause_q;
-  logic [8:0] remaining_q;        // words of rays not yet fetched
+  logic [8:0] remaining_q;        // words of rays still to read from the memory
   logic [7:0] at_q;
   logic [3:0] exit_left_q;
   logic [8:0][31:0] exit_q;
@@ -111,7 +110,7 @@ module lipp_ray_access (
   assign word_at_o = at_q;
   assign ray_valid_o = state_q == Offer;
   assign exit_ready_o = state_q == Exit;
-  // the next word comes up, a clock after the one before left: exit_q is wide and far
+  // exit_q shifts one clock after its word was taken, because it is wide and far away.
   logic moves_q;
   assign word_valid_o = state_q == Words && !moves_q;
   assign word_o = exit_q[0];
@@ -165,7 +164,7 @@ module lipp_ray_access (
             state_q <= op_i == OpClaim ? Idle : Source;
           end
         end
-        // ---- its source; busy ends when the pipeline is empty and has the new optics ----
+        // ---- the source; busy falls when the pipeline is empty and uses the new optics ----
         Source: if (heard) state_q <= TakeOver;
         TakeOver: if (heard) state_q <= TakenOver;
         TakenOver: if (heard && !busy) begin
@@ -181,14 +180,14 @@ module lipp_ray_access (
           pause_q <= '1;
           state_q <= Settle;
         end
-        Settle: if (pause_q == '0) state_q <= Begun;  // until the window is checked
+        Settle: if (pause_q == '0) state_q <= Begun;  // until the optics have checked the window
         Begun: if (heard) begin
           {signing_q, sign_refused_q} <= {!refused, refused};
           {status_o, done_o} <= {refused ? StatusOptics : StatusBusy, 1'b1};
           runs_o <= RunsThis;
           state_q <= Idle;
         end
-        // ---- its end ----
+        // ---- the end of the frame ----
         End: if (heard) state_q <= Ended;
         Ended: if (heard && !(occupied || running || busy)) begin
           signing_q <= 1'b0;

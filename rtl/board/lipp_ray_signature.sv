@@ -1,11 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
 `default_nettype none
 
-/// CRC-32 of a frame's exit rays: one word represents a whole frame on a slow line.
+/// Computes the CRC-32 of a frame's exit rays, so that a slow serial line carries one word per
+/// frame.
 ///
-/// Each ray is nine words of 32 bits, word 0 in the lowest bits, low byte first; a ray takes nine
-/// clocks. start_i restarts the CRC; a ray accepted in the same clock is not included. done_o is
-/// high from the end of the frame's last ray until the next start.
+/// Each ray has nine words of 32 bits, word 0 in the lowest bits; the low byte of a word is first
+/// in the CRC. A ray takes nine clocks. start_i restarts the CRC, and a ray accepted in the same
+/// clock is not included. done_o is high from the end of the frame's last ray until the next
+/// start_i.
 module lipp_ray_signature (
   input  logic              clk_i,
   input  logic              rst_ni,
@@ -22,7 +24,7 @@ module lipp_ray_signature (
 
   logic [7:0][31:0] later_words_q;  // words after the current one
   logic [31:0] word_q, crc_q;
-  logic [3:0] words_q;       // the current word and those after it
+  logic [3:0] words_q;       // number of words left, including the current one
   logic last_q, take;
   assign take = ray_valid_i && ray_ready_o;
   assign crc_o = ~crc_q;
@@ -45,7 +47,7 @@ module lipp_ray_signature (
       rays_o <= '0;
       done_o <= 1'b0;
     end else begin
-      ray_ready_o <= !take && words_q <= 4'd2;  // words_q <= 1 in the next clock
+      ray_ready_o <= !take && words_q <= 4'd2;  // words_q will be 1 or 0 in the next clock
       if (take) begin
         words_q <= 4'd9;
         rays_o <= rays_o + 1'b1;

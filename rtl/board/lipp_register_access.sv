@@ -3,13 +3,14 @@
 
 /// Reads and writes ranges of registers, one word after the other.
 ///
-/// start_i begins; the request is held until done_o. A range is valid if it begins and ends in one
-/// block. All words of a WRITE are looked up before the first is written, so that either all are
-/// written or none. A board without a scene (Layers = 0) has no block at 0x400, one with a scene
-/// has the registers of its layers there.
+/// start_i starts an access; the request must be stable until done_o. A range is valid if it begins
+/// and ends in the same block. All addresses of a WRITE are checked before the first word is
+/// written, so either all words are written or none. With a scene, the block at 0x400 contains the
+/// registers of its layers. Without a scene (Layers = 0) there is no block at 0x400.
 ///
-/// done_o is a pulse, valid with status_o: behind the last word of a WRITE, and before the first of
-/// a READ, whose words follow as a stream; 0 at an address without a register.
+/// done_o is a pulse; status_o is valid with it. For a WRITE the pulse comes after the last word.
+/// For a READ the pulse comes before the first word, and the words follow as a stream. An address
+/// without a register reads as 0.
 module lipp_register_access #(
   parameter int Layers = 0
 ) (
@@ -17,14 +18,14 @@ module lipp_register_access #(
   input  logic                         rst_ni,
   input  logic                         start_i,
   input  logic                         write_i,
-  input  logic [15:0]                  first_i,  // byte address
-  input  logic [8:0]                   count_i,  // words: 1 or more
+  input  logic [15:0]                  first_i,  // byte address of the first register
+  input  logic [8:0]                   count_i,  // number of words, 1 or more
   output logic                         done_o,
   output lipp_link_pkg::reply_status_e status_o,
 
-  output logic [7:0]        word_at_o,      // of a WRITE
-  input  logic [31:0]       word_i,         // two clocks after its place
-  output logic              word_valid_o,   // of a READ
+  output logic [7:0]        word_at_o,      // index of the next word of a WRITE
+  input  logic [31:0]       word_i,         // word of a WRITE, two clocks after word_at_o
+  output logic              word_valid_o,   // word_o is a word of a READ
   input  logic              word_ready_i,
   output logic [31:0]       word_o,
 
@@ -44,12 +45,13 @@ module lipp_register_access #(
 
   typedef enum logic [2:0] {Idle, Range, Check, Fetch, Fetched, Ask, Wait, Word} state_e;
   state_e state_q;
-  logic write_q, board_q, optics_q, scene_q;  // the range is in this block
-  logic [8:0] remaining_q;                // words not yet checked, then not yet accessed
-  logic [7:0] at_q;                  // word of a WRITE
-  logic [8:0] register_q;            // the register for it, counted in words
+  logic write_q, board_q, optics_q, scene_q;  // the range lies in the block of this name
+  logic [8:0] remaining_q;           // words still to check, and after that still to access
+  logic [7:0] at_q;                  // index of the current word of a WRITE
+  logic [8:0] register_q;            // word address of the current register
   logic [10:0] address;
-  // Behind the registers of the last layer; all blocks of a board without a scene end before it.
+  // First address after the registers of the last layer. Without a scene this is 0x400, the end of
+  // the optics block.
   localparam logic [10:0] End = 11'(Layers > 0 ? 'h600 + 32 * Layers : 'h400);
   assign address = {register_q, 2'd0};
   assign word_at_o = at_q;
@@ -57,7 +59,7 @@ module lipp_register_access #(
   assign {bus_write_o, bus_at_o, bus_word_o} = {write_q, address, word_i};
   assign word_valid_o = state_q == Word;
 
-  // The range is stable from two clocks before the start.
+  // first_i and count_i are stable from two clocks before start_i.
   logic [16:0] behind_q;
   logic aligned_q, high_q, top_q;
   always_ff @(posedge clk_i) begin

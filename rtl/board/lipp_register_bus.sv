@@ -1,20 +1,21 @@
 // SPDX-License-Identifier: Apache-2.0
 `default_nettype none
 
-/// Access to the registers of the board, of the optics block and of the scene, one at a time.
+/// Accesses the registers of the board, of the optics block and of the scene, one register at a
+/// time.
 ///
-/// start_i requests an access with write_i, at_i (byte address, a multiple of 4) and word_i. done_o
-/// is a pulse three or more clocks later, valid with word_o of a read, and with error_o if no
-/// register allows the access. The next access may start with that pulse. Addresses:
+/// start_i requests an access with write_i, at_i (a byte address, a multiple of 4) and word_i.
+/// done_o pulses three or more clocks later. In that clock word_o is valid for a read, and error_o
+/// is high if no register allows the access. The next start_i may be in the clock of done_o.
+///
+/// The three register blocks share one APB4 bus with one select signal each. Every write is a write
+/// of a whole word. All other addresses are empty. The address map:
 ///
 ///   0x000 to 0x07f   board_registers
 ///   0x200 to 0x3ff   optics_block, from its address 0 on
 ///   0x400 to 0x7ff   scene_block, from its address 0 on, if there is a scene
-///
-/// Other addresses are empty. The blocks are on one APB4 bus, with a select each; all writes are of
-/// whole words.
 module lipp_register_bus #(
-  parameter bit Scene = 1'b0  // there is a scene_block
+  parameter bit Scene = 1'b0  // 1: the design has a scene_block
 ) (
   input  logic        clk_i,
   input  logic        rst_ni,
@@ -53,7 +54,7 @@ module lipp_register_bus #(
   assign to_board = at_i[10:7] == '0;
 
   logic scene_q, optics_q, nowhere_q, nowhere_q2, ack, ack_q;
-  // The answers have a register before one is chosen.
+  // Each block's answer is registered before one of the three is selected.
   logic [31:0] board_word_q, optics_word_q, scene_word_q;
   logic board_error_q, optics_error_q, scene_error_q;
   assign m_apb_pprot = '0;

@@ -1,25 +1,25 @@
 // SPDX-License-Identifier: Apache-2.0
 `default_nettype none
 
-/// Builds the reply to a request: its head, and the words that follow.
+/// Builds the reply to a request: its head, then its words.
 ///
-/// start_i begins while ready_o is high. The head is held from then on until ready_o is high again.
-/// It is sent four bytes at a time. words_i words are then taken from the stream, each as four
-/// bytes, the low one first, one in six clocks; words_done_o is a pulse with the last. The next
-/// start waits until the last bytes have been sent. The first byte is there two clocks after the
-/// start.
+/// start_i starts a reply while ready_o is high. head_i must be stable from then until ready_o is
+/// high again. The head is sent four bytes at a time. The builder then takes words_i words from the
+/// stream, at most one every six clocks, and sends each as four bytes, the low byte first.
+/// words_done_o pulses when the last word is taken. The next reply can start when the last bytes
+/// have been sent. The first byte is valid two clocks after start_i.
 module lipp_reply_builder #(
   parameter int HeadBytes = 34
 ) (
   input  logic                           clk_i,
   input  logic                           rst_ni,
   input  logic                           start_i,
-  output logic                           ready_o,       // a register
+  output logic                           ready_o,       // driven by a register
   input  logic [8*HeadBytes-1:0]         head_i,
-  input  logic [$clog2(HeadBytes+1)-1:0] bytes_i,       // of the head
-  input  logic [9:0]                     words_i,
+  input  logic [$clog2(HeadBytes+1)-1:0] bytes_i,  // number of bytes of the head
+  input  logic [9:0]                     words_i,  // number of words after the head
   input  logic                           word_valid_i,
-  output logic                           word_ready_o,  // a register
+  output logic                           word_ready_o,  // driven by a register
   input  logic [31:0]                    word_i,
   output logic                           words_done_o,
 
@@ -37,15 +37,15 @@ module lipp_reply_builder #(
   localparam int AtBits = $clog2(HeadWords + 1);
   localparam int CountBits = $clog2(HeadBytes + 1);
 
-  logic [9:0] remaining_q;                 // words
-  logic [CountBits-1:0] head_left_q;  // bytes of the head
+  logic [9:0] remaining_q;            // number of words still to send
+  logic [CountBits-1:0] head_left_q;  // bytes of the head still to send
   logic busy, head_load, take, start;
   assign start = start_i && ready_o;
   assign head_load = !busy && head_left_q != '0;
   assign take = word_valid_i && word_ready_o;
   assign words_done_o = take && remaining_q == 10'd1;
 
-  // Four bytes of the head, chosen a clock before they are sent.
+  // The next four bytes of the head, selected one clock before they are sent.
   logic head_ends;
   logic [AtBits-1:0] at_q;
   logic [HeadWords-1:0][31:0] head;

@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 `default_nettype none
 
-/// Sends up to Bytes bytes of a register as a stream, the lowest first.
+/// Sends up to Bytes bytes from a register as a stream, the lowest byte first.
 ///
-/// load_i loads bytes_i and their number, and whether the last byte ends its packet. It is ignored
-/// while busy_o is high.
+/// load_i loads bytes_i, their number count_i, and last_i, which marks the last byte as the end of
+/// its packet. load_i is ignored while busy_o is high.
 module lipp_reply_writer #(
   parameter int Bytes = 4
 ) (
@@ -12,7 +12,7 @@ module lipp_reply_writer #(
   input  logic                       rst_ni,
   input  logic                       load_i,
   input  logic [8*Bytes-1:0]         bytes_i,
-  input  logic [$clog2(Bytes+1)-1:0] count_i,  // 1 or more
+  input  logic [$clog2(Bytes+1)-1:0] count_i,  // number of bytes, 1 or more
   input  logic                       last_i,
   output logic                       busy_o,
   output logic                       valid_o,

@@ -1,35 +1,39 @@
 // SPDX-License-Identifier: Apache-2.0
 `default_nettype none
 
-/// Tells which requests were executed before: those that change the board are executed once, in the
-/// order of their numbers (modulo 65536).
+/// Finds requests that were already executed. A request that changes the board is executed once, in
+/// the order of the request numbers (modulo 65536).
 ///
-/// The last one executed is remembered with its status. It expires when the numbers are 32768
-/// beyond its own, before newer ones would seem older; so numbers of all requests count. A request
-/// is older by 1 to 32767. A new session, a HELLO with a new nonce, forgets the last one.
+/// The module remembers the last executed request and its status. That memory expires when a
+/// request number is 32768 beyond the remembered number, because newer requests would then seem
+/// older. For this purpose the numbers of all requests count. A request is older if its number is 1
+/// to 32767 behind the remembered number. A HELLO with a new nonce starts a new session and clears
+/// the memory.
 ///
-/// repeated_o and older_o are registers: they tell of kind_i and number_i one clock after these
-/// came. kind_i and number_i hold until the answer, and for two clocks before it or before hello_i.
+/// repeated_o and older_o are registers: they are valid one clock after kind_i and number_i change.
+/// kind_i and number_i must be stable until answer_i, and for two clocks before answer_i or
+/// hello_i.
 module lipp_request_order (
   input  logic                         clk_i,
   input  logic                         rst_ni,
   input  lipp_link_pkg::request_e      kind_i,
   input  logic [15:0]                  number_i,
-  output logic                         repeated_o,  // the last one executed, again
-  output logic                         older_o,  // than that one
-  output lipp_link_pkg::reply_status_e status_o,  // of that one
+  output logic                         repeated_o,  // this request repeats the last executed one
+  output logic                         older_o,  // this request is older than the last executed one
+  output lipp_link_pkg::reply_status_e status_o, // status of the last executed request
 
-  input  logic                         hello_i,  // a session may begin
+  // this request is a HELLO, which may start a session
+  input  logic                         hello_i,
   input  logic [31:0]                  nonce_i,
-  input  logic                         answer_i,  // the request is answered
-  // with answer_i: it was executed, with this status
+  input  logic                         answer_i,  // the request is answered in this clock
+  // with answer_i: the request was executed, with the status status_i
   input  logic                         executed_i,
   input  lipp_link_pkg::reply_status_e status_i
 );
   import lipp_link_pkg::*;
 
-  logic newest_valid_q;                  // there is a last one
-  logic same, newer_q, passed_q;  // passed: a request was answered that was not executed
+  logic newest_valid_q;           // an executed request is remembered
+  logic same, newer_q, passed_q;  // passed_q: a request was answered without being executed
   request_e kind_q;
   logic [15:0] number_q, newest_q, after;
   logic [31:0] nonce_q;

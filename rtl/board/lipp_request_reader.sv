@@ -1,25 +1,25 @@
 // SPDX-License-Identifier: Apache-2.0
 `default_nettype none
 
-/// Reads a request from a stream of bytes: type, number and arguments.
+/// Reads a request from a stream of bytes: its type, number and arguments.
 ///
-/// The words of a WRITE, a TRACE and a BLOCK are collected in a memory. The data of a TILE go to
-/// the tile writer as they come, a register later: no memory here holds a whole tile. A request
-/// that is refused is read to its end. A TRACE of a pixel (u, v) that PixelBits do not hold is
-/// refused with StatusLength.
+/// The words of WRITE, TRACE and BLOCK are collected in a memory. The data of a TILE pass through
+/// one register to the tile writer, because no memory here is large enough for a whole tile. A
+/// refused request is still read to its end. A TRACE is refused with StatusLength if its pixel (u,
+/// v) does not fit into PixelBits bits.
 ///
-/// done_o is high from two clocks after the last byte until next_i; request_o and status_o are
-/// valid then, request_o a clock before. No byte is taken meanwhile. A request has 3 bytes or more:
-/// packet_fifo sees to it.
+/// done_o is high from two clocks after the last byte until next_i, and no byte is accepted during
+/// that time. status_o is valid with done_o, request_o from one clock earlier. Each request must
+/// have 3 bytes or more; packet_fifo drops shorter packets.
 module lipp_request_reader #(
-  parameter int Width = 640,  // of the panel, in pixels
-  parameter int Height = 480,
-  parameter bit Scene = 1'b0  // BLOCK and BLOCKS are known
+  parameter int Width = 640,   // the panel's width in pixels
+  parameter int Height = 480,  // the panel's height in pixels
+  parameter bit Scene = 1'b0   // 1: the requests BLOCK and BLOCKS are supported
 ) (
   input  logic               clk_i,
   input  logic               rst_ni,
   input  logic [15:0]        epoch_i,
-  input  logic               open_i,        // a request may begin
+  input  logic               open_i,        // 1: the first byte of a request may be accepted
 
   input  logic               in_valid_i,
   output logic               in_ready_o,
@@ -29,11 +29,12 @@ module lipp_request_reader #(
   output logic                         done_o,
   input  logic                         next_i,
   output lipp_link_pkg::request_t      request_o,
-  output lipp_link_pkg::reply_status_e status_o,  // StatusOk, or why the request is refused
-  input  logic [7:0]                   word_at_i,
-  output logic [31:0]                  word_o,  // the word there, two clocks later
+  // StatusOk, or the reason for refusing the request
+  output lipp_link_pkg::reply_status_e status_o,
+  input  logic [7:0]                   word_at_i,  // index of a word to read
+  output logic [31:0]                  word_o,     // the word at word_at_i, two clocks later
 
-  output logic               tile_start_o,  // pulse: a tile starts; see request_o
+  output logic               tile_start_o,  // pulse: a tile starts, as request_o describes
   output logic               tile_empty_o,  // with tile_start_o: no data follow
   output logic               tile_valid_o,
   input  logic               tile_ready_i,
@@ -76,11 +77,11 @@ module lipp_request_reader #(
 
   // ---- words ----
   logic [31:0] words[256];
-  logic [31:0] read_q;       // a block RAM without its own output register is slow
-  logic [23:0] collected_q;  // the word's bytes so far
-  logic [1:0] byte_q;        // byte of the word being received
+  logic [31:0] read_q;       // gives the block RAM an output register, which makes its clock faster
+  logic [23:0] collected_q;  // bytes of the current word received so far
+  logic [1:0] byte_q;        // index of the byte being received within its word
   logic [31:0] word;
-  logic wide_q;              // a traced ray's pixel is more than its word
+  logic wide_q;              // a pixel coordinate of TRACE exceeds PixelBits bits
   assign word = {in_data_i, collected_q};
   logic collect_word, full;
   assign full = request_q.words[8];
@@ -193,7 +194,8 @@ module lipp_request_reader #(
             if (request_q.words == '0) request_q.odd <= word[0];
             if (!request_q.words[1]) wide_q <= wide_q || beyond_bits(word, PixelBits);
           end
-          if (full || (in_last_i && byte_q != 2'd3)) begin  // no room, or an incomplete word
+          // the memory is full, or the last word is incomplete
+          if (full || (in_last_i && byte_q != 2'd3)) begin
             status_q <= StatusLength;
             state_q <= refused;
           end else if (in_last_i) begin

@@ -1,20 +1,21 @@
 // SPDX-License-Identifier: Apache-2.0
 `default_nettype none
 
-/// Writes a block of 1024 bytes into a slot of the scene, and keeps the CRC-32 of each block.
+/// Writes a block of 1024 bytes into a texture slot of the scene, and stores each block's CRC-32.
 ///
-/// start_i copies slot and block; the build must have both. The block's words follow from a memory,
-/// word_i two clocks after word_at_o. A byte is written each clock, the low one of a word first:
-/// byte k of block n is byte 1024 n + k of the slot. done_o is a pulse 1030 clocks after start_i.
+/// start_i samples slot_i and block_i, which must exist in the build. The words of the block are
+/// then read from a memory: word_i is the word at word_at_o, two clocks later. One byte is written
+/// per clock, the low byte of a word first: byte k of block n is byte 1024 n + k of the slot.
+/// done_o is a pulse 1030 clocks after start_i.
 ///
-/// The table holds the CRC-32 of each block as it was written; 0 from start_i until the block is
-/// whole, and for one that was not written since the reset. Slot 15, the panel's curve, has the
-/// entries behind those of the last slot. Reset clears the table, an entry a clock: busy_o is high
-/// meanwhile, nothing may be started, and reads are undefined. read_crc_o(t) is the entry of
-/// read_slot_i and read_at_i at t - 2, as written before t - 2.
+/// A table stores the CRC-32 of each block's written bytes. An entry is 0 from start_i until its
+/// block is complete, and for a block that was not written since reset. The entries of slot 15, the
+/// panel's curve, follow those of the last slot. Reset clears the table, one entry per clock.
+/// busy_o is high meanwhile; start_i must be low then, and reads are undefined. read_crc_o(t) is
+/// the entry at read_slot_i(t - 2) and read_at_i(t - 2), as written before t - 2.
 module lipp_slot_loader #(
-  parameter int Slots = 5,    // 1 to 15
-  parameter int Blocks = 49   // of a slot: 1 to 256
+  parameter int Slots = 5,    // number of slots, 1 to 15
+  parameter int Blocks = 49   // number of blocks per slot, 1 to 256
 ) (
   input  logic        clk_i,
   input  logic        rst_ni,
@@ -26,7 +27,7 @@ module lipp_slot_loader #(
   input  logic [31:0] word_i,
   output logic        done_o,
 
-  output logic        write_o,       // to lipp_scene
+  output logic        write_o,       // write port of lipp_scene
   output logic [3:0]  write_slot_o,
   output logic [19:0] write_at_o,
   output logic [7:0]  write_data_o,
@@ -51,7 +52,7 @@ module lipp_slot_loader #(
     return slot == 4'd15 ? SlotBits'(Slots) : SlotBits'(slot);
   endfunction
 
-  // ---- bytes: byte_q is requested, its word comes two clocks later, then it is written ----
+  // ---- bytes: byte_q is requested, its word arrives two clocks later, then it is written ----
   logic [9:0] byte_q;
   logic asking_q, asking_q2, data_valid_q;
   logic [9:0] asked_at_q, at_q;
@@ -66,7 +67,7 @@ module lipp_slot_loader #(
     {write_at_o, write_data_o} <= {2'd0, block_q, at_q, word_i[8*at_q[1:0]+:8]};
   end
 
-  // ---- their CRC ----
+  // ---- the CRC of the bytes ----
   logic written_q, ended_q;
   logic [31:0] crc_q;
   always_ff @(posedge clk_i) begin
@@ -88,7 +89,8 @@ module lipp_slot_loader #(
   end
 
   // ---- the table ----
-  logic [AddressBits:0] cleared_q;  // number of cleared entries; the top bit: all
+  // number of cleared entries; the top bit means that all are cleared
+  logic [AddressBits:0] cleared_q;
   assign busy_o = !cleared_q[AddressBits];
   always_ff @(posedge clk_i or negedge rst_ni) begin
     if (!rst_ni) cleared_q <= '0;

@@ -1,21 +1,22 @@
 // SPDX-License-Identifier: Apache-2.0
 `default_nettype none
 
-/// Reads a range of the table of tiles as a stream of words.
+/// Reads a range of entries from the tile table as a stream of words.
 ///
-/// start_i begins. A word is taken from the table 4 clocks after its place was asked for.
+/// start_i starts the read. Each word is sampled 4 clocks after table_at_o has changed to its
+/// index.
 module lipp_table_reader (
   input  logic        clk_i,
   input  logic        rst_ni,
   input  logic        start_i,
-  input  logic [15:0] first_i,       // held until the last word was taken
-  input  logic [9:0]  count_i,       // 1 or more
+  input  logic [15:0] first_i,  // index of the first entry, stable until the last word is taken
+  input  logic [9:0]  count_i,  // number of entries, 1 or more
   output logic        word_valid_o,
   input  logic        word_ready_i,
   output logic [31:0] word_o,
 
   output logic [15:0] table_at_o,
-  input  logic [31:0] table_crc_i    // at most 3 clocks after its place
+  input  logic [31:0] table_crc_i    // entry at table_at_o, at most 3 clocks later
 );
 
   logic [9:0] at_q, remaining_q;

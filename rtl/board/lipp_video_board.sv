@@ -1,19 +1,22 @@
 // SPDX-License-Identifier: Apache-2.0
 `default_nettype none
 
-/// A whole board but for the cells of its FPGA's vendor: `lipp_board_with_sdram` on a serial line,
-/// its video as a panel's parallel signals or, with Dvi, as DVI's pairs of bits.
+/// A complete board except for the cells of the FPGA's vendor.
+///
+/// The module contains `lipp_board_with_sdram` with a serial line. Its video outputs are the
+/// panel's parallel signals and, with Dvi = 1, also bit pairs for DVI.
+///
+/// The module has three clocks. clk_i has the frequency ClockHz and is the pixel clock if Dvi = 1.
+/// shift_clk_i comes from the same source and is five times as fast as clk_i. mem_clk_i has the
+/// frequency MemoryHz and is unrelated to the others. Each clock has its own reset, made from the
+/// asynchronous rst_ni, such as a PLL's lock. The video is black while rst_ni is low, and
+/// afterwards until a frame is shown.
+///
+/// `lipp_sdram_controller` describes the SDRAM's pins, `lipp_board_lamps` the status LEDs.
 ///
 ///   rx_i -> lipp_board_with_sdram <-> pins of the SDRAM
 ///                     |
 ///                     +-> de_o, hsync_o, vsync_o, rgb_o -> lipp_dvi_out -> pair_o
-///
-/// Three clocks: clk_i of ClockHz, which with Dvi is the pixels'; shift_clk_i, five times clk_i,
-/// from the same source; mem_clk_i of MemoryHz, unrelated. Each has its reset from rst_ni, which is
-/// asynchronous, such as a PLL's lock: while it is low the video is black, and afterwards until a
-/// frame is shown.
-///
-/// The pins of the SDRAM are described at `lipp_sdram_controller`, the lamps at `lipp_board_lamps`.
 module lipp_video_board #(
   parameter bit Dvi = 1'b1,
   parameter int ClockHz = 25_000_000,
@@ -36,13 +39,13 @@ module lipp_video_board #(
   parameter int PadClocks = 2
 ) (
   input  logic            clk_i,
-  input  logic            shift_clk_i,   // used with Dvi
+  input  logic            shift_clk_i,   // used only with Dvi = 1
   input  logic            mem_clk_i,
   input  logic            rst_ni,
-  input  logic            clock_lost_i,  // level, of any clock: a clock was lost since power-up
-  input  logic [63:0]     identity_i,    // hash of panel and array
+  input  logic            clock_lost_i,  // asynchronous level: a clock was lost since power-up
+  input  logic [63:0]     identity_i,    // hash of the panel and the lenslet array
 
-  input  logic [15:0]     step_i,        // UART: bits per clock, times 65536
+  input  logic [15:0]     step_i,        // UART bits per clock, times 65536
   input  logic            rx_i,
   output logic            tx_o,
 
@@ -64,11 +67,11 @@ module lipp_video_board #(
   output logic            dq_oe_o,
   input  logic [lipp_sdram_pkg::WordBits-1:0] dq_i,
 
-  output logic            de_o,          // of clk_i, each value for a whole pixel
+  output logic            de_o,          // synchronous to clk_i; each value lasts a whole pixel
   output logic            hsync_o,
   output logic            vsync_o,
   output logic [23:0]     rgb_o,
-  output logic [3:0][1:0] pair_o         // of shift_clk_i
+  output logic [3:0][1:0] pair_o         // synchronous to shift_clk_i
 );
 
   logic rst_n, clock_lost, packet, error;

@@ -1,22 +1,23 @@
 // SPDX-License-Identifier: Apache-2.0
 `default_nettype none
 
-/// AXI4-Lite to APB4: a subordinate of 32-bit words in front of a completer, such as optics_block.
+/// AXI4-Lite to APB4 bridge: a subordinate with 32-bit words, for a completer such as optics_block.
 ///
-/// Each request is one APB4 access of the word at {address[AddressBits-1:2], 2'b00}; the low two
-/// bits are not read. PSTRB = WSTRB for a write, 0 for a read. PPROT is AWPROT or ARPROT. Answers:
+/// Each request becomes one APB4 access to the word at {address[AddressBits-1:2], 2'b00}. The two
+/// lowest address bits are ignored. PSTRB = WSTRB for a write and 0 for a read. PPROT = AWPROT for
+/// a write and ARPROT for a read. RDATA = PRDATA; RDATA is meaningless with the response SLVERR.
+///
+/// A write needs its address and its data, which may arrive in any order. If a write and a read are
+/// pending together, they are served in turn. Every output is a register.
+///
+/// Let the completer answer in the n-th clock of its access phase (n >= 1). The response is then
+/// valid n + 3 clocks after the request. Requests of one kind can follow each other every n + 2
+/// clocks. With alternating writes and reads, each request takes n + 1 clocks.
+///
+/// Responses:
 ///
 ///   PSLVERR = 0   OKAY
 ///   PSLVERR = 1   SLVERR
-///
-/// RDATA = PRDATA; beside SLVERR it means nothing.
-///
-/// A write needs its address and its data, which may come in any order. Where a write and a read
-/// wait, they take turns. Every output is a register.
-///
-/// With a completer that answers in the n-th clock of its access phase (n >= 1) the answer is valid
-/// n + 3 clocks after the request. Requests of one kind follow each other every n + 2 clocks;
-/// writes and reads together take n + 1 clocks each.
 module lipp_axil_to_apb #(
   parameter int AddressBits = 9
 ) (
@@ -25,7 +26,7 @@ module lipp_axil_to_apb #(
 
   input  logic                   s_axil_awvalid,
   output logic                   s_axil_awready,
-  input  logic [AddressBits-1:0] s_axil_awaddr,  // bytes
+  input  logic [AddressBits-1:0] s_axil_awaddr,  // byte address of the write
   input  logic [2:0]             s_axil_awprot,
   input  logic                   s_axil_wvalid,
   output logic                   s_axil_wready,
@@ -36,7 +37,7 @@ module lipp_axil_to_apb #(
   output logic [1:0]             s_axil_bresp,
   input  logic                   s_axil_arvalid,
   output logic                   s_axil_arready,
-  input  logic [AddressBits-1:0] s_axil_araddr,  // bytes
+  input  logic [AddressBits-1:0] s_axil_araddr,  // byte address of the read
   input  logic [2:0]             s_axil_arprot,
   output logic                   s_axil_rvalid,
   input  logic                   s_axil_rready,
@@ -59,8 +60,8 @@ module lipp_axil_to_apb #(
     $fatal(1, "lipp_axil_to_apb: AddressBits must be 3 to 32");
   end
 
-  // ---- a place for each part of a request ----
-  logic aw_d, aw_q, w_d, w_q, ar_d, ar_q;  // it is taken
+  // ---- one register for each part of a request ----
+  logic aw_d, aw_q, w_d, w_q, ar_d, ar_q;  // 1: the register of this channel is occupied
   logic [AddressBits-1:2] awaddr_q, araddr_q;
   logic [2:0] awprot_q, arprot_q;
   logic [31:0] wdata_q;
@@ -70,7 +71,7 @@ module lipp_axil_to_apb #(
   assign w_d = (w_q || (s_axil_wvalid && s_axil_wready)) && !start_write;
   assign ar_d = (ar_q || (s_axil_arvalid && s_axil_arready)) && !start_read;
 
-  // ---- an access starts when the place of its answer is free ----
+  // ---- an access starts when the register of its response is free ----
   logic done, free, write_may, read_may;
   assign done = m_apb_penable && m_apb_pready;
   assign free = !m_apb_psel || done;

@@ -1,22 +1,22 @@
 // SPDX-License-Identifier: Apache-2.0
 `default_nettype none
 
-/// The exit rays of optics_block to AXI4-Stream: one ray a transfer, a frame a packet.
+/// Converts the exit rays of optics_block to AXI4-Stream: each ray is a transfer, each frame a
+/// packet.
 ///
-/// A transfer is eight words of 32 bits, little-endian, in C
-/// struct { int16_t i, j; uint32_t status; int32_t x, y, z, dx, dy, dz; }:
+/// A transfer has eight little-endian words of 32 bits. Its layout equals the C type struct {
+/// int16_t i, j; uint32_t status; int32_t x, y, z, dx, dy, dz; }. All bytes are data (tkeep = '1).
+/// The latency is 1 clock, and the throughput is one ray per clock. Every output is a register or a
+/// constant. R is the radius of the dome. The fields are:
 ///
-///   tdata[ 15:  0], tdata[ 31: 16]   i, j of the lenslet that the ray leaves through, signed
-///   tdata[ 63: 32]                   status, the ray's fate: ray_status_e
-///   tdata[ 95: 64], [127: 96], [159:128]   x, y, z of the origin from its centre, signed
-///   tdata[191:160], [223:192], [255:224]   dx, dy, dz of the unit direction, signed
+///   tdata[ 15:  0], tdata[ 31: 16]   signed indices i, j of the lenslet that the ray exits
+///   tdata[ 63: 32]                   status of the ray, as in ray_status_e
+///   tdata[ 95: 64], [127: 96], [159:128]   signed origin x, y, z, relative to the lenslet's centre
+///   tdata[191:160], [223:192], [255:224]   signed unit direction dx, dy, dz
 ///   tuser                            1: the first ray of its frame
 ///   tlast                            1: the last ray of its frame
 ///
-///   origin = 2^-(F+1) R (x, y, z) mm, R the dome's radius;   direction = 2^-(F+1) (dx, dy, dz)
-///
-/// All bytes are data (tkeep = '1). A ray leaves 1 clock after it came; a ray passes each clock.
-/// Every output is a register, or a constant.
+///   origin = 2^-(F+1) R (x, y, z) mm;   direction = 2^-(F+1) (dx, dy, dz)
 module lipp_axis_from_rays #(
   parameter int F = 23
 ) (

@@ -1,21 +1,20 @@
 // SPDX-License-Identifier: Apache-2.0
 `default_nettype none
 
-/// AXI4-Stream to the rays of optics_block with source = stream: one ray a transfer, a frame a
-/// packet.
+/// Converts AXI4-Stream to rays for optics_block whose source is the stream: each transfer is a
+/// ray, each packet a frame.
 ///
-/// A transfer holds four signed words of 32 bits, little-endian, each sign-extended from its width:
+/// All bytes are data (tkeep = '1). The latency is 1 clock, and the throughput is one ray per
+/// clock. Every output is a register. A transfer has four signed little-endian words of 32 bits,
+/// each sign-extended from n bits. The upper bits of a word are ignored: w = ((word + 2^(n-1)) mod
+/// 2^n) - 2^(n-1). The fields are:
 ///
-///   tdata[ 31:  0]   u in 2^-4 pixels to the right of the panel's centre       18 bits
-///   tdata[ 63: 32]   v in 2^-4 pixels upwards                                  18 bits
-///   tdata[ 95: 64]   a in 2^-F pitches along the rows, the aperture point      F + 2 bits
-///   tdata[127: 96]   b in 2^-F row distances                                   F + 2 bits
+///   tdata[ 31:  0]   u in 2^-4 pixels to the right of the panel's centre       n = 18
+///   tdata[ 63: 32]   v in 2^-4 pixels above the panel's centre                 n = 18
+///   tdata[ 95: 64]   a of the aperture point, in 2^-F pitches along the rows   n = F + 2
+///   tdata[127: 96]   b of the aperture point, in 2^-F row distances            n = F + 2
 ///   tuser            1: the first ray of its frame
-///   tlast            1: the last ray of its frame, without which no apply takes effect
-///
-/// The upper bits of a word are not read: w = ((word + 2^(n-1)) mod 2^n) - 2^(n-1) for n bits. All
-/// bytes are data (tkeep = '1). A ray leaves 1 clock after it came; a ray passes each clock. Every
-/// output is a register.
+///   tlast            1: the last ray of its frame; without it no apply takes effect
 module lipp_axis_to_rays #(
   parameter int F = 23
 ) (

@@ -1,18 +1,18 @@
 // SPDX-License-Identifier: Apache-2.0
 `default_nettype none
 
-/// First in, first out, between two unrelated clocks; valid/ready streams on both sides.
+/// FIFO between two unrelated clocks, with valid/ready streams on both sides.
 ///
-/// The FIFO holds 2^AddressBits words and one more at the output. A word written into an empty FIFO
-/// is valid at the output after Stages + 1 rising edges of out_clk_i; a place that was read is free
-/// for the writer after Stages + 1 rising edges of in_clk_i. With 16 places or more, Stages = 2 and
-/// clocks of one frequency, a word passes each clock. Reset both sides together; in_ready_o is low
-/// during reset.
+/// The FIFO stores 2^AddressBits words in its memory and one more word in its output register. A
+/// word that is written into an empty FIFO is valid at the output after Stages + 1 rising edges of
+/// out_clk_i. An entry that was read is free for the writer after Stages + 1 rising edges of
+/// in_clk_i. With 16 or more entries, Stages = 2 and equal clock frequencies, the throughput is one
+/// word per clock. Both sides must be reset together; in_ready_o is low during reset.
 ///
-/// Each side counts its words in Gray code, of which one bit changes at a time: the other side
-/// reads the count before a change or after it, whenever it looks. So it sees too few words or too
-/// few places for a while, and never too many. The Gray code of the next count is there a clock
-/// before it is needed: no sum is in the way from a word to a count.
+/// Each side counts its words in Gray code, which changes one bit at a time. The other side
+/// therefore samples either the old or the new count, never a wrong one. For a while a side may see
+/// fewer words or fewer free entries than there are, but never more. The Gray code of the next
+/// count is computed one clock in advance, so that no adder is in the path between two counts.
 module lipp_async_fifo #(
   parameter int Width = 8,
   parameter int AddressBits = 4,
@@ -35,7 +35,7 @@ module lipp_async_fifo #(
     $fatal(1, "lipp_async_fifo: Width must be 1 or more and AddressBits 2 or more");
   end
 
-  localparam int C = AddressBits + 1;  // counts modulo twice the places
+  localparam int C = AddressBits + 1;  // counts are modulo twice the number of entries
 
   logic [Width-1:0] words[1 << AddressBits];
   logic [C-1:0] written_q, written_gray_q, written_next_q, written_after, written_gray;
@@ -46,7 +46,8 @@ module lipp_async_fifo #(
   assign in_ready_o = open_q;
   assign write = in_valid_i && in_ready_o;
   assign written_after = written_q + C'(2);
-  // Full: the counts differ by the number of places, in Gray code by the two highest bits.
+  // Full: the counts differ by the number of entries. In Gray code this inverts the two highest
+  // bits.
   logic [C-1:0] full;
   assign full = read_gray ^ (C'(3) << (AddressBits - 1));
   always_ff @(posedge in_clk_i or negedge in_rst_ni) begin
@@ -87,7 +88,7 @@ module lipp_async_fifo #(
   end
   always_ff @(posedge out_clk_i) if (read) out_data_o <= words[read_q[AddressBits-1:0]];
 
-  // ---- counts to the other side: registers of Gray code, bit by bit ----
+  // ---- synchronizers for each bit of the Gray-coded counts ----
   for (genvar k = 0; k < C; k++) begin : gen_bit
     lipp_bit_sync #(.Stages(Stages)) i_written (
       .clk_i(out_clk_i), .rst_ni(out_rst_ni), .d_i(written_gray_q[k]), .q_o(written_gray[k])

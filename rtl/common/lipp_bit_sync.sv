@@ -1,12 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
 `default_nettype none
 
-/// Brings a bit of another clock, or of a pin, to this clock.
+/// Synchronizes one bit, from another clock or from a pin, to clk_i.
 ///
-/// q_o follows d_i with the Stages-th rising edge after a change, or one later if the change was at
-/// an edge: a latency of Stages - 1 to Stages + 1 clocks. A level that is shorter than a clock may
-/// be lost. The registers in a row give a metastable first one the time to settle. For one bit
-/// only: bits brought over side by side may arrive in different clocks; see `lipp_async_fifo` for
+/// q_o follows d_i at the Stages-th rising edge after a change, or one edge later if d_i changes at
+/// an edge. The latency is Stages - 1 to Stages + 1 clocks. A pulse shorter than one clock may be
+/// lost. The chain of registers gives a metastable first register time to settle. Use this module
+/// for single bits only: several bits may arrive in different clocks. `lipp_async_fifo` transfers
 /// words.
 module lipp_bit_sync #(
   parameter int Stages = 2,
@@ -22,7 +22,7 @@ module lipp_bit_sync #(
     $fatal(1, "lipp_bit_sync: Stages must be 2 or more");
   end
 
-  // Not to be moved, merged or made a shift register.
+  // Synthesis must not move or merge these registers, nor turn them into a shift register.
   (* async_reg = "true", keep = "true" *) logic [Stages-1:0] stage_q;
   assign q_o = stage_q[Stages-1];
   always_ff @(posedge clk_i or negedge rst_ni) begin

@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 `default_nettype none
 
-/// Delays a word by 5 or more cycles: q(t) = d(t - Cycles). Used for long delays.
+/// Delays a word by 5 or more clocks: q(t) = d(t - Cycles). This module is for long delays.
 ///
-/// Behaves as `lipp_ring`. It is a separate module so that synthesis for an FPGA family can replace
-/// it by block memory (rtl/ecp5/).
+/// It behaves like `lipp_ring`. It is a separate module so that synthesis for an FPGA family can
+/// replace it by block memory (rtl/ecp5/).
 module lipp_block_ring #(
   parameter int Width = 1,
   parameter int Cycles = 5

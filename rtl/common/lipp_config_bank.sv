@@ -1,12 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
 `default_nettype none
 
-/// Double-buffered configuration: config_o, the copy in use, changes only while nothing uses it.
+/// Double-buffered configuration: the active copy config_o changes only while no module uses it.
 ///
-/// apply_i requests a new copy of config_i. The copy is made as soon as idle_i is high; busy_o is
-/// high until then. While busy_o is high nothing may start to use config_o, so that idle_i stays
-/// high until the copy is made. hold_o is busy_o of the next clock: whoever lets users in can have
-/// a register for it. Reset requests a copy.
+/// apply_i requests a new copy of config_i. The copy is made as soon as idle_i is high, and busy_o
+/// is high until then. While busy_o is high, no module may start to use config_o, so that idle_i
+/// stays high until the copy is made. hold_o is the value of busy_o in the next clock, for a module
+/// that must register it. Reset also requests a copy.
 module lipp_config_bank #(
   parameter int Width = 32
 ) (
@@ -14,7 +14,7 @@ module lipp_config_bank #(
   input  logic             rst_ni,
   input  logic [Width-1:0] config_i,
   input  logic             apply_i,
-  input  logic             idle_i,    // nothing uses config_o
+  input  logic             idle_i,    // no module uses config_o
   output logic             busy_o,
   output logic             hold_o,
   output logic [Width-1:0] config_o
@@ -25,7 +25,7 @@ module lipp_config_bank #(
   end
 
   logic pending_q;
-  logic copy_q;  // a separate register, since it drives every bit
+  logic copy_q;  // a separate register, because it drives the enable of every bit
   logic [Width-1:0] config_q;
   assign busy_o = pending_q;
   assign hold_o = apply_i || (pending_q && !copy_q);

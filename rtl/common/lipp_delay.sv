@@ -1,13 +1,14 @@
 // SPDX-License-Identifier: Apache-2.0
 `default_nettype none
 
-/// Delays a word by a fixed number of cycles: q(t) = d(t - Cycles).
+/// Delays a word by a fixed number of clocks: q(t) = d(t - Cycles).
 ///
-/// Longer delays are ring buffers, in distributed memory or, if large, in block memory: a simulator
-/// touches few words a cycle, and synthesis infers memories instead of chains of registers.
+/// Longer delays are ring buffers in distributed memory, or in block memory if they are large. With
+/// ring buffers a simulator updates only a few words per clock, and synthesis infers memories
+/// instead of long chains of registers.
 module lipp_delay #(
-  parameter int Width = 1,   // bits of the word
-  parameter int Cycles = 1,  // latency, 0 or more
+  parameter int Width = 1,   // number of bits of the word
+  parameter int Cycles = 1,  // latency in clocks, 0 or more
   parameter bit Block = 1'b1 // 0: no block memory, but rings in series
 ) (
   input  logic             clk_i,
@@ -16,7 +17,7 @@ module lipp_delay #(
 );
 
   localparam int LongestChain = 5;
-  localparam int LongestRing = 17;  // 16 places: the depth of an FPGA's distributed memory
+  localparam int LongestRing = 17;  // 16 entries, the depth of an FPGA's distributed memory
 
   if (Width < 1 || Cycles < 0) begin : gen_illegal
     $fatal(1, "lipp_delay: Width must be 1 or more and Cycles 0 or more");
@@ -37,7 +38,7 @@ module lipp_delay #(
   end else if (Cycles <= LongestRing) begin : gen_ring
     lipp_ring #(.Width(Width), .Cycles(Cycles)) i_ring (.clk_i, .d_i, .q_o);
   end else if (!Block) begin : gen_rings
-    // As few as do, all nearly of one length.
+    // The minimum number of rings, with lengths that differ by at most one.
     localparam int Rings = (Cycles + LongestRing - 1) / LongestRing;
     for (genvar k = 0; k < Rings; k++) begin : gen_part
       logic [Width-1:0] d, q;

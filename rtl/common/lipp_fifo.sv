@@ -1,26 +1,26 @@
 // SPDX-License-Identifier: Apache-2.0
 `default_nettype none
 
-/// First in, first out, with a valid/ready stream at its output.
+/// FIFO with a valid/ready stream at its output.
 ///
-/// The FIFO holds 2^AddressBits words; the writer must know that there is room. The output stays
-/// valid and stable until the word is taken, and can give a word each clock. A word written into an
-/// empty FIFO is at the output after 4 clocks.
+/// The FIFO stores 2^AddressBits words. The writer must write only while there is room. The output
+/// stays valid and stable until its word is taken. The throughput is one word per clock. A word
+/// that is written into an empty FIFO is valid at the output after 4 clocks.
 ///
-/// The memory has a latency of two clocks. A read starts only while fewer than 4 words are on the
-/// way from the memory or in the 4 places at the output, so that each has a place when it arrives.
-/// Both conditions are registered, since the path from the counters to the memory's address is
-/// long.
+/// The memory has a latency of two clocks. The output has 4 registers for words read from the
+/// memory. A read starts only while fewer than 4 words are in the output registers or on their way
+/// to them, so that each word finds a free register. Both conditions for a read are registered,
+/// because the path from the counters to the memory's address is long.
 module lipp_fifo #(
   parameter int Width = 36,
   parameter int AddressBits = 9
 ) (
   input  logic             clk_i,
   input  logic             rst_ni,
-  input  logic             write_i,  // data_i goes in; only while there is room
+  input  logic             write_i,  // writes data_i; allowed only while there is room
   input  logic [Width-1:0] data_i,
-  output logic             valid_o,  // data_o is the oldest word
-  input  logic             ready_i,  // it is taken
+  output logic             valid_o,  // data_o is the oldest word of the FIFO
+  input  logic             ready_i,  // the oldest word is taken
   output logic [Width-1:0] data_o
 );
 
@@ -29,8 +29,8 @@ module lipp_fifo #(
   end
 
   logic [AddressBits-1:0] write_at_q, read_at_q;
-  logic [AddressBits:0] stored_q;  // words in the memory that are not yet being read
-  logic [1:0] reads_q;             // reads on the way
+  logic [AddressBits:0] stored_q;  // words in the memory whose read has not started
+  logic [1:0] reads_q;             // reads that are on their way through the memory
   logic [2:0] level_q, level_d;      // words read or being read, not yet taken
   logic some_q, some_d;            // stored_q != 0
   logic free_q;                    // level_q < 4
@@ -48,7 +48,7 @@ module lipp_fifo #(
     .read_at_i(read_at_q), .read_data_o(read_data)
   );
 
-  // ---- places at the output ----
+  // ---- the registers at the output ----
   logic [Width-1:0] place_q[4];
   logic [1:0] fill_at_q, drain_at_q;
   logic [2:0] ready_words_q;

@@ -3,20 +3,21 @@
 
 /// Adds valid/ready handshakes to a pipeline that never stalls.
 ///
-/// A ray is accepted only if the FIFO behind the pipeline has room for it, and that room is
+/// A ray is accepted only if the FIFO behind the pipeline has a free entry, and that entry is
 /// reserved at once. The ray leaves the pipeline Latency clocks later and enters the FIFO. The
-/// pipeline needs no enable, and back-pressure inserts no bubbles: 2^AddressBits rays, more than
-/// Latency, fit into pipeline and FIFO.
+/// pipeline needs no enable, and back-pressure inserts no bubbles. Pipeline and FIFO together
+/// contain at most 2^AddressBits rays, which must be more than Latency.
 ///
-/// hold_i closes the input in the next clock: ready_o is a register. idle_o: no ray is in the
-/// pipeline or in the FIFO, so that the pipeline's configuration may change. A ray that comes is
-/// counted a clock later, one that leaves two clocks later: the ways from valid_i and ready_i end
-/// in registers, and the output may be far away. idle_o falls with a ray that comes, and rises
-/// three clocks after the last one left.
+/// hold_i closes the input in the next clock, because ready_o is a register. idle_o is high while
+/// no ray is in the pipeline or in the FIFO, so that the pipeline's configuration may change. The
+/// counter of rays is registered: an accepted ray counts one clock later, a ray that leaves counts
+/// two clocks later. Thereby the paths from valid_i and ready_i end in registers, and the output
+/// may be far away on the FPGA. idle_o falls one clock after a ray is accepted, and rises three
+/// clocks after the last ray has left.
 module lipp_flow_control #(
   parameter int Latency = 100,
   parameter int AddressBits = 9,
-  parameter int Width = 36      // bits of a ray that leaves the pipeline
+  parameter int Width = 36      // number of bits of a ray that leaves the pipeline
 ) (
   input  logic             clk_i,
   input  logic             rst_ni,
@@ -24,7 +25,7 @@ module lipp_flow_control #(
   output logic             idle_o,
   input  logic             valid_i,
   output logic             ready_o,
-  input  logic [Width-1:0] piped_i,  // from the pipeline, Latency clocks after its ray went in
+  input  logic [Width-1:0] piped_i,  // ray from the pipeline, Latency clocks after it was accepted
   output logic             valid_o,
   input  logic             ready_i,
   output logic [Width-1:0] data_o
@@ -36,9 +37,9 @@ module lipp_flow_control #(
     $fatal(1, "lipp_flow_control: Latency must be 1 to 10 less than the FIFO's places");
   end
 
-  logic [AddressBits:0] reserved_q, reserved_d;  // rays with a reserved place
-  logic accept, entered;                   // entered: in the last clock
-  logic [1:0] departed_q;                      // a ray left, one and two clocks ago
+  logic [AddressBits:0] reserved_q, reserved_d;  // number of reserved entries
+  logic accept, entered;                         // a ray was accepted in the last clock
+  logic [1:0] departed_q;                        // bit k: a ray left k + 1 clocks ago
 
   assign accept = valid_i && ready_o;
   assign reserved_d = reserved_q + (AddressBits + 1)'(entered) - (AddressBits + 1)'(departed_q[1]);
@@ -53,13 +54,14 @@ module lipp_flow_control #(
       reserved_q <= reserved_d;
       departed_q <= {departed_q[0], valid_o && ready_i};
       idle_o <= reserved_q == '0 && !entered && !accept;
-      // Two places are spare, for rays that are accepted while this is being computed.
+      // Two entries are spare for rays that are accepted while ready_o is being computed.
       ready_o <= reserved_q < (AddressBits + 1)'(Room - 2) && !hold_i;
     end
   end
 
-  // ---- stages that hold a ray, 64 to a register: a simulator shifts these in one operation ----
-  localparam int Held = Latency < 1 ? 1 : Latency;  // 1: for $fatal of an illegal one
+  // ---- a valid bit per stage, 64 in a register, which a simulator shifts in one operation ----
+  // 1 keeps an illegal Latency legal here, so that its $fatal is reached
+  localparam int Held = Latency < 1 ? 1 : Latency;
   localparam int Marks = (Held + 63) / 64;
   for (genvar k = 0; k < Marks; k++) begin : gen_marks
     localparam int Stages = Held - 64 * k < 64 ? Held - 64 * k : 64;

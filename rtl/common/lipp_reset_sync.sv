@@ -1,16 +1,16 @@
 // SPDX-License-Identifier: Apache-2.0
 `default_nettype none
 
-/// Makes a clock's reset of an asynchronous one: it begins at once and ends with the clock.
+/// Makes a reset for clk_i from an asynchronous reset: it starts at once and ends synchronously.
 ///
-/// rst_no falls with rst_ni, also while the clock stands still, and rises with the Stages-th rising
-/// edge after rst_ni has risen, or one later if that was at an edge. So all registers leave reset
-/// in the same clock.
+/// rst_no falls together with rst_ni, even while the clock is stopped. rst_no rises at the
+/// Stages-th rising edge after rst_ni has risen, or one edge later if rst_ni rises at an edge.
+/// Therefore all registers leave reset in the same clock.
 module lipp_reset_sync #(
   parameter int Stages = 2
 ) (
   input  logic clk_i,
-  input  logic rst_ni,  // asynchronous, such as a pin or a PLL's lock
+  input  logic rst_ni,  // asynchronous reset, such as a pin or a PLL's lock
   output logic rst_no
 );
 
@@ -18,8 +18,9 @@ module lipp_reset_sync #(
     $fatal(1, "lipp_reset_sync: Stages must be 2 or more");
   end
 
-  // Not to be moved, merged or made a shift register. High in reset, as many cells want it: there
-  // the inverter at the output meets theirs, and both vanish.
+  // Synthesis must not move or merge these registers, nor turn them into a shift register. They are
+  // high in reset, because many cells have an active-high reset: the inverter at the output and the
+  // inverter of the cell then cancel.
   (* async_reg = "true", keep = "true" *) logic [Stages-1:0] stage_q;
   always_ff @(posedge clk_i or negedge rst_ni) begin
     if (!rst_ni) stage_q <= '1;

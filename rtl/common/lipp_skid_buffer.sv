@@ -1,12 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
 `default_nettype none
 
-/// Registers between two valid/ready streams, so that no path leads through: a word leaves 1 clock
-/// after it came, and a word passes each clock.
+/// Registers both directions of a valid/ready stream, so that no combinational path leads through.
 ///
-/// in_ready_o is a register too, and so one clock late: the word that comes in that clock waits in
-/// a second place. in_ready_o is low during reset. clear_i drops the words inside and the one that
-/// comes in: from the next clock on the buffer is empty and ready.
+/// The latency is 1 clock, and the throughput is one word per clock. in_ready_o is a register and
+/// therefore one clock late. A word that arrives in that clock waits in a second register.
+/// in_ready_o is low during reset. clear_i drops the stored words and the incoming word: from the
+/// next clock on the buffer is empty and ready.
 module lipp_skid_buffer #(
   parameter int Width = 8
 ) (
@@ -25,8 +25,8 @@ module lipp_skid_buffer #(
     $fatal(1, "lipp_skid_buffer: Width must be 1 or more");
   end
 
-  logic into, move;       // a word comes in; the output's place is free for the next one
-  logic spare_d, spare_q; // a word is in the second place
+  logic into, move;       // a word arrives; the output register is free for the next word
+  logic spare_d, spare_q; // a word is in the second register
   logic [Width-1:0] spare_data_q;
   assign into = in_valid_i && in_ready_o;
   assign move = !out_valid_o || out_ready_i;

@@ -1,10 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
 `default_nettype none
 
-/// Joins words of a stream, Parts at a time, into wider ones: the first word is the highest part.
+/// Joins each group of Parts words of a stream into one wide word. The first word of a group
+/// becomes the highest part.
 ///
-/// A wide word leaves the clock after its last part came; a part passes each clock. in_ready_o
-/// follows out_ready_i in the same clock.
+/// A wide word is valid one clock after its last part arrived. The throughput is one part per
+/// clock. in_ready_o follows out_ready_i in the same clock.
 module lipp_word_join #(
   parameter int Width = 16,
   parameter int Parts = 3

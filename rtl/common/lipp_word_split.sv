@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 `default_nettype none
 
-/// Splits the words of a stream into Parts narrower ones each, the highest part first.
+/// Splits each word of a stream into Parts narrower words, the highest part first.
 ///
-/// A part passes each clock and with no latency: the wide word waits at the input until its last
-/// part is taken.
+/// The throughput is one part per clock, and the latency is 0. The wide word stays at the input
+/// until its last part is taken.
 module lipp_word_split #(
   parameter int Width = 16,
   parameter int Parts = 3
@@ -24,7 +24,7 @@ module lipp_word_split #(
   end
 
   localparam int C = $clog2(Parts);
-  logic [C-1:0] part_q;  // parts that are still to follow this one
+  logic [C-1:0] part_q;  // number of parts that follow this one
   logic last;
   assign last = part_q == '0;
   assign out_valid_o = in_valid_i;

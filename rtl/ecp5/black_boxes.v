@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 `default_nettype none
 
-/// Ports of ECP5's multiplier cell, as a black box; place-and-route knows the rest.
+/// Ports of ECP5's multiplier cell. The cell is a black box, which place-and-route fills in.
 module MULT18X18D #(
   parameter REG_INPUTA_CLK = "NONE",
   parameter REG_INPUTA_CE = "NONE",
@@ -27,7 +27,7 @@ module MULT18X18D #(
 );
 endmodule
 
-/// Ports of ECP5's carry cell: two bits of a sum.
+/// Ports of ECP5's carry cell, which adds two bits.
 module CCU2C #(
   parameter [15:0] INIT0 = 16'h0000,
   parameter [15:0] INIT1 = 16'h0000,
@@ -89,14 +89,14 @@ module EHXPLLL #(
 );
 endmodule
 
-/// Ports of ECP5's cell that sends a bit at each edge of a clock: D0 while it is high.
+/// Ports of ECP5's DDR output cell. It sends D0 while the clock is high and D1 while it is low.
 module ODDRX1F (
   input SCLK, RST, D0, D1,
   output Q
 );
 endmodule
 
-/// Ports of ECP5's registers at a pad: out with power-up value 1, out with 0, in.
+/// Ports of ECP5's pad registers: output with power-up value 1, output with 0, and input.
 module OFS1P3BX (
   input SCLK, SP, PD, D,
   output Q
@@ -115,7 +115,7 @@ module IFS1P3DX (
 );
 endmodule
 
-/// Ports of ECP5's pad of both directions.
+/// Ports of ECP5's bidirectional pad.
 module BB (
   input I, T,
   output O,

@@ -3,11 +3,11 @@
 
 /// `lipp_block_ring` in ECP5's block memory.
 ///
-/// Same ports and behaviour as rtl/common/lipp_block_ring.sv. A word is read Cycles - 3 clocks
-/// after it was written; the memory has a latency of two, and an output register adds one. No
-/// address is read and written in the same clock. The read address follows from the write address,
-/// so that the initial address does not matter after a clock. The hierarchy is kept in synthesis:
-/// merged rings would share their counters.
+/// Ports and behaviour are those of rtl/common/lipp_block_ring.sv. A word is read Cycles - 3 clocks
+/// after it was written. The memory has a latency of two clocks, and an output register adds one.
+/// No address is read and written in the same clock. The read address is derived from the write
+/// address, so the initial address does not matter after one clock. The hierarchy is kept in
+/// synthesis, because merged rings would share their counters.
 (* keep_hierarchy *)
 module lipp_block_ring #(
   parameter int Width = 1,
@@ -18,7 +18,7 @@ module lipp_block_ring #(
   output logic [Width-1:0] q_o
 );
 
-  // At least 3, so that elaboration reaches the error message of an illegal Cycles.
+  // PlaceBits is at least 3, so that elaboration reaches the error message for an illegal Cycles.
   localparam int PlaceBits = Cycles > 8 ? $clog2(Cycles) : 3;
 
   if (Width < 1 || Cycles < 5) begin : gen_illegal
@@ -26,7 +26,7 @@ module lipp_block_ring #(
   end
 
   logic [PlaceBits-1:0] write_at_q, read_at_q;
-  initial write_at_q = '0;  // for simulators whose registers start unknown
+  initial write_at_q = '0;  // for simulators that start with unknown register values
   always_ff @(posedge clk_i) write_at_q <= write_at_q + 1'b1;
   always_ff @(posedge clk_i) read_at_q <= write_at_q - PlaceBits'(Cycles - 4);
 

@@ -1,11 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
 `default_nettype none
 
-/// `lipp_gated_sum` in ECP5's carry cells, a cell for two bits, the gates included.
+/// `lipp_gated_sum` in ECP5's carry cells: each cell adds two bits and includes their gates.
 ///
-/// Same ports and behaviour as rtl/math/lipp_gated_sum.sv. A cell's tables hold (A & B) ^ (C & D):
-/// what a bit adds to the carry. Their four lowest entries are A & B too, the carry that a bit
-/// makes. The cell is a black box to yosys.
+/// Ports and behaviour are those of rtl/math/lipp_gated_sum.sv. The lookup table of each bit
+/// contains (A & B) ^ (C & D), the bit's contribution to the sum. The four lowest entries of the
+/// table are A & B, the carry that the bit generates. The cell is a black box to yosys.
 module lipp_gated_sum #(
   parameter int W = 18
 ) (

@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 `default_nettype none
 
-/// `lipp_mult18` in ECP5's multiplier cell; all three ranks of its registers are used.
+/// `lipp_mult18` in ECP5's multiplier cell, with all three of its register stages in use.
 ///
-/// Same ports and behaviour as rtl/math/lipp_mult18.sv. The cell is a black box to yosys.
+/// Ports and behaviour are those of rtl/math/lipp_mult18.sv. The cell is a black box to yosys.
 module lipp_mult18 (
   input  logic               clk_i,
   input  logic signed [17:0] a_i,

@@ -1,10 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
 `default_nettype none
 
-/// `lipp_row_multiplier` in ECP5's multiplier cell and carry chains: digits of four bits, two sums
-/// of digits, the cross terms' sum, and the cell's product with it, a clock each.
+/// `lipp_row_multiplier` in ECP5's multiplier cell and carry chains.
 ///
-/// Same ports and behaviour as rtl/math/lipp_row_multiplier.sv.
+/// Ports and behaviour are those of rtl/math/lipp_row_multiplier.sv. The pipeline has a stage for
+/// the digits of four bits, two stages that add the digits, a stage that adds the cross terms, and
+/// a stage that adds this sum to the product of the multiplier cell.
 module lipp_row_multiplier #(
   parameter int Wa = 18,
   parameter int Wb = 18,
@@ -21,7 +22,7 @@ module lipp_row_multiplier #(
 
   localparam int La = low_bits(Wa);
   localparam int Lb = low_bits(Wb);
-  localparam int Wha = Wa - La;  // bits of the upper parts
+  localparam int Wha = Wa - La;  // number of bits of the upper part
   localparam int Whb = Wb - Lb;
 
   if (Wa < 3 || Wb < 3 || Wa > 32
@@ -46,7 +47,7 @@ module lipp_row_multiplier #(
     logic unused_low;
     assign unused_low = ^upper;
   end else begin : gen_split
-    // Both cross terms in units of 2^Lc.
+    // Both cross terms are in units of 2^Lc.
     localparam int Lc = La == 0 || Lb == 0 ? 0 : La < Lb ? La : Lb;
     localparam int Wc = MulBits + La + Lb - Lc + 2;
     logic signed [Wc-1:0] al_bh, ah_bl, cross_q;

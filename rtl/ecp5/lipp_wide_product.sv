@@ -1,11 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
 `default_nettype none
 
-/// `lipp_wide_product` in ECP5's multiplier cells: one for the upper parts, one for each cross
-/// term, all with their own registers.
+/// `lipp_wide_product` in ECP5's multiplier cells: one cell for the upper parts, one for each cross
+/// term.
 ///
-/// Same ports and behaviour as rtl/math/lipp_wide_product.sv. One more register, before the cells,
-/// shortens the operands' path.
+/// Ports and behaviour are those of rtl/math/lipp_wide_product.sv. Each cell uses its own
+/// registers. An additional register before the cells shortens the path of the operands.
 module lipp_wide_product #(
   parameter int Wa = 18,
   parameter int Wb = 18,
@@ -22,7 +22,7 @@ module lipp_wide_product #(
 
   localparam int La = low_bits(Wa);
   localparam int Lb = low_bits(Wb);
-  localparam int Cells = 4;  // the register before the cell, and the cell's own
+  localparam int Cells = 4;  // clocks of the register before the cell and of the cell's registers
   localparam int Wc = Wa + Wb + 1;
 
   logic signed [Wa-1:0] a_q;

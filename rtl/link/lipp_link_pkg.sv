@@ -1,24 +1,26 @@
 // SPDX-License-Identifier: Apache-2.0
 `default_nettype none
 
-/// The protocol's numbers, and CRC-32 (IEEE, as zlib.crc32).
+/// Constants of the link's protocol, and functions for its CRC-32 (IEEE, as zlib.crc32).
 ///
-/// A packet before COBS, little-endian: type u8, seq u16, body, CRC-32 u32 of all before it. The
-/// state of a CRC starts as all ones, and the CRC is the complement of the state.
+/// A packet before COBS encoding is little-endian: type u8, seq u16, body, and a CRC-32 u32 of all
+/// bytes before it. The initial state of the CRC is all ones. The CRC is the complement of its
+/// final state.
 package lipp_link_pkg;
-  // Most modules use only some of these.
+  // Most modules use only a part of these constants.
   /* verilator lint_off UNUSEDPARAM */
 
-  /// Bytes of a packet before COBS, its CRC included.
+  // minimum number of bytes of a packet before COBS encoding, with CRC
   localparam int MinPacket = 7;
+  // maximum number of bytes of a packet before COBS encoding, with CRC
   localparam int MaxPacket = 3200;
-  localparam int LengthBits = $clog2(MaxPacket + 2);  // MaxPacket + 1 fits too
+  localparam int LengthBits = $clog2(MaxPacket + 2);  // large enough for MaxPacket + 1
 
-  /// Words of a block of a scene's texels: 1024 bytes.
+  /// Number of words in a block of a scene's texels, 1024 bytes.
   localparam int BlockWords = 256;
 
   localparam logic [31:0] CrcStart = '1;
-  /// The state after any bytes followed by their own CRC.
+  /// State of the CRC after any bytes followed by their own CRC.
   localparam logic [31:0] CrcResidue = 32'hdebb_20e3;
 
   typedef enum logic [7:0] {
@@ -32,55 +34,56 @@ package lipp_link_pkg;
     RequestSign = 8'h08,
     RequestAbort = 8'h09,
     RequestReset = 8'h0a,
-    RequestBlock = 8'h0b,  // these two: of boards with a scene
+    RequestBlock = 8'h0b,  // BLOCK and BLOCKS need a board with a scene
     RequestBlocks = 8'h0c
   } request_e;
 
-  /// A reply's type is the request's with this bit set.
+  /// The type of a reply is the type of its request with this bit set.
   localparam logic [7:0] ReplyBit = 8'h80;
 
-  /// The result of a request: the first byte of a reply's body.
+  /// Status of a request, the first byte of a reply's body.
   typedef enum logic [7:0] {
     StatusOk = 8'd0,
-    StatusUnknown = 8'd1,   // type of request
-    StatusLength = 8'd2,    // wrong for the type
-    StatusAddress = 8'd3,   // no such register
-    StatusStale = 8'd4,     // epoch
-    StatusTile = 8'd5,      // bad data
-    StatusFrameCrc = 8'd6,  // differs from the back buffer's
-    StatusNoTile = 8'd7,    // nor such a slot or block
-    StatusVersion = 8'd8,   // of the protocol
-    StatusOptics = 8'd9,    // refused by the optics block
-    StatusBusy = 8'd10      // something else runs
+    StatusUnknown = 8'd1,   // unknown type of request
+    StatusLength = 8'd2,    // length does not match the type of request
+    StatusAddress = 8'd3,   // no register has this address
+    StatusStale = 8'd4,     // outdated epoch or request number
+    StatusTile = 8'd5,      // invalid data of a tile
+    StatusFrameCrc = 8'd6,  // CRC differs from the back buffer's CRC
+    StatusNoTile = 8'd7,    // tile, slot or block does not exist
+    StatusVersion = 8'd8,   // unsupported protocol version
+    StatusOptics = 8'd9,    // the optics block refused the request
+    StatusBusy = 8'd10      // another task is running
   } reply_status_e;
 
-  /// What runs, in a reply with StatusBusy.
+  /// The running task, in a reply with StatusBusy.
   typedef enum logic [7:0] {
     RunsNothing = 8'd0,
-    RunsFrame = 8'd1,  // started by a WRITE
-    RunsSign = 8'd2,   // of another request
-    RunsThis = 8'd3,   // the SIGN that is answered
+    RunsFrame = 8'd1,  // a frame started by a WRITE
+    RunsSign = 8'd2,   // a signature of another request
+    RunsThis = 8'd3,   // the SIGN request that this reply answers
     RunsScene = 8'd4,  // the optics draw the panel
-    RunsSlot = 8'd5    // the slot is shown
+    RunsSlot = 8'd5    // the slot is on the panel
   } runs_e;
 
-  /// What a request wants of the optics block (ray_access).
+  /// Operation of ray_access that a request needs.
   typedef enum logic [2:0] {OpClaim, OpTrace, OpSign, OpResult, OpAbort, OpDraw} ray_op_e;
 
-  /// A request without its words or its data.
+  /// A request without its words and without its data.
   typedef struct packed {
     request_e kind;
     logic [15:0] number;
-    logic [5:0][7:0] arguments;  // bytes of the body
+    logic [5:0][7:0] arguments;  // first bytes of the request's body
     logic [8:0] words;           // number of words collected
-    logic odd;                   // bit 0 of the first of them
+    logic odd;                   // bit 0 of the first word
   } request_t;
   /* verilator lint_on UNUSEDPARAM */
 
   typedef logic [31:0][31:0] crc_rows_t;
 
-  /// After a number of steps, each bit of the state is the parity of some bits of the old state:
-  /// this returns which. Parities are shallow logic; 24 or 32 single steps would be a long chain.
+  /// Return the matrix of a CRC after a number of steps. Each bit of the new state is the parity of
+  /// some bits of the old state; row k of the matrix selects these bits for bit k. Parities need
+  /// few logic levels, whereas 24 or 32 single steps would be a long chain.
   function automatic crc_rows_t crc_rows(int steps);
     for (int from = 0; from < 32; from++) begin
       logic [31:0] state;
@@ -98,17 +101,17 @@ package lipp_link_pkg;
   localparam crc_rows_t CrcRowsPixel = crc_rows(24);
   localparam crc_rows_t CrcRowsWord = crc_rows(32);
 
-  /// The state of a CRC after one more byte.
+  /// Return the state of a CRC after one more byte.
   function automatic logic [31:0] crc32_byte(logic [31:0] crc, logic [7:0] data);
     return crc_parities(crc ^ 32'(data), CrcRowsByte);
   endfunction
 
-  /// The same after a pixel {r, g, b}, R first.
+  /// Return the state of a CRC after one more pixel {r, g, b}, red first.
   function automatic logic [31:0] crc32_pixel(logic [31:0] crc, logic [23:0] rgb);
     return crc_parities(crc ^ 32'({rgb[7:0], rgb[15:8], rgb[23:16]}), CrcRowsPixel);
   endfunction
 
-  /// The same after a word, its low byte first.
+  /// Return the state of a CRC after one more word, its low byte first.
   function automatic logic [31:0] crc32_word(logic [31:0] crc, logic [31:0] w);
     return crc_parities(crc ^ w, CrcRowsWord);
   endfunction

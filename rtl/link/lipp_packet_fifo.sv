@@ -1,17 +1,17 @@
 // SPDX-License-Identifier: Apache-2.0
 `default_nettype none
 
-/// Stores packets and passes on those without an error, without their CRC.
+/// Stores packets, and forwards error-free packets without their CRC.
 ///
-/// Bytes are written when they arrive. They can be read once their packet has ended without an
-/// error; after an error the write address returns to the start of the packet. The last five bytes
-/// are kept outside the memory: the four bytes of the CRC are never stored, and the byte before
-/// them is marked as the last one when the packet ends.
+/// Bytes are written when they arrive. They can be read when their packet has ended without an
+/// error. After an error the write address returns to the start of the packet. The last five bytes
+/// stay in registers outside the memory. Therefore the four bytes of the CRC are never stored, and
+/// the byte before them can be marked as the last one when the packet ends.
 ///
-/// A packet is dropped for one cause, the first of: long, cobs, short, crc. While the memory is
-/// full the input waits; only the rest of a packet that is already too long is discarded. The first
-/// byte is at the output 4 clocks after the end of the packet was received; then one byte follows
-/// per clock.
+/// A packet is dropped for one reason only, the first of: long, cobs, short, crc. While the memory
+/// is full, the input waits. Only the remaining bytes of a packet that is already too long are
+/// discarded instead. The first byte is at the output 4 clocks after the end of its packet arrived;
+/// then one byte follows per clock.
 module lipp_packet_fifo #(
   parameter int AddressBits = 13
 ) (
@@ -20,14 +20,14 @@ module lipp_packet_fifo #(
   input  logic       in_valid_i,
   output logic       in_ready_o,
   input  logic [7:0] in_data_i,
-  input  logic       in_end_i,        // the packet is over; no data
+  input  logic       in_end_i,        // end beat without data: the packet is complete
   input  logic       in_bad_i,
   output logic       out_valid_o,
   input  logic       out_ready_i,
   output logic [7:0] out_data_o,
   output logic       out_last_o,
-  output logic       accepted_o,      // one of these pulses for each packet
-  output logic       dropped_long_o,  // more than MaxPacket bytes
+  output logic       accepted_o,      // exactly one of these five outputs pulses for each packet
+  output logic       dropped_long_o,  // the packet had more than MaxPacket bytes
   output logic       dropped_cobs_o,
   output logic       dropped_short_o,
   output logic       dropped_crc_o
@@ -40,18 +40,20 @@ module lipp_packet_fifo #(
     $fatal(1, "lipp_packet_fifo: 2^AddressBits must be MaxPacket + 4 or more");
   end
 
-  // Two memories: block memories of these widths need no multiplexers. A word that is used is never
-  // read in the clock in which it is written, so that synthesis need not define the result.
+  // The last-byte flags have a memory of their own, because block memories of these widths need no
+  // multiplexers. A word in use is never read in the clock in which it is written, so synthesis
+  // need not define the result.
   (* no_rw_check *) logic [7:0] bytes[1 << AddressBits];
   (* no_rw_check *) logic lasts[1 << AddressBits];
   address_t write_at_q, read_at_q;
-  address_t stored_q;                   // end of the packets that can be read
+  address_t stored_q;                   // end address of the packets that can be read
 
   // ---- in ----
   logic [4:0][7:0] late_q;
   logic [31:0] crc_q;
-  logic [LengthBits-1:0] length_q;      // bytes so far, at most MaxPacket + 1
-  // length_q > MaxPacket, length_q >= 5: a comparison would come late
+  logic [LengthBits-1:0] length_q;      // bytes received so far, at most MaxPacket + 1
+  // These registers are length_q > MaxPacket and length_q >= 5, since comparators would be too slow
+  // here.
   logic too_long_q, late_full_q;
   logic take, write, room_q;
   logic judge_q, right_q, long_q, cobs_q, short_q, good;
@@ -66,7 +68,7 @@ module lipp_packet_fifo #(
       bytes[write_at_q] <= late_q[4];
       lasts[write_at_q] <= in_end_i;
     end
-    // The state at the packet's end, checked a clock later.
+    // The CRC state at the end of the packet is checked one clock later.
     right_q <= crc_q == CrcResidue;
     long_q <= too_long_q;
     cobs_q <= in_bad_i;
@@ -99,12 +101,13 @@ module lipp_packet_fifo #(
       dropped_short_o <= judge_q && !long_q && !cobs_q && short_q;
       dropped_crc_o <= judge_q && !long_q && !cobs_q && !short_q && !right_q;
 
-      // The next packet's first byte is written at least five clocks after the check.
+      // The first byte of the next packet is written at least five clocks after this check.
       if (judge_q && good) stored_q <= write_at_q;
       if (judge_q && !good) write_at_q <= stored_q;
       else if (write) write_at_q <= write_at_q + address_t'(1);
 
-      // Used a clock later: leaves room for the bytes of both clocks, and never fills the memory.
+      // room_q is used one clock later. It leaves room for the bytes of both clocks, and the memory
+      // never becomes completely full.
       room_q <= write_at_q - read_at_q < address_t'(2 ** AddressBits - 2);
     end
   end

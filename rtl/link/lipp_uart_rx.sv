@@ -1,39 +1,40 @@
 // SPDX-License-Identifier: Apache-2.0
 `default_nettype none
 
-/// Receives bytes from an asynchronous line: 8 data bits, no parity, one stop bit.
+/// Receives bytes from an asynchronous serial line: 8 data bits, no parity, one stop bit.
 ///
-/// step_i is the baud rate: bits per clock, times 2^16, at most 2^13 (8 clocks a bit). A bit is the
-/// majority of the line at 3/8, 4/8 and 5/8 of its time, to half a clock. A spike shorter than 1/8
-/// bit is therefore ignored, and a start bit shorter than half a bit is taken for noise. A byte is
-/// at the output at 6/8 of its stop bit. From then on the next start bit is accepted, so that a
-/// sender may be 2 % too fast or too slow.
+/// step_i is the baud rate in bits per clock, times 2^16; its maximum is 2^13 (8 clocks per bit).
+/// Each bit is the majority of three samples, at 3/8, 4/8 and 5/8 of the bit time, accurate to half
+/// a clock. Therefore a spike shorter than 1/8 bit is ignored, and a start bit shorter than half a
+/// bit counts as noise. A byte is at the output at 6/8 of its stop bit. From then on the next start
+/// bit is accepted, so the sender may be 2 % too fast or too slow.
 ///
-/// framing_error_o: the stop bit was low; the byte is lost, and the line must rise before the next.
-/// overflow_o: a byte arrived while the one before it was not yet taken; the new one is lost.
+/// framing_error_o pulses if the stop bit was low: the byte is lost, and the line must go high
+/// before the next byte. overflow_o pulses if a byte arrived before the previous byte was taken:
+/// the new byte is lost.
 module lipp_uart_rx (
   input  logic        clk_i,
   input  logic        rst_ni,
   input  logic [15:0] step_i,
-  input  logic        rx_i,             // idle high, asynchronous to the clock
+  input  logic        rx_i,             // serial line, high when idle, asynchronous to clk_i
   output logic        valid_o,
   input  logic        ready_i,
   output logic [7:0]  data_o,
-  output logic        framing_error_o,  // pulses
-  output logic        overflow_o
+  output logic        framing_error_o,  // pulse: the stop bit was low
+  output logic        overflow_o        // pulse: the previous byte was not yet taken
 );
 
-  localparam logic [3:0] StopBit = 4'd9;  // bit 0 starts, bits 1 to 8 are data
+  localparam logic [3:0] StopBit = 4'd9;  // bit 0 is the start bit, bits 1 to 8 are data
 
   logic line;
   lipp_bit_sync #(.ResetValue(1'b1)) i_sync (.clk_i, .rst_ni, .d_i(rx_i), .q_o(line));
 
-  // Position in the byte: bits, eighths of a bit, and their fraction.
+  // Position in the byte: number of the bit, eighth of the bit, and fraction of the eighth.
   logic [3:0] bit_q;
   logic [2:0] eighth_q;
   logic [12:0] phase_q;
   logic [19:0] place_d;
-  logic enter_q;  // the first clock of an eighth
+  logic enter_q;  // high in the first clock of an eighth
   assign place_d = {bit_q, eighth_q, phase_q} + 20'(step_i);
 
   logic busy_q, broken_q, bit_done, majority;
@@ -44,8 +45,8 @@ module lipp_uart_rx (
 
   always_ff @(posedge clk_i) begin
     if (busy_q) {bit_q, eighth_q, phase_q} <= place_d;
-    // The position runs a clock ahead: on average the edge was half a clock before the line was
-    // sampled low, and an eighth is entered half a clock late.
+    // The position is one clock ahead. On average the edge was half a clock before the first low
+    // sample, and an eighth is entered half a clock late.
     else {bit_q, eighth_q, phase_q} <= {3'b0, step_i, 1'b0};
     enter_q <= busy_q && place_d[15:13] != eighth_q;
     if (enter_q && eighth_q inside {[3'd3:3'd5]}) sample_q <= {sample_q[1:0], line};

@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 `default_nettype none
 
-/// Sends bytes on an asynchronous line: 8 data bits, no parity, one stop bit.
+/// Sends bytes on an asynchronous serial line: 8 data bits, no parity, one stop bit.
 ///
-/// step_i is the baud rate: bits per clock, times 2^16. Edges are within one clock of the exact
-/// rate's; bytes follow one another without a pause.
+/// step_i is the baud rate in bits per clock, times 2^16. Each edge is within one clock of its
+/// exact time. Consecutive bytes follow each other without a pause.
 module lipp_uart_tx (
   input  logic        clk_i,
   input  logic        rst_ni,
@@ -12,13 +12,13 @@ module lipp_uart_tx (
   input  logic        valid_i,
   output logic        ready_o,
   input  logic [7:0]  data_i,
-  output logic        tx_o      // idle high
+  output logic        tx_o      // serial line, high when idle
 );
 
-  logic [9:0] shift_q;   // stop, data, start
-  logic [3:0] remaining_q;    // bits not yet sent
+  logic [9:0] shift_q;        // stop bit, data bits and start bit
+  logic [3:0] remaining_q;    // bits still to send
   logic [15:0] phase_q;
-  logic tick_q;          // the last clock of a bit
+  logic tick_q;          // high in the last clock of a bit
   assign tx_o = shift_q[0];
   assign ready_o = remaining_q == 4'd0 || (remaining_q == 4'd1 && tick_q);
 

@@ -1,11 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
 `default_nettype none
 
-/// Read client of a block RAM: takes a request and outputs its pixels, one per clock.
+/// Read client of a block RAM: accepts a request and outputs its pixels, one pixel per clock.
 ///
-/// The next request is accepted after the last pixel of the current one. rgb_i in clock t is the
-/// pixel at the address at_o of clock t - 2. The first pixel is valid 7 clocks after its request
-/// was accepted.
+/// The next request is accepted after the last pixel of the current request. rgb_i in clock t is
+/// the pixel at the address at_o of clock t - 2. The first pixel is valid 7 clocks after its
+/// request was accepted.
 module lipp_block_read_port #(
   parameter int Width = 640,
   parameter int Height = 480,
@@ -17,7 +17,7 @@ module lipp_block_read_port #(
   output logic                 ready_o,
   input  logic                 buffer_i,
   input  logic [PlaceBits-1:0] first_i,
-  input  logic [PlaceBits:0]   count_i,  // 1 or more
+  input  logic [PlaceBits:0]   count_i,  // number of pixels, 1 or more
   output logic                 pixel_valid_o,
   input  logic                 pixel_ready_i,
   output logic [23:0]          rgb_o,
@@ -31,7 +31,8 @@ module lipp_block_read_port #(
     $fatal(1, "lipp_block_read_port: Width and Height must be 1 to 16383");
   end
 
-  logic [PlaceBits:0] unasked_q, remaining_q;  // pixels to ask for, and those to come
+  // pixels still to request from the RAM, and still to output
+  logic [PlaceBits:0] unasked_q, remaining_q;
   logic busy_q, asks_q, open, ask, take, unused_idle;
   assign ready_o = !busy_q;
   assign ask = asks_q && open;

@@ -1,15 +1,17 @@
 // SPDX-License-Identifier: Apache-2.0
 `default_nettype none
 
-/// Two pixel buffers in block RAM for three clients: show and read, which read, and write. For
-/// small panels and for simulation; each client transfers one pixel per clock.
+/// Frame store with two pixel buffers in block RAM, for small panels and for simulation.
 ///
-/// A request has a valid/ready handshake. It names a buffer, the index of its first pixel, and a
-/// number of pixels, 1 or more. The pixels follow as a stream, row by row: R in 23:16, G in 15:8, B
-/// in 7:0. The next request of a client is accepted after the last pixel of its current one; for
-/// the write client, after write_done_o. write_done_o is a pulse: requests accepted in that clock
-/// or later see the written pixels. After power-up the contents are undefined. Reset keeps the
-/// contents and cancels all requests.
+/// Three clients use the frame store: the clients show and read read pixels, the client write
+/// writes pixels. Each client transfers one pixel per clock.
+///
+/// A request has a valid/ready handshake. It selects a buffer, the index of its first pixel, and a
+/// number of pixels, 1 or more. The pixels follow as a stream, row by row: R in bits 23:16, G in
+/// 15:8, B in 7:0. The next request of a client is accepted after the last pixel of its current
+/// request, for the write client after write_done_o. write_done_o is a pulse: requests accepted in
+/// that clock or later read the written pixels. After power-up the contents are undefined. Reset
+/// keeps the contents and cancels all requests.
 ///
 /// `lipp_sdram_store` has the same clients and the same contract.
 module lipp_block_store #(

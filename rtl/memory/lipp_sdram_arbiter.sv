@@ -1,12 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
 `default_nettype none
 
-/// Chooses the next transaction of the SDRAM: show before write before read.
+/// Selects the next transaction of the SDRAM. The priority is show, then write, then read.
 ///
-/// After a transaction of show, a waiting write goes first. So show waits for at most one
-/// transaction of another client, and write for at most one of show, after the current transaction.
-/// Read gets what the others leave. The choice is made in the clock in which ready_i is high;
-/// before that it may change.
+/// After a transaction of show, a waiting write has priority. Therefore show waits for at most one
+/// transaction of another client, and write waits for at most one transaction of show after the
+/// current transaction. Read is served only when neither show nor write is waiting. The selection
+/// is final in the clock in which ready_i is high; before that clock it may change.
 module lipp_sdram_arbiter
   import lipp_sdram_pkg::*;
 (
@@ -26,11 +26,11 @@ module lipp_sdram_arbiter
   output logic         valid_o,
   input  logic         ready_i,
   output transaction_t transaction_o,
-  output logic         write_o,  // it is of write
-  output logic         show_o    // it is of show
+  output logic         write_o,  // the selected transaction belongs to write
+  output logic         show_o    // the selected transaction belongs to show
 );
 
-  logic show_served_q;  // the last transaction was of show
+  logic show_served_q;  // the last transaction belonged to show
   assign show_o = show_valid_i && !(show_served_q && write_valid_i);
   assign write_o = write_valid_i && !show_o;
   assign valid_o = show_valid_i || write_valid_i || read_valid_i;

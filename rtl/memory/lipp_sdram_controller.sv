@@ -1,26 +1,27 @@
 // SPDX-License-Identifier: Apache-2.0
 `default_nettype none
 
-/// Reads and writes words of one row of an SDR SDRAM, refreshes the SDRAM, and initialises it.
+/// Reads and writes words in one row of an SDR SDRAM, refreshes the SDRAM, and initialises it.
 ///
-/// A transaction has a valid/ready handshake (valid_i, ready_o). Its row is opened, one column is
-/// read or written per clock, and the row is closed:
+/// A transaction has a valid/ready handshake (valid_i, ready_o). The controller opens its row,
+/// reads or writes one column per clock, and closes the row:
 ///
 ///   ACTIVE, tRCD, count x (READ or WRITE), tWR after a write, PRECHARGE, tRP
 ///
-/// So n words take max(tRCD + n, tRAS) + tRP clocks to read, and max(tRCD + n + tWR - 1, tRAS) +
-/// tRP to write. Times in ns are rounded up to clocks. A transaction is accepted two clocks before
-/// its ACTIVE command, so that the choice among several clients is made as late as possible.
+/// Reading n words therefore takes max(tRCD + n, tRAS) + tRP clocks, and writing n words takes
+/// max(tRCD + n + tWR - 1, tRAS) + tRP clocks. Times in ns are rounded up to clocks. A transaction
+/// is accepted two clocks before its ACTIVE command, so that the client is selected as late as
+/// possible.
 ///
-/// Words to write must be ready: write_take_o takes write_word_i, once for each word. Words that
-/// were read cannot wait: read_valid_o gives them in the order of their transactions, with the
-/// tag_i of their transaction. PadClocks is the number of registers between these ports and the
-/// chip's pins, both directions together. dq_i is captured cas_clocks + PadClocks + 1 clocks after
-/// READ is at the ports.
+/// The words to write must be available in time: write_take_o takes write_word_i, once for each
+/// word. The words that were read cannot wait: read_valid_o outputs them in the order of their
+/// transactions, with the tag_i of their transaction. PadClocks is the number of registers between
+/// these ports and the SDRAM's pins, both directions together. dq_i is captured cas_clocks +
+/// PadClocks + 1 clocks after READ is at the ports.
 ///
-/// After reset: power_up_us without a command, PRECHARGE ALL, eight AUTO REFRESH, LOAD MODE
-/// REGISTER. This is the longest sequence that makers of such chips ask for. Later, an AUTO REFRESH
-/// that is due goes before the next transaction.
+/// After reset the controller waits for power_up_us without a command, and then sends PRECHARGE
+/// ALL, eight AUTO REFRESH, and LOAD MODE REGISTER. No manufacturer of such SDRAMs requires a
+/// longer sequence. Later, a pending AUTO REFRESH is executed before the next transaction.
 module lipp_sdram_controller
   import lipp_sdram_pkg::*;
 #(
@@ -62,26 +63,27 @@ module lipp_sdram_controller
   localparam int Rfc = clocks(Timing.rfc_ns, ClockHz);
   localparam int Wr = clocks(Timing.wr_ns, ClockHz);
   localparam int Mrd = int'(Timing.mrd_clocks);
-  // From PRECHARGE to the next command; long enough for tRC too, since a row is open for tRAS or
-  // longer.
-  // Rp + Rcd are 4 or more: before a word is written, the chip has let go of the data pins.
+  // Rp is the time from PRECHARGE to the next command. It also satisfies tRC, since a row is open
+  // for tRAS or longer. Rp + Rcd is at least 4, so that the SDRAM has released the data pins before
+  // a word is written.
   localparam int RpOnly = clocks(Timing.rp_ns, ClockHz);
   localparam int RpOrRc = RpOnly > Rc - Ras ? RpOnly : Rc - Ras;
   localparam int Rp = RpOrRc > 2 ? RpOrRc : 2;
   localparam int PowerUp = int'(longint'(Timing.power_up_us) * longint'(ClockHz) / 1_000_000) + 1;
-  // A refresh that is due waits for a transaction: so much earlier is each of them due.
+  // A pending refresh waits for a transaction, so each refresh is requested earlier by this maximum
+  // time.
   localparam int Longest = Rcd + RowWords + Wr + Rp + Rfc + 8;
   localparam int Interval = int'(
       (longint'(Timing.refresh_ms) * longint'(ClockHz) / 1000 - longint'(Longest))
       / longint'(Timing.rows));
-  // Clocks from a column's command in `state_q` to its word in read_word_o.
+  // Clocks from a column's command in `state_q` until its word is in read_word_o.
   localparam int ReadClocks = int'(Timing.cas_clocks) + 2 + PadClocks;
 
   localparam int TimerBits = $clog2((PowerUp > Interval ? PowerUp : Interval) + 1);
   localparam int PauseBits = Rfc + Rp + Rcd + Mrd;
   localparam int HoldBits = Ras + Wr;
 
-  /// A number as that many ones: shifted out, they count down.
+  /// Return a mask with `number` ones. Shifting it right counts down.
   function automatic logic [PauseBits-1:0] ones(int number);
     return PauseBits'((64'd1 << number) - 64'd1);
   endfunction
@@ -92,19 +94,20 @@ module lipp_sdram_controller
   if (PadClocks < 0) begin : gen_pads
     $fatal(1, "lipp_sdram_controller: PadClocks must be 0 or more");
   end
-  // Three refreshes may be due after the longest transaction, and tRFC be 30 clocks.
+  // After the longest transaction up to three refreshes may be pending, and tRFC may take up to 30
+  // clocks.
   if (Interval < Longest / 2 || Rfc > 30) begin : gen_clock
     $fatal(1, "lipp_sdram_controller: ClockHz must be about 35 MHz to 400 MHz");
   end
-  // ---- what is due ----
+  // ---- pending refreshes and steps of the initialisation ----
   typedef enum logic [1:0] {PowerUpStep, RefreshStep, ModeStep, ReadyStep} step_e;
   typedef enum logic [2:0] {Idle, Activate, Column, Close, Refresh, Mode, Pause} state_e;
   step_e step_q, step_d;
-  logic [2:0] more_q, more_d;   // refreshes of the initialisation but for the last
+  logic [2:0] more_q, more_d;   // refreshes of the initialisation still to do after this one
   state_e state_q, state_d, after_q, after_d;
   logic [TimerBits-1:0] timer_q;
-  logic tick_q, refresh_due_q, open_q;  // a refresh is due; a transaction may be taken
-  logic [1:0] late_q;           // refreshes that are due
+  logic tick_q, refresh_due_q, open_q;  // open_q: a transaction may be accepted
+  logic [1:0] late_q;                   // number of pending refreshes
   logic [1:0] late_d;
   assign late_d = late_q + 2'(tick_q && late_q != 2'd3) - 2'(state_q == Refresh && refresh_due_q);
 
@@ -122,11 +125,11 @@ module lipp_sdram_controller
     end
   end
 
-  // ---- states: what each does is at the pins in the next clock ----
+  // ---- states: the command of each state is at the pins in the next clock ----
   transaction_t at_q;
   logic write_q, tag_q, last_q, settled;
   logic [PauseBits-1:0] pause_q, pause_d;
-  logic [HoldBits-1:0] hold_q;  // clocks until the row may be closed
+  logic [HoldBits-1:0] hold_q;  // clocks until the row may be closed, as a mask of ones
   assign ready_o = state_q == Idle && open_q;
   assign settled = !hold_q[0];
 
@@ -233,7 +236,7 @@ module lipp_sdram_controller
   end
   always_ff @(posedge clk_i) begin
     ba_o <= state_q == Mode ? '0 : at_q.bank;
-    // PRECHARGE ALL is A10; burst length 1 is zero.
+    // A10 selects PRECHARGE ALL. The mode register's code for burst length 1 is zero.
     if (state_q == Column) a_o <= RowBits'(at_q.column);
     else if (state_q == Close) a_o <= RowBits'(1 << 10);
     else if (state_q == Mode) a_o <= RowBits'(Timing.cas_clocks << 4);

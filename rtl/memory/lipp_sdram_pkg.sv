@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 `default_nettype none
 
-/// Shape and timing of the SDRAM: 4 banks x 8192 rows x 512 columns of 16 bits (MT48LC16M16A2).
+/// Geometry and timing of the SDRAM: 4 banks x 8192 rows x 512 columns of 16 bits (MT48LC16M16A2).
 package lipp_sdram_pkg;
-  // Most modules use only some of these.
+  // Most modules use only a part of these constants.
   /* verilator lint_off UNUSEDPARAM */
 
   localparam int WordBits = 16;
@@ -12,37 +12,38 @@ package lipp_sdram_pkg;
   localparam int ColumnBits = 9;
   localparam int RowWords = 1 << ColumnBits;
 
-  /// Words in a row: count of them from a column on, count <= RowWords - column.
+  /// Words in a row: `count` words from `column` on, where count <= RowWords - column.
   typedef struct packed {
     logic [RowBits-1:0] row;
     logic [BankBits-1:0] bank;
     logic [ColumnBits-1:0] column;
     logic [ColumnBits:0] count;
-    logic last;  // of its request
+    logic last;  // the last transaction of its request
   } transaction_t;
 
-  /// The data sheet's least times, but for the refresh: `rows` of them in refresh_ms at most.
+  /// Minimum times of the data sheet. For the refresh it is a maximum: `rows` refreshes must take
+  /// at most refresh_ms.
   typedef struct packed {
-    logic [15:0] cas_clocks;  // CAS latency: 2 or 3
-    logic [15:0] rcd_ns;      // ACTIVE to READ or WRITE
-    logic [15:0] rp_ns;       // PRECHARGE to the bank's next command
-    logic [15:0] ras_ns;      // ACTIVE to PRECHARGE
-    logic [15:0] rc_ns;       // ACTIVE to ACTIVE of a bank
-    logic [15:0] rfc_ns;      // AUTO REFRESH to the next command
-    logic [15:0] wr_ns;       // last word written to PRECHARGE
-    logic [15:0] mrd_clocks;  // LOAD MODE REGISTER to the next command
-    logic [15:0] power_up_us; // stable clock to the first command
+    logic [15:0] cas_clocks;  // CAS latency, 2 or 3 clocks
+    logic [15:0] rcd_ns;      // time from ACTIVE to READ or WRITE
+    logic [15:0] rp_ns;       // time from PRECHARGE to the bank's next command
+    logic [15:0] ras_ns;      // time from ACTIVE to PRECHARGE
+    logic [15:0] rc_ns;       // time from ACTIVE to ACTIVE of the same bank
+    logic [15:0] rfc_ns;      // time from AUTO REFRESH to the next command
+    logic [15:0] wr_ns;       // time from the last written word to PRECHARGE
+    logic [15:0] mrd_clocks;  // time from LOAD MODE REGISTER to the next command
+    logic [15:0] power_up_us; // time from a stable clock to the first command
     logic [15:0] refresh_ms;
     logic [15:0] rows;
   } timing_t;
 
-  /// Speed grades of the MT48LC16M16A2: to 133, 143 and 167 MHz. Some makers' chips of this class
-  /// need 200 us at power-up for Micron's 100.
+  /// Speed grades of the MT48LC16M16A2 for up to 133, 143 and 167 MHz. The power-up time is 200 us
+  /// instead of Micron's 100 us, because some other makers' SDRAMs of this class need it.
   localparam timing_t Grade75 = '{3, 20, 20, 44, 66, 66, 15, 2, 200, 64, 8192};
   localparam timing_t Grade7E = '{3, 15, 15, 37, 60, 66, 14, 2, 200, 64, 8192};
   localparam timing_t Grade6A = '{3, 18, 18, 42, 60, 60, 12, 2, 200, 64, 8192};
 
-  /// Clocks that last at least so long.
+  /// Return the minimum number of clocks that last at least `ns`.
   function automatic int clocks(logic [15:0] ns, int hz);
     return int'((longint'(ns) * longint'(hz) + 999_999_999) / 1_000_000_000);
   endfunction

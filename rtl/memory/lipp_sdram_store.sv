@@ -1,24 +1,26 @@
 // SPDX-License-Identifier: Apache-2.0
 `default_nettype none
 
-/// Two pixel buffers in an SDR SDRAM for three clients: show and read, which read, and write.
+/// Frame store with two pixel buffers in an SDR SDRAM.
 ///
-/// A request has a valid/ready handshake. It names a buffer, the index of its first pixel, and a
-/// number of pixels, both even. The pixels follow as a stream, row by row: R in 23:16, G in 15:8, B
-/// in 7:0. The next request of a client is accepted after the last pixel of its current one; for
-/// the write client, after write_done_o, a pulse: requests accepted after it see the written
-/// pixels. A request waits until the memory is initialised.
+/// Three clients use the frame store: the clients show and read read pixels, the client write
+/// writes pixels. A request has a valid/ready handshake. It selects a buffer, the index of its
+/// first pixel, and a number of pixels, both even. The pixels follow as a stream, row by row: R in
+/// bits 23:16, G in 15:8, B in 7:0. The next request of a client is accepted after the last pixel
+/// of its current request, for the write client after the pulse write_done_o. Requests accepted
+/// after that pulse read the written pixels. A request waits until the memory is initialised.
 ///
-/// Two pixels are three words: {R, G}, {B, R'}, {G', B'}. Each buffer begins at a row of its own. A
-/// pixel that is read while it is written may have one old and one new word.
+/// Two pixels are stored as three words: {R, G}, {B, R'}, {G', B'}. Each buffer begins at the start
+/// of a row. A pixel that is read while it is written may consist of one old and one new word.
 ///
 /// Show has priority: it waits for at most one transaction of another client and one refresh
-/// (`lipp_sdram_arbiter`). Transactions of write have at most WriteBlock words, those of read at
-/// most ReadBlock. Show reads ahead as far as its line buffer has room: 2^ShowBits pairs of pixels.
+/// (`lipp_sdram_arbiter`). A transaction of write has at most WriteBlock words, a transaction of
+/// read at most ReadBlock words. Show reads ahead as far as its line buffer of 2^ShowBits pixel
+/// pairs has room.
 ///
-/// mem_clk_i has the frequency MemoryHz and is unrelated to clk_i. On the memory's side rst_ni is
-/// an asynchronous reset: it cancels all requests and pixels in transit and initialises the memory
-/// again; the memory's contents may be lost. `lipp_sdram_controller` describes the pins.
+/// mem_clk_i has the frequency MemoryHz and is unrelated to clk_i. rst_ni resets the memory's side
+/// asynchronously: it cancels all requests and all pixels in transit, and the memory is initialised
+/// again. The memory's contents may then be lost. `lipp_sdram_controller` describes the pins.
 module lipp_sdram_store
   import lipp_sdram_pkg::*;
 #(

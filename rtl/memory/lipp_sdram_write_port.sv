@@ -1,20 +1,19 @@
 // SPDX-License-Identifier: Apache-2.0
 `default_nettype none
 
-/// Write client of the SDRAM: takes requests and pixels; on the memory's side it offers
-/// transactions and outputs words.
+/// Write client of the SDRAM: accepts requests and their pixels.
 ///
-/// All words of a transaction cross to the memory's clock before the transaction is offered, so
-/// they are ready when the memory takes them. done_o is a pulse after the memory accepted the last
-/// transaction of the request; everything requested later is executed after it. Then the next
-/// request is accepted.
+/// On the memory's side the port offers transactions and outputs words. All words of a transaction
+/// cross to the memory's clock before the transaction is offered, so they are available when the
+/// memory takes them. done_o is a pulse after the memory accepted the last transaction of the
+/// request; every later request is executed after it. The next request is accepted after done_o.
 module lipp_sdram_write_port
   import lipp_sdram_pkg::*;
 #(
   parameter int Width = 640,
   parameter int Height = 480,
-  parameter int Block = 48,       // most words of a transaction
-  parameter int AddressBits = 5,  // of the buffer, in pairs of pixels
+  parameter int Block = 48,       // maximum number of words in a transaction
+  parameter int AddressBits = 5,  // the buffer has 2^AddressBits pixel pairs
   localparam int PlaceBits = $clog2(Width * Height)
 ) (
   input  logic                 clk_i,
@@ -22,8 +21,8 @@ module lipp_sdram_write_port
   input  logic                 valid_i,
   output logic                 ready_o,
   input  logic                 buffer_i,
-  input  logic [PlaceBits-1:0] first_i,  // even
-  input  logic [PlaceBits:0]   count_i,  // even
+  input  logic [PlaceBits-1:0] first_i,  // index of the first pixel, even
+  input  logic [PlaceBits:0]   count_i,  // number of pixels, even
   input  logic                 pixel_valid_i,
   output logic                 pixel_ready_o,
   input  logic [23:0]          rgb_i,
@@ -43,7 +42,7 @@ module lipp_sdram_write_port
   end
 
   logic [PlaceBits:0] remaining_q;
-  logic busy_q, some_q, take;  // pixels of the request are still to come
+  logic busy_q, some_q, take;  // some_q: pixels of the request are still to arrive
   logic split_valid, split_ready, split_free, join_ready, pair_valid, pair_ready;
   transaction_t split_transaction;
   logic [47:0] pair;
@@ -65,7 +64,7 @@ module lipp_sdram_write_port
     else if (take) remaining_q <= remaining_q - 1'b1;
   end
 
-  // A pair is in the budget when it is in the FIFO: its transaction is behind it.
+  // A pair counts in the budget once it is in the FIFO, so it arrives before its transaction.
   lipp_sdram_splitter #(
     .Width(Width), .Height(Height), .Block(Block), .Budget(0), .MaxBudget((3 << AddressBits) + 9)
   ) i_splitter (
@@ -73,14 +72,14 @@ module lipp_sdram_write_port
     .count_i, .pair_i(pair_valid && pair_ready), .valid_o(split_valid), .ready_i(split_ready),
     .transaction_o(split_transaction)
   );
-  logic unused_free;  // it is free whenever the last transaction was taken
+  logic unused_free;  // split_free is always high when the last transaction was taken
   assign unused_free = split_free;
   lipp_async_fifo #(.Width($bits(transaction_t)), .AddressBits(2)) i_transactions (
     .in_clk_i(clk_i), .in_rst_ni(rst_ni), .in_valid_i(split_valid), .in_ready_o(split_ready),
     .in_data_i(split_transaction), .out_clk_i(mem_clk_i), .out_rst_ni(mem_rst_ni),
     .out_valid_o(mem_valid_o), .out_ready_i(mem_ready_i), .out_data_o(mem_transaction_o)
   );
-  // The next pulse takes longer than this one's way: it is never busy.
+  // Two pulses are further apart than one pulse needs to cross the clocks, so i_done is never busy.
   logic last_taken, done_busy, unused_busy;
   assign last_taken = mem_valid_o && mem_ready_i && mem_transaction_o.last;
   assign unused_busy = done_busy;
@@ -101,7 +100,7 @@ module lipp_sdram_write_port
     .in_data_i(pair), .out_clk_i(mem_clk_i), .out_rst_ni(mem_rst_ni),
     .out_valid_o(mem_pair_valid), .out_ready_i(mem_pair_ready), .out_data_o(mem_pair)
   );
-  // A register here splits the timing path from the controller to the FIFO's counts.
+  // This register splits the timing path from the controller to the FIFO's counters.
   lipp_skid_buffer #(.Width(48)) i_next (
     .clk_i(mem_clk_i), .rst_ni(mem_rst_ni), .clear_i(1'b0), .in_valid_i(mem_pair_valid),
     .in_ready_o(mem_pair_ready), .in_data_i(mem_pair), .out_valid_o(next_valid),

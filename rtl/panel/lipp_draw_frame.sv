@@ -1,43 +1,42 @@
 // SPDX-License-Identifier: Apache-2.0
 `default_nettype none
 
-/// Draws the panel: sends the rays of all pixels to the optics and gives the drawn pixels to the
-/// video.
+/// Draws the scene: sends the rays of all pixels to the optics and the drawn pixels to the video
+/// output.
 ///
-/// begin_i is a pulse at the start of a video frame, during vertical sync. In that clock the scene
-/// takes its registers (take_o) if all pixels of the previous frame have arrived and no register
-/// write is running (hold_i low). While hold_i is high the previous registers stay in use. shown_o
-/// says whether the panel shows the scene: source_i, as taken together with the registers. A frame
-/// of Width * Height pixels is drawn if shown_o is high in the clock after begin_i. So every frame
-/// is drawn with one set of registers.
+/// begin_i is a pulse at the start of a video frame, during vertical sync. In that clock the
+/// scene's new registers take effect (take_o) if all pixels of the previous frame have arrived and
+/// no register write is running (hold_i low). While hold_i is high, the previous registers stay in
+/// use. shown_o is high while the panel shows the scene; it is source_i, sampled together with the
+/// registers. A frame of Width * Height pixels is drawn if shown_o is high in the clock after
+/// begin_i. Therefore every frame is drawn with one set of registers.
 ///
-/// The rays of the pixel in column c and row r, counted from the panel's top left, are those of
-/// lipp_raster:
+/// Let c and r be a pixel's column and row, counted from the panel's top left. The pixel's rays
+/// have the positions of lipp_raster:
 ///
 ///   u = 8 (2 c + 1 - Width) + du,  v = 8 (Height - 2 r - 1) + dv
 ///
-/// with these (du, dv), in this order:
+/// The offsets (du, dv) of the rays are, in this order:
 ///
 ///   SamplesBits 0: (0, 0)
 ///               1: (-4, 4), (4, -4)
 ///               2: (-4, 4), (4, 4), (-4, -4), (4, -4)
 ///
-/// ray_first_o and ray_last_o mark the first and the last ray of the frame.
-///
-/// Drawn pixels arrive in the order of the rays. `lipp_pixel_feed` shows each pixel at its own
-/// place; a late pixel is counted and dropped. If pixels are still missing at begin_i, the next
-/// frame is black and all its pixels count as underflows. owns_o is high while the drawing uses the
-/// optics: one clock after source_i or shown_o is high, or while pixels are missing.
+/// ray_first_o marks the first ray of the frame, ray_last_o the last. Drawn pixels arrive in the
+/// order of the rays. `lipp_pixel_feed` outputs each pixel at its own position, and counts and
+/// drops a late pixel. If pixels are still missing at begin_i, the next frame is black and all its
+/// pixels count as underflows. owns_o is high while the drawing uses the optics: one clock after
+/// source_i or shown_o is high, or while pixels are missing.
 module lipp_draw_frame #(
-  parameter int Width = 640,
-  parameter int Height = 480,
-  parameter int SamplesBits = 0  // rays for each pixel, as a power of two: 0 to 2
+  parameter int Width = 640,   // the panel's width in pixels
+  parameter int Height = 480,  // the panel's height in pixels
+  parameter int SamplesBits = 0  // 2^SamplesBits rays per pixel, SamplesBits from 0 to 2
 ) (
   input  logic                                         clk_i,
   input  logic                                         rst_ni,
 
   input  logic                                         begin_i,
-  input  logic                                         source_i,  // the scene is to be shown
+  input  logic                                         source_i,  // 1: request to show the scene
   input  logic                                         hold_i,
   output logic                                         take_o,
   output logic                                         shown_o,
@@ -57,7 +56,8 @@ module lipp_draw_frame #(
   input  logic                                         want_i,
   output logic [23:0]                                  rgb_o,
   output logic                                         underflow_o,
-  output logic                                         drawn_o  // pulse: last pixel has come
+  // pulse: the last pixel of the frame has arrived
+  output logic                                         drawn_o
 );
   import lipp_optics_pkg::PanelBits, lipp_optics_pkg::PixelBits;
 
@@ -86,7 +86,8 @@ module lipp_draw_frame #(
   assign end_of_pixel = sample_q == LastSample;
   assign end_of_row = end_of_pixel && column_q == LastColumn;
   assign end_of_frame = end_of_row && row_q == LastRow;
-  // Quarters of a pixel, to the right and up.
+  // The ray's offset from the pixel's centre: a quarter of a pixel to the right or left, up or
+  // down.
   logic right, up;
   assign right = sample_q[0];
   assign up = SamplesBits == 2 ? !sample_q[1] : !sample_q[0];

@@ -1,11 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
 `default_nettype none
 
-/// Computes the CRC-32 of a whole buffer of the frame store: rows top to bottom, bytes R, G, B.
+/// Computes the CRC-32 of one buffer of the frame store. The rows run top to bottom, the bytes are
+/// R, G, B.
 ///
-/// start_i starts the check; it is ignored while busy_o is high. Meanwhile the module owns the
-/// store's read client: it requests all pixels and takes each one when it arrives. done_o is a
-/// pulse two clocks after the last pixel. crc_o is then valid until the next start.
+/// start_i starts the check; start_i is ignored while busy_o is high. While busy_o is high, the
+/// module owns the read client of the frame store: it requests all pixels and accepts each pixel
+/// when it arrives. done_o is a pulse two clocks after the last pixel. From then on crc_o is valid
+/// until the next start_i.
 module lipp_frame_check #(
   parameter int Width = 640,
   parameter int Height = 480,
@@ -15,9 +17,9 @@ module lipp_frame_check #(
   input  logic                 rst_ni,
 
   input  logic                 start_i,
-  input  logic                 buffer_i,  // copied at the start
+  input  logic                 buffer_i,  // index of the buffer, sampled with start_i
   output logic                 busy_o,
-  output logic                 done_o,    // pulse
+  output logic                 done_o,    // pulse: crc_o is valid
   output logic [31:0]          crc_o,
 
   output logic                 read_valid_o,

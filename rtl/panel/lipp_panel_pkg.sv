@@ -1,23 +1,23 @@
 // SPDX-License-Identifier: Apache-2.0
 `default_nettype none
 
-/// Types and constants of the panel's modules: tiles, codings, test patterns.
+/// Types and constants of the panel's modules: tiles, pixel codings and test patterns.
 ///
-/// The panel is Width x Height pixels {r, g, b}, stored row by row: the index of pixel (x, y) is
-/// y * Width + x. It is divided into tiles of 32 x 32 pixels, numbered row by row; tiles at the
-/// right and lower edges are cut off by the panel's edge.
+/// The panel has Width x Height pixels {r, g, b}, stored row by row: the index of pixel (x, y) is y
+/// * Width + x. The panel is divided into tiles of 32 x 32 pixels, numbered row by row. Tiles at
+/// the right and lower edges are smaller if the panel's size is not a multiple of 32.
 package lipp_panel_pkg;
-  // Most modules use only some of these.
+  // Most modules use only a part of these constants.
   /* verilator lint_off UNUSEDPARAM */
 
   localparam int Tile = 32;
 
-  /// Coding of a tile's pixels in a packet.
+  /// Coding of the pixels of a tile in a packet.
   typedef enum logic [7:0] {
-    CodingRaw = 8'd0,    // three bytes a pixel
-    CodingSolid = 8'd1,  // three bytes
+    CodingRaw = 8'd0,    // three bytes per pixel
+    CodingSolid = 8'd1,  // three bytes for the whole tile
     CodingQoi = 8'd2,    // QOI operations, without header and end marker
-    CodingCopy = 8'd3    // no data: the front buffer's pixels there
+    CodingCopy = 8'd3    // no data: copies the front buffer's pixels at the same position
   } coding_e;
 
   typedef enum logic [2:0] {
@@ -31,17 +31,18 @@ package lipp_panel_pkg;
 
   typedef struct packed {
     pattern_e kind;
-    logic signed [lipp_optics_pkg::IndexBits-1:0] i;  // the lenslet of PatternLens
+    // indices i and j of the lenslet of PatternLens
+    logic signed [lipp_optics_pkg::IndexBits-1:0] i;
     logic signed [lipp_optics_pkg::IndexBits-1:0] j;
   } pattern_t;
 
-  /// Number of tiles along a side with that many pixels.
+  /// Return the number of tiles along a side of `pixels` pixels.
   function automatic int tiles(int pixels);
     return (pixels + Tile - 1) / Tile;
   endfunction
 
-  /// Latency of `lipp_test_pattern`: coordinates, lenslet, products of the centre, its sums,
-  /// choice.
+  /// Return the latency of `lipp_test_pattern`. Its stages are the coordinates, the lenslet, the
+  /// products for the lenslet's centre, their sums, and the selection.
   function automatic int pattern_latency(int grid);
     return 1 + lipp_optics_pkg::pixel_latency() + lipp_optics_pkg::lenslet_latency(grid)
         + lipp_math_pkg::mul_latency(lipp_math_pkg::MulBits, lipp_math_pkg::MulBits) + 3;

@@ -1,21 +1,21 @@
 // SPDX-License-Identifier: Apache-2.0
 `default_nettype none
 
-/// Passes a stream of pixels to the video: shows each pixel at its own place in the frame, or drops
-/// it.
+/// Passes a stream of pixels to the video output: outputs each pixel at its own position in the
+/// frame, or drops it.
 ///
 /// begin_i is a pulse at the start of a video frame. If draws_i is high in that clock, the stream
-/// brings the frame's pixels from then on, in order; draws_i may be high only while complete_o is
+/// then delivers the pixels of the frame in order. draws_i may be high only while complete_o is
 /// high. A frame without draws_i takes no pixels. want_i takes the next pixel of the frame: in the
 /// same clock rgb_o is that pixel and hit_o is high. If the pixel has not arrived yet, rgb_o is
 /// black, and the pixel is dropped when it arrives. Pixels that are still missing at the next
 /// begin_i are dropped too.
 ///
-/// underflow_o is high one clock after a pixel was missing while shown_i was high (the frame is on
-/// the panel). complete_o is high while no pixel is missing. last_o is a pulse one clock after the
-/// last pixel of the frame arrived.
+/// underflow_o is high one clock after a pixel was missing while shown_i was high, which means that
+/// the frame is on the panel. complete_o is high while no pixel is missing. last_o is a pulse one
+/// clock after the last pixel of the frame arrived.
 module lipp_pixel_feed #(
-  parameter int Pixels = 640 * 480
+  parameter int Pixels = 640 * 480  // number of pixels of a frame
 ) (
   input  logic        clk_i,
   input  logic        rst_ni,
@@ -41,10 +41,10 @@ module lipp_pixel_feed #(
   end
 
   localparam int CountBits = $clog2(Pixels + 1);
-  // the current frame takes pixels: no pixel was missing when it began
+  // The current frame takes pixels, because no pixel was missing when it began.
   logic draws_q;
-  logic [CountBits-1:0] pending_q;  // pixels of the frame that have not arrived
-  logic [CountBits-1:0] late_q;  // missing pixels whose place has passed
+  logic [CountBits-1:0] pending_q;  // pixels of the frame that have not arrived yet
+  logic [CountBits-1:0] late_q;     // missing pixels whose position has already passed
   logic drop, come, miss, ends;
   assign drop = !draws_q || late_q != '0;
   assign hit_o = want_i && pixel_valid_i && !drop;

@@ -1,26 +1,30 @@
 // SPDX-License-Identifier: Apache-2.0
 `default_nettype none
 
-/// Video output: shows frames or a test pattern, without end. A pixel lasts ClocksPerPixel clocks;
-/// pixel_o marks the first of them.
+/// Video output: continuously outputs frames of the frame store or a test pattern.
 ///
-/// A line consists of sync, back porch, pixels and front porch; a frame consists of the same parts,
-/// counted in lines. Vertical sync begins and ends together with horizontal sync. A sync signal is
-/// high during sync if its polarity is positive, else low. rgb_o is black outside the pixels. At
-/// the start of vertical sync, and only there, the buffers are swapped if swap_i is high (swapped_o
-/// is then a pulse and front_o changes), and brightness_i, pattern_i and optics_i are copied. So
-/// every frame is shown whole. Reset starts a frame of buffer 0. filled_o is low until the first
-/// swap, because no buffer holds a frame before it.
+/// A pixel lasts ClocksPerPixel clocks, and pixel_o marks the first of these clocks. A line
+/// consists of sync, back porch, pixels and front porch. A frame consists of the same parts,
+/// counted in lines. Vertical sync begins and ends together with horizontal sync. A sync signal
+/// with positive polarity is high during sync, with negative polarity low. rgb_o is black outside
+/// the pixels.
+///
+/// Frames and settings change only at the start of vertical sync, so every frame is shown complete.
+/// If swap_i is then high, the buffers are swapped: swapped_o pulses and front_o changes.
+/// brightness_i, pattern_i and optics_i are sampled at the same time. Reset starts a frame of
+/// buffer 0. filled_o is low until the first swap, because no buffer contains a frame before the
+/// first swap.
 ///
 /// frame_end_o is a pulse at the start of vertical sync, one clock before swapped_o; no pixel of
-/// the previous frame is then in the pipeline. After it, want_o is a pulse for each pixel of the
-/// frame (also while a pattern is shown), and pixel_i must be that pixel in the same clock. The
-/// first pulse of want_o comes VSync + VBack lines and HSync + HBack pixels after frame_end_o.
+/// the previous frame is then in the pipeline. After frame_end_o, want_o pulses for each pixel of
+/// the frame, even while a test pattern is shown. In the clock of the pulse, pixel_i must be that
+/// pixel. The first pulse of want_o comes VSync + VBack lines and HSync + HBack pixels after
+/// frame_end_o.
 ///
-/// Each of r, g, b is output as floor(p (brightness + 1) / 256). Pixel and sync signals are
-/// aligned; frame_start_o comes with the first pixel. Two clocks after the last pixel, shown_crc_o
-/// is the CRC-32 of the frame's output bytes (rows top to bottom, R, G, B) and frames_o has been
-/// incremented.
+/// Each of the values r, g, b is output as floor(p (brightness + 1) / 256), where p is the pixel's
+/// value. Pixel and sync signals are aligned. frame_start_o is high with the first pixel. Two
+/// clocks after the last pixel, shown_crc_o is the CRC-32 of the frame's output bytes (rows top to
+/// bottom, R, G, B), and frames_o has been incremented.
 module lipp_scan_out #(
   parameter int Width = 640,
   parameter int Height = 480,
@@ -30,17 +34,17 @@ module lipp_scan_out #(
   parameter int VFront = 10,
   parameter int VSync = 2,
   parameter int VBack = 33,
-  parameter bit HPositive = 1'b1,                // polarity of horizontal sync
-  parameter bit VPositive = 1'b1,                // polarity of vertical sync
-  parameter int F = 23,                          // of the test patterns' optics
+  parameter bit HPositive = 1'b1,                // 1: the horizontal sync is active high
+  parameter bit VPositive = 1'b1,                // 1: the vertical sync is active high
+  parameter int F = 23,  // number of fraction bits of the test pattern's optics
   parameter int Grid = lipp_optics_pkg::GridSquare,
-  parameter int ClocksPerPixel = 1,              // a power of two
+  parameter int ClocksPerPixel = 1,              // clocks per pixel, a power of two
   localparam int PlaceBits = $clog2(Width * Height)
 ) (
   input  logic                       clk_i,
   input  logic                       rst_ni,
 
-  input  logic                            swap_i,  // hold until swapped_o
+  input  logic                            swap_i,  // swap request, high until swapped_o
   output logic                            swapped_o,
   output logic                            front_o,
   output logic                            filled_o,
@@ -71,7 +75,7 @@ module lipp_scan_out #(
   localparam int YBits = $clog2(Lines + 1);
   localparam int PanelBits = lipp_optics_pkg::PanelBits;
   localparam int Pattern = pattern_latency(Grid);
-  localparam int Latency = Pattern + 3;  // from the counters to the output
+  localparam int Latency = Pattern + 3;  // clocks from the counters to the output
 
   if (Width < 1 || Width > 16383 || Height < 1 || Height > 16383) begin : gen_illegal_panel
     $fatal(1, "lipp_scan_out: Width and Height must be 1 to 16383");
@@ -87,8 +91,8 @@ module lipp_scan_out #(
     $fatal(1, "lipp_scan_out: ClocksPerPixel must be a power of two");
   end
 
-  // ---- clocks of a pixel: begin_q[k] is high k clocks after its first clock ----
-  // begin_q[k-1] k clocks after its last one ----
+  // ---- clocks of a pixel: begin_q[k] is high k clocks after the pixel's first clock, ----
+  // ---- and begin_q[k-1] is high k clocks after the pixel's last clock ----
   logic [Latency:0] begin_q;
   logic pixel_end;
   if (ClocksPerPixel == 1) begin : gen_clock
@@ -127,7 +131,7 @@ module lipp_scan_out #(
     end
   end
 
-  // ---- signals of that position, delayed to the output ----
+  // ---- signals of the position, delayed to the output ----
   logic [Latency:1] active_q, hsync_q, vsync_q;
   always_ff @(posedge clk_i or negedge rst_ni) begin
     if (!rst_ni) begin
@@ -168,8 +172,8 @@ module lipp_scan_out #(
 
   always_ff @(posedge clk_i) if (frame_end) optics_q <= optics_i;
 
-  // ---- the pixel: of the frame or of the test pattern ----
-  logic [PlaceBits-1:0] at_q;  // the pixel's number
+  // ---- the pixel, from the frame or from the test pattern ----
+  logic [PlaceBits-1:0] at_q;  // index of the pixel in the frame
   logic [23:0] pattern_rgb, rgb_q;
   lipp_test_pattern #(.Width(Width), .Height(Height), .F(F), .Grid(Grid)) i_pattern (
     .clk_i, .pattern_i(pattern_q), .optics_i(optics_q),
@@ -183,7 +187,8 @@ module lipp_scan_out #(
     else if (begin_q[Pattern]) rgb_q <= pixel_i;
   end
 
-  // p (brightness + 1) in two steps: the products of the brightness' halves, and their sum.
+  // p (brightness + 1) is computed in two steps: first the products with the upper and the lower
+  // half of the brightness, then their sum.
   logic [2:0][11:0] high_q;
   logic [2:0][12:0] low_q;
   always_ff @(posedge clk_i) begin
@@ -196,7 +201,7 @@ module lipp_scan_out #(
   end
 
   // ---- the frame: CRC and count ----
-  localparam int Shown = Latency - Pattern;  // from the pixel's number to the output
+  localparam int Shown = Latency - Pattern;  // clocks from the pixel's index to the output
   logic [Shown:1] first_q, last_q;
   logic ended_q;
   logic [31:0] crc_q;

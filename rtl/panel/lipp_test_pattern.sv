@@ -1,28 +1,34 @@
 // SPDX-License-Identifier: Apache-2.0
 `default_nettype none
 
-/// Test patterns, computed from a pixel's column and row and the optics.
+/// Computes a pixel of a test pattern from the pixel's column and row and from the optics.
+///
+/// The latency is pattern_latency(Grid). pattern_i and optics_i must not change within a frame.
+/// Every other pattern number, including PatternOff, is black. The first three patterns are black
+/// where the array has no lenslet.
 ///
 ///   PatternLens     white inside lenslet (i, j)
-///   PatternCentres  white where a lenslet's centre lies in the pixel
+///   PatternCentres  white in each pixel that contains a lenslet's centre
 ///   PatternViews    r, g: the pixel's position in its lenslet, to the right and upward, b = 0
-///   PatternChecker  white and black tiles of 32 pixels, the first black
+///   PatternChecker  white and black tiles of 32 pixels; the first tile is black
 ///   PatternRamp     grey, the column modulo 256
 ///
-/// With the point (x, y) from its lenslet's centre, in pitches (hexagonal: y in rows),
+/// Let (x, y) be the pixel's centre, relative to the centre of its lenslet. The unit is a pitch; on
+/// a hexagonal grid the unit of y is a row distance. PatternViews is
 ///
-///   r = floor(256 (x + 1/2)),  g = floor(256 (s + 1/2)),  both cut to 0 .. 255,
+///   r = floor(256 (x + 1/2)),  g = floor(256 (s + 1/2)),  both clipped to 0 .. 255,
 ///
-/// where s = y; on the hexagonal grid s = y - floor(y/4), since a cell is 4/3 rows high. The pixel
-/// contains the centre if the centre is at most 17/32 pixels away in both directions: this is the
-/// nearest pixel, or, if the centre is on a border, all pixels that meet there. With the affine
-/// map's coefficients cut to 19 fraction bits, x and y to 17, the condition is
+/// where s = y on a square grid. On a hexagonal grid s = y - floor(y/4), since a cell is 4/3 rows
+/// high.
+///
+/// For PatternCentres, a pixel contains a lenslet's centre if the centre is at most 17/32 pixels
+/// away in both directions. This is the nearest pixel, or, if the centre lies on a border between
+/// pixels, all pixels that share that border. The coefficients of the affine map are truncated to
+/// 19 fraction bits, and x and y to 17. The condition is
 ///
 ///   |yv x - xv y| <= 17/32 det,  |xu y - yu x| <= 17/32 det,  det = xu yv - xv yu
 ///
-/// where the right side is floor(det/2) + floor(det/32). Where the array has no lenslet these three
-/// patterns are black. Other patterns, and off, are black.
-/// Latency pattern_latency(Grid); pattern_i and optics_i must not change within a frame.
+/// where the right side is computed as floor(det/2) + floor(det/32).
 module lipp_test_pattern #(
   parameter int Width = 640,
   parameter int Height = 480,
@@ -48,10 +54,10 @@ module lipp_test_pattern #(
     $fatal(1, "lipp_test_pattern: Width and Height must be 1 to 16383");
   end
 
-  logic unused_optics;  // all fields but the affine map and the extent
+  logic unused_optics;  // all fields except the affine map and the extent
   assign unused_optics = ^optics_i;
 
-  // ---- checker and ramp, delayed to match the others ----
+  // ---- checker and ramp, delayed to match the other patterns ----
   logic check, check_late;
   logic [7:0] ramp_late;
   assign check = column_i[SideBits] ^ row_i[SideBits];
@@ -67,7 +73,8 @@ module lipp_test_pattern #(
   end
 
   logic signed [IndexBits+F-1:0] lattice_x, lattice_y;
-  logic lattice_beyond, index_beyond, unused_beyond;  // of the rays' words: a pattern has none
+  // overflow flags for rays, which a test pattern does not need
+  logic lattice_beyond, index_beyond, unused_beyond;
   assign unused_beyond = lattice_beyond ^ index_beyond;
   lipp_pixel_to_lattice #(.F(F)) i_pixel_to_lattice (
     .clk_i, .u_i(u_q), .v_i(v_q),
@@ -102,7 +109,7 @@ module lipp_test_pattern #(
   );
 
   // ---- single lens and view numbers ----
-  /// 256 (side + 1/2), cut to 0 .. 255.
+  /// Return floor(256 (side + 1/2)), clipped to 0 .. 255.
   function automatic logic [7:0] place(logic signed [F+1:0] side);
     logic [F+1:0] from_edge;
     from_edge = side + {3'b001, {(F - 1){1'b0}}};
@@ -119,7 +126,7 @@ module lipp_test_pattern #(
     .clk_i, .d_i({lens_q, view_q}), .q_o({lens_late, view_late})
   );
 
-  // ---- lens centres: the point in pixels, times the determinant ----
+  // ---- lenslet centres: the point in pixels, multiplied by the determinant ----
   logic signed [MulBits-1:0] xu, xv, yu, yv, near_x, near_y;
   assign xu = optics_i.x_from_u[SlopeBits-1-:MulBits];
   assign xv = optics_i.x_from_v[SlopeBits-1-:MulBits];
@@ -143,15 +150,16 @@ module lipp_test_pattern #(
 
   localparam int Wp = 2 * MulBits + 1;
   logic signed [Wp-1:0] u_det_q, v_det_q, det_q, limit_q;
-  logic signed [Wp:0] u_over, u_under, v_over, v_under;  // negative: beyond the limit
+  // negative: beyond the limit of 17/32 pixels
+  logic signed [Wp:0] u_over, u_under, v_over, v_under;
   logic centre_q;
   assign u_over = (Wp + 1)'(limit_q) - (Wp + 1)'(u_det_q);
   assign u_under = (Wp + 1)'(limit_q) + (Wp + 1)'(u_det_q);
   assign v_over = (Wp + 1)'(limit_q) - (Wp + 1)'(v_det_q);
   assign v_under = (Wp + 1)'(limit_q) + (Wp + 1)'(v_det_q);
   always_ff @(posedge clk_i) begin
-    det_q <= Wp'(xu_yv) - Wp'(xv_yu);            // 38 fraction bits
-    limit_q <= (det_q >>> 3) + (det_q >>> 7);    // 36 fraction bits, as the products
+    det_q <= Wp'(xu_yv) - Wp'(xv_yu);          // the determinant has 38 fraction bits
+    limit_q <= (det_q >>> 3) + (det_q >>> 7);  // the limit has 36 fraction bits, like the products
     u_det_q <= Wp'(yv_x) - Wp'(xv_y);
     v_det_q <= Wp'(xu_y) - Wp'(yu_x);
     centre_q <= !(u_over[Wp] || u_under[Wp] || v_over[Wp] || v_under[Wp]);

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 `default_nettype none
 
-/// Holds the CRC-32 of each tile of both buffers; 0 marks a tile that is not valid.
+/// Table with the CRC-32 of each tile in both buffers. An entry of 0 marks an invalid tile.
 ///
 /// Reset clears the table, one entry per clock. busy_o is high meanwhile: writes are not allowed
 /// and reads are undefined. read_crc_o in clock t is the entry requested in clock t - 2, as it was
@@ -28,7 +28,8 @@ module lipp_tile_table #(
     $fatal(1, "lipp_tile_table: Width and Height must be 1 to 16383");
   end
 
-  logic [TileBits+1:0] cleared_q;  // number of cleared entries; the top bit: all
+  // number of cleared entries; the top bit means that all are cleared
+  logic [TileBits+1:0] cleared_q;
   assign busy_o = !cleared_q[TileBits+1];
 
   always_ff @(posedge clk_i or negedge rst_ni) begin

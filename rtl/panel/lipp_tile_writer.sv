@@ -3,9 +3,10 @@
 
 /// Decodes one tile from a packet and writes it into a buffer of the frame store.
 ///
-/// start_i copies the parameters; it is ignored while a tile is being written. The bytes of the
-/// packet follow as a stream whose last byte is marked; with empty_i high there are no bytes. One
-/// pixel is written per clock, or fewer if the bytes arrive or the store takes pixels more slowly:
+/// start_i samples the parameters; start_i is ignored while a tile is being written. The bytes of
+/// the packet follow as a stream whose last byte is marked. If empty_i is high, there are no bytes.
+/// One pixel is written per clock, or fewer if the bytes or the frame store are slower. The codings
+/// are:
 ///
 ///   CodingRaw    R, G, B of each pixel
 ///   CodingSolid  R, G, B of all pixels
@@ -15,19 +16,22 @@
 ///
 /// done_o is a pulse after the last byte and the last write. If ok_o is high in that clock, the
 /// data had exactly the tile's number of pixels, and crc_o is the CRC-32 of their bytes, row by
-/// row. If ok_o is low, the data were invalid, or the panel has no such tile or coding; the rest of
-/// the packet was discarded, and the tile may be partly written. Nothing outside the tile is ever
-/// written.
+/// row. If ok_o is low, the data were invalid, or the panel has no such tile or coding. Then the
+/// remaining bytes of the packet were discarded, and the tile may be partly written. No pixel
+/// outside the tile is ever written.
 ///
-/// Each row of the tile is one request to the store's write client. A copied row is first requested
-/// from the store's read client. If bad data end within a row, the row is filled up with arbitrary
-/// pixels. The request for a row is made when its first pixel is known and the previous row is
-/// written.
+/// Each row of the tile is one request to the write client of the frame store. A copied row is
+/// first requested from the read client. If invalid data end within a row, the row is filled with
+/// arbitrary pixels. The request for a row is made when its first pixel is known and the previous
+/// row is written.
 ///
-/// Clocks from start_i to done_o with a store that is always ready, for h rows of w pixels and b
-/// bytes up to the first pixel, where n = ceil(log2(rows of tiles)), at least 1:
+/// The clocks from start_i to done_o depend on the coding. Let the frame store always be ready. Let
+/// the tile have h rows of w pixels, let b be the number of bytes up to the first pixel, and let n
+/// = max(1, ceil(log2(rows of tiles))). The clocks are:
 ///
-///   raw 3 w h + n + 5, copy h (w + 4) + n + 2, solid and a single run b + h (w + 3) + n + 2
+///   raw                    3 w h + n + 5
+///   copy                   h (w + 4) + n + 2
+///   solid, a single run    b + h (w + 3) + n + 2
 module lipp_tile_writer #(
   parameter int Width = 640,
   parameter int Height = 480,
@@ -50,7 +54,7 @@ module lipp_tile_writer #(
   input  logic [7:0]           data_i,
   input  logic                 last_i,
 
-  output logic                 write_valid_o,        // client write of the store
+  output logic                 write_valid_o,        // the client write of the frame store
   input  logic                 write_ready_i,
   output logic                 write_buffer_o,
   output logic [PlaceBits-1:0] write_first_o,
@@ -60,7 +64,7 @@ module lipp_tile_writer #(
   output logic [23:0]          write_rgb_o,
   input  logic                 write_done_i,
 
-  output logic                 read_valid_o,         // client read of the store
+  output logic                 read_valid_o,         // the client read of the frame store
   input  logic                 read_ready_i,
   output logic                 read_buffer_o,
   output logic [PlaceBits-1:0] read_first_o,
@@ -76,7 +80,8 @@ module lipp_tile_writer #(
   localparam int RowBits = Rows > 1 ? $clog2(Rows) : 1;
   localparam int SideBits = $clog2(Tile);
   localparam int RemainingBits = 2 * SideBits + 1;
-  // Last index along a side of a tile: for the last tile of a row or column, and for the others.
+  // Last index along a side of a tile: Whole for a complete tile, CutX for the last tile of a row,
+  // CutY for the last tile of a column.
   localparam logic [SideBits-1:0] Whole = SideBits'(Tile - 1);
   localparam logic [SideBits-1:0] CutX = SideBits'((Width - 1) % Tile);
   localparam logic [SideBits-1:0] CutY = SideBits'((Height - 1) % Tile);
@@ -93,19 +98,19 @@ module lipp_tile_writer #(
   coding_e coding_q;
   logic buffer_q, last_q, bad_q, full_q;
   logic start, take, emit;
-  logic pixel_q;  // rgb_q is a pixel of the tile that has not left
-  logic copies_q; // pixels come from the other buffer
-  logic into, into_valid, into_ready;  // a pixel to the rows' buffer
+  logic pixel_q;  // rgb_q is a pixel of the tile that is still to be written
+  logic copies_q; // the pixels come from the other buffer
+  logic into, into_valid, into_ready;  // a pixel moves to the buffer of the rows
   logic [23:0] into_rgb;
   assign start = start_i && state_q == Idle;
   assign take = valid_i && ready_o;
 
-  // ---- the tile's position: its row by division, one bit a clock ----
-  logic [15:0] column_q;     // the tile's number, in the end its column
-  logic [15:0] columns_q;  // 2^k rows of tiles, in tiles
-  logic [PlaceBits-1:0] rows_q;  // the same as an address in the store
+  // ---- the tile's position: a division finds its row, one bit per clock ----
+  logic [15:0] column_q;   // index of the tile, at the end of the division its column
+  logic [15:0] columns_q;  // number of tiles in 2^k rows of tiles
+  logic [PlaceBits-1:0] rows_q;  // columns_q as an address in the frame store
   logic [SideBits-1:0] last_x_q;
-  logic last_column, last_row_q;  // of tiles
+  logic last_column, last_row_q;  // the tile is in the last column or row of tiles
   logic [PlaceBits-1:0] row_at_q;
   logic missing, row_done;
   assign missing = int'(tile_i) >= Columns * Rows;
@@ -134,13 +139,13 @@ module lipp_tile_writer #(
     if (row_done) row_at_q <= row_at_q + PlaceBits'(Width);
   end
 
-  // ---- QOI's index of pixels; it always contains the previous pixel ----
-  // A block memory's output comes late in the clock.
+  // ---- QOI's index of pixels, which always contains the previous pixel ----
+  // Distributed memory, because a block memory's output is valid too late in the clock.
   (* ram_style = "distributed" *) logic [23:0] index[64];
   logic [63:0] index_valid_q;
   logic [23:0] rgb_q, indexed;
-  logic [5:0] hash;            // of rgb_q: (3 r + 5 g + 7 b + 11 * 255) mod 64
-  logic [5:0] hash_q, more_q;  // its two summands
+  logic [5:0] hash;            // hash of rgb_q: (3 r + 5 g + 7 b + 11 * 255) mod 64
+  logic [5:0] hash_q, more_q;  // the two summands of the hash
   localparam logic [5:0] BlackHash = 6'(11 * 255);
   logic index_valid, previous;
   assign index_valid = index_valid_q[data_i[5:0]];
@@ -156,14 +161,15 @@ module lipp_tile_writer #(
   end
 
   // ---- bytes to pixels ----
-  logic [1:0] want_q, want_d;  // remaining bytes of the operation
+  logic [1:0] want_q, want_d;  // bytes of the current operation still to arrive
   logic [15:0] before_q;       // the two previous bytes
   logic luma_q, luma_d;
-  logic [6:0] run_q, run_d;    // remaining repetitions of the pixel less 1: none if negative
-  logic fill_q, fill_d;        // the pixel, or the copy, continues to the tile's end
-  logic [RemainingBits-1:0] remaining_q; // pixels of the tile to come, less 2: negative at the last
-  logic draws, moves, wrong;   // of a byte: a pixel, a part of one, none that QOI has here
-  logic step, repeats, bad, repeating, colour, look_up, open;  // open: a pixel may be made
+  logic [6:0] run_q, run_d;    // repetitions of the pixel still to do, minus 1; negative: none
+  logic fill_q, fill_d;        // the pixel, or the copy, continues to the end of the tile
+  // pixels of the tile still to come, minus 2; negative at the last
+  logic [RemainingBits-1:0] remaining_q;
+  logic draws, moves, wrong;   // the byte completes a pixel, changes it in part, or is invalid
+  logic step, repeats, bad, repeating, colour, look_up, open;  // open: a pixel may be produced
   logic [23:0] rgb, difference;
   logic [5:0] hash_d, more_d;
 
@@ -171,9 +177,10 @@ module lipp_tile_writer #(
   assign open = copies_q ? read_pixel_valid_i && into_ready : !pixel_q || into_ready;
   assign ready_o = state_q == Decode && !repeating && !last_q && open;
 
-  // The next pixel is this one plus a difference, black plus a difference, or one of the index. Its
-  // hash follows from the same operation, since the hash of a sum is a sum: 3 r + 5 g + 7 b, modulo
-  // 64, in sums, for six bits are too few for multiplier cells. QOI_OP_LUMA moves the pixel twice.
+  // The next pixel is the current pixel plus a difference, black plus a difference, or a pixel of
+  // the index. Its hash follows from the same operation, since the hash of a sum is a sum: 3 r + 5
+  // g + 7 b, modulo 64. The hash uses adders, because six bits are too few for multiplier cells.
+  // QOI_OP_LUMA changes the pixel twice.
   function automatic logic [5:0] hashed(logic [5:0] r, logic [5:0] g, logic [5:0] b);
     return (r + {r[4:0], 1'b0}) + (g + {g[3:0], 2'b0}) + ({b[2:0], 3'b0} - b);
   endfunction
@@ -189,7 +196,8 @@ module lipp_tile_writer #(
     end
   end
 
-  // What the byte at the input does, should it be taken: the choice does not wait for that.
+  // The effect of the input byte if it is accepted. Its logic does not wait for the decision to
+  // accept.
   always_comb begin
     {draws, moves, wrong, colour, look_up, difference} = '0;
     {want_d, luma_d, run_d, fill_d} = {want_q, luma_q, run_q, fill_q};
@@ -214,7 +222,7 @@ module lipp_tile_writer #(
         2'b01: difference = {
           {6'd0, data_i[5:4]} - 8'd2, {6'd0, data_i[3:2]} - 8'd2, {6'd0, data_i[1:0]} - 8'd2
         };
-        2'b10: begin  // the rest of the differences of red and blue comes with the second byte
+        2'b10: begin  // the second byte completes the differences of red and blue
           {draws, moves, want_d, luma_d} = {1'b0, 1'b1, 2'd1, 1'b1};
           difference = {
             {2'd0, data_i[5:0]} - 8'd40, {2'd0, data_i[5:0]} - 8'd32, {2'd0, data_i[5:0]} - 8'd40
@@ -260,7 +268,7 @@ module lipp_tile_writer #(
     end
   end
 
-  // ---- pixels to the rows: whether the store takes one ends here ----
+  // ---- pixels to the rows: the ready path from the frame store ends here ----
   logic out_valid, out_ready;
   logic [23:0] out_rgb;
   assign into_valid = copies_q ? repeats : pixel_q;
@@ -271,7 +279,7 @@ module lipp_tile_writer #(
     .in_data_i(into_rgb), .out_valid_o(out_valid), .out_ready_i(out_ready), .out_data_o(out_rgb)
   );
   logic [31:0] crc_q;
-  logic hash_valid_q;  // a pixel of the CRC, a clock after it came to the rows
+  logic hash_valid_q;  // hashed_q is a pixel for the CRC, one clock after it moved to the rows
   logic [23:0] hashed_q;
   assign crc_o = ~crc_q;
   always_ff @(posedge clk_i) begin
@@ -280,12 +288,12 @@ module lipp_tile_writer #(
     hashed_q <= into_rgb;
   end
 
-  // ---- rows to the store: ask for a copied row, ask to write, write, wait for the store ----
+  // ---- rows: request a copied row, request a write, write, wait for the frame store ----
   typedef enum logic [1:0] {Ask, Offer, Fill, Settle} row_e;
   row_e row_q;
-  logic fills, ended, pads, x_last;  // ended: the decoder makes no pixel any more
+  logic fills, ended, pads, x_last;  // ended: the decoder produces no more pixels
   logic [SideBits-1:0] x_q;
-  logic placed;  // the tile's place is known
+  logic placed;  // the position of the tile is known
   assign placed = state_q == Decode || state_q == Finish;
   assign ended = state_q == Finish && !pixel_q && !out_valid;
   assign pads = row_q == Fill && ended;

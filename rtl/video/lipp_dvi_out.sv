@@ -1,13 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
 `default_nettype none
 
-/// Video of scan_out to DVI's four pairs of wires, up to the cells that send them.
+/// Converts the video of scan_out to DVI's four differential pairs, except for the output cells.
+///
+/// A pixel lasts one clock of pixel_clk_i. shift_clk_i is five times as fast and comes from the
+/// same source. pair_o[0] is blue, pair_o[1] green and pair_o[2] red. pair_o[3] is the pixel clock,
+/// which is high during the first five bits of each symbol.
 ///
 ///   tmds_encoder (blue with both syncs, green, red) -> tmds_serialiser -> pair_o
-///
-/// A pixel lasts one clock of pixel_clk_i. shift_clk_i is five times as fast, from the same source.
-///
-/// pair_o[0] to [2] are blue, green and red; [3] is the pixel's clock, high in the first five bits.
 module lipp_dvi_out (
   input  logic            pixel_clk_i,
   input  logic            pixel_rst_ni,

@@ -1,20 +1,22 @@
 // SPDX-License-Identifier: Apache-2.0
 `default_nettype none
 
-/// A channel of DVI: a byte of a pixel, or two control bits, to a symbol of ten bits. Latency 3.
+/// Encodes one DVI channel: a byte of a pixel, or two control bits, becomes a symbol of ten bits.
 ///
-/// Bit 0 of a symbol is sent first. A pixel's byte d becomes q[0] = d[0], q[k] = q[k-1] ^ d[k]; or,
-/// if d has more than four ones, or four and d[0] low, q[k] = ~(q[k-1] ^ d[k]) and bit 8 low: at
-/// most five changes from bit to bit. Then the eight bits are inverted, bit 9 high, if
-/// that brings the ones and zeros sent since the last control symbol nearer to each other.
+/// The latency is 3 clocks. Bit 0 of a symbol is sent first. A byte d of a pixel becomes q[0] =
+/// d[0], q[k] = q[k-1] ^ d[k], with bit 8 high. If d has more than four ones, or has four ones and
+/// d[0] is low, it becomes q[k] = ~(q[k-1] ^ d[k]) instead, with bit 8 low. Thus q changes at most
+/// five times from bit to bit. Then the eight bits are inverted, with bit 9 high, if this brings
+/// the numbers of ones and zeros sent since the last control symbol closer together.
 ///
-/// balance = (ones - zeros) / 2 of these symbols; it stays from -4 to 4 (DVI 1.0, section 3).
+/// balance = (ones - zeros) / 2 of the symbols since the last control symbol. It stays from -4 to 4
+/// (DVI 1.0, section 3).
 module lipp_tmds_encoder (
   input  logic       clk_i,
   input  logic       rst_ni,
-  input  logic       de_i,       // a pixel
+  input  logic       de_i,       // 1: data_i is a byte of a pixel
   input  logic [7:0] data_i,
-  input  logic [1:0] control_i,  // without de_i
+  input  logic [1:0] control_i,  // control bits, used while de_i is low
   output logic [9:0] symbol_o
 );
 
@@ -23,10 +25,10 @@ module lipp_tmds_encoder (
     for (int k = 0; k < 8; k++) ones += 4'(bits[k]);
   endfunction
 
-  // ---- 1: which of the two sums ----
+  // ---- clock 1: select XOR or XNOR ----
   logic [7:0] data_q;
   logic [3:0] data_ones;
-  logic equal_q;  // the sums are complemented
+  logic equal_q;  // q is computed with XNOR
   logic [2:1] de_q;
   logic [2:1][1:0] control_q;
   assign data_ones = ones(data_i);
@@ -40,9 +42,9 @@ module lipp_tmds_encoder (
     else de_q <= {de_q[1], de_i};
   end
 
-  // ---- 2: few changes, and the ones more than zeros, halved ----
+  // ---- clock 2: q, and half the difference between its ones and zeros ----
   logic [7:0] sums, sums_q;
-  logic plain_q;  // the sums are not complemented
+  logic plain_q;  // q was computed with XOR
   logic signed [3:0] more_q;
   always_comb begin
     for (int k = 0; k < 8; k++) sums[k] = ^(data_q & 8'(2 ** (k + 1) - 1))
@@ -53,7 +55,7 @@ module lipp_tmds_encoder (
     more_q <= 4'(ones(sums)) - 4'd4;
   end
 
-  // ---- 3: the balance ----
+  // ---- clock 3: the balance ----
   logic invert;
   logic signed [3:0] balance_q, added;
   assign invert = balance_q == '0 || more_q == '0 ? !plain_q : (balance_q < 0) == (more_q < 0);

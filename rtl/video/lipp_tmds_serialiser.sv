@@ -1,24 +1,26 @@
 // SPDX-License-Identifier: Apache-2.0
 `default_nettype none
 
-/// Symbols of ten bits to pairs of bits, for cells that send one bit at each edge of a clock.
+/// Splits symbols of ten bits into pairs of bits, for output cells that send one bit at each clock
+/// edge.
 ///
-/// shift_clk_i is five times as fast as pixel_clk_i and made from the same source, at any phase.
+/// shift_clk_i is five times as fast as pixel_clk_i and comes from the same source, with any phase.
 /// Each shift clock sends pair_o[0], then pair_o[1]. A symbol is copied two or three shift clocks
-/// after the clock that brought it, when it has long been still; its first pair is at pair_o three
-/// clocks later.
+/// after the pixel clock that registered it, when it has long been stable. Its first pair is at
+/// pair_o three shift clocks later.
 ///
-/// A bit that changes with each symbol tells where symbols begin. A ring of five places counts a
-/// symbol's shift clocks, and the first change after reset sets it:
+/// A bit that toggles with each symbol marks where symbols begin. A ring counter of five positions
+/// counts the shift clocks of a symbol, and the first toggle after reset sets it:
 ///
 ///   clock      0  1  2  3  4
-///   begins_q   1  .  .  .  .   a change has been seen: this clock is to be place 3
-///   astray_q   .  1  .  .  .   the ring was elsewhere: place 4
-///   restart_q  .  .  1  .  .   place 0
+///   begins_q   1  .  .  .  .   a toggle was detected: this clock must be position 3
+///   astray_q   .  1  .  .  .   the ring was at another position: now position 4
+///   restart_q  .  .  1  .  .   position 0
 ///   place_q    .  .  .  1  2
 ///
-/// Where the clocks' edges meet, a change is seen now a clock sooner, now a clock later, at place 2
-/// or 4; the ring then goes on as it was. A change at place 0 or 1 sets it again.
+/// If the edges of the two clocks coincide, a toggle may be detected one clock earlier or later, at
+/// position 2 or 4. The ring then continues unchanged. A toggle at position 0 or 1 sets the ring
+/// again.
 module lipp_tmds_serialiser #(
   parameter int Channels = 3
 ) (
@@ -29,7 +31,7 @@ module lipp_tmds_serialiser #(
   input  logic                     shift_clk_i,
   input  logic                     shift_rst_ni,
   output logic [Channels-1:0][1:0] pair_o,
-  // the pixel's clock: high in the first five bits of each symbol
+  // the pixel clock, high in the first five bits of each symbol
   output logic               [1:0] clock_o
 );
 
@@ -45,12 +47,12 @@ module lipp_tmds_serialiser #(
     else turn_q <= !turn_q;
   end
 
-  // A LUT of four inputs between registers, and a third of a chip's width: the shift clock is as
-  // fast as an FPGA's logic goes.
+  // The shift clock is as fast as the FPGA's logic allows: between two registers there is at most
+  // one LUT of four inputs and a third of the FPGA's width.
   logic turn, turned_q, begins_q, aligned_q, astray_q, restart_q;
-  logic [4:0] place_q;  // the ring: one bit is high, its number is the place
-  // A register for each channel, near its pads. Synthesis makes one register of equal ones: these
-  // differ in their sense, high or low, and in what they are in reset.
+  logic [4:0] place_q;  // the ring: one bit is high, its index is the position
+  // Each channel has its own register near its pads. Synthesis would merge equal registers, so
+  // these registers differ in their polarity and in their reset value.
   logic [Channels-1:0] load_q, low;
   logic [Channels-1:0][9:0] shift_q;
   for (genvar k = 0; k < Channels; k++) begin : gen_sense
@@ -74,18 +76,19 @@ module lipp_tmds_serialiser #(
       load_q <= {Channels{place_q[0]}} ^ low;
     end
   end
-  // From the symbols to the pins is a way across the chip, in three steps.
-  // A symbol's pairs 0 to 4 are at the end of shift_q in places 2, 3, 4, 0 and 1.
+  // The path from the symbols to the pins crosses the FPGA in three steps. The pairs 0 to 4 of a
+  // symbol are at the end of shift_q in positions 2, 3, 4, 0 and 1.
   logic [Channels-1:0][1:0] first_q, second_q;
   logic high_q, before_q;
   logic [1:0] second_clock_q;
   always_ff @(posedge shift_clk_i) begin
-    // High for two pairs and a bit: two pairs, or a pair later. Each step is one LUT.
+    // The pixel clock is high for two pairs and one bit: two pairs, or the same one pair later.
+    // Each step is one LUT.
     high_q <= place_q[2] || place_q[3];
     before_q <= high_q;
     second_clock_q <= {high_q, high_q || before_q};
     clock_o <= second_clock_q;
-    // What comes in behind is never sent.
+    // The bits shifted in at the top are never sent.
     for (int k = 0; k < Channels; k++) begin
       shift_q[k] <= load_q[k] != low[k] ? symbol_q[k] : {shift_q[k][1:0], shift_q[k][9:2]};
       {pair_o[k], second_q[k], first_q[k]} <= {second_q[k], first_q[k], shift_q[k][1:0]};

@@ -3,14 +3,21 @@
 
 /// Radiona ULX3S with an LFE5U-85F: USB serial line, SDRAM, and DVI at the GPDI socket.
 ///
+/// Button 1 resets the board. Button 2 selects the next test pattern. The ports have the names of
+/// the board's schematic, where ftdi_txd is the output of the FTDI chip. The LEDs show:
+///
+///   0     packets arrive
+///   1     a frame or a scene is shown
+///   2     an error occurred, or the clock was lost
+///   3     the PLL is locked
+///   6:4   number of the test pattern
+///   7     blinks with the system clock
+///
+/// Modules:
+///
 ///   ftdi_txd -> lipp_video_board -> gpdi_dp
 ///                      |
 ///               lipp_ulx3s_memory -> sdram_*
-///
-/// LEDs: 0 packets arrive, 1 a frame or scene is shown, 2 an error, or the clock was lost, 3 the
-/// PLL is locked, 6:4 the number of the test pattern, 7 blinks with the system clock. Buttons: 1
-/// resets, 2 takes the next test pattern. Ports have the names of the board's plan, where ftdi_txd
-/// is what the FTDI sends.
 module lipp_ulx3s #(
   parameter int Width = 640,
   parameter int Height = 480,
@@ -26,7 +33,7 @@ module lipp_ulx3s #(
   parameter lipp_scene_pkg::scene_build_t Scene = '0,
   parameter lipp_sdram_pkg::timing_t Timing = lipp_sdram_pkg::Grade75,
   parameter logic [63:0] Identity = '0,
-  parameter logic [15:0] UartStep = 16'd7864,  // 3 Mbit/s
+  parameter logic [15:0] UartStep = 16'd7864,  // UART step of 3 Mbit/s
   parameter int ClockHz = 25_000_000,
   parameter int MemoryHz = 125_000_000,
   parameter int InputDiv = 1,
@@ -92,7 +99,7 @@ module lipp_ulx3s #(
     .rgb_o(unused_video[23:0]), .pair_o(pair)
   );
   assign led = {blink_q[24], pattern, locked, alarm || lost, shown, linked};
-  assign wifi_gpio0 = 1'b1;  // low would start the ESP32's loader
+  assign wifi_gpio0 = 1'b1;  // a low level would start the ESP32's boot loader
 
   // ---- pins ----
   lipp_ulx3s_memory i_memory (

@@ -1,16 +1,17 @@
 // SPDX-License-Identifier: Apache-2.0
 `default_nettype none
 
-/// The ULX3S's clocks, all of one PLL, from its oscillator of 25 MHz.
+/// Clocks of the ULX3S: one PLL makes them from the board's oscillator of 25 MHz.
+///
+/// The frequency of each output clock is the VCO's frequency divided by that output's divider. The
+/// output with BackDiv is the PLL's feedback. Each pixel takes one system clock. `tools.pll` finds
+/// the dividers.
+///
+/// lost_o rises if the PLL loses its lock after 256 or more locked clocks, two or three clocks of
+/// clk_i later. lost_o stays high until the FPGA is configured again. A stopped oscillator is not
+/// detected, because lost_o needs clk_i.
 ///
 ///   VCO = 25 MHz / InputDiv * BackDiv
-///
-/// Each output is VCO by its divider; the one of BackDiv is fed back. A pixel takes a system clock.
-/// `tools.pll` finds the dividers.
-///
-/// lost_o rises when the PLL was locked for 256 clocks and no longer is, two or three clocks of
-/// clk_i later, and stays high until the FPGA is configured again. It needs clk_i: of an oscillator
-/// that stops nothing is told.
 module lipp_ulx3s_clocks #(
   parameter int InputDiv = 1,
   parameter int BackDiv = 20,
@@ -41,10 +42,11 @@ module lipp_ulx3s_clocks #(
     .CLKOS2(system_clk_o), .CLKOS3(memory_clk_o), .LOCK(locked_o)
   );
 
-  // No reset forgets it: it begins with the FPGA's configuration.
+  // No reset clears these registers; their initial values come from the FPGA's configuration.
   (* async_reg = "true", keep = "true" *) logic [1:0] locked_q;
   logic was_locked_q, lost_q;
-  logic [7:0] steady_q;  // clocks locked, as a PLL may bounce before it has locked
+  // number of clocks with lock, since a PLL's lock signal may toggle at first
+  logic [7:0] steady_q;
   initial {locked_q, was_locked_q, lost_q, steady_q} = '0;
   always_ff @(posedge clk_i) begin
     locked_q <= {locked_q[0], locked_o};

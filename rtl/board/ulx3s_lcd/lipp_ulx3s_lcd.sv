@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 `default_nettype none
 
-/// The ULX3S with a parallel RGB LCD at its header J2; all else is as in `lipp_ulx3s`.
+/// The ULX3S with a parallel RGB LCD at its header J2. Everything else is as in `lipp_ulx3s`.
 ///
-/// The LCD's signals change with the rising edge of the pixel's clock, and lcd_clk rises half a
-/// clock later.
+/// The LCD's signals change with the rising edge of the pixel clock. lcd_clk rises half a clock
+/// later.
 module lipp_ulx3s_lcd #(
   parameter int Width = 640,
   parameter int Height = 480,
@@ -20,7 +20,7 @@ module lipp_ulx3s_lcd #(
   parameter lipp_scene_pkg::scene_build_t Scene = '0,
   parameter lipp_sdram_pkg::timing_t Timing = lipp_sdram_pkg::Grade75,
   parameter logic [63:0] Identity = '0,
-  parameter logic [15:0] UartStep = 16'd7864,  // 3 Mbit/s
+  parameter logic [15:0] UartStep = 16'd7864,  // UART step of 3 Mbit/s
   parameter int ClockHz = 25_000_000,
   parameter int MemoryHz = 125_000_000,
   parameter int InputDiv = 1,
@@ -93,7 +93,7 @@ module lipp_ulx3s_lcd #(
     .pair_o(unused_pair)
   );
   assign led = {blink_q[24], pattern, locked, alarm || lost, shown, linked};
-  assign wifi_gpio0 = 1'b1;  // low would start the ESP32's loader
+  assign wifi_gpio0 = 1'b1;  // a low level would start the ESP32's boot loader
 
   // ---- pins ----
   lipp_ulx3s_memory i_memory (
