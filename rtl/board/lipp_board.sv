@@ -10,20 +10,20 @@
 /// The request RESET resets everything except the serial link and its packets, so no byte on the
 /// link is lost.
 ///
-/// The frame store is an external memory behind the ports show_*, write_* and read_*. It must keep
-/// the contract of lipp_sdram_store: two buffers of Width * Height pixels, 14.7 Mbit at 640 x 480.
-/// store_rst_no resets the frame store, so that RESET cancels pending store requests.
-/// lipp_board_with_store connects block RAM, for small panels and for simulation.
-/// lipp_board_with_sdram connects an SDRAM.
+/// The frame store is an external memory behind the ports show_*, write_* and read_*. The frame
+/// store must keep the contract of `lipp_sdram_store`: it has two buffers of Width * Height pixels,
+/// 14.7 Mbit at 640 x 480. Output store_rst_no resets the frame store, so that RESET cancels
+/// pending store requests. `lipp_board_with_store` connects block RAM, for small panels and for
+/// simulation. `lipp_board_with_sdram` connects an SDRAM.
 ///
-/// A pattern_i other than 0, set by a push button, overrides the test pattern register. packet_o
-/// pulses for each received packet. error_o pulses for each dropped packet and for each late pixel.
-/// shown_o is high while a frame or a scene is on the panel.
+/// A push button sets pattern_i. If pattern_i is not 0, it overrides the test pattern register.
+/// Output packet_o pulses for each received packet. Output error_o pulses for each dropped packet
+/// and for each late pixel. Output shown_o is high while a frame or a scene is on the panel.
 ///
 /// ByteLink = 1 replaces the UART's wires by a byte stream, for a USB FIFO or a fast simulation.
-/// in_ready_o is low until the clock after the registers have left reset, so no early byte is lost.
-/// docs/reference/protocol.md describes the protocol, docs/generated/board-registers.md the
-/// registers.
+/// Output in_ready_o is low until the clock after the registers have left reset, so no early byte
+/// is lost. docs/reference/protocol.md describes the protocol, docs/generated/board-registers.md
+/// the registers.
 ///
 /// Data flow of the link, the frames and the rays:
 ///
@@ -50,11 +50,11 @@ module lipp_board #(
   parameter int VBack = 36,
   parameter bit HPositive = 1'b1,  // 1: the horizontal sync is active high
   parameter bit VPositive = 1'b1,  // 1: the vertical sync is active high
-  // Optics build. Its field aims must be 0, since a board traces chief rays only.
+  // Build options of the optics. The field aims must be 0, since a board traces chief rays only.
   parameter lipp_optics_pkg::build_t Build = '{
     fraction_bits: 5'd16, model: 2'(lipp_optics_pkg::ModelExact), default: '0
   },
-  // Scene build. With 0 layers the modules that draw a scene are left out.
+  // Build options of the scene. With 0 layers the modules that draw a scene are left out.
   parameter lipp_scene_pkg::scene_build_t Scene = '0,
   localparam int F = int'(Build.fraction_bits),
   localparam int PlaceBits = $clog2(Width * Height)
@@ -490,8 +490,8 @@ module lipp_board #(
   if (Draws) begin : gen_scene
     localparam int Blanking = ((VSync + VBack) * (HSync + HBack + Width + HFront) + HSync + HBack)
         * ClocksPerPixel;
-    // Clocks from the start of a frame to its first pixel, through draw_frame, optics_block, the
-    // buffers and scene.
+    // Number of clocks from the start of a frame to its first pixel: the latencies of draw_frame,
+    // optics_block, the buffers and the scene.
     localparam int Latency = 2 + lipp_optics_pkg::ray_latency(Build) + 7
         + lipp_scene_pkg::scene_latency(F, Scene) + 5 + ClocksPerPixel;
     if (Blanking < Latency) begin : gen_illegal_blanking

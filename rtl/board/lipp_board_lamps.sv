@@ -3,10 +3,10 @@
 
 /// Drives a board's status LEDs, and reads the button that selects the test pattern.
 ///
-/// linked_o stays high for 2^HoldBits clocks after the last packet. alarm_o stays high for as long
-/// after the last error, and permanently once a clock was lost. Each press of the button selects
-/// the next pattern, and after the last pattern none. A change of the button counts once it has
-/// been stable for 2^IdleBits clocks.
+/// Output linked_o stays high for 2^HoldBits clocks after the last packet. Output alarm_o stays
+/// high for the same time after the last error, and permanently if a clock was lost. Each press of
+/// the button selects the next pattern, and after the last pattern none. A change of the button
+/// counts once it has been stable for 2^IdleBits clocks.
 module lipp_board_lamps #(
   parameter int HoldBits = 23,
   parameter int IdleBits = 20

@@ -3,7 +3,7 @@
 
 /// `lipp_board` with its frame store in an SDR SDRAM (`lipp_sdram_store`).
 ///
-/// mem_clk_i has the frequency MemoryHz and is unrelated to clk_i. PadClocks is the number of
+/// Input mem_clk_i has the frequency MemoryHz and is unrelated to clk_i. PadClocks is the number of
 /// registers between the memory ports and the SDRAM's pins, output and input together (see
 /// `lipp_sdram_controller`).
 module lipp_board_with_sdram #(

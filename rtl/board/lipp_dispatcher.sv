@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 `default_nettype none
 
-/// Receives the requests, has each one executed by another module, and sends one reply to each
+/// Receives requests, starts the module that executes each request, and sends one reply per
 /// request.
 ///
 /// The dispatcher executes one request at a time. Packets are byte streams without their CRC, as
@@ -17,9 +17,9 @@
 /// are answered.
 ///
 /// A board with a scene (Layers > 0) implements version 3 of the protocol, a board without a scene
-/// version 2. update_o is high while a WRITE changes the scene's registers, because their values
-/// are inconsistent during that time. Before a WRITE sets the scene's register `source` to 1, the
-/// optics are switched to the stream as their source.
+/// version 2. Output update_o is high while a WRITE changes the scene's registers, because their
+/// values are inconsistent during that time. Before a WRITE sets the scene's register `source` to
+/// 1, the optics are switched to the stream as their source.
 ///
 /// The request reader accepts one byte per clock. The reply starts when the request has been
 /// executed.
@@ -223,10 +223,11 @@ module lipp_dispatcher #(
   logic on_optics, on_scene, draws;
   assign on_optics = is_write && first >= AtOptics && (!Scene || first < AtScene);
   assign on_scene = Scene && is_write && first >= AtScene;
-  // The register `source` is the first writable one of its block, so a WRITE to it begins with it.
+  // The register `source` is the first writable register of its block, so a WRITE to `source` must
+  // begin at its address.
   assign draws = on_scene && first == AtDraw && request.odd;
-  // update_o is one clock late: the first register changes later than that, and the last one has
-  // changed before update_o falls.
+  // update_o is one clock late, but still rises before the first register changes. It falls after
+  // the last register has changed.
   always_ff @(posedge clk_i or negedge rst_ni) begin
     if (!rst_ni) update_o <= 1'b0;
     else update_o <= on_scene && state_q == Execute;
@@ -293,7 +294,7 @@ module lipp_dispatcher #(
 
   // ---- blocks of the scene's slots ----
   logic block_start, slot_there;
-  // number of blocks of the slot; index after the last requested block
+  // slot_blocks: number of blocks of the slot. blocks_end: index after the last requested block.
   logic [8:0] slot_blocks, blocks_end;
   assign {block_start_o, block_slot_o, block_o} =
       {block_start, request.arguments[0][3:0], request.arguments[1]};

@@ -3,11 +3,11 @@
 
 /// Shows the back buffer if its content is correct.
 ///
-/// start_i requests a frame by its epoch and its CRC-32. If the epoch equals the board's epoch, the
-/// CRC-32 of the back buffer is computed and compared. If the two CRCs are equal, the buffers are
-/// swapped at the next vertical sync and the epoch is incremented. A request for the frame that was
-/// just shown is a retry after a lost reply: it succeeds without a swap. done_o is a pulse;
-/// status_o is valid with it.
+/// Input start_i requests a frame by its epoch and its CRC-32. If the epoch equals the board's
+/// epoch, the CRC-32 of the back buffer is computed and compared. If the two CRCs are equal, the
+/// buffers are swapped at the next vertical sync and the epoch is incremented. A request for the
+/// frame that was just shown is a retry after a lost reply: it succeeds without a swap. Output
+/// done_o is a pulse, and status_o is valid in the same clock.
 module lipp_presenter (
   input  logic              clk_i,
   input  logic              rst_ni,

@@ -3,25 +3,28 @@
 
 /// Shares the optics block among requests: one request at a time uses its pipeline.
 ///
-/// start_i starts the operation op_i, which must be stable until done_o. done_o is a pulse;
-/// status_o is valid with it. While the panel is drawn (drawn_i), OpClaim, OpTrace and OpSign
-/// return StatusBusy and change nothing, and OpDraw and OpAbort do nothing.
+/// Input start_i starts the operation op_i, which must be stable until done_o. Output done_o is a
+/// pulse, and status_o is valid in the same clock. While the panel is drawn (drawn_i), OpClaim,
+/// OpTrace and OpSign return StatusBusy and change nothing, and OpDraw and OpAbort do nothing.
 ///
 /// While a frame runs or its rays are being signed, OpClaim, OpTrace, OpSign and OpDraw return
-/// StatusBusy and change nothing. denied_o is then high, and runs_o shows which task is running.
-/// OpTrace and OpSign wait until the pipeline is empty and their apply has taken effect. Therefore
-/// a signature covers all rays of its own frame and no other rays, and a trace returns only its own
-/// rays. All other exit rays are dropped at once, so the pipeline never stalls and every wait ends.
+/// StatusBusy and change nothing. Output denied_o is then high, and runs_o shows which task is
+/// running. OpTrace and OpSign wait until the pipeline is empty and their apply has taken effect.
+/// Therefore a signature covers all rays of its own frame and no other rays, and a trace returns
+/// only its own rays. All other exit rays are dropped at once, so the pipeline never stalls and
+/// every wait ends.
 ///
-/// The bus is the bus of register_bus: the next access starts after bus_done_i. The operations are:
+/// The bus ports connect to register_bus, whose next access starts after bus_done_i. The operations
+/// are:
 ///
 ///   OpClaim  asks if the block's registers may be written: StatusOk once no apply is pending.
 ///   OpTrace  traces the rays of the stream. After done_o with StatusOk, nine words per exit ray
 ///            follow as a stream. The raster is the source again before the words of the last ray.
-///   OpSign   starts a frame whose rays are signed. It returns StatusBusy, or StatusOptics.
+///   OpSign   starts a frame whose rays are signed. It returns StatusBusy if the frame has
+///            started, otherwise StatusOptics.
 ///   OpResult returns the result of the last OpSign: StatusOk when its rays are signed, otherwise
 ///            StatusBusy or StatusOptics.
-///   OpAbort  aborts the running frame. It is done when no ray is left in the pipeline.
+///   OpAbort  aborts the running frame. OpAbort ends when no ray is left in the pipeline.
 ///   OpDraw   makes the stream the source, so that the panel can be drawn.
 module lipp_ray_access (
   input  logic                         clk_i,
@@ -65,7 +68,7 @@ module lipp_ray_access (
   localparam logic [10:0] AtControl = 11'h20C, AtStatus = 11'h210, AtSource = 11'h214;
   localparam logic [31:0] Apply = 32'd1, Start = 32'd2, Abort = 32'd4;
 
-  // The states of the first line access the bus.
+  // The states from Claim to Ended access the bus.
   typedef enum logic [3:0] {
     Claim, Source, TakeOver, TakenOver, Begin, Begun, End, Ended,
     Idle, Settle, Place, Placed, Fetch, Offer, Exit, Words

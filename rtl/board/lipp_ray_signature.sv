@@ -4,10 +4,10 @@
 /// Computes the CRC-32 of a frame's exit rays, so that a slow serial line carries one word per
 /// frame.
 ///
-/// Each ray has nine words of 32 bits, word 0 in the lowest bits; the low byte of a word is first
-/// in the CRC. A ray takes nine clocks. start_i restarts the CRC, and a ray accepted in the same
-/// clock is not included. done_o is high from the end of the frame's last ray until the next
-/// start_i.
+/// Each ray has nine words of 32 bits, word 0 in the lowest bits. The CRC processes the low byte of
+/// each word first. A ray takes nine clocks. Input start_i restarts the CRC, and a ray accepted in
+/// the same clock is not included. Output done_o is high from the end of the frame's last ray until
+/// the next start_i.
 module lipp_ray_signature (
   input  logic              clk_i,
   input  logic              rst_ni,

@@ -3,14 +3,14 @@
 
 /// Reads and writes ranges of registers, one word after the other.
 ///
-/// start_i starts an access; the request must be stable until done_o. A range is valid if it begins
-/// and ends in the same block. All addresses of a WRITE are checked before the first word is
+/// Input start_i starts an access. The request must be stable until done_o. A range is valid if it
+/// begins and ends in the same block. All addresses of a WRITE are checked before the first word is
 /// written, so either all words are written or none. With a scene, the block at 0x400 contains the
 /// registers of its layers. Without a scene (Layers = 0) there is no block at 0x400.
 ///
-/// done_o is a pulse; status_o is valid with it. For a WRITE the pulse comes after the last word.
-/// For a READ the pulse comes before the first word, and the words follow as a stream. An address
-/// without a register reads as 0.
+/// Output done_o is a pulse, and status_o is valid in the same clock. For a WRITE the pulse comes
+/// after the last word. For a READ the pulse comes before the first word, and the words follow as a
+/// stream. An address without a register reads as 0.
 module lipp_register_access #(
   parameter int Layers = 0
 ) (

@@ -4,12 +4,13 @@
 /// Accesses the registers of the board, of the optics block and of the scene, one register at a
 /// time.
 ///
-/// start_i requests an access with write_i, at_i (a byte address, a multiple of 4) and word_i.
-/// done_o pulses three or more clocks later. In that clock word_o is valid for a read, and error_o
-/// is high if no register allows the access. The next start_i may be in the clock of done_o.
+/// Input start_i requests an access with write_i, at_i (a byte address, a multiple of 4) and
+/// word_i. Output done_o pulses three or more clocks later. In that clock word_o is valid for a
+/// read, and error_o is high if no register allows the access. The next start_i may be in the clock
+/// of done_o.
 ///
-/// The three register blocks share one APB4 bus with one select signal each. Every write is a write
-/// of a whole word. All other addresses are empty. The address map:
+/// The three register blocks share one APB4 bus with one select signal each. Every write changes a
+/// whole word. All other addresses are empty. The address map:
 ///
 ///   0x000 to 0x07f   board_registers
 ///   0x200 to 0x3ff   optics_block, from its address 0 on

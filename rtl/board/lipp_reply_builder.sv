@@ -1,13 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
 `default_nettype none
 
-/// Builds the reply to a request: its head, then its words.
+/// Sends the reply to a request: first the head of the reply, then its words.
 ///
-/// start_i starts a reply while ready_o is high. head_i must be stable from then until ready_o is
-/// high again. The head is sent four bytes at a time. The builder then takes words_i words from the
-/// stream, at most one every six clocks, and sends each as four bytes, the low byte first.
-/// words_done_o pulses when the last word is taken. The next reply can start when the last bytes
-/// have been sent. The first byte is valid two clocks after start_i.
+/// Input start_i starts a reply while ready_o is high. From start_i until ready_o is high again,
+/// head_i must be stable. The head is sent four bytes at a time. The builder then takes words_i
+/// words from the stream, at most one every six clocks, and sends each as four bytes, the low byte
+/// first. Output words_done_o pulses when the last word is taken. The next reply can start when the
+/// last bytes have been sent. The first byte is valid two clocks after start_i.
 module lipp_reply_builder #(
   parameter int HeadBytes = 34
 ) (

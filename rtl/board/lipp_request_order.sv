@@ -4,15 +4,14 @@
 /// Finds requests that were already executed. A request that changes the board is executed once, in
 /// the order of the request numbers (modulo 65536).
 ///
-/// The module remembers the last executed request and its status. That memory expires when a
-/// request number is 32768 beyond the remembered number, because newer requests would then seem
-/// older. For this purpose the numbers of all requests count. A request is older if its number is 1
-/// to 32767 behind the remembered number. A HELLO with a new nonce starts a new session and clears
-/// the memory.
+/// The module remembers the last executed request and its status. The module forgets this request
+/// when the number of any request is 32768 beyond the remembered number, because newer requests
+/// would then seem older. A request is older if its number is 1 to 32767 behind the remembered
+/// number. A HELLO with a new nonce starts a new session and clears the remembered request.
 ///
-/// repeated_o and older_o are registers: they are valid one clock after kind_i and number_i change.
-/// kind_i and number_i must be stable until answer_i, and for two clocks before answer_i or
-/// hello_i.
+/// Outputs repeated_o and older_o are registers. Each is valid one clock after kind_i and number_i
+/// change. Inputs kind_i and number_i must be stable until answer_i, and for two clocks before
+/// answer_i or hello_i.
 module lipp_request_order (
   input  logic                         clk_i,
   input  logic                         rst_ni,

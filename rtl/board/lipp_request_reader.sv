@@ -8,9 +8,9 @@
 /// refused request is still read to its end. A TRACE is refused with StatusLength if its pixel (u,
 /// v) does not fit into PixelBits bits.
 ///
-/// done_o is high from two clocks after the last byte until next_i, and no byte is accepted during
-/// that time. status_o is valid with done_o, request_o from one clock earlier. Each request must
-/// have 3 bytes or more; packet_fifo drops shorter packets.
+/// Output done_o is high from two clocks after the last byte until next_i, and no byte is accepted
+/// during that time. Output status_o is valid with done_o, request_o from one clock earlier. Each
+/// request must have 3 bytes or more; packet_fifo drops shorter packets.
 module lipp_request_reader #(
   parameter int Width = 640,   // the panel's width in pixels
   parameter int Height = 480,  // the panel's height in pixels

@@ -3,16 +3,16 @@
 
 /// Writes a block of 1024 bytes into a texture slot of the scene, and stores each block's CRC-32.
 ///
-/// start_i samples slot_i and block_i, which must exist in the build. The words of the block are
-/// then read from a memory: word_i is the word at word_at_o, two clocks later. One byte is written
-/// per clock, the low byte of a word first: byte k of block n is byte 1024 n + k of the slot.
-/// done_o is a pulse 1030 clocks after start_i.
+/// Input start_i samples slot_i and block_i, which must exist in the build. The words of the block
+/// are then read from a memory: word_i is the word at word_at_o, two clocks later. One byte is
+/// written per clock, the low byte of a word first: byte k of block n is byte 1024 n + k of the
+/// slot. Output done_o is a pulse 1030 clocks after start_i.
 ///
 /// A table stores the CRC-32 of each block's written bytes. An entry is 0 from start_i until its
 /// block is complete, and for a block that was not written since reset. The entries of slot 15, the
 /// panel's curve, follow those of the last slot. Reset clears the table, one entry per clock.
-/// busy_o is high meanwhile; start_i must be low then, and reads are undefined. read_crc_o(t) is
-/// the entry at read_slot_i(t - 2) and read_at_i(t - 2), as written before t - 2.
+/// Output busy_o is high during that time: start_i must stay low, and reads are undefined. Output
+/// read_crc_o(t) is the entry at read_slot_i(t - 2) and read_at_i(t - 2), as written before t - 2.
 module lipp_slot_loader #(
   parameter int Slots = 5,    // number of slots, 1 to 15
   parameter int Blocks = 49   // number of blocks per slot, 1 to 256

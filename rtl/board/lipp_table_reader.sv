@@ -3,7 +3,7 @@
 
 /// Reads a range of entries from the tile table as a stream of words.
 ///
-/// start_i starts the read. Each word is sampled 4 clocks after table_at_o has changed to its
+/// Input start_i starts the read. Each word is sampled 4 clocks after table_at_o has changed to its
 /// index.
 module lipp_table_reader (
   input  logic        clk_i,

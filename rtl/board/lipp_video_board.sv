@@ -3,14 +3,14 @@
 
 /// A complete board except for the cells of the FPGA's vendor.
 ///
-/// The module contains `lipp_board_with_sdram` with a serial line. Its video outputs are the
-/// panel's parallel signals and, with Dvi = 1, also bit pairs for DVI.
+/// The module contains `lipp_board_with_sdram` with a serial line. The video outputs are the
+/// panel's parallel signals and, if Dvi = 1, also bit pairs for DVI.
 ///
-/// The module has three clocks. clk_i has the frequency ClockHz and is the pixel clock if Dvi = 1.
-/// shift_clk_i comes from the same source and is five times as fast as clk_i. mem_clk_i has the
-/// frequency MemoryHz and is unrelated to the others. Each clock has its own reset, made from the
-/// asynchronous rst_ni, such as a PLL's lock. The video is black while rst_ni is low, and
-/// afterwards until a frame is shown.
+/// The module has three clocks. Input clk_i has the frequency ClockHz and is the pixel clock if Dvi
+/// = 1. Input shift_clk_i comes from the same source and is five times as fast as clk_i. Input
+/// mem_clk_i has the frequency MemoryHz and is unrelated to the others. Each clock has its own
+/// reset, made from the asynchronous rst_ni, such as a PLL's lock. The video is black while rst_ni
+/// is low, and afterwards until a frame is shown.
 ///
 /// `lipp_sdram_controller` describes the SDRAM's pins, `lipp_board_lamps` the status LEDs.
 ///

@@ -4,7 +4,7 @@
 /// Converts the exit rays of optics_block to AXI4-Stream: each ray is a transfer, each frame a
 /// packet.
 ///
-/// A transfer has eight little-endian words of 32 bits. Its layout equals the C type struct {
+/// A transfer has eight little-endian words of 32 bits. The layout is that of the C type struct {
 /// int16_t i, j; uint32_t status; int32_t x, y, z, dx, dy, dz; }. All bytes are data (tkeep = '1).
 /// The latency is 1 clock, and the throughput is one ray per clock. Every output is a register or a
 /// constant. R is the radius of the dome. The fields are:

@@ -7,7 +7,7 @@
 /// to the word at {adr, 2'b00}. PSTRB = SEL for a write. PSTRB = 0 for a read, which returns the
 /// whole word. PPROT = 0. An access with PSLVERR = 0 ends with ACK. An access with PSLVERR = 1 ends
 /// with ERR, and its data are meaningless. ACK and ERR are pulses of one clock. Every output is a
-/// register; ACK and ERR are registers gated by CYC and STB.
+/// register; in addition CYC and STB gate the registers of ACK and ERR.
 ///
 /// Let the completer answer in the n-th clock of its access phase (n >= 1). The pulse then comes n
 /// + 2 clocks after STB, and cycles can follow each other every n + 3 clocks. A master that drops

@@ -7,7 +7,7 @@
 /// word that is written into an empty FIFO is valid at the output after Stages + 1 rising edges of
 /// out_clk_i. An entry that was read is free for the writer after Stages + 1 rising edges of
 /// in_clk_i. With 16 or more entries, Stages = 2 and equal clock frequencies, the throughput is one
-/// word per clock. Both sides must be reset together; in_ready_o is low during reset.
+/// word per clock. Both sides must be reset together; output in_ready_o is low during reset.
 ///
 /// Each side counts its words in Gray code, which changes one bit at a time. The other side
 /// therefore samples either the old or the new count, never a wrong one. For a while a side may see

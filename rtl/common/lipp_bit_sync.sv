@@ -3,11 +3,11 @@
 
 /// Synchronizes one bit, from another clock or from a pin, to clk_i.
 ///
-/// q_o follows d_i at the Stages-th rising edge after a change, or one edge later if d_i changes at
-/// an edge. The latency is Stages - 1 to Stages + 1 clocks. A pulse shorter than one clock may be
-/// lost. The chain of registers gives a metastable first register time to settle. Use this module
-/// for single bits only: several bits may arrive in different clocks. `lipp_async_fifo` transfers
-/// words.
+/// Output q_o follows d_i at the Stages-th rising edge after a change, or one edge later if d_i
+/// changes at an edge. The latency is Stages - 1 to Stages + 1 clocks. A pulse shorter than one
+/// clock may be lost. The chain of registers gives a metastable first register time to settle. Use
+/// this module for single bits only, because several bits may arrive in different clocks.
+/// `lipp_async_fifo` transfers words.
 module lipp_bit_sync #(
   parameter int Stages = 2,
   parameter bit ResetValue = 1'b0

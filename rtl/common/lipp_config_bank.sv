@@ -3,10 +3,10 @@
 
 /// Double-buffered configuration: the active copy config_o changes only while no module uses it.
 ///
-/// apply_i requests a new copy of config_i. The copy is made as soon as idle_i is high, and busy_o
-/// is high until then. While busy_o is high, no module may start to use config_o, so that idle_i
-/// stays high until the copy is made. hold_o is the value of busy_o in the next clock, for a module
-/// that must register it. Reset also requests a copy.
+/// Input apply_i requests a new copy of config_i. The copy is made as soon as idle_i is high, and
+/// busy_o is high until then. While busy_o is high, no module may start to use config_o, so that
+/// idle_i stays high until the copy is made. Output hold_o is the value of busy_o in the next
+/// clock, for a module that must register it. Reset also requests a copy.
 module lipp_config_bank #(
   parameter int Width = 32
 ) (

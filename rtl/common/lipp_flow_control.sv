@@ -8,12 +8,12 @@
 /// pipeline needs no enable, and back-pressure inserts no bubbles. Pipeline and FIFO together
 /// contain at most 2^AddressBits rays, which must be more than Latency.
 ///
-/// hold_i closes the input in the next clock, because ready_o is a register. idle_o is high while
-/// no ray is in the pipeline or in the FIFO, so that the pipeline's configuration may change. The
-/// counter of rays is registered: an accepted ray counts one clock later, a ray that leaves counts
-/// two clocks later. Thereby the paths from valid_i and ready_i end in registers, and the output
-/// may be far away on the FPGA. idle_o falls one clock after a ray is accepted, and rises three
-/// clocks after the last ray has left.
+/// Input hold_i closes the input in the next clock, because ready_o is a register. Output idle_o is
+/// high while no ray is in the pipeline or in the FIFO, so that the pipeline's configuration may
+/// change. The counter of rays is registered: it counts an accepted ray one clock later, and a ray
+/// that leaves two clocks later. Therefore the paths from valid_i and ready_i end in registers, and
+/// the output may be far away on the FPGA. Output idle_o falls one clock after a ray is accepted,
+/// and rises three clocks after the last ray has left.
 module lipp_flow_control #(
   parameter int Latency = 100,
   parameter int AddressBits = 9,

@@ -1,12 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
 `default_nettype none
 
-/// Registers both directions of a valid/ready stream, so that no combinational path leads through.
+/// Registers both directions of a valid/ready stream, so that no combinational path leads through
+/// the buffer.
 ///
-/// The latency is 1 clock, and the throughput is one word per clock. in_ready_o is a register and
-/// therefore one clock late. A word that arrives in that clock waits in a second register.
-/// in_ready_o is low during reset. clear_i drops the stored words and the incoming word: from the
-/// next clock on the buffer is empty and ready.
+/// The latency is 1 clock, and the throughput is one word per clock. Output in_ready_o is a
+/// register and therefore one clock late. A word that arrives in that clock waits in a second
+/// register. Output in_ready_o is low during reset. Input clear_i drops the stored words and the
+/// incoming word: from the next clock on the buffer is empty and ready.
 module lipp_skid_buffer #(
   parameter int Width = 8
 ) (

@@ -5,7 +5,7 @@
 /// becomes the highest part.
 ///
 /// A wide word is valid one clock after its last part arrived. The throughput is one part per
-/// clock. in_ready_o follows out_ready_i in the same clock.
+/// clock. Output in_ready_o follows out_ready_i in the same clock.
 module lipp_word_join #(
   parameter int Width = 16,
   parameter int Parts = 3

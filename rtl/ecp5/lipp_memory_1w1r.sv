@@ -6,7 +6,7 @@
 /// Ports and behaviour are those of rtl/common/lipp_memory_1w1r.sv. Port A writes and port B reads.
 /// The cells have 512 words x 36 bits, 1024 x 18, or more and narrower words, up to 16384 x 1.
 /// Words of 36 bits use the data pins of both ports. Reading an address while it is being written
-/// is undefined. No FIFO and no request of the board does that.
+/// is undefined. No FIFO and no request of the board reads an address while it is being written.
 module lipp_memory_1w1r #(
   parameter int Width = 36,
   parameter int AddressBits = 9

@@ -4,8 +4,8 @@
 /// `lipp_row_multiplier` in ECP5's multiplier cell and carry chains.
 ///
 /// Ports and behaviour are those of rtl/math/lipp_row_multiplier.sv. The pipeline has a stage for
-/// the digits of four bits, two stages that add the digits, a stage that adds the cross terms, and
-/// a stage that adds this sum to the product of the multiplier cell.
+/// products with digits of four bits, two stages that add these products, a stage that adds the
+/// cross terms, and a stage that adds this sum to the product of the multiplier cell.
 module lipp_row_multiplier #(
   parameter int Wa = 18,
   parameter int Wb = 18,

@@ -82,8 +82,8 @@ package lipp_link_pkg;
   typedef logic [31:0][31:0] crc_rows_t;
 
   /// Return the matrix of a CRC after a number of steps. Each bit of the new state is the parity of
-  /// some bits of the old state; row k of the matrix selects these bits for bit k. Parities need
-  /// few logic levels, whereas 24 or 32 single steps would be a long chain.
+  /// some bits of the old state. Row k of the matrix selects these bits for bit k of the new state.
+  /// Parities need few logic levels, whereas 24 or 32 single steps would be a long chain.
   function automatic crc_rows_t crc_rows(int steps);
     for (int from = 0; from < 32; from++) begin
       logic [31:0] state;

@@ -3,15 +3,15 @@
 
 /// Stores packets, and forwards error-free packets without their CRC.
 ///
-/// Bytes are written when they arrive. They can be read when their packet has ended without an
-/// error. After an error the write address returns to the start of the packet. The last five bytes
-/// stay in registers outside the memory. Therefore the four bytes of the CRC are never stored, and
-/// the byte before them can be marked as the last one when the packet ends.
+/// Bytes are written when they arrive. The bytes of a packet can be read when the packet has ended
+/// without an error. After an error the write address returns to the start of the packet. The last
+/// five bytes stay in registers outside the memory. Therefore the four bytes of the CRC are never
+/// stored, and the byte before them can be marked as the last one when the packet ends.
 ///
 /// A packet is dropped for one reason only, the first of: long, cobs, short, crc. While the memory
-/// is full, the input waits. Only the remaining bytes of a packet that is already too long are
-/// discarded instead. The first byte is at the output 4 clocks after the end of its packet arrived;
-/// then one byte follows per clock.
+/// is full, the input waits, unless the packet is already too long: then its remaining bytes are
+/// discarded. The first byte is at the output 4 clocks after the end of its packet arrived. Then
+/// one byte follows per clock.
 module lipp_packet_fifo #(
   parameter int AddressBits = 13
 ) (
@@ -106,8 +106,8 @@ module lipp_packet_fifo #(
       if (judge_q && !good) write_at_q <= stored_q;
       else if (write) write_at_q <= write_at_q + address_t'(1);
 
-      // room_q is used one clock later. It leaves room for the bytes of both clocks, and the memory
-      // never becomes completely full.
+      // room_q is used one clock later. The limit leaves room for the bytes of both clocks, and the
+      // memory never becomes completely full.
       room_q <= write_at_q - read_at_q < address_t'(2 ** AddressBits - 2);
     end
   end

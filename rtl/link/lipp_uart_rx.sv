@@ -3,15 +3,15 @@
 
 /// Receives bytes from an asynchronous serial line: 8 data bits, no parity, one stop bit.
 ///
-/// step_i is the baud rate in bits per clock, times 2^16; its maximum is 2^13 (8 clocks per bit).
-/// Each bit is the majority of three samples, at 3/8, 4/8 and 5/8 of the bit time, accurate to half
-/// a clock. Therefore a spike shorter than 1/8 bit is ignored, and a start bit shorter than half a
-/// bit counts as noise. A byte is at the output at 6/8 of its stop bit. From then on the next start
-/// bit is accepted, so the sender may be 2 % too fast or too slow.
+/// Input step_i is the baud rate in bits per clock, times 2^16; its maximum is 2^13 (8 clocks per
+/// bit). Each bit is the majority of three samples, at 3/8, 4/8 and 5/8 of the bit time, accurate
+/// to half a clock. Therefore a spike shorter than 1/8 bit is ignored, and a start bit shorter than
+/// half a bit counts as noise. A byte is at the output at 6/8 of its stop bit. After 6/8 of the
+/// stop bit the next start bit is accepted, so the sender may be 2 % too fast or too slow.
 ///
-/// framing_error_o pulses if the stop bit was low: the byte is lost, and the line must go high
-/// before the next byte. overflow_o pulses if a byte arrived before the previous byte was taken:
-/// the new byte is lost.
+/// Output framing_error_o pulses if the stop bit was low: the byte is lost, and the line must go
+/// high before the next byte. Output overflow_o pulses if a byte arrived before the previous byte
+/// was taken: the new byte is lost.
 module lipp_uart_rx (
   input  logic        clk_i,
   input  logic        rst_ni,

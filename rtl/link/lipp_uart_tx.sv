@@ -3,8 +3,8 @@
 
 /// Sends bytes on an asynchronous serial line: 8 data bits, no parity, one stop bit.
 ///
-/// step_i is the baud rate in bits per clock, times 2^16. Each edge is within one clock of its
-/// exact time. Consecutive bytes follow each other without a pause.
+/// Input step_i is the baud rate in bits per clock, times 2^16. Each edge is within one clock of
+/// its exact time. Consecutive bytes follow each other without a pause.
 module lipp_uart_tx (
   input  logic        clk_i,
   input  logic        rst_ni,

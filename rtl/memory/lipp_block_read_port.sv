@@ -3,8 +3,8 @@
 
 /// Read client of a block RAM: accepts a request and outputs its pixels, one pixel per clock.
 ///
-/// The next request is accepted after the last pixel of the current request. rgb_i in clock t is
-/// the pixel at the address at_o of clock t - 2. The first pixel is valid 7 clocks after its
+/// The next request is accepted after the last pixel of the current request. Input rgb_i in clock t
+/// is the pixel at the address at_o of clock t - 2. The first pixel is valid 7 clocks after its
 /// request was accepted.
 module lipp_block_read_port #(
   parameter int Width = 640,

@@ -3,15 +3,15 @@
 
 /// Frame store with two pixel buffers in block RAM, for small panels and for simulation.
 ///
-/// Three clients use the frame store: the clients show and read read pixels, the client write
-/// writes pixels. Each client transfers one pixel per clock.
+/// Three clients use the frame store. The clients `show` and `read` fetch pixels, the client
+/// `write` stores pixels. Each client transfers one pixel per clock.
 ///
-/// A request has a valid/ready handshake. It selects a buffer, the index of its first pixel, and a
-/// number of pixels, 1 or more. The pixels follow as a stream, row by row: R in bits 23:16, G in
-/// 15:8, B in 7:0. The next request of a client is accepted after the last pixel of its current
-/// request, for the write client after write_done_o. write_done_o is a pulse: requests accepted in
-/// that clock or later read the written pixels. After power-up the contents are undefined. Reset
-/// keeps the contents and cancels all requests.
+/// A request has a valid/ready handshake. The request selects a buffer, the index of its first
+/// pixel, and a number of pixels, 1 or more. The pixels follow as a stream, row by row: R in bits
+/// 23:16, G in 15:8, B in 7:0. The next request of a client is accepted after the last pixel of its
+/// current request, for the client `write` after write_done_o. Output write_done_o is a pulse. A
+/// request accepted in the clock of the pulse or later returns the written pixels. After power-up
+/// the contents are undefined. Reset keeps the contents and cancels all requests.
 ///
 /// `lipp_sdram_store` has the same clients and the same contract.
 module lipp_block_store #(

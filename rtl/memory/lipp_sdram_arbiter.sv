@@ -1,12 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
 `default_nettype none
 
-/// Selects the next transaction of the SDRAM. The priority is show, then write, then read.
+/// Selects the next transaction of the SDRAM. Of the three clients, `show` has the highest
+/// priority, then `write`, then `read`.
 ///
-/// After a transaction of show, a waiting write has priority. Therefore show waits for at most one
-/// transaction of another client, and write waits for at most one transaction of show after the
-/// current transaction. Read is served only when neither show nor write is waiting. The selection
-/// is final in the clock in which ready_i is high; before that clock it may change.
+/// After a transaction of `show`, a waiting `write` has priority. Therefore `show` waits for at
+/// most one transaction of another client. After the current transaction, `write` waits for at most
+/// one transaction of `show`. The client `read` is served only when no other client is waiting. The
+/// selection is final in the clock in which ready_i is high; before that clock it may change.
 module lipp_sdram_arbiter
   import lipp_sdram_pkg::*;
 (

@@ -3,8 +3,8 @@
 
 /// Reads and writes words in one row of an SDR SDRAM, refreshes the SDRAM, and initialises it.
 ///
-/// A transaction has a valid/ready handshake (valid_i, ready_o). The controller opens its row,
-/// reads or writes one column per clock, and closes the row:
+/// A transaction has a valid/ready handshake (valid_i, ready_o). The controller opens the
+/// transaction's row, reads or writes one column per clock, and closes the row:
 ///
 ///   ACTIVE, tRCD, count x (READ or WRITE), tWR after a write, PRECHARGE, tRP
 ///
@@ -16,7 +16,7 @@
 /// The words to write must be available in time: write_take_o takes write_word_i, once for each
 /// word. The words that were read cannot wait: read_valid_o outputs them in the order of their
 /// transactions, with the tag_i of their transaction. PadClocks is the number of registers between
-/// these ports and the SDRAM's pins, both directions together. dq_i is captured cas_clocks +
+/// these ports and the SDRAM's pins, both directions together. Input dq_i is captured cas_clocks +
 /// PadClocks + 1 clocks after READ is at the ports.
 ///
 /// After reset the controller waits for power_up_us without a command, and then sends PRECHARGE
@@ -63,15 +63,15 @@ module lipp_sdram_controller
   localparam int Rfc = clocks(Timing.rfc_ns, ClockHz);
   localparam int Wr = clocks(Timing.wr_ns, ClockHz);
   localparam int Mrd = int'(Timing.mrd_clocks);
-  // Rp is the time from PRECHARGE to the next command. It also satisfies tRC, since a row is open
+  // Rp is the time from PRECHARGE to the next command. Rp also satisfies tRC, since a row is open
   // for tRAS or longer. Rp + Rcd is at least 4, so that the SDRAM has released the data pins before
   // a word is written.
   localparam int RpOnly = clocks(Timing.rp_ns, ClockHz);
   localparam int RpOrRc = RpOnly > Rc - Ras ? RpOnly : Rc - Ras;
   localparam int Rp = RpOrRc > 2 ? RpOrRc : 2;
   localparam int PowerUp = int'(longint'(Timing.power_up_us) * longint'(ClockHz) / 1_000_000) + 1;
-  // A pending refresh waits for a transaction, so each refresh is requested earlier by this maximum
-  // time.
+  // Maximum number of clocks that a pending refresh waits for a transaction. Each refresh is
+  // requested earlier by this time.
   localparam int Longest = Rcd + RowWords + Wr + Rp + Rfc + 8;
   localparam int Interval = int'(
       (longint'(Timing.refresh_ms) * longint'(ClockHz) / 1000 - longint'(Longest))
@@ -83,7 +83,7 @@ module lipp_sdram_controller
   localparam int PauseBits = Rfc + Rp + Rcd + Mrd;
   localparam int HoldBits = Ras + Wr;
 
-  /// Return a mask with `number` ones. Shifting it right counts down.
+  /// Return a mask with `number` ones. The controller shifts the mask right to count down.
   function automatic logic [PauseBits-1:0] ones(int number);
     return PauseBits'((64'd1 << number) - 64'd1);
   endfunction

@@ -12,7 +12,7 @@ package lipp_sdram_pkg;
   localparam int ColumnBits = 9;
   localparam int RowWords = 1 << ColumnBits;
 
-  /// Words in a row: `count` words from `column` on, where count <= RowWords - column.
+  /// A transaction: `count` words in one row from `column` on, where count <= RowWords - column.
   typedef struct packed {
     logic [RowBits-1:0] row;
     logic [BankBits-1:0] bank;
@@ -21,8 +21,8 @@ package lipp_sdram_pkg;
     logic last;  // the last transaction of its request
   } transaction_t;
 
-  /// Minimum times of the data sheet. For the refresh it is a maximum: `rows` refreshes must take
-  /// at most refresh_ms.
+  /// Minimum times of the data sheet. The refresh has a maximum time instead: `rows` refreshes must
+  /// be done within refresh_ms.
   typedef struct packed {
     logic [15:0] cas_clocks;  // CAS latency, 2 or 3 clocks
     logic [15:0] rcd_ns;      // time from ACTIVE to READ or WRITE
@@ -38,7 +38,7 @@ package lipp_sdram_pkg;
   } timing_t;
 
   /// Speed grades of the MT48LC16M16A2 for up to 133, 143 and 167 MHz. The power-up time is 200 us
-  /// instead of Micron's 100 us, because some other makers' SDRAMs of this class need it.
+  /// instead of Micron's 100 us, because similar SDRAMs of some other manufacturers need 200 us.
   localparam timing_t Grade75 = '{3, 20, 20, 44, 66, 66, 15, 2, 200, 64, 8192};
   localparam timing_t Grade7E = '{3, 15, 15, 37, 60, 66, 14, 2, 200, 64, 8192};
   localparam timing_t Grade6A = '{3, 18, 18, 42, 60, 60, 12, 2, 200, 64, 8192};

@@ -3,10 +3,10 @@
 
 /// Read client of the SDRAM: accepts requests and outputs their pixels.
 ///
-/// On the memory's side the port offers transactions and accepts words. It offers a transaction
-/// only when its buffer of 2^AddressBits pixel pairs has room for all words of the transaction, so
-/// words from the memory never wait. A pixel pair crosses to the client's clock as one word. The
-/// next request is accepted after the last pixel of the current request.
+/// On the memory's side the port offers transactions and accepts words. The port offers a
+/// transaction only when its buffer of 2^AddressBits pixel pairs has room for all words of the
+/// transaction, so words from the memory never wait. A pixel pair crosses to the client's clock as
+/// one word. The next request is accepted after the last pixel of the current request.
 ///
 /// The latency from the words to the pixels is 2 memory clocks, then the latency of
 /// `lipp_async_fifo`, then one client clock. The last clock is an output register, which is needed

@@ -7,10 +7,10 @@
 /// 2 after the start of the buffer's first row. The row numbers run through all banks: the bank is
 /// the row number modulo 4. A transaction has at most Block words, all in one row.
 ///
-/// A transaction is offered when the budget is at least its number of words. The budget starts with
-/// Budget words, grows by three words with each pair_i, and shrinks by the words of each
-/// transaction. For a client that reads, the budget is the free room in the client's buffer. For a
-/// client that writes, the budget is the number of words available to write.
+/// A transaction is offered when the budget is at least the transaction's number of words. The
+/// budget starts with Budget words, grows by three words with each pair_i, and shrinks by the words
+/// of each transaction. For a client that reads, the budget is the free room in the client's
+/// buffer. For a client that writes, the budget is the number of words available to write.
 ///
 /// A transaction is offered 3 clocks after the request or the previous transaction was accepted, or
 /// 1 clock after the budget is large enough, whichever is later.

@@ -3,24 +3,26 @@
 
 /// Frame store with two pixel buffers in an SDR SDRAM.
 ///
-/// Three clients use the frame store: the clients show and read read pixels, the client write
-/// writes pixels. A request has a valid/ready handshake. It selects a buffer, the index of its
-/// first pixel, and a number of pixels, both even. The pixels follow as a stream, row by row: R in
-/// bits 23:16, G in 15:8, B in 7:0. The next request of a client is accepted after the last pixel
-/// of its current request, for the write client after the pulse write_done_o. Requests accepted
-/// after that pulse read the written pixels. A request waits until the memory is initialised.
+/// Three clients use the frame store. The clients `show` and `read` fetch pixels, the client
+/// `write` stores pixels. A request has a valid/ready handshake. The request selects a buffer, the
+/// index of its first pixel, and a number of pixels, both even. The pixels follow as a stream, row
+/// by row: R in bits 23:16, G in 15:8, B in 7:0. The next request of a client is accepted after the
+/// last pixel of its current request, for the client `write` after the pulse write_done_o. A
+/// request accepted after that pulse returns the written pixels. A request waits until the memory
+/// is initialised.
 ///
 /// Two pixels are stored as three words: {R, G}, {B, R'}, {G', B'}. Each buffer begins at the start
 /// of a row. A pixel that is read while it is written may consist of one old and one new word.
 ///
-/// Show has priority: it waits for at most one transaction of another client and one refresh
-/// (`lipp_sdram_arbiter`). A transaction of write has at most WriteBlock words, a transaction of
-/// read at most ReadBlock words. Show reads ahead as far as its line buffer of 2^ShowBits pixel
-/// pairs has room.
+/// The client `show` has priority: it waits for at most one transaction of another client and one
+/// refresh (`lipp_sdram_arbiter`). A transaction of `write` has at most WriteBlock words, a
+/// transaction of `read` at most ReadBlock words. The client `show` reads ahead as far as its line
+/// buffer of 2^ShowBits pixel pairs has room.
 ///
-/// mem_clk_i has the frequency MemoryHz and is unrelated to clk_i. rst_ni resets the memory's side
-/// asynchronously: it cancels all requests and all pixels in transit, and the memory is initialised
-/// again. The memory's contents may then be lost. `lipp_sdram_controller` describes the pins.
+/// Input mem_clk_i has the frequency MemoryHz and is unrelated to clk_i. Input rst_ni resets the
+/// memory's side asynchronously: it cancels all requests and all pixels in transit, and the memory
+/// is initialised again. The memory's contents may then be lost. `lipp_sdram_controller` describes
+/// the pins.
 module lipp_sdram_store
   import lipp_sdram_pkg::*;
 #(

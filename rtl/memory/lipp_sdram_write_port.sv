@@ -5,8 +5,9 @@
 ///
 /// On the memory's side the port offers transactions and outputs words. All words of a transaction
 /// cross to the memory's clock before the transaction is offered, so they are available when the
-/// memory takes them. done_o is a pulse after the memory accepted the last transaction of the
-/// request; every later request is executed after it. The next request is accepted after done_o.
+/// memory takes them. Output done_o is a pulse after the memory accepted the last transaction of
+/// the request. Every later request is executed after that transaction. The next request is
+/// accepted after done_o.
 module lipp_sdram_write_port
   import lipp_sdram_pkg::*;
 #(

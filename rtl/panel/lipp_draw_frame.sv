@@ -4,12 +4,12 @@
 /// Draws the scene: sends the rays of all pixels to the optics and the drawn pixels to the video
 /// output.
 ///
-/// begin_i is a pulse at the start of a video frame, during vertical sync. In that clock the
+/// Input begin_i is a pulse at the start of a video frame, during vertical sync. In that clock the
 /// scene's new registers take effect (take_o) if all pixels of the previous frame have arrived and
 /// no register write is running (hold_i low). While hold_i is high, the previous registers stay in
-/// use. shown_o is high while the panel shows the scene; it is source_i, sampled together with the
-/// registers. A frame of Width * Height pixels is drawn if shown_o is high in the clock after
-/// begin_i. Therefore every frame is drawn with one set of registers.
+/// use. Output shown_o is high while the panel shows the scene. It is source_i, sampled together
+/// with the registers. A frame of Width * Height pixels is drawn if shown_o is high in the clock
+/// after begin_i. Therefore every frame is drawn with one set of registers.
 ///
 /// Let c and r be a pixel's column and row, counted from the panel's top left. The pixel's rays
 /// have the positions of lipp_raster:
@@ -22,11 +22,11 @@
 ///               1: (-4, 4), (4, -4)
 ///               2: (-4, 4), (4, 4), (-4, -4), (4, -4)
 ///
-/// ray_first_o marks the first ray of the frame, ray_last_o the last. Drawn pixels arrive in the
-/// order of the rays. `lipp_pixel_feed` outputs each pixel at its own position, and counts and
+/// Output ray_first_o marks the first ray of the frame, ray_last_o the last. Drawn pixels arrive in
+/// the order of the rays. `lipp_pixel_feed` outputs each pixel at its own position, and counts and
 /// drops a late pixel. If pixels are still missing at begin_i, the next frame is black and all its
-/// pixels count as underflows. owns_o is high while the drawing uses the optics: one clock after
-/// source_i or shown_o is high, or while pixels are missing.
+/// pixels count as underflows. Output owns_o is high while the drawing uses the optics: one clock
+/// after source_i or shown_o is high, or while pixels are missing.
 module lipp_draw_frame #(
   parameter int Width = 640,   // the panel's width in pixels
   parameter int Height = 480,  // the panel's height in pixels

@@ -1,13 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
 `default_nettype none
 
-/// Computes the CRC-32 of one buffer of the frame store. The rows run top to bottom, the bytes are
-/// R, G, B.
+/// Computes the CRC-32 of one buffer of the frame store. The CRC covers the rows from top to
+/// bottom, and the bytes R, G, B of each pixel.
 ///
-/// start_i starts the check; start_i is ignored while busy_o is high. While busy_o is high, the
+/// Input start_i starts the check, and is ignored while busy_o is high. While busy_o is high, the
 /// module owns the read client of the frame store: it requests all pixels and accepts each pixel
-/// when it arrives. done_o is a pulse two clocks after the last pixel. From then on crc_o is valid
-/// until the next start_i.
+/// when it arrives. Output done_o is a pulse two clocks after the last pixel. From then on crc_o is
+/// valid until the next start_i.
 module lipp_frame_check #(
   parameter int Width = 640,
   parameter int Height = 480,

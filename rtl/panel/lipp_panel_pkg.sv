@@ -41,8 +41,9 @@ package lipp_panel_pkg;
     return (pixels + Tile - 1) / Tile;
   endfunction
 
-  /// Return the latency of `lipp_test_pattern`. Its stages are the coordinates, the lenslet, the
-  /// products for the lenslet's centre, their sums, and the selection.
+  /// Return the latency of `lipp_test_pattern`. The stages of the pattern's pipeline are the
+  /// coordinates, the lenslet, the products for the lenslet's centre, their sums, and the
+  /// selection.
   function automatic int pattern_latency(int grid);
     return 1 + lipp_optics_pkg::pixel_latency() + lipp_optics_pkg::lenslet_latency(grid)
         + lipp_math_pkg::mul_latency(lipp_math_pkg::MulBits, lipp_math_pkg::MulBits) + 3;

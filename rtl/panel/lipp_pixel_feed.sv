@@ -4,16 +4,16 @@
 /// Passes a stream of pixels to the video output: outputs each pixel at its own position in the
 /// frame, or drops it.
 ///
-/// begin_i is a pulse at the start of a video frame. If draws_i is high in that clock, the stream
-/// then delivers the pixels of the frame in order. draws_i may be high only while complete_o is
-/// high. A frame without draws_i takes no pixels. want_i takes the next pixel of the frame: in the
-/// same clock rgb_o is that pixel and hit_o is high. If the pixel has not arrived yet, rgb_o is
-/// black, and the pixel is dropped when it arrives. Pixels that are still missing at the next
-/// begin_i are dropped too.
+/// Input begin_i is a pulse at the start of a video frame. If draws_i is high in that clock, the
+/// stream then delivers the pixels of the frame in order. Input draws_i may be high only while
+/// complete_o is high. A frame without draws_i takes no pixels. Input want_i takes the next pixel
+/// of the frame: in the same clock rgb_o is that pixel and hit_o is high. If the pixel has not
+/// arrived yet, rgb_o is black, and the pixel is dropped when it arrives. Pixels that are still
+/// missing at the next begin_i are dropped too.
 ///
-/// underflow_o is high one clock after a pixel was missing while shown_i was high, which means that
-/// the frame is on the panel. complete_o is high while no pixel is missing. last_o is a pulse one
-/// clock after the last pixel of the frame arrived.
+/// Output underflow_o is high one clock after a pixel was missing while shown_i was high, which
+/// means that the frame is on the panel. Output complete_o is high while no pixel is missing.
+/// Output last_o is a pulse one clock after the last pixel of the frame arrived.
 module lipp_pixel_feed #(
   parameter int Pixels = 640 * 480  // number of pixels of a frame
 ) (

@@ -6,25 +6,25 @@
 /// A pixel lasts ClocksPerPixel clocks, and pixel_o marks the first of these clocks. A line
 /// consists of sync, back porch, pixels and front porch. A frame consists of the same parts,
 /// counted in lines. Vertical sync begins and ends together with horizontal sync. A sync signal
-/// with positive polarity is high during sync, with negative polarity low. rgb_o is black outside
-/// the pixels.
+/// with positive polarity is high during sync, with negative polarity low. Output rgb_o is black
+/// outside the pixels.
 ///
 /// Frames and settings change only at the start of vertical sync, so every frame is shown complete.
-/// If swap_i is then high, the buffers are swapped: swapped_o pulses and front_o changes.
+/// If swap_i is then high, the buffers are swapped: swapped_o pulses and front_o changes. Input
 /// brightness_i, pattern_i and optics_i are sampled at the same time. Reset starts a frame of
-/// buffer 0. filled_o is low until the first swap, because no buffer contains a frame before the
-/// first swap.
+/// buffer 0. Output filled_o is low until the first swap, because no buffer contains a frame before
+/// the first swap.
 ///
-/// frame_end_o is a pulse at the start of vertical sync, one clock before swapped_o; no pixel of
-/// the previous frame is then in the pipeline. After frame_end_o, want_o pulses for each pixel of
-/// the frame, even while a test pattern is shown. In the clock of the pulse, pixel_i must be that
-/// pixel. The first pulse of want_o comes VSync + VBack lines and HSync + HBack pixels after
-/// frame_end_o.
+/// Output frame_end_o is a pulse at the start of vertical sync, one clock before swapped_o. No
+/// pixel of the previous frame is then in the pipeline. After frame_end_o, want_o pulses for each
+/// pixel of the frame, even while a test pattern is shown. In the clock of the pulse, pixel_i must
+/// be that pixel. The first pulse of want_o comes VSync + VBack lines and HSync + HBack pixels
+/// after frame_end_o.
 ///
 /// Each of the values r, g, b is output as floor(p (brightness + 1) / 256), where p is the pixel's
-/// value. Pixel and sync signals are aligned. frame_start_o is high with the first pixel. Two
-/// clocks after the last pixel, shown_crc_o is the CRC-32 of the frame's output bytes (rows top to
-/// bottom, R, G, B), and frames_o has been incremented.
+/// value. Pixel and sync signals are aligned. Output frame_start_o is high with the first pixel.
+/// Two clocks after the last pixel, shown_crc_o is the CRC-32 of the frame's output bytes (rows top
+/// to bottom, R, G, B), and frames_o has been incremented.
 module lipp_scan_out #(
   parameter int Width = 640,
   parameter int Height = 480,

@@ -4,11 +4,12 @@
 /// Sends the stored frame to the video output: requests the front buffer once per frame and
 /// forwards its pixels.
 ///
-/// begin_i is a pulse at the start of a video frame. From the next clock on, front_i is the buffer
-/// of that frame, and shown_i is high if the frame is on the panel. swapped_i pulses in that clock
-/// if the buffer changed. crc_i is the CRC-32 of the new buffer and is valid from the clock after
-/// swapped_i. The request to the frame store follows one clock later. `lipp_pixel_feed` outputs
-/// each pixel at its own position. A late pixel is counted by underflow_o and dropped.
+/// Input begin_i is a pulse at the start of a video frame. From the next clock on, front_i is the
+/// buffer of that frame, and shown_i is high if the frame is on the panel. Input swapped_i pulses
+/// in that clock if the buffer changed. Input crc_i is the CRC-32 of the new buffer and is valid
+/// from the clock after swapped_i. The request to the frame store follows one clock later.
+/// `lipp_pixel_feed` outputs each pixel at its own position. A late pixel is counted by underflow_o
+/// and dropped.
 ///
 /// When a frame was shown without underflow, its CRC-32 is compared with crc_i. If the two CRCs
 /// differ, the memory has lost the frame: lost_o goes high and the panel stays black until the next

@@ -3,15 +3,15 @@
 
 /// Computes a pixel of a test pattern from the pixel's column and row and from the optics.
 ///
-/// The latency is pattern_latency(Grid). pattern_i and optics_i must not change within a frame.
-/// Every other pattern number, including PatternOff, is black. The first three patterns are black
-/// where the array has no lenslet.
+/// The latency is pattern_latency(Grid). Inputs pattern_i and optics_i must not change within a
+/// frame. Every other pattern number, including PatternOff, is black. The first three patterns are
+/// black where the array has no lenslet.
 ///
-///   PatternLens     white inside lenslet (i, j)
-///   PatternCentres  white in each pixel that contains a lenslet's centre
-///   PatternViews    r, g: the pixel's position in its lenslet, to the right and upward, b = 0
-///   PatternChecker  white and black tiles of 32 pixels; the first tile is black
-///   PatternRamp     grey, the column modulo 256
+///   PatternLens     white inside lenslet (i, j).
+///   PatternCentres  white in each pixel that contains a lenslet's centre.
+///   PatternViews    r and g are the pixel's position in its lenslet, to the right and upward; b = 0.
+///   PatternChecker  white and black tiles of 32 x 32 pixels, of which the first is black.
+///   PatternRamp     grey, with the value of the column modulo 256.
 ///
 /// Let (x, y) be the pixel's centre, relative to the centre of its lenslet. The unit is a pitch; on
 /// a hexagonal grid the unit of y is a row distance. PatternViews is

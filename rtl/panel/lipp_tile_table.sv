@@ -3,9 +3,9 @@
 
 /// Table with the CRC-32 of each tile in both buffers. An entry of 0 marks an invalid tile.
 ///
-/// Reset clears the table, one entry per clock. busy_o is high meanwhile: writes are not allowed
-/// and reads are undefined. read_crc_o in clock t is the entry requested in clock t - 2, as it was
-/// before that clock.
+/// Reset clears the table, one entry per clock. Output busy_o is high during that time: writes are
+/// not allowed and reads are undefined. Output read_crc_o in clock t is the entry requested in
+/// clock t - 2, as it was before that clock.
 module lipp_tile_table #(
   parameter int Width = 640,
   parameter int Height = 480,

@@ -3,22 +3,22 @@
 
 /// Decodes one tile from a packet and writes it into a buffer of the frame store.
 ///
-/// start_i samples the parameters; start_i is ignored while a tile is being written. The bytes of
+/// Input start_i samples the parameters, and is ignored while a tile is being written. The bytes of
 /// the packet follow as a stream whose last byte is marked. If empty_i is high, there are no bytes.
 /// One pixel is written per clock, or fewer if the bytes or the frame store are slower. The codings
 /// are:
 ///
-///   CodingRaw    R, G, B of each pixel
-///   CodingSolid  R, G, B of all pixels
-///   CodingQoi    operations of QOI without its header and end marker, except QOI_OP_RGBA: every
-///                pixel's alpha is 255; the previous pixel and the index start as black
-///   CodingCopy   no data: the pixels at the same position of the other buffer
+///   CodingRaw    R, G, B of each pixel.
+///   CodingSolid  one R, G, B for all pixels.
+///   CodingQoi    operations of QOI, except QOI_OP_RGBA, without header and end marker. Every
+///                pixel's alpha is 255. The previous pixel and the index start as black.
+///   CodingCopy   no data, but a copy of the same tile in the other buffer.
 ///
-/// done_o is a pulse after the last byte and the last write. If ok_o is high in that clock, the
-/// data had exactly the tile's number of pixels, and crc_o is the CRC-32 of their bytes, row by
-/// row. If ok_o is low, the data were invalid, or the panel has no such tile or coding. Then the
-/// remaining bytes of the packet were discarded, and the tile may be partly written. No pixel
-/// outside the tile is ever written.
+/// Output done_o is a pulse after the last byte and the last write. If ok_o is high in the clock of
+/// done_o, the data had exactly the tile's number of pixels, and crc_o is the CRC-32 of their
+/// bytes, row by row. If ok_o is low, the data were invalid, or the panel has no such tile or
+/// coding. Then the remaining bytes of the packet were discarded, and the tile may be partly
+/// written. No pixel outside the tile is ever written.
 ///
 /// Each row of the tile is one request to the write client of the frame store. A copied row is
 /// first requested from the read client. If invalid data end within a row, the row is filled with
@@ -80,8 +80,8 @@ module lipp_tile_writer #(
   localparam int RowBits = Rows > 1 ? $clog2(Rows) : 1;
   localparam int SideBits = $clog2(Tile);
   localparam int RemainingBits = 2 * SideBits + 1;
-  // Last index along a side of a tile: Whole for a complete tile, CutX for the last tile of a row,
-  // CutY for the last tile of a column.
+  // Last index along a side of a tile. Whole is for a complete tile, CutX for the last tile of a
+  // row, CutY for the last tile of a column.
   localparam logic [SideBits-1:0] Whole = SideBits'(Tile - 1);
   localparam logic [SideBits-1:0] CutX = SideBits'((Width - 1) % Tile);
   localparam logic [SideBits-1:0] CutY = SideBits'((Height - 1) % Tile);
@@ -178,9 +178,9 @@ module lipp_tile_writer #(
   assign ready_o = state_q == Decode && !repeating && !last_q && open;
 
   // The next pixel is the current pixel plus a difference, black plus a difference, or a pixel of
-  // the index. Its hash follows from the same operation, since the hash of a sum is a sum: 3 r + 5
-  // g + 7 b, modulo 64. The hash uses adders, because six bits are too few for multiplier cells.
-  // QOI_OP_LUMA changes the pixel twice.
+  // the index. The hash of the next pixel follows from the same operation, since the hash 3 r + 5 g
+  // + 7 b (modulo 64) of a sum is the sum of the hashes. The hash uses adders, because six bits are
+  // too few for multiplier cells. QOI_OP_LUMA changes the pixel twice.
   function automatic logic [5:0] hashed(logic [5:0] r, logic [5:0] g, logic [5:0] b);
     return (r + {r[4:0], 1'b0}) + (g + {g[3:0], 2'b0}) + ({b[2:0], 3'b0} - b);
   endfunction
@@ -196,8 +196,8 @@ module lipp_tile_writer #(
     end
   end
 
-  // The effect of the input byte if it is accepted. Its logic does not wait for the decision to
-  // accept.
+  // Compute the effect of the input byte in advance. The logic does not wait for the decision
+  // whether the byte is accepted.
   always_comb begin
     {draws, moves, wrong, colour, look_up, difference} = '0;
     {want_d, luma_d, run_d, fill_d} = {want_q, luma_q, run_q, fill_q};

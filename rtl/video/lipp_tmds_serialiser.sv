@@ -4,10 +4,10 @@
 /// Splits symbols of ten bits into pairs of bits, for output cells that send one bit at each clock
 /// edge.
 ///
-/// shift_clk_i is five times as fast as pixel_clk_i and comes from the same source, with any phase.
-/// Each shift clock sends pair_o[0], then pair_o[1]. A symbol is copied two or three shift clocks
-/// after the pixel clock that registered it, when it has long been stable. Its first pair is at
-/// pair_o three shift clocks later.
+/// Input shift_clk_i is five times as fast as pixel_clk_i and comes from the same source, with any
+/// phase. Each shift clock sends pair_o[0], then pair_o[1]. A symbol is copied two or three shift
+/// clocks after the pixel clock that registered it, when it has long been stable. The first pair of
+/// the symbol is at pair_o three shift clocks later.
 ///
 /// A bit that toggles with each symbol marks where symbols begin. A ring counter of five positions
 /// counts the shift clocks of a symbol, and the first toggle after reset sets it:
@@ -82,8 +82,8 @@ module lipp_tmds_serialiser #(
   logic high_q, before_q;
   logic [1:0] second_clock_q;
   always_ff @(posedge shift_clk_i) begin
-    // The pixel clock is high for two pairs and one bit: two pairs, or the same one pair later.
-    // Each step is one LUT.
+    // The pixel clock is high for two pairs and the first bit of the next pair. Each step is one
+    // LUT.
     high_q <= place_q[2] || place_q[3];
     before_q <= high_q;
     second_clock_q <= {high_q, high_q || before_q};

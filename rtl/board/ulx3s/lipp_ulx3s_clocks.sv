@@ -7,9 +7,9 @@
 /// output with BackDiv is the PLL's feedback. Each pixel takes one system clock. `tools.pll` finds
 /// the dividers.
 ///
-/// lost_o rises if the PLL loses its lock after 256 or more locked clocks, two or three clocks of
-/// clk_i later. lost_o stays high until the FPGA is configured again. A stopped oscillator is not
-/// detected, because lost_o needs clk_i.
+/// Output lost_o rises if the PLL loses its lock after 256 or more locked clocks, two or three
+/// clocks of clk_i later. Output lost_o stays high until the FPGA is configured again. A stopped
+/// oscillator is not detected, because lost_o needs clk_i.
 ///
 ///   VCO = 25 MHz / InputDiv * BackDiv
 module lipp_ulx3s_clocks #(
