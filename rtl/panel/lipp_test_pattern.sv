@@ -9,7 +9,7 @@
 ///
 ///   PatternLens     white inside lenslet (i, j).
 ///   PatternCentres  white in each pixel that contains a lenslet's centre.
-///   PatternViews    r and g are the pixel's position in its lenslet, to the right and upward; b = 0.
+///   PatternViews    r and g are the pixel's position in its lenslet, rightward and upward; b = 0.
 ///   PatternChecker  white and black tiles of 32 x 32 pixels, of which the first is black.
 ///   PatternRamp     grey, with the value of the column modulo 256.
 ///

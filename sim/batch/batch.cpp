@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
-// The batch harness: the Verilated ray-lenslet engine as a shared library, arrays in, arrays out.
+// The batch harness: the Verilated ray-lenslet engine as a shared library that traces arrays of
+// rays.
 //
-// Rays are offered and taken with random pauses when asked, so that a comparison of results also
+// On request, rays are offered and taken with random pauses, so that a comparison of results also
 // tests the handshake. Compiled once for each build of the RTL by lippmann.simulation.harness.
 #include <cstdint>
 #include <cstring>
@@ -13,11 +14,11 @@
 
 namespace {
 
-// xorshift64*: cheap pauses that a seed repeats.
+// The generator xorshift64*: fast random pauses that a seed reproduces.
 class Random {
  public:
   explicit Random(uint64_t seed) : state_(seed * 2 + 1) {}
-  // True with a chance of `share` in 256.
+  // Returns true with a probability of share / 256.
   bool chance(uint32_t share) {
     state_ ^= state_ >> 12;
     state_ ^= state_ << 25;
@@ -35,8 +36,8 @@ int32_t signed_word(T word, int bits) {
   return static_cast<int32_t>(static_cast<uint32_t>(word) << shift) >> shift;
 }
 
-// One rising edge. Nothing happens at the falling one, so the model is only told that it was: what
-// it compares clk_i with is put back, and half of the evaluations are saved.
+// Runs one rising edge of the clock. Nothing happens at the falling edge, so the model is not
+// evaluated there. Only its stored value of clk_i is set back, which saves half of the evaluations.
 void clock(Vtop& top) {
   top.clk_i = 1;
   top.eval();
@@ -46,11 +47,12 @@ void clock(Vtop& top) {
 
 }  // namespace
 
-// Traces `count` rays: arrays of input words u, v, a, b, and 9 of output words (i, j, x, y, z, dx,
-// dy, dz, status), one behind the other. `config` holds the bits of optics_config_t, least
-// significant word first. Pauses at the input and at the output have a chance of idle and stall in
-// 256. Returns the clocks from the first offer to the last ray, or -1 when rays stop coming.
-// The only name that the library shows (-fvisibility=hidden): the compiler may inline the model.
+// Traces `count` rays. The inputs are arrays of the words u, v, a, b. `out` consists of 9
+// consecutive arrays of the words i, j, x, y, z, dx, dy, dz, status. `config` contains the bits of
+// optics_config_t, least significant word first. The input pauses with a probability of idle / 256,
+// the output with a probability of stall / 256. Returns the clocks from the first offer to the last
+// ray, or -1 if no ray arrives for too long. This is the only symbol that the library exports
+// (-fvisibility=hidden), so that the compiler may inline the model.
 extern "C" __attribute__((visibility("default"))) int64_t lippmann_trace(
     int64_t count, const int64_t* u, const int64_t* v, const int64_t* a, const int64_t* b,
     const uint32_t* config, int64_t* out, uint64_t seed, uint32_t idle, uint32_t stall) {
@@ -83,7 +85,8 @@ extern "C" __attribute__((visibility("default"))) int64_t lippmann_trace(
     }
     top->ray_valid_i = offered;
     top->exit_ready_i = !(stall && random.chance(stall));
-    // The handshakes of this clock are known before it: both depend on registers only.
+    // The handshakes of this clock are known before its edge, because both depend on registers
+    // only.
     const bool accepted = offered && top->ray_ready_o;
     if (top->exit_valid_o && top->exit_ready_i) {
       int64_t* ray = out + received;

@@ -1,8 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
-// The batch harness of the drawing: the Verilated lipp_scene as a shared library, exit rays in, pixels out.
+// The batch harness for drawing: the Verilated lipp_scene as a shared library that converts exit
+// rays to pixels.
 //
-// Rays are offered and pixels taken with random pauses when asked, so that a comparison of results also
-// tests the handshakes. Compiled once for each build by lippmann.simulation.harness.
+// On request, rays are offered and pixels are taken with random pauses, so that a comparison of
+// results also tests the handshakes. Compiled once for each build by lippmann.simulation.harness.
 #include <cstdint>
 #include <cstring>
 #include <memory>
@@ -13,11 +14,11 @@
 
 namespace {
 
-// xorshift64*: cheap pauses that a seed repeats.
+// The generator xorshift64*: fast random pauses that a seed reproduces.
 class Random {
  public:
   explicit Random(uint64_t seed) : state_(seed * 2 + 1) {}
-  // True with a chance of `share` in 256.
+  // Returns true with a probability of share / 256.
   bool chance(uint32_t share) {
     state_ ^= state_ >> 12;
     state_ ^= state_ << 25;
@@ -33,7 +34,8 @@ struct Scene {
   VerilatedContext context;
   Vtop top{&context};
 
-  // One rising edge. Nothing happens at the falling one, so the model is only told that it was.
+  // Runs one rising edge of the clock. Nothing happens at the falling edge, so the model is not
+  // evaluated there.
   void clock() {
     top.clk_i = 1;
     top.eval();
@@ -71,7 +73,7 @@ SHOWN void lippmann_scene_delete(Scene* scene) {
   delete scene;
 }
 
-// Writes the bytes of a slot, one a clock.
+// Writes the bytes of a slot, one byte per clock.
 SHOWN void lippmann_scene_load(Scene* scene, int slot, int64_t count, const uint8_t* bytes) {
   for (int64_t at = 0; at < count; ++at) {
     scene->write(slot, at, bytes[at]);
@@ -80,11 +82,12 @@ SHOWN void lippmann_scene_load(Scene* scene, int slot, int64_t count, const uint
   scene->top.write_i = 0;
 }
 
-// Draws a frame of `count` rays, 9 arrays of words (i, j, x, y, z, dx, dy, dz, status) one behind the other, with
-// the registers `config`, the bits of scene_config_t; writes `pixels` times r, g, b. Pauses at the input and at
-// the output have a chance of idle and stall in 256. While it draws, the bytes `loaded` go into slot `slot`, if that
-// is 0 or more. Returns the clocks from the first offer to the last pixel, -1 when pixels stop coming, -2 when
-// the marks of the frame's first and last pixel are wrong.
+// Draws a frame of `count` rays. `rays` consists of 9 consecutive arrays of the words i, j, x, y,
+// z, dx, dy, dz, status. `config` contains the bits of scene_config_t. `out` receives `pixels`
+// triples r, g, b. The input pauses with a probability of idle / 256, the output with a probability
+// of stall / 256. During the frame the bytes `loaded` are written into slot `slot`, if that number
+// is 0 or more. Returns the clocks from the first offer to the last pixel, -1 if no pixel arrives
+// for too long, or -2 if the marks of the frame's first and last pixel are wrong.
 SHOWN int64_t lippmann_scene_draw(Scene* scene, int64_t count, int64_t pixels, const int64_t* rays,
                                   const uint32_t* config, uint8_t* out, uint64_t seed, uint32_t idle,
                                   uint32_t stall, int slot, int64_t load_count, const uint8_t* loaded) {
@@ -100,7 +103,8 @@ SHOWN int64_t lippmann_scene_draw(Scene* scene, int64_t count, int64_t pixels, c
     if (waited > patience) return -1;
     scene->clock();
   }
-  // The copy counts, not what the registers hold while the frame is drawn.
+  // The scene must use its copy of the registers, so their inputs are inverted while the frame is
+  // drawn.
   for (auto& part : top.config_i.m_storage) part = ~part;
 
   int64_t sent = 0, received = 0, clocks = 0, waited = 0, load_at = 0;
@@ -128,7 +132,8 @@ SHOWN int64_t lippmann_scene_draw(Scene* scene, int64_t count, int64_t pixels, c
       scene->write(slot, load_at, loaded[load_at]);
       ++load_at;
     }
-    // The handshakes of this clock are known before it: both depend on registers only.
+    // The handshakes of this clock are known before its edge, because both depend on registers
+    // only.
     const bool accepted = offered && top.exit_ready_o;
     if (top.pixel_valid_o && top.pixel_ready_i) {
       out[3 * received] = top.pixel_rgb_o >> 16;

@@ -20,30 +20,30 @@
 
 namespace {
 
-int checked(int result, const char* what) {
+int check_result(int result, const char* what) {
   if (result < 0) throw std::system_error(errno, std::generic_category(), what);
   return result;
 }
 
-void never_wait(int file) {
-  checked(fcntl(file, F_SETFL, checked(fcntl(file, F_GETFL), "fcntl") | O_NONBLOCK), "fcntl");
+void set_nonblocking(int file) {
+  check_result(fcntl(file, F_SETFL, check_result(fcntl(file, F_GETFL), "fcntl") | O_NONBLOCK), "fcntl");
 }
 
-// Hosts that wait while another one leaves.
+// Maximum number of hosts that wait for another host to leave.
 constexpr int kBacklog = 16;
-// Longest time to send the token, s.
+// Maximum time until a host has sent the token, in seconds.
 constexpr int kTokenSeconds = 5;
 
-// As small as a serial port's buffers: a slow host is felt soon.
-void narrow(int socket) {
+// Limits the buffers to the size of a serial port's buffers, so that a slow host takes effect soon.
+void limit_buffers(int socket) {
   const int buffer = 1 << 14;
-  checked(setsockopt(socket, SOL_SOCKET, SO_SNDBUF, &buffer, sizeof buffer), "setsockopt");
-  checked(setsockopt(socket, SOL_SOCKET, SO_RCVBUF, &buffer, sizeof buffer), "setsockopt");
+  check_result(setsockopt(socket, SOL_SOCKET, SO_SNDBUF, &buffer, sizeof buffer), "setsockopt");
+  check_result(setsockopt(socket, SOL_SOCKET, SO_RCVBUF, &buffer, sizeof buffer), "setsockopt");
 }
 
 std::string random_token() {
   unsigned char bytes[16];
-  checked(getrandom(bytes, sizeof bytes, 0) == sizeof bytes ? 0 : -1, "getrandom");
+  check_result(getrandom(bytes, sizeof bytes, 0) == sizeof bytes ? 0 : -1, "getrandom");
   std::string token;
   for (const unsigned char byte : bytes) {
     char digits[3];
@@ -53,8 +53,8 @@ std::string random_token() {
   return token;
 }
 
-// In a time that tells nothing of where they differ.
-bool same(const std::string& one, const std::string& other) {
+// Compares two strings in a time that does not depend on where they differ.
+bool equal_strings(const std::string& one, const std::string& other) {
   unsigned char differ = one.size() != other.size();
   for (size_t k = 0; k < std::min(one.size(), other.size()); ++k)
     differ |= static_cast<unsigned char>(one[k] ^ other[k]);
@@ -65,15 +65,15 @@ bool same(const std::string& one, const std::string& other) {
 
 HostSocket::HostSocket(const std::string& kind, int port, const std::string& place, int idle_s)
     : pty_(kind == "pty"), idle_s_(idle_s) {
-  checked(pipe(bell_), "pipe");
-  never_wait(bell_[0]);
-  never_wait(bell_[1]);
+  check_result(pipe(bell_), "pipe");
+  set_nonblocking(bell_[0]);
+  set_nonblocking(bell_[1]);
   if (pty_) {
     termios raw{};
     cfmakeraw(&raw);
     char name[256];
-    checked(openpty(&host_, &far_end_, name, &raw, nullptr), "openpty");
-    never_wait(host_);
+    check_result(openpty(&host_, &far_end_, name, &raw, nullptr), "openpty");
+    set_nonblocking(host_);
     url_ = name;
   } else if (kind == "unix") {
     listen_at(place);
@@ -84,8 +84,8 @@ HostSocket::HostSocket(const std::string& kind, int port, const std::string& pla
 }
 
 void HostSocket::listen_at(const std::string& path) {
-  listener_ = checked(socket(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC, 0), "socket");
-  narrow(listener_);
+  listener_ = check_result(socket(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC, 0), "socket");
+  limit_buffers(listener_);
   sockaddr_un address{};
   address.sun_family = AF_UNIX;
   if (path.empty() || path.size() >= sizeof address.sun_path)
@@ -94,32 +94,32 @@ void HostSocket::listen_at(const std::string& path) {
   const mode_t before = umask(0177);
   const int bound = bind(listener_, reinterpret_cast<sockaddr*>(&address), sizeof address);
   umask(before);
-  checked(bound, "bind");
+  check_result(bound, "bind");
   file_ = path;
-  checked(listen(listener_, kBacklog), "listen");
+  check_result(listen(listener_, kBacklog), "listen");
   url_ = "unix://" + path;
 }
 
 void HostSocket::listen_on(int port, const std::string& folder) {
-  listener_ = checked(socket(AF_INET, SOCK_STREAM | SOCK_CLOEXEC, 0), "socket");
+  listener_ = check_result(socket(AF_INET, SOCK_STREAM | SOCK_CLOEXEC, 0), "socket");
   const int yes = 1;
-  checked(setsockopt(listener_, SOL_SOCKET, SO_REUSEADDR, &yes, sizeof yes), "setsockopt");
-  narrow(listener_);
+  check_result(setsockopt(listener_, SOL_SOCKET, SO_REUSEADDR, &yes, sizeof yes), "setsockopt");
+  limit_buffers(listener_);
   sockaddr_in address{};
   address.sin_family = AF_INET;
   address.sin_port = htons(static_cast<uint16_t>(port));
   address.sin_addr.s_addr = htonl(INADDR_LOOPBACK);
   auto* place = reinterpret_cast<sockaddr*>(&address);
   socklen_t length = sizeof address;
-  checked(bind(listener_, place, length), "bind");
-  checked(listen(listener_, kBacklog), "listen");
-  checked(getsockname(listener_, place, &length), "getsockname");
+  check_result(bind(listener_, place, length), "bind");
+  check_result(listen(listener_, kBacklog), "listen");
+  check_result(getsockname(listener_, place, &length), "getsockname");
   const std::string number = std::to_string(ntohs(address.sin_port));
   url_ = "socket://127.0.0.1:" + number;
   token_ = random_token() + "\n";
   const std::string path = folder + "/tcp-" + number + ".token";
   unlink(path.c_str());
-  const int file = checked(open(path.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, 0600), path.c_str());
+  const int file = check_result(open(path.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, 0600), path.c_str());
   file_ = path;
   const bool written = write(file, token_.data(), token_.size()) == static_cast<ssize_t>(token_.size());
   if (close(file) != 0 || !written) throw std::system_error(errno, std::generic_category(), path);
@@ -138,7 +138,8 @@ HostSocket::~HostSocket() {
 void HostSocket::ring() {
   if (!rung_.exchange(true)) {
     const char byte = 0;
-    if (write(bell_[1], &byte, 1) < 0) return;  // the pipe is full: the thread is being woken
+    // the pipe is full, so the thread is already being woken
+    if (write(bell_[1], &byte, 1) < 0) return;
   }
 }
 
@@ -146,39 +147,40 @@ void HostSocket::serve() {
   while (!stop_) {
     pollfd wait[3] = {{bell_[0], POLLIN, 0}, {-1, 0, 0}, {-1, 0, 0}};
     if (host_ >= 0) {
-      if (!expects_) wait[2] = {listener_, POLLIN, 0};
+      if (!next_host_waits_) wait[2] = {listener_, POLLIN, 0};
       wait[1].fd = host_;
       if (from_host_.room() != 0) wait[1].events |= POLLIN;
-      if (to_host_.size() != 0 && let_in_) wait[1].events |= POLLOUT;
+      if (to_host_.size() != 0 && authorised_) wait[1].events |= POLLOUT;
     } else {
       wait[1] = {listener_, POLLIN, 0};
     }
-    // A pty that no host has open is never ready for writing: the timeout polls it again.
+    // A pty that no host has opened is never ready for writing. The timeout polls it again.
     if (poll(wait, 3, 1000) < 0 && errno != EINTR) return;
     if (wait[0].revents) {
-      // Emptied before the flag is cleared: a later ring() writes to the pipe again.
+      // The pipe is emptied before the flag is cleared, so that a later ring() writes to the pipe
+      // again.
       char bytes[64];
       while (read(bell_[0], bytes, sizeof bytes) > 0) continue;
       rung_ = false;
     }
-    if (host_ >= 0 && !let_in_ && silent_for(kTokenSeconds)) {
-      hang_up();
+    if (host_ >= 0 && !authorised_ && silent_for(kTokenSeconds)) {
+      disconnect_host();
       continue;
     }
     if (wait[2].revents && leaving()) {
-      expects_ = true;
+      next_host_waits_ = true;
     } else if (wait[2].revents && silent_for(idle_s_)) {
-      hang_up();
+      disconnect_host();
       continue;
-    } else if (wait[2].revents) {  // one host at a time: another one is disconnected at once
+    } else if (wait[2].revents) {  // one host at a time: another host is disconnected at once
       const int other = accept4(listener_, nullptr, nullptr, SOCK_CLOEXEC);
       if (other >= 0) close(other);
     }
     if (host_ < 0 && wait[1].revents) {
       accept_host();
     } else if (host_ >= 0 && wait[1].revents) {
-      if ((wait[1].revents & (POLLIN | POLLHUP | POLLERR)) && !read_some()) hang_up();
-      if (host_ >= 0 && (wait[1].revents & POLLOUT) && !write_some()) hang_up();
+      if ((wait[1].revents & (POLLIN | POLLHUP | POLLERR)) && !read_some()) disconnect_host();
+      if (host_ >= 0 && (wait[1].revents & POLLOUT) && !write_some()) disconnect_host();
     }
   }
 }
@@ -187,27 +189,28 @@ void HostSocket::accept_host() {
   host_ = accept4(listener_, nullptr, nullptr, SOCK_NONBLOCK | SOCK_CLOEXEC);
   if (host_ < 0) return;
   const int yes = 1;
-  setsockopt(host_, IPPROTO_TCP, TCP_NODELAY, &yes, sizeof yes);  // a Unix socket has no such delay
-  while (to_host_.size() != 0) to_host_.drop();                   // replies to the host before
-  heard_ = Clock::now();
-  told_.clear();
-  let_in_ = token_.empty();
+  setsockopt(host_, IPPROTO_TCP, TCP_NODELAY, &yes, sizeof yes);  // has no effect on a Unix socket
+  while (to_host_.size() != 0) to_host_.drop();  // drops replies to the previous host
+  last_byte_time_ = Clock::now();
+  received_token_.clear();
+  authorised_ = token_.empty();
 }
 
-// Takes the next bytes of the token's line; a wrong one ends the connection. It is judged whole: a guess of its first
-// letters is told nothing. Nothing of it reaches the board.
+// Reads the next bytes of the token. A wrong token ends the connection. The token is compared only
+// when it is complete, so a guess of its first letters gets no hint. No byte of the token reaches
+// the board.
 bool HostSocket::read_token() {
   char bytes[64];
-  const ssize_t count = read(host_, bytes, std::min(sizeof bytes, token_.size() - told_.size()));
+  const ssize_t count = read(host_, bytes, std::min(sizeof bytes, token_.size() - received_token_.size()));
   if (count == 0) return false;
   if (count < 0) return errno == EAGAIN || errno == EINTR;
-  told_.append(bytes, static_cast<size_t>(count));
-  if (told_.size() < token_.size() && told_.back() != '\n') return true;
-  return let_in_ = same(told_, token_);
+  received_token_.append(bytes, static_cast<size_t>(count));
+  if (received_token_.size() < token_.size() && received_token_.back() != '\n') return true;
+  return authorised_ = equal_strings(received_token_, token_);
 }
 
 bool HostSocket::read_some() {
-  if (!let_in_) return read_token();
+  if (!authorised_) return read_token();
   uint8_t bytes[4096];
   const size_t room = std::min(from_host_.room(), sizeof bytes);
   if (room == 0) return true;
@@ -215,7 +218,7 @@ bool HostSocket::read_some() {
   if (count == 0) return pty_;
   if (count < 0) return errno == EAGAIN || errno == EINTR || (pty_ && errno == EIO);
   for (ssize_t k = 0; k < count; ++k) from_host_.put(bytes[k]);
-  heard_ = Clock::now();
+  last_byte_time_ = Clock::now();
   return true;
 }
 
@@ -226,15 +229,15 @@ bool HostSocket::write_some() {
   const ssize_t written = pty_ ? write(host_, bytes, count) : send(host_, bytes, count, MSG_NOSIGNAL);
   if (written < 0) return errno == EAGAIN || errno == EINTR || (pty_ && errno == EIO);
   for (ssize_t k = 0; k < written; ++k) to_host_.drop();
-  heard_ = Clock::now();
+  last_byte_time_ = Clock::now();
   return true;
 }
 
-void HostSocket::hang_up() {
+void HostSocket::disconnect_host() {
   if (pty_) return;
   close(host_);
   host_ = -1;
-  expects_ = false;
+  next_host_waits_ = false;
 }
 
 bool HostSocket::leaving() const {

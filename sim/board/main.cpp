@@ -1,19 +1,23 @@
 // SPDX-License-Identifier: Apache-2.0
-// The virtual board: the RTL under Verilator, on a Unix socket, on TCP (loopback only) or on a pty.
+// The virtual board: the RTL under Verilator, connected to a Unix socket, TCP (loopback only) or a
+// pty.
 //
-//   board --line unix|tcp|pty [--port N] [--place PATH] [--idle SECONDS] --identity HEX --ready FILE [--capture FOLDER] [--step N]
-//         [--host-step N] [--stalls SEED] [--trace FILE --trace-from CLOCK --trace-to CLOCK]
+//   board --line unix|tcp|pty [--port N] [--place PATH] [--idle SECONDS] --identity HEX --ready FILE [--capture FOLDER]
+//         [--step N] [--host-step N] [--stalls SEED] [--trace FILE --trace-from CLOCK --trace-to CLOCK]
 //
-// --place is the Unix socket, or the folder of the file with the token that TCP asks for; a host that is silent for
-// --idle seconds makes room for another one.
+// The option --place is the path of the Unix socket, or the folder of the file with the token for
+// TCP. A host that is silent for --idle seconds can be replaced by another host.
 //
-// Built by lippmann.simulation.virtual_board. With ByteLink, bytes are transferred as fast as the board
-// accepts them; without, a UART's wires are simulated: --step is its bits per clock in 1 / 65536,
-// --host-step that of the host's end when it differs. --stalls makes both ends of a byte line pause
-// at random. The ready file (JSON) holds the URL and exists while the board runs. With LIPPMANN_MEMORY_HZ the frames are
-// in a chip of SDRAM on a clock of its own. SIGTERM, SIGINT and SIGHUP end the board, SIGUSR1 resets it, SIGUSR2 has
-// the chip lose what it holds. The last line on stdout is a JSON object of counts. Exit codes are those of the command
-// lippmann.
+// Built by lippmann.simulation.virtual_board. With ByteLink, bytes are transferred as fast as the
+// board accepts them. Without ByteLink, the wires of a UART are simulated: --step is the baud rate
+// in bits per clock, times 65536. --host-step is the baud rate of the host's end if it differs.
+// --stalls makes both ends of a byte link pause at random. The ready file (JSON) contains the URL
+// and exists while the board runs. With LIPPMANN_MEMORY_HZ, the frames are stored in an SDRAM that
+// has its own clock.
+//
+// SIGTERM, SIGINT and SIGHUP end the board. SIGUSR1 resets it. SIGUSR2 makes the SDRAM lose its
+// contents. The last line on stdout is a JSON object of counts. The exit codes are those of the
+// command lippmann.
 #include <getopt.h>
 #include <sys/prctl.h>
 #include <unistd.h>
@@ -87,16 +91,17 @@ Options parse(int count, char** words) {
   }
   if (options.host_step == 0) options.host_step = options.step;
   if (options.line != "unix" && options.line != "pty" && options.line != "tcp")
-    throw std::invalid_argument("--line: unix, tcp or pty");
+    throw std::invalid_argument("--line must be unix, tcp or pty");
   if (!LIPPMANN_BYTE_LINK && (options.step == 0 || options.step > 0x2000))
-    throw std::invalid_argument("--step: 1 to 8192 (a bit takes 8 clocks or more)");
+    throw std::invalid_argument("--step must be 1 to 8192, so that a bit takes 8 clocks or more");
 #ifndef LIPPMANN_TRACE
-  if (!options.trace.empty()) throw std::invalid_argument("--trace: this board was built without it");
+  if (!options.trace.empty()) throw std::invalid_argument("--trace is not available: this board was built without waveforms");
 #endif
   return options;
 }
 
-// Written under another name and renamed: a waiting process never reads half a file.
+// Writes the file under another name and renames it, so that a waiting process never reads half a
+// file.
 void announce(const Options& options, const HostSocket& line) {
   const std::string part = options.ready + ".part";
   std::FILE* file = std::fopen(part.c_str(), "w");
@@ -108,13 +113,14 @@ void announce(const Options& options, const HostSocket& line) {
     throw std::system_error(errno, std::generic_category(), options.ready);
 }
 
-// The memory of the frames beside the RTL: none, or a chip of SDRAM whose clock's edges lie between the board's.
+// The memory of the frames outside the RTL. With LIPPMANN_MEMORY_HZ it is an SDRAM with its own
+// clock, otherwise there is none.
 #ifdef LIPPMANN_MEMORY_HZ
 class Memory {
  public:
   explicit Memory(Vtop& top) : top_(top) {}
 
-  // The edges of the memory's clock that are due after one of the board's.
+  // Runs the edges of the memory's clock that are due after one edge of the board's clock.
   void clock() {
     for (due_ += LIPPMANN_MEMORY_HZ; due_ >= LIPPMANN_CLOCK_HZ; due_ -= LIPPMANN_CLOCK_HZ) edge();
   }
@@ -126,7 +132,7 @@ class Memory {
   }
 
  private:
-  // The chip sees the pins as they were before the edge; what nobody drives is noise.
+  // The SDRAM samples the pins as they were before the edge. Bits that no side drives are noise.
   void edge() {
     SdramPins pins;
     pins.cke = top_.cke_o;
@@ -144,7 +150,7 @@ class Memory {
     top_.dq_i = static_cast<uint16_t>((chip_.dq() & lanes) | (static_cast<uint32_t>(edges_) * 40503u & ~lanes));
     top_.mem_clk_i = 1;
     top_.eval();
-    // Before the first edges the pins have the values of no design.
+    // Before the first edges the pin values are not valid.
     if (++edges_ > 3) chip_.edge(static_cast<uint64_t>(edges_) * (1'000'000'000'000 / LIPPMANN_MEMORY_HZ), pins);
     top_.mem_clk_i = 0;
     top_.rootp->__Vtrigprevexpr___TOP__mem_clk_i__0 = 0;
@@ -207,8 +213,9 @@ class Board {
   }
 
  private:
-  // The last request is answered, its frames have been on the panel for a while, and no waveform is asked for. The
-  // clock then runs at a small share of its speed, until the host's next byte: a board that waits needs no processor.
+  // Returns true if the last request is answered, its frames have been on the panel for some time,
+  // and no waveform is requested. The clock then runs at a small fraction of its speed until the
+  // host's next byte, so that a waiting board needs almost no processor time.
   bool idle() const {
     return answered_ && options_.trace.empty() &&
            clocks_ - spoke_ > 1'000'000 + 4LL * LIPPMANN_WIDTH * LIPPMANN_HEIGHT;
@@ -224,7 +231,8 @@ class Board {
     top_.rst_ni = 1;
   }
 
-  // One rising edge. Nothing happens at the falling edge: the model's clock is only set back.
+  // Runs one rising edge of the clock. Nothing happens at the falling edge, so the model's clock is
+  // only set back.
   void clock() {
     top_.clk_i = 1;
     top_.eval();
@@ -248,7 +256,7 @@ class Board {
       top_.in_valid_i = byte >= 0;
       if (byte >= 0) top_.in_data_i = static_cast<uint8_t>(byte);
       top_.out_ready_i = line_.to_host().room() != 0 && !paused();
-      // The handshakes are known before the clock edge: they depend on registers only.
+      // The handshakes are known before the clock edge, because they depend on registers only.
       const bool took = byte >= 0 && top_.in_ready_o;
       offered_ = byte >= 0 && !took;
       if (top_.out_valid_o && top_.out_ready_i) send(top_.out_data_o);
@@ -270,7 +278,8 @@ class Board {
     if (top_.pixel_o) screen_.clock(top_.de_o, top_.vsync_o == LIPPMANN_VSYNC, top_.rgb_o);
   }
 
-  // Random pauses at both ends of a byte line: three clocks of four for some thousand clocks, then none for as many.
+  // Returns true in a random pause of the byte link: three of four clocks for some thousand clocks,
+  // then no clock for as many.
   bool paused() {
     if (options_.stalls == 0) return false;
     random_ ^= random_ << 13;
@@ -285,7 +294,7 @@ class Board {
     ++in_;
     spoke_ = clocks_;
     answered_ = false;
-    // The thread waits while there is no room; it is woken when half the buffer is free.
+    // The thread waits while the buffer is full. It is woken when half the buffer is free.
     if (line_.from_host().room() == HostSocket::kPlaces / 2) line_.ring();
   }
 
@@ -310,8 +319,8 @@ class Board {
   int64_t clocks_ = 0, in_ = 0, out_ = 0, lost_ = 0;
   uint32_t random_ = options_.stalls;
   bool calm_ = false, offered_ = false;
-  int64_t spoke_ = 0;     // clock of the last byte either way
-  bool answered_ = true;  // that byte was the board's
+  int64_t spoke_ = 0;     // clock of the last byte in either direction
+  bool answered_ = true;  // the last byte was sent by the board
 };
 
 }  // namespace
@@ -323,7 +332,7 @@ int main(int count, char** words) {
   std::signal(SIGUSR1, [](int) { reset = true; });
   std::signal(SIGUSR2, [](int) { lose = true; });
   std::signal(SIGPIPE, SIG_IGN);
-  prctl(PR_SET_PDEATHSIG, SIGTERM);  // ends with the process that started it
+  prctl(PR_SET_PDEATHSIG, SIGTERM);  // ends this process together with its parent
   std::string ready;
   try {
     const Options options = parse(count, words);

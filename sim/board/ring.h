@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Ring buffer for bytes from one thread to another, without locks or system calls.
+// Ring buffer that passes bytes from one thread to another, without locks and system calls.
 #pragma once
 
 #include <algorithm>
@@ -8,7 +8,7 @@
 #include <cstddef>
 #include <cstdint>
 
-template <size_t Places>  // a power of two
+template <size_t Places>  // capacity in bytes, a power of two
 class Ring {
  public:
   bool put(uint8_t byte) {
@@ -23,7 +23,7 @@ class Ring {
     const size_t at = read_.load(std::memory_order_relaxed);
     return written_.load(std::memory_order_acquire) == at ? -1 : bytes_[at % Places];
   }
-  // Copies up to `most` of the oldest bytes without removing them; returns their number.
+  // Copies up to `most` of the oldest bytes without removing them, and returns their number.
   size_t copy(uint8_t* to, size_t most) const {
     const size_t at = read_.load(std::memory_order_relaxed);
     const size_t count = std::min(most, written_.load(std::memory_order_acquire) - at);

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The panel: receives the pixels that the board scans out, and writes whole frames.
+// The simulated panel: receives the pixels that the board scans out, and writes complete frames.
 #pragma once
 
 #include <cstdint>
@@ -8,12 +8,12 @@
 
 class Screen {
  public:
-  // A frame that differs from the one before is written to `folder` as frame-NUMBER.rgb (rows from
-  // the top, R G B bytes), whole or not at all; an empty name writes none. Throws
-  // std::system_error.
+  // Writes each frame that differs from the previous frame to `folder` as frame-NUMBER.rgb (rows
+  // from the top, bytes R, G, B). A file is either complete or absent. With an empty `folder` no
+  // file is written. Throws std::system_error.
   Screen(int width, int height, std::string folder);
 
-  // The first clock of a pixel of video; true when it ended a frame.
+  // Samples the video in the first clock of a pixel; returns true at the end of a frame.
   bool clock(bool de, bool vsync, uint32_t rgb) {
     if (de) {
       if (at_ + 3 <= pixels_.size()) {

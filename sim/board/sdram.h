@@ -1,11 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
-// An SDR SDRAM of 4 banks x 8192 rows x 512 columns of 16 bits, after the data sheet of the
-// MT48LC16M16A2: it keeps words, and reports each command that the data sheet does not allow.
+// Model of an SDR SDRAM with 4 banks x 8192 rows x 512 columns of 16 bits, after the data sheet of
+// the MT48LC16M16A2.
 //
-// Its clock's rising edges are told with their times and the pins' levels. Modelled: what a
-// controller with bursts of one word does. Auto precharge, longer bursts, BURST TERMINATE, SELF
-// REFRESH are reported as not modelled, and CKE low is as if the power came: the initialisation
-// follows. Setup and hold times are the pads' matter.
+// The model stores words and reports each command that the data sheet does not allow. Its input is
+// the time and the pin levels at each rising edge of the clock. It models what a controller with
+// bursts of one word uses. Auto precharge, longer bursts, BURST TERMINATE and SELF REFRESH are
+// reported as not modelled. CKE low acts as a power-up: the initialisation must follow. Setup and
+// hold times are not checked, since they depend on the pads.
 #pragma once
 
 #include <cstdint>
@@ -13,9 +14,9 @@
 #include <string>
 #include <vector>
 
-// The table of AC characteristics of a speed grade, ps, and that of the refresh.
+// AC characteristics and refresh times of a speed grade, in ps.
 struct SdramGrade {
-  uint64_t ck3, ck2;  // clock period with CAS latency 3 and 2
+  uint64_t ck3, ck2;  // minimum clock period with CAS latency 3 and 2
   uint64_t rcd, rp, ras, ras_max, rc, rfc, rrd, wr;
   uint64_t mrd_clocks = 2;
   uint64_t power_up = 100'000'000;
@@ -29,7 +30,7 @@ inline const SdramGrade kGrade7E{7000,        7500,  15000, 15000, 37000,
 inline const SdramGrade kGrade6A{6000,        10000, 18000, 18000, 42000,
                                  120'000'000, 60000, 60000, 12000, 12000};
 
-// Levels of the pins at an edge; those with _n are low-active.
+// Levels of the pins at a clock edge. Pins with the suffix _n are active low.
 struct SdramPins {
   bool cke = true, cs_n = false, ras_n = true, cas_n = true, we_n = true;
   uint8_t ba = 0;
@@ -42,20 +43,23 @@ struct SdramPins {
 class Sdram {
  public:
   explicit Sdram(const SdramGrade& grade) : t_(grade), words_(1u << 24), refreshed_(grade.rows) {
-    // What a word holds at first is nobody's: not zero, and not the same everywhere.
+    // The contents after power-up are undefined, so the words start with different values, most of
+    // them not zero.
     for (size_t k = 0; k < words_.size(); ++k) words_[k] = static_cast<uint16_t>(k * 40503u >> 3);
   }
 
-  // A rising edge of the clock.
+  // Processes a rising edge of the clock.
   void edge(uint64_t now, const SdramPins& pins) {
     if (edges_ && now - now_ < (cas_ == 2 ? t_.ck2 : t_.ck3)) report("tCK");
     now_ = now;
     ++edges_;
     if (edges_ == 1) powered_ = now;
-    // A word is driven from an edge on, the next one captures it, and the chip lets go tHZ later.
+    // A word is driven from one edge until the next edge captures it. The SDRAM releases the pins
+    // tHZ later.
     if (pins.oe && (driving_ || drove_)) report("DQ contention");
     drove_ = driving_ != 0;
-    driving_ = next_[0].valid ? 3 & ~dqm_ : 0;  // DQM is two edges ahead of a captured word
+    // DQM acts on the word that is captured two edges later
+    driving_ = next_[0].valid ? 3 & ~dqm_ : 0;
     dq_ = next_[0].word;
     next_[0] = next_[1];
     next_[1] = {};
@@ -67,12 +71,12 @@ class Sdram {
     }
     if (ready_ && now > refreshed_[oldest_] + t_.refresh) {
       report("refresh interval");
-      refreshed_[oldest_] = now;  // once for each
+      refreshed_[oldest_] = now;  // reports each overdue refresh once
       oldest_ = (oldest_ + 1) % t_.rows;
     }
     const int command = pins.cs_n ? kNop : pins.ras_n << 2 | pins.cas_n << 1 | pins.we_n;
     if (!pins.cke) {
-      // A controller's reset: as if the power came again.
+      // CKE low is a reset of the controller, which the model treats as a power-up.
       if (command != kNop) report("SELF REFRESH: not modelled");
       for (Bank& bank : banks_) bank = {};
       note_rows();
@@ -106,21 +110,22 @@ class Sdram {
     }
   }
 
-  // What the chip drives until the next edge, which captures it: a byte for each bit of driving().
+  // Returns the word that the SDRAM drives until the next edge captures it. Bit k of driving()
+  // means that byte k is driven.
   uint16_t dq() const { return dq_; }
   int driving() const { return driving_; }
 
-  // All words change, as after a time without refresh.
+  // Changes all words, as if the SDRAM had not been refreshed for a long time.
   void lose() {
     for (uint16_t& word : words_) word = static_cast<uint16_t>(~word);
   }
 
-  bool ready() const { return ready_; }  // initialised
+  bool ready() const { return ready_; }  // true after the initialisation
   uint64_t refreshes() const { return refreshes_; }
   uint64_t reads() const { return reads_; }
   uint64_t writes() const { return writes_; }
   uint64_t activations() const { return activations_; }
-  // The violations by name, with their number; the first one's time.
+  // Returns the number of violations by name. first_violation() is the time of the first one.
   const std::map<std::string, uint64_t>& violations() const { return violations_; }
   uint64_t first_violation() const { return first_violation_; }
 
@@ -130,7 +135,7 @@ class Sdram {
   struct Bank {
     bool open = false;
     uint16_t row = 0;
-    // Times of the last ones; "long ago" before the first.
+    // Times of the last commands of each kind. The flags below are false before the first command.
     uint64_t active = 0, precharge = 0, write = 0;
     bool was_active = false, was_precharged = false, was_written = false;
   };
@@ -147,7 +152,7 @@ class Sdram {
     return happened && now_ < since + least;
   }
 
-  // What holds for each command.
+  // Checks the rules that apply to every command.
   void begin(int command) {
     if (now_ < powered_ + t_.power_up) report("power-up 100 us");
     if (within(refreshes_ != 0, last_refresh_, t_.rfc)) report("tRFC");
@@ -187,7 +192,7 @@ class Sdram {
       bank.was_written = true;
     } else {
       ++reads_;
-      next_[cas_ == 2 ? 0 : 1] = {true, word};  // captured cas_ edges later
+      next_[cas_ == 2 ? 0 : 1] = {true, word};  // the word is captured cas_ edges later
     }
   }
 
@@ -226,7 +231,7 @@ class Sdram {
   void mode(const SdramPins& pins) {
     idle("LOAD MODE REGISTER with an open row");
     if (step_ == kPower) report("initialisation: LOAD MODE REGISTER before PRECHARGE ALL");
-    // A second LOAD MODE REGISTER is legal; the first one ends the initialisation.
+    // A second LOAD MODE REGISTER is legal. The first one ends the initialisation.
     if (step_ != kReady && step_ != kRefreshed2)
       report("initialisation: fewer than 2 AUTO REFRESH");
     if (pins.a & 7) report("burst longer than 1: not modelled");
@@ -239,7 +244,7 @@ class Sdram {
     ready_ = true;
   }
 
-  // All banks are closed, and have been for tRP.
+  // Reports if a bank is open or was not closed for tRP.
   void idle(const char* what) {
     for (const Bank& bank : banks_) {
       if (bank.open)
@@ -269,9 +274,9 @@ class Sdram {
   uint64_t refreshes_ = 0, reads_ = 0, writes_ = 0, activations_ = 0;
   int open_rows_ = 0;
   uint64_t ras_deadline_ = ~0ull;
-  std::vector<uint64_t> refreshed_;  // the times of the last ones, in a ring
+  std::vector<uint64_t> refreshed_;  // ring of the times of the last `rows` refreshes
   unsigned oldest_ = 0;
-  Out next_[2];  // words that the edges to come drive
+  Out next_[2];  // words that will be driven from the next two edges on
   uint16_t dq_ = 0;
   int driving_ = 0;
   uint8_t dqm_ = 0;

@@ -1,36 +1,36 @@
 // SPDX-License-Identifier: Apache-2.0
-// The host's UART (8N1), bit by bit, at the other end of the board's two wires.
+// The host's UART (8N1) at the other end of the board's two wires, simulated bit by bit.
 #pragma once
 
 #include <cstdint>
 
 class Uart {
  public:
-  // Bits per clock = step / 2^16, as in rtl/link/lipp_uart_tx.sv.
+  // The baud rate is step / 2^16 bits per clock, as in rtl/link/lipp_uart_tx.sv.
   explicit Uart(uint32_t step) : step_(step) {}
 
-  // Ready for the next byte.
+  // Returns true when the next byte can be sent.
   bool ready() const { return sending_ == 0; }
   void send(uint8_t byte) { sending_ = 0x600u | byte << 1 | 0u; left_ = 0x10000; }
-  // Level of the wire to the board in the next clock.
+  // Returns the level of the wire to the board in the next clock.
   bool wire() {
     if (sending_ == 0) return true;
     const bool level = sending_ & 1;
     if (left_ <= step_) {
       left_ += 0x10000 - step_;
       sending_ >>= 1;
-      if (sending_ == 1) sending_ = 0;  // the stop bit was the last
+      if (sending_ == 1) sending_ = 0;  // the stop bit was the last bit
     } else {
       left_ -= step_;
     }
     return level;
   }
 
-  // Samples the wire from the board, once a clock; returns the byte that it completes, or -1.
+  // Samples the wire from the board once per clock; returns the byte that is now complete, or -1.
   int take(bool level) {
     if (taken_ == 0) {
       if (level) return -1;
-      taken_ = 10;  // a start bit: half a bit to its middle
+      taken_ = 10;  // a start bit: wait for half a bit, to its middle
       wait_ = 0x8000;
     }
     if (wait_ > step_) {
@@ -45,7 +45,7 @@ class Uart {
 
  private:
   uint32_t step_;
-  uint32_t sending_ = 0, left_ = 0;          // bits to send, lowest first, and a marker
+  uint32_t sending_ = 0, left_ = 0;  // remaining bits to send, lowest first, and a marker bit
   uint32_t wait_ = 0;
   uint16_t word_ = 0;
   int taken_ = 0;

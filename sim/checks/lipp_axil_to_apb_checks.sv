@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
-/// The contract of `lipp_axil_to_apb`, at its ports, and what it needs of the manager: that it
-/// keeps what it offers.
+/// Checks the contract of `lipp_axil_to_apb` at its ports, and that the manager keeps each request
+/// stable until it is accepted.
 module lipp_axil_to_apb_checks #(
   parameter int AddressBits = 9,
-  parameter bit AssumeManager = 1'b0  // proofs: the manager's side is an assumption
+  parameter bit AssumeManager = 1'b0  // 1: a proof assumes that the manager is correct
 ) (
   input logic                   clk_i,
   input logic                   rst_ni,
@@ -41,7 +41,7 @@ module lipp_axil_to_apb_checks #(
 `ifdef FORMAL
   wire checked = rst_ni;
 `else
-  reg reset_q = 0;  // nothing is asserted before the first reset
+  reg reset_q = 0;  // assertions are checked only after the first reset
   always @(posedge clk_i or negedge rst_ni) if (!rst_ni) reset_q <= 1;
   wire checked = rst_ni && reset_q;
 `endif
@@ -54,16 +54,16 @@ module lipp_axil_to_apb_checks #(
   wire b_take = s_axil_bvalid && s_axil_bready;
   wire r_take = s_axil_rvalid && s_axil_rready;
 
-  reg aw_q, w_q, ar_q;        // a part of a request was taken, and its access has not begun
+  reg aw_q, w_q, ar_q;        // a part of a request was accepted, and its access has not begun
   wire aw_waits = aw_q && !(setup && m_apb_pwrite);
   wire w_waits = w_q && !(setup && m_apb_pwrite);
   wire ar_waits = ar_q && !(setup && !m_apb_pwrite);
-  reg b_due_q, r_due_q;       // an access has ended, and its answer was not taken
+  reg b_due_q, r_due_q;       // an access has ended, and its response was not accepted yet
   reg b_error_q, r_error_q;
-  reg [A+2:0] aw_word_q, ar_word_q;  // the parts taken last
+  reg [A+2:0] aw_word_q, ar_word_q;  // the last accepted parts
   reg [35:0] w_word_q;
   reg [31:0] r_word_q;
-  reg past_valid_q;                // the values below are of the clock before
+  reg past_valid_q;                // the registers below contain values of the previous clock
   reg idle_q, wait_q, may_write_q, may_read_q, last_write_q;
   reg [A+39:0] access_q;
   always @(posedge clk_i or negedge rst_ni) begin
@@ -78,7 +78,8 @@ module lipp_axil_to_apb_checks #(
       past_valid_q <= 1;
     end
   end
-  reg aw_held_q, w_held_q, ar_held_q, b_held_q, r_held_q;  // offered in the clock before, not taken
+  // offered in the previous clock, but not accepted
+  reg aw_held_q, w_held_q, ar_held_q, b_held_q, r_held_q;
   reg [A+2:0] aw_was_q, ar_was_q;
   reg [35:0] w_was_q;
   reg [1:0] b_was_q;
@@ -97,16 +98,17 @@ module lipp_axil_to_apb_checks #(
     access_q <= access;
     idle_q <= !m_apb_psel || done;
     wait_q <= m_apb_psel && !done;
-    // An access could begin after this clock: its parts are there, and its answer's place is free.
+    // An access could begin after this clock: its parts have arrived, and the register of its
+    // response is free.
     may_write_q <= aw_waits && w_waits && !s_axil_bvalid && !(done && m_apb_pwrite);
     may_read_q <= ar_waits && !s_axil_rvalid && !(done && !m_apb_pwrite);
     last_write_q <= m_apb_pwrite;
   end
 
-  // ---- what the adapter promises ----
+  // ---- the adapter's contract ----
   always @(posedge clk_i) begin
     if (checked) begin
-      // Each access has its request, and each access is answered once, with its own answer.
+      // Each access belongs to a request, and gets exactly one response, which is its own.
       write_asked: assert(!(setup && m_apb_pwrite) || (aw_q && w_q));
       read_asked: assert(!(setup && !m_apb_pwrite) || ar_q);
       write_access: assert(!(setup && m_apb_pwrite)
@@ -120,25 +122,26 @@ module lipp_axil_to_apb_checks #(
       read_answer: assert(!r_due_q
           || (s_axil_rresp == {r_error_q, 1'b0} && (r_error_q || s_axil_rdata == r_word_q)));
       answer_has_room: assert(!(done && (m_apb_pwrite ? b_due_q : r_due_q)));
-      // No part of a request is taken while one waits, and none is refused without that.
+      // A part of a request is accepted exactly while no other part of that kind is waiting.
       places: assert(!past_valid_q || {s_axil_awready, s_axil_wready, s_axil_arready}
           == {!aw_waits, !w_waits, !ar_waits});
       apb_enable: assert(!m_apb_penable || m_apb_psel);
       if (past_valid_q) begin
-        // An answer stays as it is until it is taken.
+        // A response is stable until it is accepted.
         b_stable: assert(!b_held_q || (s_axil_bvalid && s_axil_bresp == b_was_q));
         r_stable: assert(!r_held_q || (s_axil_rvalid && {s_axil_rresp, s_axil_rdata} == r_was_q));
-        // APB4: a clock of setup, then the access until ready, all of it unchanged.
+        // APB4: one clock of setup, then the access until ready; all signals are stable meanwhile.
         apb_setup: assert(!m_apb_penable || !idle_q);
         apb_access: assert(!wait_q || (m_apb_psel && m_apb_penable && access == access_q));
-        // Nothing that could begin waits, and where both could, the other kind than before begins.
+        // If the bus is idle, a pending access begins at once. If a write and a read are pending,
+        // the kind that did not run last begins.
         begins: assert(!(idle_q && (may_write_q || may_read_q)) || setup);
         turns: assert(!(idle_q && may_write_q && may_read_q) || m_apb_pwrite != last_write_q);
       end
     end
   end
 
-  // ---- what it needs ----
+  // ---- the contract of the manager ----
   wire manager_ok = !past_valid_q
       || ((!aw_held_q || (s_axil_awvalid && {s_axil_awprot, s_axil_awaddr} == aw_was_q))
       && (!w_held_q || (s_axil_wvalid && {s_axil_wstrb, s_axil_wdata} == w_was_q))
@@ -151,6 +154,6 @@ module lipp_axil_to_apb_checks #(
 
 endmodule
 
-`ifndef FORMAL  // simulation: beside every instance
+`ifndef FORMAL  // simulation: bound to every instance
 bind lipp_axil_to_apb lipp_axil_to_apb_checks #(.AddressBits(AddressBits)) i_checks (.*);
 `endif

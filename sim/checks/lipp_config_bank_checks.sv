@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
-/// The contract of `lipp_config_bank`, at its ports.
+/// Checks the contract of `lipp_config_bank` at its ports.
 ///
-/// The copy in use changes only if nothing used it two clocks before, while busy_o is high, and
-/// only to what config_i was in the clock before. busy_o is high from the clock after a request on,
-/// and is what hold_o was in the clock before.
+/// The active copy changes only while busy_o is high, and only if no module used it two clocks
+/// before. Its new value is config_i of the previous clock. busy_o is high from the clock after a
+/// request on. busy_o equals hold_o of the previous clock.
 module lipp_config_bank_checks #(
   parameter int Width = 32
 ) (
@@ -20,12 +20,12 @@ module lipp_config_bank_checks #(
 `ifdef FORMAL
   wire checked = rst_ni;
 `else
-  reg reset_q = 0;  // nothing is asserted before the first reset
+  reg reset_q = 0;  // assertions are checked only after the first reset
   always @(posedge clk_i or negedge rst_ni) if (!rst_ni) reset_q <= 1;
   wire checked = rst_ni && reset_q;
 `endif
 
-  reg past_valid_q;  // the values below are of the clock before
+  reg past_valid_q;  // the registers below contain values of the previous clock
   reg applied_q, busy_q, hold_q, idle_q, idle_q2;
   reg [Width-1:0] config_q, used_q;
   always @(posedge clk_i or negedge rst_ni) begin
@@ -49,6 +49,6 @@ module lipp_config_bank_checks #(
 
 endmodule
 
-`ifndef FORMAL  // simulation: beside every instance
+`ifndef FORMAL  // simulation: bound to every instance
 bind lipp_config_bank lipp_config_bank_checks #(.Width(Width)) i_checks (.*);
 `endif

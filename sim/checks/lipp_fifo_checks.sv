@@ -1,16 +1,16 @@
 // SPDX-License-Identifier: Apache-2.0
-/// The contract of `lipp_fifo`, at its ports.
+/// Checks the contract of `lipp_fifo` at its ports.
 ///
-/// The writer never writes into a full FIFO. valid_o is high exactly while a word waits that was
-/// written four or more clocks ago. The n-th word read is the n-th word written, bit for bit.
+/// The writer never writes into a full FIFO. valid_o is high exactly while the FIFO contains a word
+/// that was written four or more clocks ago. The n-th word read equals the n-th word written.
 ///
-/// One word at a time is watched: the next one written while watch_i is high. A proof leaves the
-/// choice to the solver, so that what holds for this word holds for every word.
+/// The checks watch one word at a time: the next word written while watch_i is high. In a proof the
+/// solver chooses this word, so the result is valid for every word.
 module lipp_fifo_checks #(
   parameter int Width = 36,
   parameter int AddressBits = 9,
-  parameter bit AssumeWriter = 1'b0,  // proofs: the writer's side is an assumption
-  parameter bit AssumeFifo = 1'b0     // proofs: the FIFO's side is an assumption
+  parameter bit AssumeWriter = 1'b0,  // 1: a proof assumes that the writer is correct
+  parameter bit AssumeFifo = 1'b0     // 1: a proof assumes that the FIFO is correct
 ) (
   input  logic                 clk_i,
   input  logic                 rst_ni,
@@ -20,18 +20,18 @@ module lipp_fifo_checks #(
   input  logic                 ready_i,
   input  logic [Width-1:0]     data_o,
   input  logic                 watch_i,
-  // for the invariants of proofs
-  output logic [AddressBits:0] count_o,     // words written and not taken
-  output logic [3:0]           wrote_o,     // a word was written, 1 to 4 clocks ago
+  // The outputs are used by the invariants of proofs.
+  output logic [AddressBits:0] count_o,     // number of words written and not taken
+  output logic [3:0]           wrote_o,     // bit k: a word was written k + 1 clocks ago
   output logic                 watching_o,
-  output logic [AddressBits:0] ahead_o,     // words ahead of the watched one
+  output logic [AddressBits:0] ahead_o,     // number of words ahead of the watched word
   output logic [Width-1:0]     watched_o
 );
 
 `ifdef FORMAL
   wire checked = rst_ni;
 `else
-  reg reset_q = 0;  // nothing is asserted before the first reset
+  reg reset_q = 0;  // assertions are checked only after the first reset
   always @(posedge clk_i or negedge rst_ni) if (!rst_ni) reset_q <= 1;
   wire checked = rst_ni && reset_q;
 `endif
@@ -100,7 +100,7 @@ module lipp_fifo_checks #(
     end
   end
 
-  // What follows from the contract, for the proofs that build on it.
+  // Consequences of the contract, for the proofs that use it.
   always @(posedge clk_i) begin
     if (checked) begin
       counted: assert(count_q <= C'(Room));
@@ -111,7 +111,7 @@ module lipp_fifo_checks #(
 
 endmodule
 
-`ifndef FORMAL  // simulation: beside every instance
+`ifndef FORMAL  // simulation: bound to every instance
 bind lipp_fifo lipp_fifo_checks #(.Width(Width), .AddressBits(AddressBits)) i_checks (
   .*, .watch_i(1'b1), .count_o(), .wrote_o(), .watching_o(), .ahead_o(), .watched_o()
 );

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-/// The contract of `lipp_frame_gate`, at its ports, and what it needs of the raster beside it.
+/// Checks the contract of `lipp_frame_gate` at its ports, and the raster that feeds the frame gate.
 module lipp_frame_gate_checks #(
-  parameter bit AssumeRaster = 1'b0  // proofs: the raster's side is an assumption
+  parameter bit AssumeRaster = 1'b0  // 1: a proof assumes that the raster is correct
 ) (
   input logic clk_i,
   input logic rst_ni,
@@ -28,7 +28,7 @@ module lipp_frame_gate_checks #(
 `ifdef FORMAL
   wire checked = rst_ni;
 `else
-  reg reset_q = 0;  // nothing is asserted before the first reset
+  reg reset_q = 0;  // assertions are checked only after the first reset
   always @(posedge clk_i or negedge rst_ni) if (!rst_ni) reset_q <= 1;
   wire checked = rst_ni && reset_q;
 `endif
@@ -38,14 +38,14 @@ module lipp_frame_gate_checks #(
   wire accept = from_raster || from_stream;
   wire last = from_stream ? stream_last_i : raster_last_i;
 
-  reg within_q;          // a frame's first ray was accepted, and not yet its last
-  reg applies_q;         // a change was requested and has not taken effect
-  reg starts_q;          // a frame was requested and has not begun
-  reg due_next_q;        // a change is due before the requested frame
-  reg change_due_q;             // a change is due before the frame that has begun
-  reg walks_q;           // the raster's frame has begun, and not ended
-  reg [1:0] begun_q;     // clocks since the one after begin_o, up to 3
-  reg past_valid_q;           // the values below are of the clock before
+  reg within_q;          // the first ray of a frame was accepted, but its last ray not yet
+  reg applies_q;         // a change was requested and has not taken effect yet
+  reg starts_q;          // a frame was requested and has not begun yet
+  reg due_next_q;        // a change must take effect before the requested frame
+  reg change_due_q;      // a change must take effect before the frame that has begun
+  reg walks_q;           // the frame of the raster has begun and not ended
+  reg [1:0] begun_q;     // clocks since the clock after begin_o, counted up to 3
+  reg past_valid_q;      // the registers below contain values of the previous clock
   reg took_q, stream_q, restart_q, waited_q;
   always @(posedge clk_i or negedge rst_ni) begin
     if (!rst_ni) begin
@@ -66,7 +66,7 @@ module lipp_frame_gate_checks #(
       if (begin_o) begun_q <= 0;
       else if (begun_q < 3) begun_q <= begun_q + 1;
       past_valid_q <= 1;
-      // In this clock a change could be decided.
+      // A change could have been decided in this clock.
       waited_q <= applies_q && !take_o && (abort_i || (accept ? last : !within_q));
     end
   end
@@ -78,26 +78,26 @@ module lipp_frame_gate_checks #(
 
   always @(posedge clk_i) begin
     if (checked) begin
-      // One ray at a time, from the source in effect, and none invented or dropped.
+      // One ray at a time is accepted, from the active source. No ray is invented or dropped.
       one_source: assert(!(from_raster && from_stream));
       passed_on: assert(accept == (valid_o && ready_i));
       source: assert((!from_raster || !stream_o) && (!from_stream || stream_o));
-      // A change comes between two frames, with the input closed, if it was requested.
+      // A requested change takes effect between two frames, while the input is closed.
       closed: assert(!take_o || !accept);
       between: assert(!take_o || !within_q);
       requested: assert(!take_o || applies_q);
-      // The source changes with it, and at no other time.
+      // The source changes together with the configuration, and at no other time.
       changes: assert(!past_valid_q || stream_o == (took_q ? restart_q : stream_q));
-      // No request is lost: it waits, and is answered in the next clock in which it can be.
+      // No request is lost: it is pending until the first clock in which it can be executed.
       waits: assert(apply_waits_o == applies_q && start_waits_o == starts_q);
       answered: assert(!waited_q || take_o);
       begins: assert(begin_o == (starts_q && !raster_running_i));
-      // A frame uses every change that was requested before its start.
+      // A frame uses every change that was requested before the start of the frame.
       in_time: assert(!from_raster || !change_due_q);
     end
   end
 
-  // ---- the raster: its frame runs from begin_o to its last ray, or is refused before any ----
+  // ---- the raster: a frame runs from begin_o to its last ray, or is refused before any ray ----
   wire raster_ok = (!raster_running_i || walks_q) && (raster_running_i || !within_q || stream_o)
       && (!raster_valid_i || (raster_running_i && begun_q >= 2));
   if (AssumeRaster) begin : gen_assume_raster
@@ -108,6 +108,6 @@ module lipp_frame_gate_checks #(
 
 endmodule
 
-`ifndef FORMAL  // simulation: beside every instance
+`ifndef FORMAL  // simulation: bound to every instance
 bind lipp_frame_gate lipp_frame_gate_checks i_checks (.*);
 `endif

@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
-/// The contract of `lipp_raster` towards those who take its rays: an offered ray stays as it is
-/// until it is taken, but for an abort; a frame's first ray, and no other, is marked first, and the
-/// raster runs to its last.
+/// Checks the contract of `lipp_raster` at its ray output.
+///
+/// An offered ray is stable until it is accepted or aborted. Exactly the first ray of a frame is
+/// marked as first. The raster runs until the last ray of the frame.
 module lipp_raster_checks #(
   parameter int F = 23
 ) (
@@ -22,7 +23,7 @@ module lipp_raster_checks #(
 
   localparam int Bits = 2 * lipp_optics_pkg::PixelBits + 2 * (F + 2) + 2;
 
-  reg reset_q = 0;  // nothing is asserted before the first reset
+  reg reset_q = 0;  // assertions are checked only after the first reset
   always @(posedge clk_i or negedge rst_ni) if (!rst_ni) reset_q <= 1;
   wire checked = rst_ni && reset_q;
 

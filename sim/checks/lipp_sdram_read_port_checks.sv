@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-/// The contract of `lipp_sdram_read_port`: legal requests, and a place for each word that comes.
+/// Checks the contract of `lipp_sdram_read_port`: requests are legal, and the buffer has room for
+/// each word that arrives.
 module lipp_sdram_read_port_checks #(
   parameter int PlaceBits = 8
 ) (
@@ -16,7 +17,7 @@ module lipp_sdram_read_port_checks #(
   input logic                 fifo_ready
 );
 
-  reg reset_q = 0;  // nothing is asserted before the first reset
+  reg reset_q = 0;  // assertions are checked only after the first reset
   always @(posedge clk_i or negedge rst_ni) if (!rst_ni) reset_q <= 1;
   always @(posedge clk_i) begin
     if (rst_ni && reset_q && valid_i && ready_o) begin

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-/// The contract of `lipp_sdram_write_port`: legal requests, each word there when it is taken, and
-/// each request's end told.
+/// Checks the contract of `lipp_sdram_write_port`: requests are legal, each word is available when
+/// it is taken, and the end of each request is signalled.
 module lipp_sdram_write_port_checks #(
   parameter int PlaceBits = 8
 ) (
@@ -19,7 +19,7 @@ module lipp_sdram_write_port_checks #(
   input logic                 done_busy
 );
 
-  reg reset_q = 0;  // nothing is asserted before the first reset
+  reg reset_q = 0;  // assertions are checked only after the first reset
   always @(posedge clk_i or negedge rst_ni) if (!rst_ni) reset_q <= 1;
   always @(posedge clk_i) begin
     if (rst_ni && reset_q && valid_i && ready_o) begin

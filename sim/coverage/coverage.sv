@@ -1,10 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
 `default_nettype none
 
-/// Writes what a simulation has covered, lines and toggles, when it ends: a file of Verilator's
-/// format in the folder that LIPPMANN_COVERAGE names. Bound to the top by
-/// lippmann.simulation.compilation; only Verilator reads it. A process may run several models, and
-/// one of them several times.
+/// Writes the line and toggle coverage of a simulation when it ends.
+///
+/// The file has Verilator's format and is written into the folder that LIPPMANN_COVERAGE names.
+/// lippmann.simulation.compilation binds this module to the top; only Verilator reads it. A process
+/// may run several models, and one of them several times.
 module coverage;
 
   final $c(

@@ -1,12 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
-/// `lipp_async_fifo` between any two clocks: the solver chooses when each of them ticks.
+/// Proof of `lipp_async_fifo` between two arbitrary clocks: the solver chooses when each clock
+/// ticks.
 ///
-/// A synchroniser samples a bit before a tick of the other clock or after it. A bit that changes
-/// while it is sampled gives one of both values; so does the whole count, if no two of its bits
-/// change at a time (one_bit).
+/// A synchroniser samples a bit either before or after a tick of the other clock. A bit that
+/// changes while it is sampled gives one of its two values. The whole count therefore gives its old
+/// or its new value, if at most one of its bits changes at a time (one_bit).
 module async_fifo_properties #(
   parameter int Width = 2,
-  parameter int AddressBits = 2  // 2: the words below are written out
+  parameter int AddressBits = 2  // 2, because the words of the memory are listed below
 ) (
   input logic             in_clk_i,
   input logic             out_clk_i,
@@ -27,12 +28,14 @@ module async_fifo_properties #(
     .out_data_o(out_data)
   );
 
-  // Reset in the first step, and never again: a later reset leads to the same state.
+  // Reset is active in the first step and never again, because a later reset leads to the same
+  // state.
   reg started_q = 0;
   always @($global_clock) started_q <= 1;
   always @* assume(rst_ni == started_q);
 
-  // Internal registers: flattening connects these wires to those of the same name.
+  // These wires are internal registers: flattening connects each wire to the register of the same
+  // name.
   (* hierconn *) wire [C-1:0] \i_fifo.written_q ;
   (* hierconn *) wire [C-1:0] \i_fifo.written_gray_q ;
   (* hierconn *) wire [C-1:0] \i_fifo.written_next_q ;
@@ -63,13 +66,13 @@ module async_fifo_properties #(
   function automatic [C-1:0] binary(input [C-1:0] gray);
     binary = {gray[2], gray[2] ^ gray[1], gray[2] ^ gray[1] ^ gray[0]};
   endfunction
-  // The counts as the synchronisers have them, the older one second.
+  // The counts in the stages of the synchronisers; the older count is the second.
   wire [C-1:0] written1 = binary({written_stages[4], written_stages[2], written_stages[0]});
   wire [C-1:0] written2 = binary({written_stages[5], written_stages[3], written_stages[1]});
   wire [C-1:0] read1 = binary({read_stages[4], read_stages[2], read_stages[0]});
   wire [C-1:0] read2 = binary({read_stages[5], read_stages[3], read_stages[1]});
 
-  // ---- the watched word: any number, counted modulo twice the places ----
+  // ---- the watched word: any index, modulo twice the number of entries ----
   (* anyconst *) reg [C-1:0] watch;
   reg [Width-1:0] watched_q;
   always @(posedge in_clk_i) begin
@@ -81,7 +84,7 @@ module async_fifo_properties #(
     \i_fifo.words[3] , \i_fifo.words[2] , \i_fifo.words[1] , \i_fifo.words[0]
   };
 
-  // ---- the counts one step ago ----
+  // ---- the counts of the previous step ----
   reg [C-1:0] written_gray_q, read_gray_q;
   reg past_valid_q = 0;
   always @($global_clock) begin
@@ -94,7 +97,7 @@ module async_fifo_properties #(
 
   always @* begin
     if (rst_ni) begin
-      // The word at the output is the one read last: its number is read - 1.
+      // The word at the output is the last word read, with the index read - 1.
       in_order: assert(!out_valid || C'(read - 1) != watch || out_data == watched_q);
       room: assert(inside <= Places && (!in_ready || inside < Places));
       one_bit: assert(!past_valid_q || ((written_change & (written_change - 1)) == 0
@@ -104,7 +107,7 @@ module async_fifo_properties #(
           && binary(\i_fifo.written_next_q ) == C'(written + 1)
           && binary(\i_fifo.read_gray_q ) == read
           && binary(\i_fifo.read_next_q ) == C'(read + 1));
-      // Neither side sees more than there is.
+      // No side sees more words or free entries than there are.
       inside_written: assert(C'(written2 - read) <= C'(written1 - read)
           && C'(written1 - read) <= inside);
       inside_read: assert(C'(written - read2) <= Places - in_ready

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-/// `lipp_axil_to_apb` between any manager that keeps what it offers and any completer: the contract
-/// of axil_to_apb_checks, and the invariants that make it inductive.
+/// Proof of `lipp_axil_to_apb` with any manager that keeps its requests stable and with any
+/// completer: the contract of axil_to_apb_checks, and the invariants that make it inductive.
 module axil_to_apb_properties (
   input logic        clk_i,
   input logic        rst_ni,
@@ -47,7 +47,8 @@ module axil_to_apb_properties (
     .m_apb_prdata, .m_apb_pslverr
   );
 
-  // Internal registers: flattening connects these wires to those of the same name.
+  // These wires are internal registers: flattening connects each wire to the register of the same
+  // name.
   (* hierconn *) wire \i_adapter.aw_q ;
   (* hierconn *) wire \i_adapter.w_q ;
   (* hierconn *) wire \i_adapter.ar_q ;

@@ -1,17 +1,18 @@
 // SPDX-License-Identifier: Apache-2.0
-/// `lipp_dispatcher`: each request is answered, whatever it is.
+/// Proof that `lipp_dispatcher` answers every request.
 ///
-/// Neighbours answer within Slow clocks, each as its module says; otherwise they do as they like,
-/// and so do both ends of the line. Proved: within Bound clocks something moves, unless the line
-/// stands still: a byte in or out, an access of the bus, a tile's byte or end, a frame's end, a
-/// ray. A request has a bounded number of each; the status of the optics is looked at three times
-/// at most before something else follows. Bytes of a request are taken only when all requests
-/// before it are answered, but for bytes that wait at the output.
+/// The neighbouring modules answer within Slow clocks, as their headers state. Otherwise they and
+/// both ends of the serial line behave arbitrarily. The proof: within Bound clocks an event
+/// happens, unless the serial line stands still. An event is a byte in or out, a bus access, a byte
+/// or the end of a tile, the end of a frame, or a ray. A request has a bounded number of each
+/// event. The status of the optics is read at most three times before another event. Bytes of a
+/// request are accepted only when all earlier requests are answered, except for bytes that wait at
+/// the output.
 module dispatcher_properties #(
   parameter int Slow = 2,
   parameter int Bound = 31,
-  parameter int Layers = 0,   // of the scene; 0: there is none
-  parameter bit Guide = 1'b0  // one request after the other is an ABORT, and nothing waits
+  parameter int Layers = 0,   // number of layers of the scene, 0 without a scene
+  parameter bit Guide = 1'b0  // 1: every request is an ABORT, and no module waits
 ) (
   input logic             clk_i,
   input logic             rst_ni,
@@ -80,17 +81,17 @@ module dispatcher_properties #(
 
   wire blocks_busy = Layers > 0 && blocks_busy_i;
 
-  // ---- the neighbours: what each is doing, and for how many clocks ----
-  logic [1:0] byte_q;                      // bytes of the request, up to 3
+  // ---- the neighbouring modules: the state of each, and for how many clocks ----
+  logic [1:0] byte_q;                      // bytes of the request, counted up to 3
   logic bus_q, tile_open_q, tile_end_q, present_q, block_q, ray_q;
   logic [2:0] bus_for_q, tile_for_q, tile_shut_q, present_for_q, ray_shut_q, ray_for_q, table_for_q;
   logic [2:0] block_for_q;
   logic table_q;                           // the tables are being cleared
-  logic [1:0] looks_q;                     // at the status, since the last write
-  logic running_q;                         // a frame may run
+  logic [1:0] looks_q;                     // reads of the status since the last write
+  logic running_q;                         // a frame may be running
   logic look_q;
-  logic [2:0] polls_q;                     // looks of one operation, since its last write
-  logic signed_q;                          // there is a signature, as before
+  logic [2:0] polls_q;  // reads of the status by one operation, since its last write
+  logic signed_q;       // the last signature is complete
   localparam logic [2:0] Late = 3'(Slow);
   always_ff @(posedge clk_i or negedge rst_ni) begin
     if (!rst_ni) begin
@@ -140,7 +141,7 @@ module dispatcher_properties #(
     assume (!in_take || !in_last_i || byte_q >= 2'd2);
     assume (!bus_done_i || bus_q);
     assume (!bus_q || bus_for_q < Late || bus_done_i);
-    // The third look at the status finds an apply taken, and no rays left by an abort.
+    // At the third read of the status, an apply has taken effect, and an abort has left no rays.
     assume (!(bus_done_i && look_q && bus_word_i[1]) || running_q);
     assume (!(bus_done_i && look_q && looks_q == 2'd3 && !bus_word_i[1])
         || (!bus_word_i[0] && !bus_word_i[3]));
@@ -167,9 +168,9 @@ module dispatcher_properties #(
     end
   end
 
-  // ---- what is proved ----
-  logic [4:0] idle_q;    // clocks in which nothing moved that could
-  logic [1:0] unsent_q;   // requests received, replies not sent to their end
+  // ---- the proved properties ----
+  logic [4:0] idle_q;     // clocks without an event, although one was possible
+  logic [1:0] unsent_q;   // received requests whose reply is not completely sent
   wire [5:0] head_left = i_dut.i_reply.head_left_q;
   wire sends = out_valid || head_left != '0;
   wire gap = sends && !out_valid;  // between two parts of a head
@@ -200,7 +201,7 @@ module dispatcher_properties #(
     end
   end
 
-  // ---- invariants of each part in each state; numbers are the enumerations' values ----
+  // ---- invariants of each part in each state; numbers are values of enumerations ----
   localparam int Receive = 0, Judge = 1, Execute = 2, Reply = 3, Words = 4;
   localparam int ReaderTile = 5, ReaderDone = 7;
   localparam int RegIdle = 0, RegRange = 1, RegCheck = 2, RegAsk = 5, RegWait = 6, RegWord = 7;
@@ -229,8 +230,9 @@ module dispatcher_properties #(
   localparam logic [7:0] Last = Layers > 0 ? RequestBlocks : RequestReset;
   wire legal_kind = kind inside {[RequestHello:Last]};
   wire lists = kind inside {RequestTiles, RequestBlocks};
-  wire on_optics = i_dut.on_optics || i_dut.draws;  // a WRITE that the rays may not allow
-  // The parts that a request of this kind uses while it is executed.
+  // a WRITE that needs the permission of ray_access
+  wire on_optics = i_dut.on_optics || i_dut.draws;
+  // The modules that a request of this kind uses while it is executed.
   wire uses_regs = kind inside {RequestHello, RequestRead, RequestWrite};
   wire uses_rays = kind inside {RequestTrace, RequestSign, RequestAbort} || on_optics;
   wire reg_reads = regs inside {RegAsk, RegWait, RegWord} && !reg_write;
@@ -272,7 +274,7 @@ module dispatcher_properties #(
     endcase
     ray_part = ray_part || (i_dut.ray_start && rays == RayIdle);
   end
-  // Clocks after which something moves at the latest, counted down by each that stands still.
+  // Maximum number of clocks until the next event. Each module that waits counts it down.
   logic [5:0] todo;
   always_comb begin
     todo = 6'd10;
@@ -309,8 +311,7 @@ module dispatcher_properties #(
             : 6'd2 + 6'(i_dut.i_rays.moves_q);
       end
     endcase
-    // The clocks in which the reply's head comes into its register, and the reply before it has
-    // ended.
+    // The clocks until the head of the reply is registered and the previous reply has ended.
     if (state inside {Judge, Execute} || (state == Receive && reader == ReaderDone)) todo = todo
         + 6'd2;
     if (state == Words && !sends && !i_dut.word_ready) todo = todo + 6'd1;

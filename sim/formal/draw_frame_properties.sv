@@ -1,14 +1,15 @@
 // SPDX-License-Identifier: Apache-2.0
-/// `lipp_draw_frame` with any video, any optics and scene that keep the order of rays, and any
-/// software.
+/// Proof of `lipp_draw_frame` with arbitrary video and software, and with any optics and scene that
+/// keep the order of the rays.
 ///
-/// The optics and the scene give a pixel for every 2^SamplesBits rays, whenever they like. The n-th
-/// pixel of a frame carries n, so that a pixel at another place is seen. The video takes as many
-/// pixels as it likes between two beginnings. Proved: the rays of a frame are those of all its
-/// pixels in order, each once; a pixel that the video gets is that of its place, and any other is
-/// black and counted; each pixel that was asked for comes, is taken once or dropped once; registers
-/// are taken at the beginning of a frame only, never while they are being written, with no ray of
-/// another frame anywhere, and as soon as that can be.
+/// The optics and the scene output a pixel for every 2^SamplesBits rays, at any time. The n-th
+/// pixel of a frame has the value n, so that a pixel at a wrong position is detected. The video
+/// takes any number of pixels between two starts of a frame. The proof has four parts. The rays of
+/// a frame are the rays of all its pixels in order, each once. A pixel that the video receives
+/// belongs to its position; otherwise it is black and counted. Each requested pixel arrives, and is
+/// taken once or dropped once. New registers take effect only at the start of a frame, as soon as
+/// possible, never while they are being written, and only when no ray of another frame is in the
+/// pipeline.
 module draw_frame_properties #(
   parameter int Width = 3,
   parameter int Height = 2,
@@ -34,7 +35,7 @@ module draw_frame_properties #(
   logic take, shown, owns, ray_valid, ray_first, ray_last, pixel_ready, underflow, drawn;
   logic signed [17:0] ray_u, ray_v;
   logic [23:0] rgb;
-  logic [7:0] come_q;  // pixels of the frame that have come
+  logic [7:0] come_q;  // pixels of the frame that have arrived
   lipp_draw_frame #(.Width(Width), .Height(Height), .SamplesBits(SamplesBits)) i_dut (
     .clk_i, .rst_ni, .begin_i, .source_i, .hold_i, .take_o(take), .shown_o(shown), .owns_o(owns),
     .ray_valid_o(ray_valid), .ray_ready_i, .ray_u_o(ray_u), .ray_v_o(ray_v),
@@ -42,11 +43,11 @@ module draw_frame_properties #(
     .pixel_rgb_i({16'habcd, come_q}), .want_i, .rgb_o(rgb), .underflow_o(underflow), .drawn_o(drawn)
   );
 
-  // ---- the frame that is being drawn, and the frame of the video ----
-  logic [7:0] ray_count_q;    // its rays that went to the optics
-  logic [7:0] passed_q;  // places that the video has passed since its frame's beginning
+  // ---- the frame being drawn, and the frame of the video ----
+  logic [7:0] ray_count_q;    // rays of the frame that were sent to the optics
+  logic [7:0] passed_q;       // positions that the video has passed since the start of its frame
   logic missed_q, last_q, source_q;
-  logic [1:0] sets_q, drawn_sets_q;  // sets of registers taken, and the one of the frame
+  logic [1:0] sets_q, drawn_sets_q;  // number of register sets taken; number of the frame's set
   wire begins = i_dut.begins;
   wire sends = ray_valid && ray_ready_i;
   wire comes = pixel_valid_i && pixel_ready;
@@ -67,13 +68,14 @@ module draw_frame_properties #(
     end
   end
   always_comb begin
-    assume (!pixel_valid_i || come_q < 8'(ray_count_q >> SamplesBits));  // of rays that went in
+    // only pixels whose rays were sent
+    assume (!pixel_valid_i || come_q < 8'(ray_count_q >> SamplesBits));
     assume (!want_i || passed_q < 8'(Pixels));
     assume (!want_i || !begin_i);
   end
 
-  // ---- what is proved ----
-  wire [7:0] pixel = 8'(ray_count_q >> SamplesBits);  // of the ray that is offered
+  // ---- the proved properties ----
+  wire [7:0] pixel = 8'(ray_count_q >> SamplesBits);  // pixel of the offered ray
   wire [1:0] sample = 2'(ray_count_q) & 2'((1 << SamplesBits) - 1);
   wire signed [17:0] column = 18'(pixel % 8'(Width)), row = 18'(pixel / 8'(Width));
   wire signed [17:0] quarter_u = SamplesBits == 0 ? 18'sd0 : sample[0] ? 18'sd4 : -18'sd4;
@@ -124,7 +126,8 @@ module draw_frame_properties #(
   end
 
   // ---- covers ----
-  logic dropped_q, black_q;  // a late pixel was dropped in this frame; a frame was black
+  // dropped_q: a late pixel was dropped in this frame; black_q: a frame was black
+  logic dropped_q, black_q;
   always_ff @(posedge clk_i or negedge rst_ni) begin
     if (!rst_ni) begin
       {dropped_q, black_q} <= '0;

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
-/// `lipp_fifo` for proofs of what is around it: its outputs are free. fifo_checks, with AssumeFifo,
-/// holds them to the contract that the proof `lipp_fifo` proves.
+/// Stands in for `lipp_fifo` in proofs of other modules: its outputs are arbitrary.
+///
+/// The module fifo_checks with AssumeFifo restricts them to the contract, which the proof of
+/// `lipp_fifo` establishes.
 module lipp_fifo #(
   parameter int Width = 36,
   parameter int AddressBits = 9

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-/// `lipp_fifo` with a writer that never overfills it, and any reader: the contract of fifo_checks,
-/// and the invariants that make it inductive.
+/// Proof of `lipp_fifo` with a writer that never overfills it and with any reader: the contract of
+/// fifo_checks, and the invariants that make it inductive.
 module fifo_properties #(
   parameter int Width = 2,
   parameter int AddressBits = 2
@@ -16,7 +16,8 @@ module fifo_properties #(
   localparam int Room = 1 << AddressBits;
   localparam int C = AddressBits + 1;
 
-  // Internal registers: flattening connects these wires to those of the same name.
+  // These wires are internal registers: flattening connects each wire to the register of the same
+  // name.
   (* hierconn *) wire [AddressBits-1:0] \i_fifo.write_at_q ;
   (* hierconn *) wire [AddressBits-1:0] \i_fifo.read_at_q ;
   (* hierconn *) wire [AddressBits:0] \i_fifo.stored_q ;
@@ -55,7 +56,7 @@ module fifo_properties #(
     .clk_i, .rst_ni, .write_i, .data_i, .valid_o(valid), .ready_i, .data_o(data)
   );
 
-  // The watched word is one that is written to the address that the memory keeps.
+  // The watched word is a word written to the address that the memory's stand-in keeps.
   wire [C-1:0] count, ahead;
   wire [3:0] wrote;
   wire watching;
@@ -68,8 +69,9 @@ module fifo_properties #(
 
   // ---- invariants ----
   wire [C+1:0] total = stored + level;
-  wire [C-1:0] flying = ahead - ready_words;  // among the words on the way
-  wire [C-1:0] deep = ahead - level;           // among those in the memory
+  // position among the words on their way from the memory
+  wire [C-1:0] flying = ahead - ready_words;
+  wire [C-1:0] deep = ahead - level;           // position among the words in the memory
   wire [1:0] place = \i_fifo.drain_at_q + ahead[1:0];
   wire [AddressBits-1:0] at = read_at + deep[AddressBits-1:0];
   always @(posedge clk_i) begin
@@ -82,7 +84,7 @@ module fifo_properties #(
           && \i_fifo.valid_q == (ready_words != 0));
       inside_places: assert(\i_fifo.fill_at_q == \i_fifo.drain_at_q + ready_words[1:0]);
       inside_memory: assert(\i_fifo.write_at_q == read_at + stored[AddressBits-1:0]);
-      // A word moves on each clock, unless the places at the output are taken.
+      // A word moves on in each clock, unless the registers at the output are full.
       inside_moves: assert((level > 2 || stored == wrote[0])
           && (ready_words + reads[1] > 1 || reads[0] == wrote[1])
           && (ready_words != 0 || reads[1] == wrote[2]));

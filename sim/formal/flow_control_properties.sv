@@ -1,22 +1,24 @@
 // SPDX-License-Identifier: Apache-2.0
-/// `lipp_flow_control` around a pipeline of any function: a ray carries its index instead of data.
+/// Proofs of `lipp_flow_control` around a pipeline of any function: a ray carries its index instead
+/// of data.
 ///
-/// Two proofs. The first counts: room, hold, idle, full rate and latency. Rays in the pipeline are
-/// counted by a tree, so that the induction is short at any Latency: each node holds the number of
-/// rays in its stages, and its change depends only on the marks that enter and leave it. A node is
-/// the sum of its two halves; the root is the number in the pipeline.
+/// The first proof is about counts: room, hold, idle, full rate and latency. A tree counts the rays
+/// in the pipeline, so that the induction is short at any Latency. Each node contains the number of
+/// rays in its stages, and changes only with the marks that enter and leave it. A node is the sum
+/// of its two halves, and the root is the number of rays in the pipeline.
 ///
-/// The second (Order) is about which ray it is: the n-th accepted ray enters with the index n,
-/// leaves the pipeline Latency clocks later, and must be the n-th to leave. A stage without a ray
-/// carries arbitrary data (junk_i). Indices count modulo 2^(AddressBits+1), twice the number of
-/// rays that can be inside. It assumes of the first that the FIFO is never overfilled.
+/// The second proof (Order = 1) is about the order of the rays. The n-th accepted ray enters with
+/// the index n, leaves the pipeline Latency clocks later, and must be the n-th ray to leave. A
+/// stage without a ray contains arbitrary data (junk_i). Indices count modulo 2^(AddressBits+1),
+/// twice the maximum number of rays inside. The second proof uses one result of the first: the FIFO
+/// is never overfilled.
 module flow_control_properties #(
   parameter int Latency = 4,
   parameter int AddressBits = 4,
   parameter int Index = AddressBits + 1,
   parameter bit Order = 1'b0,    // 1: the second proof
-  parameter bit AnyFifo = 1'b1,  // 1: a FIFO that its contract describes, 0: `lipp_fifo` itself
-  // covers: a ray is always offered, none is accepted until the queue is full
+  parameter bit AnyFifo = 1'b1,  // 1: a FIFO described by its contract, 0: `lipp_fifo` itself
+  // 1, for covers: a ray is always offered, and no ray is taken until the queue is full.
   parameter bit Guide = 1'b0
 ) (
   input  logic             clk_i,
@@ -28,11 +30,13 @@ module flow_control_properties #(
 );
 
   localparam int Room = 1 << AddressBits;
-  localparam int Marks = (Latency + 63) / 64;  // registers of marks, 64 in each but the last
+  // number of registers of marks, 64 in each except the last
+  localparam int Marks = (Latency + 63) / 64;
   localparam int LastMarks = Latency - 64 * (Marks - 1);
 
-  // Internal registers: flattening connects these wires to those of the same name. A register that
-  // this Latency does not have leaves its wire free; nothing uses that wire.
+  // These wires are internal registers: flattening connects each wire to the register of the same
+  // name. A register that does not exist at this Latency leaves its wire free, and the proof does
+  // not use that wire.
   (* hierconn *) wire [AddressBits:0] \i_flow.reserved_q ;
   (* hierconn *) wire [1:0] \i_flow.departed_q ;
   (* hierconn *) wire [(Marks > 1 ? 64 : LastMarks)-1:0] \i_flow.gen_marks[0].valid_q ;
@@ -45,8 +49,9 @@ module flow_control_properties #(
   (* hierconn *) wire [LastMarks-1:0] \i_flow.gen_marks[7].valid_q ;
   wire [AddressBits:0] reserved = \i_flow.reserved_q ;
   wire [Latency-1:0] marks;
-  wire [AddressBits:0] counted = reserved + marks[0];  // with the ray of the last clock
-  wire [1:0] departed = \i_flow.departed_q [0] + \i_flow.departed_q [1];  // still counted
+  wire [AddressBits:0] counted = reserved + marks[0];  // includes the ray of the last clock
+  // rays that have left but are still counted
+  wire [1:0] departed = \i_flow.departed_q [0] + \i_flow.departed_q [1];
   assign marks[(Marks > 1 ? 64 : Latency)-1:0] = \i_flow.gen_marks[0].valid_q ;
   if (Marks > 1) assign marks[(Marks > 2 ? 128 : Latency)-1:64] = \i_flow.gen_marks[1].valid_q ;
   if (Marks > 2) assign marks[(Marks > 3 ? 192 : Latency)-1:128] = \i_flow.gen_marks[2].valid_q ;
@@ -62,7 +67,7 @@ module flow_control_properties #(
   (* hierconn *) wire \i_flow.i_fifo.ready_i ;
   (* hierconn *) wire [Index-1:0] \i_flow.i_fifo.data_o ;
 
-  // The counts of flow_control_checks.
+  // Counters of flow_control_checks.
   (* hierconn *) wire [AddressBits:0] \gen_count.i_checks.inside_q ;
   (* hierconn *) wire [AddressBits:0] \gen_count.i_checks.recent_q ;
   (* hierconn *) wire [Latency+3:0] \gen_count.i_checks.entered_q ;
@@ -75,10 +80,11 @@ module flow_control_properties #(
 
   reg started_q = 0;
   always @(posedge clk_i) started_q <= 1;
-  // A later reset leads to the state of the first one: runs after it are among those seen here.
+  // A later reset leads to the state of the first reset, so the runs after it are covered by this
+  // proof.
   always @* assume(rst_ni == started_q);
 
-  // ---- the rays' indices, and the pipeline that carries them ----
+  // ---- the indices of the rays, and the pipeline that carries them ----
   logic ready, valid, idle;
   logic [Index-1:0] index;
   wire accept = valid_i && ready;
@@ -93,13 +99,14 @@ module flow_control_properties #(
       leaves_q <= leaves_q + leave;
     end
   end
-  // Stage s holds the number of rays accepted before the clock in which it was filled.
+  // Stage s contains the number of rays accepted before the clock in which the stage was filled.
   reg [Latency*Index-1:0] before_q;
   always @(posedge clk_i or negedge rst_ni) begin
     if (!rst_ni) before_q <= 0;
     else before_q <= {before_q, accepted_q};
   end
-  wire [Index-1:0] written = before_q[(Latency-1)*Index +: Index];  // rays that left the pipeline
+  // index of the ray that leaves the pipeline
+  wire [Index-1:0] written = before_q[(Latency-1)*Index +: Index];
   wire [Index-1:0] piped = last ? written : junk_i;
 
   lipp_flow_control #(.Latency(Latency), .AddressBits(AddressBits), .Width(Index)) i_flow (
@@ -107,7 +114,7 @@ module flow_control_properties #(
     .valid_o(valid), .ready_i, .data_o(index)
   );
 
-  // ---- the FIFO; the watched ray is any ----
+  // ---- the FIFO; the solver chooses the watched ray ----
   (* anyconst *) reg [Index-1:0] watch;
   wire [AddressBits:0] waiting, ahead;
   wire [3:0] wrote;
@@ -123,15 +130,15 @@ module flow_control_properties #(
   );
 
   if (Order) begin : gen_order
-    wire [Index-1:0] before = watch - leaves_q;  // rays that leave before the watched one
-    wire [Latency-1:0] follows;  // a stage's count follows from that of the stage behind it
+    wire [Index-1:0] before = watch - leaves_q;  // number of rays that leave before the watched ray
+    wire [Latency-1:0] follows;  // the count of a stage follows from the count of the next stage
     for (genvar s = 0; s < Latency; s = s + 1) begin : gen_stage
       wire [Index-1:0] entry = s == 0 ? accepted_q : before_q[(s == 0 ? 0 : s-1)*Index +: Index];
       assign follows[s] = entry == before_q[s*Index +: Index] + marks[s];
     end
     always @(posedge clk_i) begin
       if (rst_ni) begin
-        // Nothing lost, duplicated or reordered: the n-th to leave is the n-th accepted.
+        // No ray is lost, duplicated or reordered: the n-th ray to leave is the n-th accepted ray.
         in_order: assert(!valid || leaves_q != watch || index == watch);
         inside_counted: assert(&follows);
         inside_waiting: assert(written == leaves_q + waiting);
@@ -141,13 +148,13 @@ module flow_control_properties #(
     end
   end else begin : gen_count
     // ---- rays in the pipeline: a tree over the stages, counted from the exit ----
-    wire [Latency:0] from_exit;  // marks, and a ray that enters
+    wire [Latency:0] from_exit;  // marks of the stages, and a ray that enters
     assign from_exit[Latency] = accept;
     for (genvar s = 0; s < Latency; s = s + 1) begin : gen_stage
       assign from_exit[s] = marks[Latency-1-s];
     end
-    // Node n of level k, in heap order: 2^k - 1 + n. It covers Latency / 2^k stages, rounded up to
-    // a power of two; the leaves are single stages.
+    // Node n of level k has the index 2^k - 1 + n, as in a heap. The node covers Latency / 2^k
+    // stages, rounded up to a power of two. The leaves are single stages.
     localparam int Levels = $clog2(Latency);
     localparam int Leaves = 1 << Levels;
     wire [(2*Leaves-1)*Index-1:0] nodes;

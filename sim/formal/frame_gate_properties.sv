@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-/// `lipp_frame_gate` with any software, any rays at both inputs and any reader: the contract of
-/// frame_gate_checks, and the invariants that make it inductive.
+/// Proof of `lipp_frame_gate` with any software, any rays at both inputs and any reader: the
+/// contract of frame_gate_checks, and the invariants that make it inductive.
 module frame_gate_properties (
   input logic clk_i,
   input logic rst_ni,
@@ -35,7 +35,8 @@ module frame_gate_properties (
     .stream_valid_i, .stream_ready_o, .stream_last_i, .valid_o, .ready_i
   );
 
-  // Internal registers: flattening connects these wires to those of the same name.
+  // These wires are internal registers: flattening connects each wire to the register of the same
+  // name.
   (* hierconn *) wire \i_gate.within_q ;
   (* hierconn *) wire \i_checks.within_q ;
   (* hierconn *) wire \i_checks.change_due_q ;
@@ -47,7 +48,7 @@ module frame_gate_properties (
       inside_within: assert(\i_gate.within_q == \i_checks.within_q );
       inside_due: assert((!\i_checks.change_due_q || apply_waits_o)
           && (!\i_checks.due_next_q || (apply_waits_o && start_waits_o)));
-      // A change that is due is made in the clock after begin_o, unless a frame of the stream is
+      // A pending change takes effect in the clock after begin_o, unless a frame of the stream is
       // not complete.
       inside_time: assert(!\i_checks.change_due_q || stream_o
           || (\i_checks.begun_q == 0 && take_o));
@@ -55,8 +56,8 @@ module frame_gate_properties (
   end
 
   // ---- covers ----
-  reg waited_q;         // a change waited for a frame's last ray
-  reg [1:0] changed_q;  // changes of the source
+  reg waited_q;         // a change waited for the last ray of a frame
+  reg [1:0] changed_q;  // number of changes of the source
   reg stream_q;
   wire waits = apply_waits_o && \i_checks.within_q && start_waits_o;
   always @(posedge clk_i or negedge rst_ni) begin

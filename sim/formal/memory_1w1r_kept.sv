@@ -1,6 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
-/// `lipp_memory_1w1r` for proofs: one word, at any address, is kept, and the other addresses give
-/// any word. All that the memory can do, this can do: a proof with it is a proof for the memory.
+/// Stands in for `lipp_memory_1w1r` in proofs.
+///
+/// The module stores one word, at an address that the solver chooses. At all other addresses it
+/// returns arbitrary words. Every behaviour of the memory is a behaviour of this module, so a proof
+/// with this module is valid for the memory.
 module lipp_memory_1w1r #(
   parameter int Width = 36,
   parameter int AddressBits = 9

@@ -1,9 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
-/// `lipp_memory_1w1r` does nothing that memory_1w1r_kept, its stand-in in larger proofs, cannot do:
-/// what is read at any one address is the word last written there, two clocks before.
+/// Proof that `lipp_memory_1w1r` behaves like its stand-in memory_1w1r_kept, which larger proofs
+/// use.
+///
+/// The word read at any one address is the word last written there, two clocks before.
 module memory_1w1r_properties #(
   parameter int Width = 2,
-  parameter int AddressBits = 3  // 3: the memory's words below are written out
+  parameter int AddressBits = 3  // 3, because the words of the memory are listed below
 ) (
   input logic                   clk_i,
   input logic                   write_i,
@@ -33,7 +35,7 @@ module memory_1w1r_properties #(
 
   (* anyconst *) reg [AddressBits-1:0] watched_at;
   reg written_q = 0;
-  reg [2:1] read_watched_q = 0;  // the kept word was asked for, 1 and 2 clocks ago
+  reg [2:1] read_watched_q = 0;  // bit k: the kept word was requested k clocks ago
   reg [Width-1:0] watched_word_q, watched_word_q2, watched_word_q3;
   always @(posedge clk_i) begin
     if (write_i && write_at_i == watched_at) begin

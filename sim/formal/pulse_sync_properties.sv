@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
-/// `lipp_pulse_sync` between any two clocks: the solver chooses when each of them ticks. One pulse
-/// comes out for each that was accepted, before the next can be.
+/// Proof of `lipp_pulse_sync` between two arbitrary clocks: the solver chooses when each clock
+/// ticks.
+///
+/// Each accepted pulse produces one output pulse before the next pulse can be accepted.
 module pulse_sync_properties (
   input logic from_clk_i,
   input logic to_clk_i,
@@ -14,12 +16,14 @@ module pulse_sync_properties (
     .to_clk_i, .to_rst_ni(rst_ni), .to_pulse_o(pulse)
   );
 
-  // Reset in the first step, and never again: a later reset leads to the same state.
+  // Reset is active in the first step and never again, because a later reset leads to the same
+  // state.
   reg started_q = 0;
   always @($global_clock) started_q <= 1;
   always @* assume(rst_ni == started_q);
 
-  reg [1:0] accepted_q, received_q;  // pulses accepted, and clocks with a pulse
+  // number of accepted pulses; number of clocks with an output pulse
+  reg [1:0] accepted_q, received_q;
   always @(posedge from_clk_i or negedge rst_ni) begin
     if (!rst_ni) accepted_q <= 0;
     else accepted_q <= accepted_q + (pulse_i && !busy);
@@ -30,7 +34,8 @@ module pulse_sync_properties (
   end
   wire [1:0] late = accepted_q - received_q;
 
-  // The level on its way there and back: it changes in one place at most.
+  // The level on its way to the other clock and back: at most one of these registers differs from
+  // the next.
   (* hierconn *) wire \i_sync.level_q ;
   (* hierconn *) wire \i_sync.there_q ;
   (* hierconn *) wire [1:0] \i_sync.i_there.stage_q ;

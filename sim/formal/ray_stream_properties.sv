@@ -1,13 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
-/// `lipp_ray_stream` as a whole: `lipp_config_bank` makes a copy only while `lipp_flow_control` is
-/// idle.
+/// Proof about `lipp_ray_stream` as a whole: `lipp_config_bank` makes a copy only while
+/// `lipp_flow_control` is idle.
 ///
-/// In the place of `lipp_flow_control` and the pipeline, at any latency: an input that hold closes,
-/// and a number of rays inside, which leave at any time and are missed at any later time. That is
-/// what the proof `lipp_flow_control` says of it. The properties say that all rays inside see one
-/// configuration, which does not change.
+/// A model replaces `lipp_flow_control` and the pipeline, at any latency. The model has an input
+/// that hold closes, and a number of rays inside, which leave at any time. idle may rise at any
+/// time after the last ray has left. The proof of `lipp_flow_control` shows these facts. The
+/// properties state that all rays inside use the same configuration, which does not change.
 module ray_stream_properties #(
-  parameter int Width = 2  // of the configuration
+  parameter int Width = 2  // number of bits of the configuration
 ) (
   input logic             clk_i,
   input logic             rst_ni,
@@ -16,7 +16,7 @@ module ray_stream_properties #(
   input logic             valid_i,
   input logic             open_i,
   input logic             leave_i,
-  input logic             late_i   // that all have left is not yet told
+  input logic             late_i   // the last ray has left, but idle is not high yet
 );
 
   reg started_q = 0;
@@ -47,10 +47,10 @@ module ray_stream_properties #(
   );
   (* hierconn *) wire \i_config_bank.copy_q ;
 
-  // ---- the configuration as the rays see it ----
+  // ---- the configuration that the rays use ----
   (* anyseq *) reg watch;
   reg [Width-1:0] entered_with_q, used_q;
-  // past_valid_q: used_q and empty_q are valid, no reset since
+  // past_valid_q: used_q and empty_q are valid, with no reset since then
   reg watching_q, empty_q, past_valid_q;
   always @(posedge clk_i) begin
     if (accept && watch && !watching_q) entered_with_q <= used;
@@ -62,15 +62,15 @@ module ray_stream_properties #(
       watching_q <= 0;
       past_valid_q <= 0;
     end else begin
-      // A ray that was accepted stays inside until all have left, at most.
+      // An accepted ray stays inside at most until all rays have left.
       watching_q <= (watching_q && !(leave && inside_q == 1 && !accept)) || (accept && watch);
       past_valid_q <= 1;
     end
   end
 
-  // ---- a configuration that is applied and then not changed ----
+  // ---- a configuration that is applied and does not change afterwards ----
   (* anyconst *) reg [Width-1:0] watched_config;
-  reg steady_q;  // applied in an earlier clock (or by reset), unchanged since
+  reg steady_q;  // applied in an earlier clock or by reset, and unchanged since then
   always @(posedge clk_i or negedge rst_ni) begin
     if (!rst_ni) steady_q <= 1;
     else steady_q <= config_i == watched_config && (steady_q || apply_i);
@@ -89,8 +89,8 @@ module ray_stream_properties #(
   end
 
   // ---- covers ----
-  reg [1:0] changed_q;  // changes between rays
-  reg waited_q;         // a copy had to wait for rays on the way
+  reg [1:0] changed_q;  // number of changes between rays
+  reg waited_q;         // a copy had to wait for rays in the pipeline
   always @(posedge clk_i or negedge rst_ni) begin
     if (!rst_ni) begin
       changed_q <= 0;

@@ -1,15 +1,16 @@
 // SPDX-License-Identifier: Apache-2.0
-/// `lipp_sdram_arbiter` with clients that keep what they offer, and a memory that takes it at any
-/// time.
+/// Proof of `lipp_sdram_arbiter` with clients that keep their transactions stable, and a memory
+/// that accepts at any time.
 ///
-/// Each client's transactions are numbered; the rest of their contents is arbitrary. So what comes
-/// out shows whether one was lost, doubled, or accepted for another client's.
+/// The transactions of each client are numbered, and the rest of their contents is arbitrary. The
+/// output therefore shows if a transaction was lost, duplicated, or accepted in place of another
+/// client's.
 module sdram_arbiter_properties
   import lipp_sdram_pkg::*;
 (
   input logic       clk_i,
   input logic       rst_ni,
-  input logic [2:0] valid_i,  // show, write, read
+  input logic [2:0] valid_i,  // bits of the clients show, write, read
   input logic [2:0][$bits(transaction_t)-13:0] payload_i,
   input logic       ready_i
 );
@@ -18,7 +19,7 @@ module sdram_arbiter_properties
   always_ff @(posedge clk_i) started_q <= 1;
   always_comb if (!started_q) assume(!rst_ni);
 
-  // ---- clients: the number is in the highest bits, then the client's own ----
+  // ---- clients: the highest bits are the transaction's number, then the client's ----
   logic [2:0] accepted, valid_q;
   logic [2:0][9:0] number_q;
   logic [2:0] ready;
@@ -44,11 +45,12 @@ module sdram_arbiter_properties
   end
   always_comb if (rst_ni) assume((valid_i & valid_q) == valid_q);
 
-  // ---- what comes out: numbers of each client in their order ----
+  // ---- the output: the numbers of each client are in order ----
   logic [2:0][9:0] got_q;
   logic [1:0] client;
   assign client = is_show ? 2'd0 : is_write ? 2'd1 : 2'd2;
-  logic [1:0] show_waited_q, write_waited_q;  // transactions of others while it waits
+  // transactions of other clients while this client waits
+  logic [1:0] show_waited_q, write_waited_q;
   always_ff @(posedge clk_i or negedge rst_ni) begin
     if (!rst_ni) begin
       got_q <= '0;

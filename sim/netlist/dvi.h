@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
-// A receiver of DVI at the four pairs' levels. It finds the symbols, decodes them, and counts what DVI 1.0 does not
-// allow and what the panel's timing does not have. Written after the standard, not after rtl/video.
+// A DVI receiver that samples the levels of the four pairs. It finds and decodes the symbols.
+//
+// The receiver counts violations of DVI 1.0 and deviations from the panel's timing. It was written
+// after the standard and shares no code with rtl/video.
 #pragma once
 
 #include <algorithm>
@@ -11,18 +13,20 @@
 
 namespace dvi {
 
-// A panel's pixels and lines, and the parts without: a line and a frame begin with their sync.
+// Timing of a panel: its pixels and lines, porches and syncs. A line and a frame begin with their
+// sync.
 struct Timing {
   int width, height, h_front, h_sync, h_back, v_front, v_sync, v_back;
   bool h_positive, v_positive;
 };
 
 struct Pixel {
-  bool de, hsync, vsync;  // the syncs stay as they were through data
+  bool de, hsync, vsync;  // the syncs keep their values while data are sent
   uint32_t rgb;
 };
 
-// The symbol of a byte by the standard's flow chart, `count` ones more than zeros after the last control symbol.
+// Returns the symbol of a byte by the flow chart of the standard. `count` is the number of ones
+// minus the number of zeros since the last control symbol.
 inline uint16_t encoded(unsigned byte, int count) {
   const int data_ones = __builtin_popcount(byte);
   const bool xnor = data_ones > 4 || (data_ones == 4 && (byte & 1) == 0);
@@ -34,8 +38,9 @@ inline uint16_t encoded(unsigned byte, int count) {
   return static_cast<uint16_t>(invert << 9 | !xnor << 8 | (invert ? ~q & 0xff : q));
 }
 
-// The symbols of one channel. What was sent is counted bit by bit; of each byte only the one symbol of that count is
-// legal: the other choice of bit 8 has more changes, that of bit 9 leads away from balance.
+// Decodes the symbols of one channel. It counts the ones and zeros that were sent. For this count
+// only one symbol of each byte is legal: the other choice of bit 8 has more changes, and the other
+// choice of bit 9 increases the imbalance.
 class Channel {
  public:
   Channel() {
@@ -43,7 +48,7 @@ class Channel {
       for (int sign = -1; sign <= 1; ++sign) symbols_[sign + 1][byte] = encoded(byte, sign);
   }
 
-  // A byte, or 256 and two control bits.
+  // Returns the byte, or 256 plus the two control bits.
   int decode(uint16_t symbol) {
     for (int c = 0; c < 4; ++c)
       if (symbol == kControl[c]) {
@@ -61,7 +66,7 @@ class Channel {
     }
     return static_cast<int>(byte);
   }
-  void lose() { known_ = false; }  // until the next control symbol
+  void lose() { known_ = false; }  // the count is unknown until the next control symbol
   int64_t illegal() const { return illegal_; }
   int largest() const { return largest_; }
 
@@ -73,12 +78,13 @@ class Channel {
   int64_t illegal_ = 0;
 };
 
-// The place in the frame, counted from where a vertical sync is seen to begin.
+// Position in the frame, counted from the start of a vertical sync.
 class Raster {
  public:
   explicit Raster(const Timing& timing) : t_(timing) {}
 
-  // False when the pixel is not what the timing has there; the next vertical sync then tells the place.
+  // Returns false if the pixel does not match the timing. The next vertical sync then sets the
+  // position again.
   bool follow(const Pixel& pixel) {
     const bool hsync = pixel.hsync == t_.h_positive, vsync = pixel.vsync == t_.v_positive;
     const bool begins = before_ && !pixel.de && vsync;
@@ -108,12 +114,13 @@ class Raster {
   int x_ = 0, y_ = 0;
 };
 
-// The symbols begin where the channel of the clock rises.
+// Receiver of all channels. A symbol begins when the clock channel rises.
 class Receiver {
  public:
   explicit Receiver(const Timing& timing) : raster_(timing) {}
 
-  // The four pairs' levels, the clock's in bit 3. True when a pixel is complete.
+  // Samples the levels of the four pairs, with the clock in bit 3. Returns true when a pixel is
+  // complete.
   bool bit(uint8_t levels) {
     const bool begins = (levels & 8) != 0 && !clock_;
     clock_ = (levels & 8) != 0;
@@ -134,9 +141,11 @@ class Receiver {
   const Pixel& pixel() const { return pixel_; }
   int64_t slips() const { return slips_; }
 
-  // Members of a JSON object: symbols that were not ten bits long; pixels whose channels disagree on data or control;
-  // symbols that an encoder never sends there, or of control bits that are not used; the most ones more than zeros, or
-  // zeros than ones, since a control symbol; times that data or syncs were not where the timing has them.
+  // Returns members of a JSON object. symbol_slips counts symbols that were not ten bits long.
+  // bad_symbols counts pixels whose channels do not agree on data or control. illegal_symbols
+  // counts symbols that an encoder never sends at that point, and unused control bits.
+  // largest_disparity is the maximum difference between ones and zeros since a control symbol.
+  // timing_breaks counts data and syncs at a wrong position.
   std::string counts() const {
     int64_t illegal = controls_;
     int largest = 0;
@@ -162,7 +171,7 @@ class Receiver {
         pixel_.hsync = value & 1;
         pixel_.vsync = value >> 1 & 1;
       } else if (value != 256) {
-        ++controls_;  // of channels 1 and 2 the standard's CTL0 to CTL3, for which DVI has no use
+        ++controls_;  // CTL0 to CTL3 of channels 1 and 2, which DVI does not use
       }
     }
     pixel_.de = data == 3;

@@ -1,17 +1,21 @@
 // SPDX-License-Identifier: Apache-2.0
-// The ULX3S in simulation: the netlist of rtl/board/ulx3s, or its RTL (ulx3s_pins.sv), with what stands around it on the
-// board.
+// The ULX3S in simulation: the netlist of rtl/board/ulx3s, or its RTL (ulx3s_pins.sv), with the
+// parts around it.
 //
 //   board --line unix|tcp|pty [--port N] [--place PATH] [--idle SECONDS] --ready FILE [--capture FOLDER] [--step N]
 //
-// An oscillator, the PLL's outputs, a UART, an SDRAM chip, and a screen that decodes the TMDS symbols of
-// the GPDI socket. The options are those of sim/board/main.cpp: --step is the UART's bits per system
-// clock in 1 / 65536. Built by tools.netlist, which gives LIPPMANN_CLOCKS, an X(port, divider) for each output of
-// the PLL (pll_clkos: pairs of bits, pll_clkos2: the system, pll_clkos3: the memory), and LIPPMANN_VCO_KHZ.
-// LIPPMANN_TIMING is the rest of a dvi::Timing after the panel's size.
+// The simulated parts are an oscillator, the outputs of the PLL, a UART, an SDRAM, and a screen
+// that decodes the TMDS symbols of the GPDI socket. The options are those of sim/board/main.cpp:
+// --step is the UART's baud rate in bits per system clock, times 65536.
 //
-// SIGTERM and SIGINT end the board, SIGUSR1 presses its button 1. The last line on stdout is a JSON object
-// of counts, which tools.netlist judges; a violation of the SDRAM's data sheet is named there.
+// Built by tools.netlist, which defines the macros. LIPPMANN_CLOCKS has an X(port, divider) for
+// each output of the PLL (pll_clkos: bit pairs, pll_clkos2: system, pll_clkos3: memory).
+// LIPPMANN_VCO_KHZ is the frequency of the VCO. LIPPMANN_TIMING has the fields of a dvi::Timing
+// after the panel's size.
+//
+// SIGTERM and SIGINT end the board. SIGUSR1 presses its button 1. The last line on stdout is a JSON
+// object of counts, which tools.netlist checks. It contains the name of each violation of the
+// SDRAM's data sheet.
 #include <getopt.h>
 #include <sys/prctl.h>
 #include <unistd.h>
@@ -65,11 +69,11 @@ Options parse(int count, char** words) {
       case 'r': options.ready = optarg; break;
       case 'c': options.capture = optarg; break;
       case 's': options.step = static_cast<uint32_t>(std::stoul(optarg)); break;
-      case 'i': break;  // the netlist has its own
+      case 'i': break;  // ignored: the netlist contains its identity
       default: throw std::invalid_argument("unknown option");
     }
   }
-  if (options.step == 0 || options.step > 0x2000) throw std::invalid_argument("--step: 1 to 8192");
+  if (options.step == 0 || options.step > 0x2000) throw std::invalid_argument("--step must be 1 to 8192");
   return options;
 }
 
@@ -81,7 +85,7 @@ class Board {
       : options_(options), line_(options.line, options.port, options.place, options.idle), uart_(options.step),
         screen_(LIPPMANN_WIDTH, LIPPMANN_HEIGHT, options.capture) {
     top_.ftdi_txd = 1;
-    top_.eval();  // with all clocks low: the model sees no edge in its first evaluation
+    top_.eval();  // with all clocks low, so that the first evaluation has no edge
   }
 
   void run() {
@@ -114,10 +118,11 @@ class Board {
  private:
   struct Clock {
     CData* pin;
-    uint64_t half;  // of its period, in halves of the VCO's
+    uint64_t half;  // half of the period, in half periods of the VCO
     uint64_t next;
   };
-  static constexpr uint64_t kLocked = 20'000;  // halves of the VCO's period
+  // time until the PLL locks, in half periods of the VCO
+  static constexpr uint64_t kLocked = 20'000;
 
   void announce() const {
     const std::string part = options_.ready + ".part";
@@ -129,12 +134,13 @@ class Board {
       throw std::system_error(errno, std::generic_category(), options_.ready);
   }
 
-  // The next edge of any clock, or of several at once.
+  // Runs the next edge of any clock, or of several clocks at once.
   void edge() {
     uint64_t first = ~0ull;
     for (const Clock& clock : clocks_of_) first = std::min(first, clock.next);
     ticks_ = first;
-    if (ps() >= oscillator_ps_) {  // a moment late at most: it only watches the PLL's lock
+    // slightly late, since the oscillator only monitors the PLL's lock
+    if (ps() >= oscillator_ps_) {
       top_.clk_25mhz = !top_.clk_25mhz;
       oscillator_ps_ += 20'000;
     }
@@ -185,15 +191,16 @@ class Board {
     top_.ftdi_txd = uart_.wire();
   }
 
-  // The chip's word of one edge before its last one: it takes until then to reach the FPGA
-  // (rtl/board/ulx3s/lipp_ulx3s_memory.sv). Bytes that the chip does not drive are anything.
+  // Applies the word that the SDRAM drove at the edge before its last edge, since the word needs
+  // that time to reach the FPGA (rtl/board/ulx3s/lipp_ulx3s_memory.sv). Bytes that the SDRAM does
+  // not drive are noise.
   void before_memory() {
     noise_ = noise_ * 1664525u + 1013904223u;
     const uint16_t driven = (on_way_ & 1 ? 0x00ff : 0) | (on_way_ & 2 ? 0xff00 : 0);
     top_.sdram_d = static_cast<SData>((word_ & driven) | (noise_ >> 16 & ~driven & 0xffff));
   }
 
-  // The chip's clock is the inverted one of the memory's controller.
+  // Runs an edge of the SDRAM's clock, which is the inverted clock of the memory controller.
   void chip_edge() {
     if (!top_.sdram_clk) throw std::runtime_error("sdram_clk does not rise where its clock falls");
     word_ = chip_.dq();
@@ -233,8 +240,8 @@ class Board {
   uint64_t ticks_ = 0, pressed_ = 0, oscillator_ps_ = 20'000;
   uint16_t word_ = 0;
   int on_way_ = 0;
-  // A monitor that lost the symbols' places shows nothing until the next vertical sync begins. The serialiser finds
-  // them with its first symbol after a reset.
+  // A monitor that has lost the start of the symbols shows nothing until the next vertical sync
+  // begins. The serialiser finds the start with its first symbol after a reset.
   bool steady_ = false, vsync_ = false;
   int64_t slips_ = 0;
   uint32_t noise_ = 1;
@@ -248,7 +255,7 @@ int main(int count, char** words) {
   std::signal(SIGINT, [](int) { stop = true; });
   std::signal(SIGUSR1, [](int) { reset = true; });
   std::signal(SIGPIPE, SIG_IGN);
-  prctl(PR_SET_PDEATHSIG, SIGTERM);  // ends with the process that started it
+  prctl(PR_SET_PDEATHSIG, SIGTERM);  // ends this process together with its parent
   std::string ready;
   try {
     const Options options = parse(count, words);

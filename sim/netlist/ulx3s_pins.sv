@@ -5,8 +5,9 @@
 /* verilator lint_off UNUSEDPARAM */
 /* verilator lint_off UNUSEDSIGNAL */
 
-/// `lipp_ulx3s`, or with LIPPMANN_NETLIST its netlist, which has no parameters, with the outputs of
-/// the PLL as inputs. Below are models of the vendor's cells at its pins.
+/// `lipp_ulx3s` with the outputs of the PLL as inputs. With LIPPMANN_NETLIST it is the netlist of
+/// `lipp_ulx3s`, which has no parameters. The other modules are models of the vendor's cells at the
+/// pins.
 module ulx3s_pins
 `ifndef LIPPMANN_NETLIST
 #(
@@ -143,7 +144,7 @@ module BB (
   assign O = B;
 endmodule
 
-/// What yosys makes of BB.
+/// The cell that yosys uses in place of BB.
 module TRELLIS_IO #(
   parameter DIR = "BIDIR"
 ) (

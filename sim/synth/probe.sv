@@ -1,10 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
 `default_nettype none
 
-/// Registers around a design for place-and-route: a few pins fill and read them.
+/// Surrounds a design with registers for place-and-route, so that a few pins can feed and read the
+/// design.
 ///
 /// Every input of the design comes from a shift register, and every output is combined into a
-/// register: no logic is optimised away, and no timing path ends at a pin.
+/// register. Therefore no logic is optimised away, and no timing path ends at a pin.
 module probe #(
   parameter int In = 1,
   parameter int Out = 1
@@ -13,13 +14,14 @@ module probe #(
   input  logic           rst_ni,
   input  logic           bit_i,
   output logic           bit_o,
-  output logic           rst_no,  // of the design
-  output logic [In-1:0]  in_o,    // to its inputs
-  input  logic [Out-1:0] out_i    // from its outputs
+  output logic           rst_no,  // reset of the design
+  output logic [In-1:0]  in_o,    // inputs of the design
+  input  logic [Out-1:0] out_i    // outputs of the design
 );
 
-  // The names are kept, so that the report can tell these registers from the design's.
-  (* keep *) logic [1:0] reset_q;  // high: the cells' resets are
+  // The names are kept, so that the report can distinguish these registers from the design's
+  // registers.
+  (* keep *) logic [1:0] reset_q;  // high in reset, like the resets of the FPGA's cells
   (* keep *) logic [In-1:0] in_q;
   (* keep *) logic [Out-1:0] out_q, fold_q;
   (* keep *) logic bit_q;

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 `default_nettype none
 
-/// The top for place-and-route of `lipp_optics_block` behind AXI4-Lite and AXI4-Stream, between the
+/// Top for place-and-route of `lipp_optics_block` with AXI4-Lite and AXI4-Stream, surrounded by the
 /// registers of `probe`.
 module probe_axi #(
   parameter lipp_optics_pkg::build_t Build = lipp_optics_pkg::ExactSquare,

@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 `default_nettype none
 
-/// The top for place-and-route of the whole `lipp_board`; the store of its frames is a memory
-/// beside the FPGA, so its ports end in the registers of `probe`, as the board's other ports do.
+/// Top for place-and-route of `lipp_board`. The frame store is a memory outside the FPGA, so its
+/// ports end in the registers of `probe`, like the board's other ports.
 module probe_board #(
   parameter int Width = 640,
   parameter int Height = 480,

@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 `default_nettype none
 
-/// The top for place-and-route of `lipp_sdram_store`, between the registers of `probe`: clients in
-/// their clock, pins in the memory's.
+/// Top for place-and-route of `lipp_sdram_store`, surrounded by the registers of `probe`. The
+/// clients' ports are registered with clk_i, the SDRAM's pins with the memory's clock.
 module probe_sdram #(
   parameter int Width = 1280,
   parameter int Height = 720,
