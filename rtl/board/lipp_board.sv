@@ -137,7 +137,7 @@ module lipp_board #(
   localparam bit Draws = Scene.layers != '0;
   localparam int ClocksPerPixel = Draws ? 1 << Scene.samples_bits : 1;
   if (Draws && !lipp_scene_pkg::legal(Scene)) begin : gen_illegal_scene
-    $fatal(1, "lipp_board: Scene must be a legal build, or have no layers");
+    $fatal(1, "lipp_board: Scene must be a legal build or have 0 layers");
   end
 
   logic rst_n;
@@ -496,7 +496,7 @@ module lipp_board #(
         + lipp_scene_pkg::scene_latency(F, Scene) + 5 + ClocksPerPixel;
     if (Blanking < Latency) begin : gen_illegal_blanking
       $fatal(1,
-          "lipp_board: blanking before the first pixel must last the scene's %0d clocks, not %0d",
+          "lipp_board: blanking before the first pixel must last %0d clocks for the scene, not %0d",
              Latency, Blanking);
     end
 

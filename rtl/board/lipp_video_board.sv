@@ -101,7 +101,7 @@ module lipp_video_board #(
   // ---- video ----
   if (Dvi) begin : gen_dvi
     if (Scene.layers != 0 && Scene.samples_bits != 0) begin : gen_illegal_samples
-      $fatal(1, "lipp_video_board: with Dvi a pixel has one clock, so one sample");
+      $fatal(1, "lipp_video_board: with Dvi = 1, Scene.samples_bits must be 0");
     end
     logic shift_rst_n;
     lipp_reset_sync i_shift_reset (.clk_i(shift_clk_i), .rst_ni, .rst_no(shift_rst_n));

@@ -34,7 +34,7 @@ module lipp_flow_control #(
   localparam int Room = 1 << AddressBits;
 
   if (Latency < 1 || Latency > Room - 10) begin : gen_illegal
-    $fatal(1, "lipp_flow_control: Latency must be 1 to 10 less than the FIFO's places");
+    $fatal(1, "lipp_flow_control: Latency must be 1 to 2^AddressBits - 10");
   end
 
   logic [AddressBits:0] reserved_q, reserved_d;  // number of reserved entries

@@ -55,7 +55,7 @@ module lipp_sdram_splitter
   end
   if (Block < 1 || Block > RowWords || MaxBudget < Block || Budget > MaxBudget) begin : gen_block
     $fatal(1,
-        "lipp_sdram_splitter: Block must be 1 to 512, MaxBudget no less than Block and Budget");
+        "lipp_sdram_splitter: Block must be 1 to 512, and MaxBudget at least Block and Budget");
   end
 
   typedef enum logic [1:0] {Idle, Measure, Wait, Offer} state_e;

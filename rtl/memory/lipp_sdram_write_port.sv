@@ -39,7 +39,7 @@ module lipp_sdram_write_port
 );
 
   if (3 << AddressBits < Block) begin : gen_illegal
-    $fatal(1, "lipp_sdram_write_port: 2^AddressBits pairs of pixels must hold Block words");
+    $fatal(1, "lipp_sdram_write_port: 3 * 2^AddressBits must be Block or more");
   end
 
   logic [PlaceBits:0] remaining_q;

@@ -258,16 +258,16 @@ REFUSED = [
     ("sdram_splitter", {"Width": 4096, "Height": 1366}, "sdram_splitter: two frames must fit into the SDRAM's"),
     ("sdram_store", {"Width": 16382, "Height": 16383}, "sdram_splitter: two frames must fit into the SDRAM's"),
     ("sdram_store", {"Width": 641}, "sdram_splitter: Width must be even"),
-    *each("sdram_splitter", "Block must be 1 to 512, MaxBudget no less than", MaxBudget=(95,), Budget=(193,)),
-    ("sdram_splitter", {"Block": 513, "MaxBudget": 999}, "sdram_splitter: Block must be 1 to 512, MaxBudget no less"),
-    ("sdram_write_port", {"AddressBits": 3}, "sdram_write_port: 2^AddressBits pairs of pixels must hold Block words"),
+    *each("sdram_splitter", "Block must be 1 to 512, and MaxBudget at least", MaxBudget=(95,), Budget=(193,)),
+    ("sdram_splitter", {"Block": 513, "MaxBudget": 999}, "sdram_splitter: Block must be 1 to 512, and MaxBudget at least"),
+    ("sdram_write_port", {"AddressBits": 3}, "sdram_write_port: 3 * 2^AddressBits must be Block or more"),
     *(
         ("sdram_controller", timed(*wrong), "sdram_controller: cas_clocks must be 2 or 3, and mrd_clocks 2 to 8")
         for wrong in ((1, 2), (4, 2), (3, 1), (3, 9))
     ),
     *each("sdram_controller", "ClockHz must be about 35 MHz to 400 MHz", ClockHz=(0, 1000000, 30000000, 500000000)),
-    *each("flow_control", "Latency must be 1 to 10 less than the FIFO's places", Latency=(0, -1)),
-    ("flow_control", {"Latency": 23, "AddressBits": 5}, "flow_control: Latency must be 1 to 10 less than"),
+    *each("flow_control", "Latency must be 1 to 2^AddressBits - 10", Latency=(0, -1)),
+    ("flow_control", {"Latency": 23, "AddressBits": 5}, "flow_control: Latency must be 1 to 2^AddressBits - 10"),
     # Far off, where something else could fail before, or take its time.
     *each("blend lenslet_hex sqrt unit_slope", "F must be 14 to 23", F=(3,)),
     *each("block_ring", "Width must be 1 or more and Cycles 5 or more", Cycles=(1,)),
@@ -297,16 +297,16 @@ REFUSED = [
             "porches must be 0 or more, and syncs and VFront 1": ({"HFront": -1}, {"VFront": 0}),
             "the panel must have fewer than 65536 tiles": ({"Width": 16383, "Height": 16383},),
             "ClockHz must be 1 or more": ({"ClockHz": -1},),
-            "Scene must be a legal build, or have no layers": (drawn(4, 3, 8, 192),),
+            "Scene must be a legal build or have 0 layers": (drawn(4, 3, 8, 192),),
         }.items()
         for parameters in several
     ),
     (
         "board",
         {"VSync": 1, "VBack": 0, "Width": 8, "Height": 8, "HBack": 0, **drawn(1, 1, 5, 32)},
-        "board: blanking before the first pixel must last the scene's",
+        "board: blanking before the first pixel must last",
     ),
-    ("video_board", {**drawn(samples_bits=1), **LIGHT}, "video_board: with Dvi a pixel has one clock"),
+    ("video_board", {**drawn(samples_bits=1), **LIGHT}, "video_board: with Dvi = 1, Scene.samples_bits must be 0"),
     *each("draw_frame", "Width and Height must be 1 to", Width=(0, 16384), Height=(0, 16384)),
     *each("scan_out", "ClocksPerPixel must be a power of two", ClocksPerPixel=(0, 3)),
     *each("scan_out", "porches must be 0 or more", HFront=(-5,), HBack=(-60,), VBack=(-3,), HSync=(0,), VSync=(0,)),
