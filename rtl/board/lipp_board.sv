@@ -22,8 +22,8 @@
 ///
 /// ByteLink = 1 replaces the UART's wires by a byte stream, for a USB FIFO or a fast simulation.
 /// Output in_ready_o is low until the clock after the registers have left reset, so no early byte
-/// is lost. docs/reference/protocol.md describes the protocol, docs/generated/board-registers.md
-/// the registers.
+/// is lost. The file docs/reference/protocol.md describes the protocol, and
+/// docs/generated/board-registers.md describes the registers.
 ///
 /// Data flow of the link, the frames and the rays:
 ///
@@ -143,7 +143,7 @@ module lipp_board #(
   logic rst_n;
   lipp_reset_sync i_reset (.clk_i, .rst_ni, .rst_no(rst_n));
 
-  // ---- the line ----
+  // ---- the serial link ----
   logic rx_valid, rx_ready, tx_valid, tx_ready, framing_error, overflow;
   logic [7:0] rx_data, tx_data;
   if (ByteLink) begin : gen_bytes
@@ -212,7 +212,8 @@ module lipp_board #(
     .out_ready_i(tx_ready), .out_data_o(tx_data)
   );
 
-  // ---- reset of all but the link ----
+  // ---- reset of everything except the link ----
+
   // core_reset_q is high during reset, as in lipp_reset_sync
   logic reset, core_reset_q, core_rst_n;
   always_ff @(posedge clk_i or negedge rst_n) begin
@@ -343,7 +344,7 @@ module lipp_board #(
   logic [PlaceBits-1:0] copy_first, check_first;
   logic [PlaceBits:0] copy_count, check_count;
   assign store_rst_no = core_rst_n;
-  // The tile writer's ready signal has deep logic. This skid buffer keeps it out of the
+  // The tile writer's ready signal has deep logic. This skid buffer keeps that logic out of the
   // dispatcher's paths.
   lipp_skid_buffer #(.Width(9)) i_tile_buffer (
     .clk_i, .rst_ni(core_rst_n), .clear_i('0), .in_valid_i(part_valid), .in_ready_o(part_ready),

@@ -3,8 +3,8 @@
 
 /// `lipp_board` with its frame store in block RAM, for small panels and for simulation.
 ///
-/// Each pixel takes 48 bits of block RAM. This is 147 kbit for the 64 x 48 panel of the tests, 44.2
-/// Mbit for a panel of 1280 x 720.
+/// Each pixel takes 48 bits of block RAM. The 64 x 48 panel of the tests needs 147 kbit, and a
+/// panel of 1280 x 720 needs 44.2 Mbit.
 module lipp_board_with_store #(
   parameter bit ByteLink = 1'b0,
   parameter int ClockHz = 148_500_000,

@@ -226,8 +226,8 @@ module lipp_dispatcher #(
   // The register `source` is the first writable register of its block, so a WRITE to `source` must
   // begin at its address.
   assign draws = on_scene && first == AtDraw && request.odd;
-  // update_o is one clock late, but still rises before the first register changes. It falls after
-  // the last register has changed.
+  // update_o is one clock late, but still rises before the first register changes. update_o falls
+  // after the last register has changed.
   always_ff @(posedge clk_i or negedge rst_ni) begin
     if (!rst_ni) update_o <= 1'b0;
     else update_o <= on_scene && state_q == Execute;
@@ -277,7 +277,7 @@ module lipp_dispatcher #(
       {ray_bus_write, ray_bus_at, ray_bus_word} :
       {register_bus_write, register_bus_at, register_bus_word};
 
-  // ---- the table of tiles ----
+  // ---- entries of the tables of tiles and blocks ----
   logic table_start, table_valid, table_ready;
   logic [31:0] table_word;
   logic is_blocks;
@@ -306,7 +306,7 @@ module lipp_dispatcher #(
       + (request.kind == RequestBlock ? 9'd1 : {1'b0, request.arguments[2]});
   assign no_block = !slot_there || blocks_end > slot_blocks;
 
-  // ---- other neighbours ----
+  // ---- other neighbouring modules ----
   assign tile_o = second;
   assign tile_coding_o = request.arguments[4];
   assign present_epoch_o = first;

@@ -20,7 +20,7 @@
 ///   OpClaim  asks if the block's registers may be written: StatusOk once no apply is pending.
 ///   OpTrace  traces the rays of the stream. After done_o with StatusOk, nine words per exit ray
 ///            follow as a stream. The raster is the source again before the words of the last ray.
-///   OpSign   starts a frame whose rays are signed. It returns StatusBusy if the frame has
+///   OpSign   starts a frame whose rays are signed. OpSign returns StatusBusy if the frame has
 ///            started, otherwise StatusOptics.
 ///   OpResult returns the result of the last OpSign: StatusOk when its rays are signed, otherwise
 ///            StatusBusy or StatusOptics.
@@ -113,7 +113,8 @@ module lipp_ray_access (
   assign word_at_o = at_q;
   assign ray_valid_o = state_q == Offer;
   assign exit_ready_o = state_q == Exit;
-  // exit_q shifts one clock after its word was taken, because it is wide and far away.
+  // exit_q shifts one clock after its lowest word was taken, because exit_q is wide and far away on
+  // the FPGA.
   logic moves_q;
   assign word_valid_o = state_q == Words && !moves_q;
   assign word_o = exit_q[0];
@@ -178,7 +179,7 @@ module lipp_ray_access (
           if (op_i == OpSign) signing_q <= 1'b1;
           state_q <= op_i == OpDraw ? Idle : op_i != OpTrace ? Begin : restore_q ? Words : Place;
         end
-        // ---- a frame ----
+        // ---- start of a frame ----
         Begin: if (heard) begin
           pause_q <= '1;
           state_q <= Settle;

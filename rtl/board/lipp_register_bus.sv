@@ -12,9 +12,9 @@
 /// The three register blocks share one APB4 bus with one select signal each. Every write changes a
 /// whole word. All other addresses are empty. The address map:
 ///
-///   0x000 to 0x07f   board_registers
-///   0x200 to 0x3ff   optics_block, from its address 0 on
-///   0x400 to 0x7ff   scene_block, from its address 0 on, if there is a scene
+///   0x000 to 0x07f   The registers of board_registers.
+///   0x200 to 0x3ff   The registers of optics_block, from its address 0 on.
+///   0x400 to 0x7ff   The registers of scene_block, from its address 0 on, if there is a scene.
 module lipp_register_bus #(
   parameter bit Scene = 1'b0  // 1: the design has a scene_block
 ) (

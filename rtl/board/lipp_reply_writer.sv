@@ -3,8 +3,8 @@
 
 /// Sends up to Bytes bytes from a register as a stream, the lowest byte first.
 ///
-/// Input load_i loads bytes_i, their number count_i, and last_i, which marks the last byte as the
-/// end of its packet. Input load_i is ignored while busy_o is high.
+/// Input load_i loads the bytes bytes_i and their number count_i. It also loads last_i, which marks
+/// the last byte as the end of its packet. Input load_i is ignored while busy_o is high.
 module lipp_reply_writer #(
   parameter int Bytes = 4
 ) (

@@ -6,8 +6,9 @@
 ///
 /// The module remembers the last executed request and its status. The module forgets this request
 /// when the number of any request is 32768 beyond the remembered number, because newer requests
-/// would then seem older. A request is older if its number is 1 to 32767 behind the remembered
-/// number. A HELLO with a new nonce starts a new session and clears the remembered request.
+/// would then seem older. A request is older than the remembered request if its number is lower by
+/// 1 to 32767 (modulo 65536). A HELLO with a new nonce starts a new session and clears the
+/// remembered request.
 ///
 /// Outputs repeated_o and older_o are registers. Each is valid one clock after kind_i and number_i
 /// change. Inputs kind_i and number_i must be stable until answer_i, and for two clocks before

@@ -9,10 +9,11 @@
 /// slot. Output done_o is a pulse 1030 clocks after start_i.
 ///
 /// A table stores the CRC-32 of each block's written bytes. An entry is 0 from start_i until its
-/// block is complete, and for a block that was not written since reset. The entries of slot 15, the
-/// panel's curve, follow those of the last slot. Reset clears the table, one entry per clock.
-/// Output busy_o is high during that time: start_i must stay low, and reads are undefined. Output
-/// read_crc_o(t) is the entry at read_slot_i(t - 2) and read_at_i(t - 2), as written before t - 2.
+/// block is complete. The entry of a block that was not written since reset is 0, too. The entries
+/// of slot 15, the panel's curve, follow those of the last slot. Reset clears the table, one entry
+/// per clock. Output busy_o is high during that time: start_i must stay low, and reads are
+/// undefined. Output read_crc_o(t) is the entry at read_slot_i(t - 2) and read_at_i(t - 2), as
+/// written before t - 2.
 module lipp_slot_loader #(
   parameter int Slots = 5,    // number of slots, 1 to 15
   parameter int Blocks = 49   // number of blocks per slot, 1 to 256
@@ -88,7 +89,8 @@ module lipp_slot_loader #(
     end
   end
 
-  // ---- the table ----
+  // ---- the table of CRCs ----
+
   // number of cleared entries; the top bit means that all are cleared
   logic [AddressBits:0] cleared_q;
   assign busy_o = !cleared_q[AddressBits];

@@ -16,8 +16,8 @@
 ///
 /// Responses:
 ///
-///   PSLVERR = 0   OKAY
-///   PSLVERR = 1   SLVERR
+///   With PSLVERR = 0 the response is OKAY.
+///   With PSLVERR = 1 the response is SLVERR.
 module lipp_axil_to_apb #(
   parameter int AddressBits = 9
 ) (

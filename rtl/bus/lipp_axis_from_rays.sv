@@ -9,12 +9,12 @@
 /// The latency is 1 clock, and the throughput is one ray per clock. Every output is a register or a
 /// constant. R is the radius of the dome. The fields are:
 ///
-///   tdata[ 15:  0], tdata[ 31: 16]   signed indices i, j of the lenslet that the ray exits
-///   tdata[ 63: 32]                   status of the ray, as in ray_status_e
-///   tdata[ 95: 64], [127: 96], [159:128]   signed origin x, y, z, relative to the lenslet's centre
-///   tdata[191:160], [223:192], [255:224]   signed unit direction dx, dy, dz
-///   tuser                            1: the first ray of its frame
-///   tlast                            1: the last ray of its frame
+///   Bits 15:0 and 31:16 of tdata are the signed indices i and j of the lenslet that the ray exits.
+///   Bits 63:32 of tdata are the status of the ray, as in ray_status_e.
+///   Bits 95:64, 127:96 and 159:128 of tdata are the signed x, y, z from the lenslet's centre.
+///   Bits 191:160, 223:192 and 255:224 of tdata are the signed unit direction dx, dy, dz.
+///   Bit tuser is 1 for the first ray of a frame.
+///   Bit tlast is 1 for the last ray of a frame.
 ///
 ///   origin = 2^-(F+1) R (x, y, z) mm;   direction = 2^-(F+1) (dx, dy, dz)
 module lipp_axis_from_rays #(

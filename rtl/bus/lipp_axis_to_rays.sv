@@ -9,12 +9,12 @@
 /// each sign-extended from n bits. The upper bits of a word are ignored: w = ((word + 2^(n-1)) mod
 /// 2^n) - 2^(n-1). The fields are:
 ///
-///   tdata[ 31:  0]   u in 2^-4 pixels to the right of the panel's centre       n = 18
-///   tdata[ 63: 32]   v in 2^-4 pixels above the panel's centre                 n = 18
-///   tdata[ 95: 64]   a of the aperture point, in 2^-F pitches along the rows   n = F + 2
-///   tdata[127: 96]   b of the aperture point, in 2^-F row distances            n = F + 2
-///   tuser            1: the first ray of its frame
-///   tlast            1: the last ray of its frame; without it no apply takes effect
+///   Bits 31:0 of tdata are u in 2^-4 pixels to the right of the panel's centre, with n = 18.
+///   Bits 63:32 of tdata are v in 2^-4 pixels above the panel's centre, with n = 18.
+///   Bits 95:64 of tdata are a of the aperture point in 2^-F pitches along rows, with n = F + 2.
+///   Bits 127:96 of tdata are b of the aperture point in 2^-F row distances, with n = F + 2.
+///   Bit tuser is 1 for the first ray of a frame.
+///   Bit tlast is 1 for the last ray of a frame. Without tlast no apply takes effect.
 module lipp_axis_to_rays #(
   parameter int F = 23
 ) (

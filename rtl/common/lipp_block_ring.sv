@@ -3,8 +3,8 @@
 
 /// Delays a word by 5 or more clocks: q(t) = d(t - Cycles). This module is for long delays.
 ///
-/// The module behaves like `lipp_ring`. It is separate so that synthesis for an FPGA family can
-/// replace it by block memory (rtl/ecp5/).
+/// The module behaves like `lipp_ring`. It is a separate module so that synthesis for an FPGA
+/// family can replace it by block memory (rtl/ecp5/).
 module lipp_block_ring #(
   parameter int Width = 1,
   parameter int Cycles = 5

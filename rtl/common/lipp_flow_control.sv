@@ -60,7 +60,8 @@ module lipp_flow_control #(
   end
 
   // ---- a valid bit per stage, 64 in a register, which a simulator shifts in one operation ----
-  // 1 keeps an illegal Latency legal here, so that its $fatal is reached
+
+  // The value 1 replaces an illegal Latency here, so that elaboration reaches its $fatal.
   localparam int Held = Latency < 1 ? 1 : Latency;
   localparam int Marks = (Held + 63) / 64;
   for (genvar k = 0; k < Marks; k++) begin : gen_marks

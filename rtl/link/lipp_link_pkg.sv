@@ -74,7 +74,7 @@ package lipp_link_pkg;
     request_e kind;
     logic [15:0] number;
     logic [5:0][7:0] arguments;  // first bytes of the request's body
-    logic [8:0] words;           // number of words collected
+    logic [8:0] words;           // number of collected words of the request
     logic odd;                   // bit 0 of the first word
   } request_t;
   /* verilator lint_on UNUSEDPARAM */

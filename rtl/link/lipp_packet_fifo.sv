@@ -52,8 +52,8 @@ module lipp_packet_fifo #(
   logic [4:0][7:0] late_q;
   logic [31:0] crc_q;
   logic [LengthBits-1:0] length_q;      // bytes received so far, at most MaxPacket + 1
-  // These registers are length_q > MaxPacket and length_q >= 5, since comparators would be too slow
-  // here.
+  // The registers too_long_q and late_full_q replace the comparisons length_q > MaxPacket and
+  // length_q >= 5, which would be too slow.
   logic too_long_q, late_full_q;
   logic take, write, room_q;
   logic judge_q, right_q, long_q, cobs_q, short_q, good;

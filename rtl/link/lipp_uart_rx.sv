@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 `default_nettype none
 
-/// Receives bytes from an asynchronous serial line: 8 data bits, no parity, one stop bit.
+/// Receives bytes from an asynchronous serial line with 8 data bits, no parity and one stop bit.
 ///
 /// Input step_i is the baud rate in bits per clock, times 2^16; its maximum is 2^13 (8 clocks per
 /// bit). Each bit is the majority of three samples, at 3/8, 4/8 and 5/8 of the bit time, accurate

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 `default_nettype none
 
-/// Sends bytes on an asynchronous serial line: 8 data bits, no parity, one stop bit.
+/// Sends bytes on an asynchronous serial line with 8 data bits, no parity and one stop bit.
 ///
 /// Input step_i is the baud rate in bits per clock, times 2^16. Each edge is within one clock of
 /// its exact time. Consecutive bytes follow each other without a pause.

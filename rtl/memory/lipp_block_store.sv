@@ -7,11 +7,12 @@
 /// `write` stores pixels. Each client transfers one pixel per clock.
 ///
 /// A request has a valid/ready handshake. The request selects a buffer, the index of its first
-/// pixel, and a number of pixels, 1 or more. The pixels follow as a stream, row by row: R in bits
-/// 23:16, G in 15:8, B in 7:0. The next request of a client is accepted after the last pixel of its
-/// current request, for the client `write` after write_done_o. Output write_done_o is a pulse. A
-/// request accepted in the clock of the pulse or later returns the written pixels. After power-up
-/// the contents are undefined. Reset keeps the contents and cancels all requests.
+/// pixel, and a number of pixels, 1 or more. The pixels follow as a stream, row by row, with red in
+/// bits 23:16, green in 15:8 and blue in 7:0. The next request of a client is accepted after the
+/// last pixel of its current request, for the client `write` after write_done_o. Output
+/// write_done_o is a pulse. A request accepted in the clock of the pulse or later returns the
+/// written pixels. After power-up the contents are undefined. Reset keeps the contents and cancels
+/// all requests.
 ///
 /// `lipp_sdram_store` has the same clients and the same contract.
 module lipp_block_store #(

@@ -6,7 +6,7 @@
 /// A transaction has a valid/ready handshake (valid_i, ready_o). The controller opens the
 /// transaction's row, reads or writes one column per clock, and closes the row:
 ///
-///   ACTIVE, tRCD, count x (READ or WRITE), tWR after a write, PRECHARGE, tRP
+///   ACTIVE, tRCD, count x (READ or WRITE), tWR after a write, PRECHARGE, tRP.
 ///
 /// Reading n words therefore takes max(tRCD + n, tRAS) + tRP clocks, and writing n words takes
 /// max(tRCD + n + tWR - 1, tRAS) + tRP clocks. Times in ns are rounded up to clocks. A transaction

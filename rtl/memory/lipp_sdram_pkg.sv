@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 `default_nettype none
 
-/// Geometry and timing of the SDRAM: 4 banks x 8192 rows x 512 columns of 16 bits (MT48LC16M16A2).
+/// Geometry and timing of the SDRAM, which has 4 banks x 8192 rows x 512 columns of 16 bits
+/// (MT48LC16M16A2).
 package lipp_sdram_pkg;
   // Most modules use only a part of these constants.
   /* verilator lint_off UNUSEDPARAM */
@@ -25,14 +26,14 @@ package lipp_sdram_pkg;
   /// be done within refresh_ms.
   typedef struct packed {
     logic [15:0] cas_clocks;  // CAS latency, 2 or 3 clocks
-    logic [15:0] rcd_ns;      // time from ACTIVE to READ or WRITE
-    logic [15:0] rp_ns;       // time from PRECHARGE to the bank's next command
-    logic [15:0] ras_ns;      // time from ACTIVE to PRECHARGE
-    logic [15:0] rc_ns;       // time from ACTIVE to ACTIVE of the same bank
-    logic [15:0] rfc_ns;      // time from AUTO REFRESH to the next command
-    logic [15:0] wr_ns;       // time from the last written word to PRECHARGE
-    logic [15:0] mrd_clocks;  // time from LOAD MODE REGISTER to the next command
-    logic [15:0] power_up_us; // time from a stable clock to the first command
+    logic [15:0] rcd_ns;      // minimum time from ACTIVE to READ or WRITE
+    logic [15:0] rp_ns;       // minimum time from PRECHARGE to the bank's next command
+    logic [15:0] ras_ns;      // minimum time from ACTIVE to PRECHARGE
+    logic [15:0] rc_ns;       // minimum time from ACTIVE to ACTIVE of the same bank
+    logic [15:0] rfc_ns;      // minimum time from AUTO REFRESH to the next command
+    logic [15:0] wr_ns;       // minimum time from the last written word to PRECHARGE
+    logic [15:0] mrd_clocks;  // minimum time from LOAD MODE REGISTER to the next command
+    logic [15:0] power_up_us; // minimum time from a stable clock to the first command
     logic [15:0] refresh_ms;
     logic [15:0] rows;
   } timing_t;

@@ -6,10 +6,10 @@
 /// Three clients use the frame store. The clients `show` and `read` fetch pixels, the client
 /// `write` stores pixels. A request has a valid/ready handshake. The request selects a buffer, the
 /// index of its first pixel, and a number of pixels, both even. The pixels follow as a stream, row
-/// by row: R in bits 23:16, G in 15:8, B in 7:0. The next request of a client is accepted after the
-/// last pixel of its current request, for the client `write` after the pulse write_done_o. A
-/// request accepted after that pulse returns the written pixels. A request waits until the memory
-/// is initialised.
+/// by row, with red in bits 23:16, green in 15:8 and blue in 7:0. The next request of a client is
+/// accepted after the last pixel of its current request, for the client `write` after the pulse
+/// write_done_o. A request accepted after that pulse returns the written pixels. A request waits
+/// until the memory is initialised.
 ///
 /// Two pixels are stored as three words: {R, G}, {B, R'}, {G', B'}. Each buffer begins at the start
 /// of a row. A pixel that is read while it is written may consist of one old and one new word.

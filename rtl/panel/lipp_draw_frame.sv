@@ -7,9 +7,9 @@
 /// Input begin_i is a pulse at the start of a video frame, during vertical sync. In that clock the
 /// scene's new registers take effect (take_o) if all pixels of the previous frame have arrived and
 /// no register write is running (hold_i low). While hold_i is high, the previous registers stay in
-/// use. Output shown_o is high while the panel shows the scene. It is source_i, sampled together
-/// with the registers. A frame of Width * Height pixels is drawn if shown_o is high in the clock
-/// after begin_i. Therefore every frame is drawn with one set of registers.
+/// use. Output shown_o is high while the panel shows the scene. shown_o equals source_i, sampled
+/// together with the registers. A frame of Width * Height pixels is drawn if shown_o is high in the
+/// clock after begin_i. Therefore every frame is drawn with one set of registers.
 ///
 /// Let c and r be a pixel's column and row, counted from the panel's top left. The pixel's rays
 /// have the positions of lipp_raster:
@@ -18,9 +18,9 @@
 ///
 /// The offsets (du, dv) of the rays are, in this order:
 ///
-///   SamplesBits 0: (0, 0)
-///               1: (-4, 4), (4, -4)
-///               2: (-4, 4), (4, 4), (-4, -4), (4, -4)
+///   With SamplesBits = 0 the offset is (0, 0).
+///   With SamplesBits = 1 the offsets are (-4, 4), (4, -4).
+///   With SamplesBits = 2 the offsets are (-4, 4), (4, 4), (-4, -4), (4, -4).
 ///
 /// Output ray_first_o marks the first ray of the frame, ray_last_o the last. Drawn pixels arrive in
 /// the order of the rays. `lipp_pixel_feed` outputs each pixel at its own position, and counts and

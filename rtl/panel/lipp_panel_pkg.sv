@@ -14,8 +14,8 @@ package lipp_panel_pkg;
 
   /// Coding of the pixels of a tile in a packet.
   typedef enum logic [7:0] {
-    CodingRaw = 8'd0,    // three bytes per pixel
-    CodingSolid = 8'd1,  // three bytes for the whole tile
+    CodingRaw = 8'd0,    // three bytes for each pixel
+    CodingSolid = 8'd1,  // three bytes, the colour of the whole tile
     CodingQoi = 8'd2,    // QOI operations, without header and end marker
     CodingCopy = 8'd3    // no data: copies the front buffer's pixels at the same position
   } coding_e;

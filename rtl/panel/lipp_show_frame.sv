@@ -13,7 +13,7 @@
 ///
 /// When a frame was shown without underflow, its CRC-32 is compared with crc_i. If the two CRCs
 /// differ, the memory has lost the frame: lost_o goes high and the panel stays black until the next
-/// swap.
+/// swap of the buffers.
 module lipp_show_frame #(
   parameter int Width = 640,
   parameter int Height = 480,

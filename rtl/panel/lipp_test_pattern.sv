@@ -22,9 +22,9 @@
 /// high.
 ///
 /// For PatternCentres, a pixel contains a lenslet's centre if the centre is at most 17/32 pixels
-/// away in both directions. This is the nearest pixel, or, if the centre lies on a border between
-/// pixels, all pixels that share that border. The coefficients of the affine map are truncated to
-/// 19 fraction bits, and x and y to 17. The condition is
+/// away in both directions. The pixel with the centre is the nearest pixel, or, if the centre lies
+/// on a border between pixels, all pixels that share that border. The coefficients of the affine
+/// map are truncated to 19 fraction bits, and x and y to 17. The condition is
 ///
 ///   |yv x - xv y| <= 17/32 det,  |xu y - yu x| <= 17/32 det,  det = xu yv - xv yu
 ///
@@ -109,6 +109,7 @@ module lipp_test_pattern #(
   );
 
   // ---- single lens and view numbers ----
+
   /// Return floor(256 (side + 1/2)), clipped to 0 .. 255.
   function automatic logic [7:0] place(logic signed [F+1:0] side);
     logic [F+1:0] from_edge;

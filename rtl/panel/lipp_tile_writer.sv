@@ -29,9 +29,9 @@
 /// the tile have h rows of w pixels, let b be the number of bytes up to the first pixel, and let n
 /// = max(1, ceil(log2(rows of tiles))). The clocks are:
 ///
-///   raw                    3 w h + n + 5
-///   copy                   h (w + 4) + n + 2
-///   solid, a single run    b + h (w + 3) + n + 2
+///   Raw tiles take 3 w h + n + 5 clocks.
+///   Copied tiles take h (w + 4) + n + 2 clocks.
+///   Solid tiles, and QOI tiles of a single run, take b + h (w + 3) + n + 2 clocks.
 module lipp_tile_writer #(
   parameter int Width = 640,
   parameter int Height = 480,
@@ -140,6 +140,7 @@ module lipp_tile_writer #(
   end
 
   // ---- QOI's index of pixels, which always contains the previous pixel ----
+
   // Distributed memory, because a block memory's output is valid too late in the clock.
   (* ram_style = "distributed" *) logic [23:0] index[64];
   logic [63:0] index_valid_q;
@@ -179,8 +180,8 @@ module lipp_tile_writer #(
 
   // The next pixel is the current pixel plus a difference, black plus a difference, or a pixel of
   // the index. The hash of the next pixel follows from the same operation, since the hash 3 r + 5 g
-  // + 7 b (modulo 64) of a sum is the sum of the hashes. The hash uses adders, because six bits are
-  // too few for multiplier cells. QOI_OP_LUMA changes the pixel twice.
+  // + 7 b (modulo 64) of a sum is the sum of the hashes. The hash uses adders, because a multiplier
+  // cell would be wasted on six bits. QOI_OP_LUMA changes the pixel twice.
   function automatic logic [5:0] hashed(logic [5:0] r, logic [5:0] g, logic [5:0] b);
     return (r + {r[4:0], 1'b0}) + (g + {g[3:0], 2'b0}) + ({b[2:0], 3'b0} - b);
   endfunction

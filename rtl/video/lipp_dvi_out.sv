@@ -3,9 +3,9 @@
 
 /// Converts the video of scan_out to DVI's four differential pairs, except for the output cells.
 ///
-/// A pixel lasts one clock of pixel_clk_i. Input shift_clk_i is five times as fast and comes from
-/// the same source. Output pair_o[0] is blue, pair_o[1] green and pair_o[2] red. Output pair_o[3]
-/// is the pixel clock, which is high during the first five bits of each symbol.
+/// A pixel lasts one clock of pixel_clk_i. Input shift_clk_i is five times as fast as pixel_clk_i
+/// and comes from the same source. Output pair_o[0] is blue, pair_o[1] green and pair_o[2] red.
+/// Output pair_o[3] is the pixel clock, which is high during the first five bits of each symbol.
 ///
 ///   tmds_encoder (blue with both syncs, green, red) -> tmds_serialiser -> pair_o
 module lipp_dvi_out (

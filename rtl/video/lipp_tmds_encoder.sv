@@ -9,8 +9,8 @@
 /// five times from bit to bit. Then the eight bits are inverted, with bit 9 high, if this brings
 /// the numbers of ones and zeros sent since the last control symbol closer together.
 ///
-/// balance = (ones - zeros) / 2 of the symbols since the last control symbol. The balance stays
-/// from -4 to 4 (DVI 1.0, section 3).
+/// The value balance is (ones - zeros) / 2, counted over all symbols since the last control symbol.
+/// The balance stays from -4 to 4 (DVI 1.0, section 3).
 module lipp_tmds_encoder (
   input  logic       clk_i,
   input  logic       rst_ni,

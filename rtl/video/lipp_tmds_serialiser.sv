@@ -10,17 +10,17 @@
 /// the symbol is at pair_o three shift clocks later.
 ///
 /// A bit that toggles with each symbol marks where symbols begin. A ring counter of five positions
-/// counts the shift clocks of a symbol, and the first toggle after reset sets it:
+/// counts the shift clocks of a symbol, and the first toggle after reset sets it.
+///
+/// If the edges of the two clocks coincide, a toggle may be detected one clock earlier or later, at
+/// position 2 or 4. The ring then continues unchanged. A toggle at position 0 or 1 sets the ring
+/// again. The signals that set the ring are:
 ///
 ///   clock      0  1  2  3  4
 ///   begins_q   1  .  .  .  .   a toggle was detected: this clock must be position 3
 ///   astray_q   .  1  .  .  .   the ring was at another position: now position 4
 ///   restart_q  .  .  1  .  .   position 0
 ///   place_q    .  .  .  1  2
-///
-/// If the edges of the two clocks coincide, a toggle may be detected one clock earlier or later, at
-/// position 2 or 4. The ring then continues unchanged. A toggle at position 0 or 1 sets the ring
-/// again.
 module lipp_tmds_serialiser #(
   parameter int Channels = 3
 ) (

@@ -6,12 +6,12 @@
 /// Button 1 resets the board. Button 2 selects the next test pattern. The ports have the names of
 /// the board's schematic, where ftdi_txd is the output of the FTDI chip. The LEDs show:
 ///
-///   0     packets arrive.
-///   1     a frame or a scene is shown.
-///   2     an error occurred, or the clock was lost.
-///   3     the PLL is locked.
-///   6:4   number of the test pattern.
-///   7     blinks with the system clock.
+///   LED 0: packets arrive.
+///   LED 1: a frame or a scene is shown.
+///   LED 2: an error occurred, or the clock was lost.
+///   LED 3: the PLL is locked.
+///   LEDs 4 to 6: the number of the test pattern.
+///   LED 7: blinks with the system clock.
 ///
 /// Modules:
 ///
