@@ -63,7 +63,7 @@ module lipp_board #(
   input  logic        rst_ni,       // asynchronous reset, active low
   input  logic [63:0] identity_i,   // hash of the panel and the lenslet array
 
-  input  logic [15:0] step_i,       // UART bits per clock, times 65536
+  input  logic [15:0] step_i,       // the UART's baud rate in bits per clock, times 65536
   input  logic        rx_i,
   output logic        tx_o,
 
@@ -193,7 +193,7 @@ module lipp_board #(
     .dropped_cobs_o(dropped_cobs), .dropped_short_o(dropped_short), .dropped_crc_o(dropped_crc)
   );
   // The wiring of requests and replies is long, and the ready signals have deep logic. The skid
-  // buffers break these combinational paths.
+  // buffers break the combinational paths of requests and replies.
   lipp_skid_buffer #(.Width(9)) i_request_buffer (
     .clk_i, .rst_ni(rst_n), .clear_i('0), .in_valid_i(packet_valid), .in_ready_o(packet_ready),
     .in_data_i({packet_last, packet_data}), .out_valid_o(request_valid),
@@ -436,7 +436,8 @@ module lipp_board #(
     lipp_optics_pkg::ray_status_e status;
     logic first, last;
   } exit_t;
-  exit_t traced, traced_q, exit;  // exit rays at the optics, one clock later and two clocks later
+  // traced: an exit ray at the optics; traced_q and exit: the same ray one and two clocks later
+  exit_t traced, traced_q, exit;
   logic traced_valid, traced_ready, traced_valid_q, exit_open, scene_open, unused_ray;
   assign unused_ray = ^{ray, exit.first};
   // The rays of the stream come from a TRACE request or from the panel's pixels.

@@ -27,7 +27,7 @@ module lipp_board_with_store #(
   input  logic        rst_ni,       // asynchronous reset, active low
   input  logic [63:0] identity_i,   // hash of the panel and the lenslet array
 
-  input  logic [15:0] step_i,       // UART bits per clock, times 65536
+  input  logic [15:0] step_i,       // the UART's baud rate in bits per clock, times 65536
   input  logic        rx_i,
   output logic        tx_o,
 

@@ -44,7 +44,7 @@ module lipp_dispatcher #(
   input  logic              rst_ni,
   input  logic [63:0]       identity_i,  // hash of the panel and the lenslet array
   input  logic [15:0]       epoch_i,
-  output logic              reset_o,     // RESET request: resets all but the link for 8 clocks
+  output logic              reset_o,     // high for 8 clocks: RESET of everything except the link
 
   input  logic              in_valid_i,
   output logic              in_ready_o,
@@ -97,7 +97,7 @@ module lipp_dispatcher #(
   input  logic              exit_valid_i,
   output logic              exit_ready_o,
   input  logic [8:0][31:0]  exit_i,
-  output logic              sign_o,          // 1: the exit rays are sent to the signature
+  output logic              sign_o,          // 1: the exit rays are sent to ray_signature
   output logic              sign_start_o,
   input  logic              sign_done_i,
   input  logic [31:0]       sign_rays_i,
@@ -178,8 +178,8 @@ module lipp_dispatcher #(
   // ---- may the request be executed? It is stable from two clocks before Judge ----
   logic no_block;  // the slot or its block does not exist
   logic no_tile, version, no_block_q, no_tile_q, version_q;
-  // The slot is on the panel or soon will be. Only a WRITE can select a slot, and no WRITE is
-  // running now.
+  // slot_in_use_q: the slot is on the panel or will soon be. Only a WRITE can select a slot, and no
+  // WRITE is running now.
   logic slot_in_use_q;
   reply_status_e refusal, refusal_q;
   assign version = request.arguments[0] == ProtocolVersion;
@@ -467,7 +467,7 @@ module lipp_dispatcher #(
             RequestPresent: if (present_done_i) {status_q, state_q} <= {present_status_i, Reply};
             RequestReset: if (reset_q == '0 && !table_busy_i && !blocks_busy) state_q <= Reply;
             RequestBlock: if (block_done_i) state_q <= Reply;
-            default: begin  // WRITE, TRACE, SIGN, ABORT
+            default: begin  // the requests WRITE, TRACE, SIGN and ABORT
               if (register_done) {status_q, state_q} <= {register_status, Reply};
               if (ray_done) begin
                 status_q <= ray_status;

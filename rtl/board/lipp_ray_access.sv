@@ -59,7 +59,7 @@ module lipp_ray_access (
   input  logic              exit_valid_i,
   output logic              exit_ready_o,
   input  logic [8:0][31:0]  exit_i,
-  output logic              sign_o,        // 1: the exit rays are sent to the signature
+  output logic              sign_o,        // 1: the exit rays are sent to ray_signature
   output logic              sign_start_o,
   input  logic              sign_done_i
 );

@@ -77,7 +77,7 @@ module lipp_request_reader #(
 
   // ---- words ----
   logic [31:0] words[256];
-  logic [31:0] read_q;       // gives the block RAM an output register, which makes its clock faster
+  logic [31:0] read_q;       // output register of the block RAM, which allows a faster clock
   logic [23:0] collected_q;  // bytes of the current word received so far
   logic [1:0] byte_q;        // index of the byte being received within its word
   logic [31:0] word;

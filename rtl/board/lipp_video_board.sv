@@ -8,9 +8,9 @@
 ///
 /// The module has three clocks. Input clk_i has the frequency ClockHz and is the pixel clock if Dvi
 /// = 1. Input shift_clk_i comes from the same source and is five times as fast as clk_i. Input
-/// mem_clk_i has the frequency MemoryHz and is unrelated to the others. Each clock has its own
-/// reset, made from the asynchronous rst_ni, such as a PLL's lock. The video is black while rst_ni
-/// is low, and afterwards until a frame is shown.
+/// mem_clk_i has the frequency MemoryHz and is unrelated to the other two clocks. Each clock has
+/// its own reset, made from the asynchronous rst_ni, such as a PLL's lock. The video is black while
+/// rst_ni is low, and afterwards until a frame is shown.
 ///
 /// `lipp_sdram_controller` describes the SDRAM's pins, `lipp_board_lamps` the status LEDs.
 ///
@@ -45,7 +45,7 @@ module lipp_video_board #(
   input  logic            clock_lost_i,  // asynchronous level: a clock was lost since power-up
   input  logic [63:0]     identity_i,    // hash of the panel and the lenslet array
 
-  input  logic [15:0]     step_i,        // UART bits per clock, times 65536
+  input  logic [15:0]     step_i,        // the UART's baud rate in bits per clock, times 65536
   input  logic            rx_i,
   output logic            tx_o,
 

@@ -11,7 +11,7 @@
 ///
 ///   Bits 15:0 and 31:16 of tdata are the signed indices i and j of the lenslet that the ray exits.
 ///   Bits 63:32 of tdata are the status of the ray, as in ray_status_e.
-///   Bits 95:64, 127:96 and 159:128 of tdata are the signed x, y, z from the lenslet's centre.
+///   Bits 95:64, 127:96, 159:128 of tdata are the signed origin x, y, z from the lenslet's centre.
 ///   Bits 191:160, 223:192 and 255:224 of tdata are the signed unit direction dx, dy, dz.
 ///   Bit tuser is 1 for the first ray of a frame.
 ///   Bit tlast is 1 for the last ray of a frame.

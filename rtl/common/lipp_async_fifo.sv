@@ -88,7 +88,7 @@ module lipp_async_fifo #(
   end
   always_ff @(posedge out_clk_i) if (read) out_data_o <= words[read_q[AddressBits-1:0]];
 
-  // ---- synchronizers for each bit of the Gray-coded counts ----
+  // ---- synchronisers for each bit of the Gray-coded counts ----
   for (genvar k = 0; k < C; k++) begin : gen_bit
     lipp_bit_sync #(.Stages(Stages)) i_written (
       .clk_i(out_clk_i), .rst_ni(out_rst_ni), .d_i(written_gray_q[k]), .q_o(written_gray[k])

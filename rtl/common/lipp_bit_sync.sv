@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 `default_nettype none
 
-/// Synchronizes one bit, from another clock or from a pin, to clk_i.
+/// Synchronises one bit, from another clock or from a pin, to clk_i.
 ///
 /// Output q_o follows d_i at the Stages-th rising edge after a change, or one edge later if d_i
 /// changes at an edge. The latency is Stages - 1 to Stages + 1 clocks. A pulse shorter than one

@@ -9,7 +9,7 @@
 module lipp_delay #(
   parameter int Width = 1,   // number of bits of the word
   parameter int Cycles = 1,  // latency in clocks, 0 or more
-  parameter bit Block = 1'b1 // 0: no block memory, but rings in series
+  parameter bit Block = 1'b1 // 0: long delays use rings in series, not block memory
 ) (
   input  logic             clk_i,
   input  logic [Width-1:0] d_i,
@@ -17,7 +17,8 @@ module lipp_delay #(
 );
 
   localparam int LongestChain = 5;
-  localparam int LongestRing = 17;  // 16 entries, the depth of an FPGA's distributed memory
+  // maximum length of a ring: 16 entries of an FPGA's distributed memory
+  localparam int LongestRing = 17;
 
   if (Width < 1 || Cycles < 0) begin : gen_illegal
     $fatal(1, "lipp_delay: Width must be 1 or more and Cycles 0 or more");

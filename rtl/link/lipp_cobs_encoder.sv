@@ -3,10 +3,10 @@
 
 /// Encodes a packet as a COBS frame, including the final 0x00.
 ///
-/// The code byte of a group is the group's length, so a group is sent only after all its bytes have
-/// arrived. There are two banks: one bank is filled while the other is sent. The rate is one byte
-/// per clock if all groups have the same length, and one byte per two clocks in the worst case. The
-/// first byte of a group is sent 3 clocks after its last byte arrived.
+/// The code byte at the start of a group contains the group's length, so a group is sent only after
+/// all its bytes have arrived. There are two banks: one bank is filled while the other is sent. The
+/// rate is one byte per clock if all groups have the same length, and one byte per two clocks in
+/// the worst case. The first byte of a group is sent 3 clocks after its last byte arrived.
 module lipp_cobs_encoder (
   input  logic       clk_i,
   input  logic       rst_ni,

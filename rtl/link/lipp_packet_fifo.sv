@@ -8,10 +8,10 @@
 /// five bytes stay in registers outside the memory. Therefore the four bytes of the CRC are never
 /// stored, and the byte before them can be marked as the last one when the packet ends.
 ///
-/// A packet is dropped for one reason only, the first of: long, cobs, short, crc. While the memory
-/// is full, the input waits, unless the packet is already too long: then its remaining bytes are
-/// discarded. The first byte is at the output 4 clocks after the end of its packet arrived. Then
-/// one byte follows per clock.
+/// A packet is dropped for exactly one reason: the first that applies of long, cobs, short, crc.
+/// While the memory is full, the input waits, unless the packet is already too long: then its
+/// remaining bytes are discarded. The first byte is at the output 4 clocks after the end of its
+/// packet arrived. Then one byte follows per clock.
 module lipp_packet_fifo #(
   parameter int AddressBits = 13
 ) (

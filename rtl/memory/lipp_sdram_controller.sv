@@ -129,7 +129,7 @@ module lipp_sdram_controller
   transaction_t at_q;
   logic write_q, tag_q, last_q, settled;
   logic [PauseBits-1:0] pause_q, pause_d;
-  logic [HoldBits-1:0] hold_q;  // clocks until the row may be closed, as a mask of ones
+  logic [HoldBits-1:0] hold_q;  // its ones count the clocks until the row may be closed
   assign ready_o = state_q == Idle && open_q;
   assign settled = !hold_q[0];
 

@@ -5,9 +5,9 @@
 ///
 /// The latency is 3 clocks. Bit 0 of a symbol is sent first. A byte d of a pixel becomes q[0] =
 /// d[0], q[k] = q[k-1] ^ d[k], with bit 8 high. If d has more than four ones, or has four ones and
-/// d[0] is low, it becomes q[k] = ~(q[k-1] ^ d[k]) instead, with bit 8 low. Thus q changes at most
-/// five times from bit to bit. Then the eight bits are inverted, with bit 9 high, if this brings
-/// the numbers of ones and zeros sent since the last control symbol closer together.
+/// d[0] is low, it becomes q[k] = ~(q[k-1] ^ d[k]) instead, with bit 8 low. Therefore q changes at
+/// most five times from bit to bit. Then the eight bits are inverted, with bit 9 high, if this
+/// brings the numbers of ones and zeros sent since the last control symbol closer together.
 ///
 /// The value balance is (ones - zeros) / 2, counted over all symbols since the last control symbol.
 /// The balance stays from -4 to 4 (DVI 1.0, section 3).

@@ -54,6 +54,6 @@ module lipp_raster_checks #(
 
 endmodule
 
-`ifndef FORMAL  // simulation: beside every instance
+`ifndef FORMAL  // simulation: bound to every instance
 bind lipp_raster lipp_raster_checks #(.F(F)) i_checks (.*);
 `endif

@@ -4,8 +4,8 @@
 /// Clocks of the ULX3S: one PLL makes them from the board's oscillator of 25 MHz.
 ///
 /// The frequency of each output clock is the VCO's frequency divided by that output's divider. The
-/// output with BackDiv is the PLL's feedback. Each pixel takes one system clock. `tools.pll` finds
-/// the dividers.
+/// output with the divider BackDiv is fed back to the PLL. Each pixel takes one system clock.
+/// `tools.pll` finds the dividers.
 ///
 /// Output lost_o rises if the PLL loses its lock after 256 or more locked clocks, two or three
 /// clocks of clk_i later. Output lost_o stays high until the FPGA is configured again. A stopped
