@@ -34,7 +34,7 @@ module lipp_flow_control #(
   localparam int Room = 1 << AddressBits;
 
   if (Latency < 1 || Latency > Room - 10) begin : gen_illegal
-    $fatal(1, "lipp_flow_control: Latency must be 1 to 2^AddressBits - 10");
+    $fatal(1, "lipp_flow_control: Latency must be 1 or more, and at most 2^AddressBits - 10");
   end
 
   logic [AddressBits:0] reserved_q, reserved_d;  // number of reserved entries
