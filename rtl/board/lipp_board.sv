@@ -214,7 +214,7 @@ module lipp_board #(
 
   // ---- reset of everything except the link ----
 
-  // core_reset_q is high during reset, as in lipp_reset_sync
+  // core_reset_q is high during reset, as in lipp_reset_sync.
   logic reset, core_reset_q, core_rst_n;
   always_ff @(posedge clk_i or negedge rst_n) begin
     if (!rst_n) core_reset_q <= 1'b1;

@@ -10,9 +10,9 @@ package lipp_link_pkg;
   // Most modules use only a part of these constants.
   /* verilator lint_off UNUSEDPARAM */
 
-  // minimum number of bytes of a packet before COBS encoding, with CRC
+  /// Minimum number of bytes of a packet before COBS encoding, including its CRC.
   localparam int MinPacket = 7;
-  // maximum number of bytes of a packet before COBS encoding, with CRC
+  /// Maximum number of bytes of a packet before COBS encoding, including its CRC.
   localparam int MaxPacket = 3200;
   localparam int LengthBits = $clog2(MaxPacket + 2);  // large enough for MaxPacket + 1
 

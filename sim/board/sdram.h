@@ -3,10 +3,10 @@
 // the MT48LC16M16A2.
 //
 // The model stores words and reports each command that the data sheet does not allow. Its input is
-// the time and the pin levels at each rising edge of the clock. It models what a controller with
-// bursts of one word uses. Auto precharge, longer bursts, BURST TERMINATE and SELF REFRESH are
-// reported as not modelled. CKE low acts as a power-up: the initialisation must follow. Setup and
-// hold times are not checked, since they depend on the pads.
+// the time and the pin levels at each rising edge of the clock. The model covers the commands of a
+// controller with bursts of one word. Auto precharge, longer bursts, BURST TERMINATE and SELF
+// REFRESH are reported as not modelled. CKE low acts as a power-up: the initialisation must follow.
+// Setup and hold times are not checked, since they depend on the pads.
 #pragma once
 
 #include <cstdint>
