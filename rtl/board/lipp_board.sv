@@ -239,7 +239,8 @@ module lipp_board #(
   logic sign_start, sign_done;
   logic [31:0] sign_rays, sign_crc;
   logic scene_late;     // a pixel of the scene was not ready in time
-  // drawn: the optics draw the panel. update: the scene's registers are being written.
+  // drawn means that the optics draw the panel. update means that a WRITE changes the scene's
+  // registers.
   logic drawn, update;
   logic [15:0] shown_slots;
   logic block_start, block_done, blocks_busy;

@@ -29,9 +29,9 @@ module lipp_fifo #(
   end
 
   logic [AddressBits-1:0] write_at_q, read_at_q;
-  logic [AddressBits:0] stored_q;  // words in the memory whose read has not started
-  logic [1:0] reads_q;             // reads that are on their way through the memory
-  logic [2:0] level_q, level_d;      // words read or being read, not yet taken
+  logic [AddressBits:0] stored_q;  // number of words in the memory whose read has not started
+  logic [1:0] reads_q;             // bit k: a read was started k + 1 clocks ago
+  logic [2:0] level_q, level_d;    // number of words read or being read, but not yet taken
   logic some_q, some_d;            // stored_q != 0
   logic free_q;                    // level_q < 4
   logic ask, take, arrive;

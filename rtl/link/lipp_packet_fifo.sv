@@ -106,8 +106,8 @@ module lipp_packet_fifo #(
       if (judge_q && !good) write_at_q <= stored_q;
       else if (write) write_at_q <= write_at_q + address_t'(1);
 
-      // room_q is used one clock later. The limit leaves room for the bytes of both clocks, and the
-      // memory never becomes completely full.
+      // room_q is used one clock later. The limit in the comparison leaves room for the bytes of
+      // both clocks, and the memory never becomes completely full.
       room_q <= write_at_q - read_at_q < address_t'(2 ** AddressBits - 2);
     end
   end

@@ -19,7 +19,7 @@ package lipp_sdram_pkg;
     logic [BankBits-1:0] bank;
     logic [ColumnBits-1:0] column;
     logic [ColumnBits:0] count;
-    logic last;  // the last transaction of its request
+    logic last;  // 1: the transaction is the last one of its request
   } transaction_t;
 
   /// Minimum times of the data sheet. The refresh has a maximum time instead: `rows` refreshes must

@@ -14,7 +14,7 @@
 ///   PatternRamp     grey, with the value of the column modulo 256.
 ///
 /// Let (x, y) be the pixel's centre, relative to the centre of its lenslet. The unit is a pitch; on
-/// a hexagonal grid the unit of y is a row distance. PatternViews is
+/// a hexagonal grid the unit of y is a row distance. The values r and g of PatternViews are
 ///
 ///   r = floor(256 (x + 1/2)),  g = floor(256 (s + 1/2)),  both clipped to 0 .. 255,
 ///

@@ -106,7 +106,7 @@ module lipp_tile_writer #(
   assign take = valid_i && ready_o;
 
   // ---- the tile's position: a division finds its row, one bit per clock ----
-  logic [15:0] column_q;   // index of the tile, at the end of the division its column
+  logic [15:0] column_q;   // index of the tile; after the division, its column
   logic [15:0] columns_q;  // number of tiles in 2^k rows of tiles
   logic [PlaceBits-1:0] rows_q;  // columns_q as an address in the frame store
   logic [SideBits-1:0] last_x_q;
@@ -168,6 +168,7 @@ module lipp_tile_writer #(
   logic [6:0] run_q, run_d;    // repetitions of the pixel still to do, minus 1; negative: none
   logic fill_q, fill_d;        // the pixel, or the copy, continues to the end of the tile
   // pixels of the tile still to come, minus 2; negative at the last
+  // number of pixels of the tile to come, minus 2; negative at the last pixel
   logic [RemainingBits-1:0] remaining_q;
   logic draws, moves, wrong;   // the byte completes a pixel, changes it in part, or is invalid
   logic step, repeats, bad, repeating, colour, look_up, open;  // open: a pixel may be produced
