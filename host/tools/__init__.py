@@ -1,1 +1,1 @@
-"""Programs for maintainers: synthesis, mutation, proofs, lint, register generation. The product never imports them."""
+"""Programs for maintainers: synthesis, mutation, proofs, lint, registers. The product never imports these programs."""

@@ -1,7 +1,7 @@
-"""Places the cells of a board's fastest clock alone, near their pads.
+"""Places the cells of a board's fastest clock separately, near their pads.
 
-nextpnr places all cells at once, which spreads the few hundred of the fastest clock too far in a chip that is more than
-half full. Placed alone they meet the clock; their places (`BEL`) are then written into the complete netlist.
+nextpnr places all cells at once. In a chip more than half full, this spreads the fastest clock's few hundred cells too
+far. Placed separately, the cells meet the clock; their positions (`BEL`) are then written into the complete netlist.
 """
 
 from __future__ import annotations
@@ -17,23 +17,24 @@ from lippmann.errors import LippmannError
 
 from tools import flow
 
-#: Placements per seed; the fastest is used.
+#: Number of placements per seed; the fastest placement is used.
 TRIALS = 4
-#: Cells without a clock, placed with the registers that they lead to.
+#: Cells without a clock, which are placed with the registers that they drive.
 LOGIC = ("LUT4", "PFUMX", "L6MUX21", "CCU2C")
-#: Cells with a place of their own. Others go with those, or with a pad.
+#: Cells that get a separate position. Other cells are placed with these cells, or with a pad.
 PLACED = ("LUT4", "TRELLIS_FF")
 CLOCK_PINS = ("CLK", "SCLK")
-#: The PLL's outputs and the parameters with their dividers.
+#: The PLL's outputs, and the parameters that set their dividers.
 OUTPUTS = {"CLKOP": "CLKOP_DIV", "CLKOS": "CLKOS_DIV", "CLKOS2": "CLKOS2_DIV", "CLKOS3": "CLKOS3_DIV"}
 
 Cell = dict[str, Any]
 
 
 def anchor(netlist: Path, options: flow.Command, seed: int, output: Path) -> int:
-    """Write the netlist with places for the cells of its fastest clock; return how many have one.
+    """Write the netlist with positions for the cells of its fastest clock; return the number of placed cells.
 
-    `options` are nextpnr's for the chip and its pins. Its log and the cells' own netlist are written beside `output`.
+    `options` are nextpnr's options for the chip and its pins. nextpnr's log and the separate netlist of these cells are
+    written beside `output`.
     """
     content = json.loads(netlist.read_text())
     name, module = _top(content)
@@ -60,10 +61,10 @@ def anchor(netlist: Path, options: flow.Command, seed: int, output: Path) -> int
 
 
 def fastest(cells: Mapping[str, Cell]) -> set[str]:
-    """Return the cells of the PLL's fastest clock, of equal ones that with the fewest, and the logic before them."""
+    """Return the PLL's fastest clock's cells and the logic before them; of equal clocks, the one with fewest cells."""
     plls = [cell for cell in cells.values() if cell["type"] == "EHXPLLL"]
     if len(plls) != 1:
-        raise LippmannError(f"the netlist has {len(plls)} PLLs where one makes all clocks")
+        raise LippmannError(f"the netlist has {len(plls)} PLLs; one PLL must make all clocks")
     dividers = {
         plls[0]["connections"][output][0]: int(plls[0]["parameters"][divider], 2)
         for output, divider in OUTPUTS.items()
@@ -84,7 +85,7 @@ def fastest(cells: Mapping[str, Cell]) -> set[str]:
 
 
 def _cut(module: Mapping[str, Any], part: set[str]) -> dict[str, Any]:
-    """Return the module with these cells, their drivers without inputs but clocks, and the pads of both."""
+    """Return the module with these cells, their drivers that have no inputs except clocks, and the pads of both."""
     cells: Mapping[str, Cell] = module["cells"]
     drivers = _drivers(cells)
     selected = {name: cells[name] for name in part}
@@ -94,7 +95,7 @@ def _cut(module: Mapping[str, Any], part: set[str]) -> dict[str, Any]:
             directions = cells[name]["port_directions"]
             pins = {pin: bits for pin, bits in pins.items() if pin in CLOCK_PINS or directions[pin] == "output"}
         selected[name] = {**cells[name], "connections": pins}
-    # What drives the drivers' clocks: the PLL.
+    # The drivers' clocks are driven by the PLL.
     for name in {drivers[clock] for cell in selected.values() if (clock := _clock(cell)) in drivers}:
         selected.setdefault(name, cells[name])
     used = {bit for cell in selected.values() for bits in cell["connections"].values() for bit in bits}

@@ -1,4 +1,4 @@
-"""`python -m tools.bench`: measured speed and error, a sub-command for each measurement."""
+"""The program `python -m tools.bench` measures speed and error, with a sub-command for each measurement."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from lippmann.conformance.pages import Page
 
 from tools.measured_page import measured_name, measured_page
 
-#: Packages of a measurement that uses Mitsuba, or the fast engine.
+#: Packages of a measurement that uses Mitsuba or the fast engine.
 ON_DEVICE = ("mitsuba", "drjit", "numpy")
 #: The function of each measurement and its help text. The function is a command of `measurement`, or a `RowFunction`.
 MEASUREMENTS = {
@@ -49,7 +49,7 @@ MEASUREMENTS = {
 
 @dataclass(frozen=True)
 class MeasurementRun:
-    """One run of a measurement, and the origin of its figures. `device` is "" without Mitsuba."""
+    """One run of a measurement, and the origin of its figures. `device` is "" in measurements without Mitsuba."""
 
     scenes: Path
     seed: int
@@ -58,7 +58,7 @@ class MeasurementRun:
     origin: Mapping[str, str]
 
     def collect(self, rows: Iterable[Row]) -> list[dict[str, Any]]:
-        """Return the rows, and log each as soon as it is measured."""
+        """Return the rows, and log each row as soon as it is measured."""
         collected = []
         for row in rows:
             log(", ".join(f"{key} {figure(value)}" for key, value in row.items()))
@@ -66,16 +66,17 @@ class MeasurementRun:
         return collected
 
 
-#: Takes a `MeasurementRun` and its own options; returns tables by name, and the page (None: that of all figures).
+#: Functions that take a `MeasurementRun` and options, and return tables by name and a page (None: the page of all
+#: figures).
 Measure = Callable[..., tuple[Mapping[str, Any], Page | None]]
-#: Takes the scenes' folder and the seed, and yields rows.
+#: Functions that take the scenes' folder and the seed, and yield rows.
 RowFunction = Callable[[Path, int], Iterable[Row]]
 
 
 def measurement(page: str = "measured", packages: tuple[str, ...] = ON_DEVICE) -> Callable[[Measure], click.Command]:
-    """Make a sub-command of a function that measures, with its name, docstring and own options.
+    """Make a sub-command from a measuring function, with the function's name, docstring and options.
 
-    `--report` writes `page`. The origin has versions of `packages`; with Dr.Jit among them there is a device.
+    `--report` writes `page`. The origin lists the versions of `packages`, and the device if Dr.Jit is one of them.
     """
     needs_device = "drjit" in packages
     report_option = option(f"Also write {page}.md and its files into this folder.", None, metavar="FOLDER")
@@ -124,7 +125,7 @@ def measurement(page: str = "measured", packages: tuple[str, ...] = ON_DEVICE) -
 
 
 def rows_command(name: str, function: RowFunction) -> click.Command:
-    """Return the sub-command of a function that yields rows."""
+    """Return the sub-command for a function that yields rows."""
 
     def measure(bench: MeasurementRun) -> tuple[Mapping[str, Any], None]:
         return {"rows": bench.collect(function(bench.scenes, bench.seed))}, None
@@ -135,7 +136,7 @@ def rows_command(name: str, function: RowFunction) -> click.Command:
 
 
 class _Measurements(click.Group):
-    """The measurements of `MEASUREMENTS`, each imported when it is called, not when it is listed."""
+    """The measurements of `MEASUREMENTS`. Their modules are imported when a measurement is called, not when listed."""
 
     def list_commands(self, ctx: click.Context) -> list[str]:
         return list(MEASUREMENTS)
@@ -162,7 +163,7 @@ class _Measurements(click.Group):
 def command() -> None:
     """Measure speed and error.
 
-    The result names machine, date, command and versions. Run it in the project's top folder.
+    The result states machine, date, command and versions. Run the program in the project's top folder.
 
     Example: python -m tools.bench trace
     """

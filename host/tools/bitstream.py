@@ -38,37 +38,34 @@ from tools.report_plots import draw_bar_charts, make_page
 #: Default display and seeds.
 VGA = "scenes/displays/vga-square.toml"
 SEEDS = "1,2,3,4,5,6,7,8"
-#: Default time limit of a seed, minutes: several times what PyPI's nextpnr takes on two cores.
+#: Default time limit of a seed, minutes: several times the time of PyPI's nextpnr on two cores.
 PATIENCE_MIN = 240
-#: 16-bit SDRAM words per pair of pixels, and per row.
+#: Number of 16-bit SDRAM words per pair of pixels, and per row.
 PAIR_WORDS, ROW_WORDS = 3, 512
-#: Fractions of the memory's clocks: the maximum for the panel and refreshes in a line, and refreshes alone. Clocks per
-#: word of the panel, with those that open and close rows.
+#: Fractions of the memory's clocks: the maximum for panel and refreshes in a line, and the part of the refreshes alone.
+#: Clocks per word of the panel, including the clocks that open and close rows.
 MAX_SHARE, REFRESH_SHARE, WORD_CLOCKS = 0.9, 0.01, 1.06
-#: Relative error of a constraint of nextpnr, a period in whole ps.
+#: Relative error of nextpnr's clock constraint, which is a period in whole ps.
 ROUNDING = 0.002
-#: System clocks up to which nextpnr's router2 is used, MHz. It ends in minutes where router1 may stay on a few arcs for
-#: hours; its routes are longer (hd-square: 55 MHz, not 81). --tmg-ripup routes those again that miss their clock
+#: Up to this system clock, MHz, nextpnr's router2 is used. router2 ends in minutes where router1 may try a few arcs for
+#: hours, but its routes are longer (hd-square: 55 MHz, not 81). --tmg-ripup routes arcs again that miss their clock
 #: (vga-square, seed 3: the memory's clock then reaches 140 MHz, not 120).
 SLOW_MHZ = 40.0
-#: Minimum of shift clocks between a symbol and its copy (rtl/video/lipp_tmds_serialiser.sv).
+#: Minimum number of shift clocks between a symbol and its copy (rtl/video/lipp_tmds_serialiser.sv).
 SYMBOL_CLOCKS = 2
-#: Nets of clocks, in the top or at a port `_o` of their source. The oscillator's net has the port's name.
+#: Names of clock nets, in the top module or at a port `_o` of their source. The oscillator's net has the port's name.
 CLOCK_NETS = {
     "clk": "system", "system_clk": "system", "mem_clk": "memory", "memory_clk": "memory", "shift_clk": "shift",
 }  # fmt: skip
-#: Bits per colour of a board.
 BOARD_BITS = 8
-#: nextpnr's names of devices.
 DEVICES = (
     "12k", "25k", "45k", "85k", "um-25k", "um-45k", "um-85k", "um5g-25k", "um5g-45k", "um5g-85k",
 )  # fmt: skip
-#: The clock of a port in a file of pins: the port, the number and its unit. Units in MHz.
+#: Pattern of a port's clock in a pin file: the port, the number and its unit. The table gives each unit in MHz.
 PORT_CLOCK = re.compile(
     r'^\s*FREQUENCY\s+PORT\s+"?([^"\s]+)"?\s+(\d+(?:\.\d*)?)\s*([KM]?HZ)\b', re.IGNORECASE | re.MULTILINE
 )
 UNITS_MHZ = {"HZ": 1e-6, "KHZ": 1e-3, "MHZ": 1.0}
-#: nextpnr's largest seed.
 MAX_SEED = 2**31 - 1
 
 
@@ -80,7 +77,7 @@ class TimingError(LippmannError):
 
 @dataclass(frozen=True)
 class Plan:
-    """A bitstream: board, display, the scene's build (None: it draws nothing), optics and clocks."""
+    """A plan for a bitstream: board, display, the scene's build (None: the board draws nothing), optics and clocks."""
 
     board: FpgaBoard
     display: Display
@@ -90,13 +87,13 @@ class Plan:
 
     @property
     def name(self) -> str:
-        """The name of its files."""
+        """The name of the bitstream's files."""
         kind = "stream" if self.scene is None else "bilinear" if self.scene.bilinear else ""
         return "-".join(filter(None, (self.board.name, self.display.name, kind)))
 
     @property
     def clocks_mhz(self) -> dict[str, float]:
-        """The clocks of its design by their roles."""
+        """The frequency of each clock in MHz, by the clock's role."""
         clocks = {name: float(mhz) for name, mhz in self.pll.clocks_mhz.items()}
         if self.board.video != "dvi":
             del clocks["shift"]
@@ -104,7 +101,7 @@ class Plan:
 
     @property
     def parameters(self) -> dict[str, str | int]:
-        """The parameters of the board's top."""
+        """The parameters of the board's top module."""
         panel = self.display.panel
         clock_hz = round(self.pll.clocks_mhz["system"] * 1_000_000)
         return {
@@ -128,7 +125,7 @@ class Plan:
 
     @property
     def constraints(self) -> list[Path]:
-        """The files of pins."""
+        """The board's pin files."""
         return [(self.board.folder / name).resolve() for name in self.board.constraints]
 
 
@@ -140,9 +137,9 @@ def plan(board: FpgaBoard, display: Display, layers: int = 4, bilinear: bool = F
     panel, timing = display.panel, timing_of(display)
     if panel.bits != BOARD_BITS:
         what = f"the panel has {panel.bits} bits a colour, {board.name} sends {BOARD_BITS}"
-        raise input_error(where, what, f"give bits = {BOARD_BITS}, which any monitor takes")
+        raise input_error(where, what, f"set bits = {BOARD_BITS}, which every monitor accepts")
     if panel.width_px % 2:
-        raise input_error(where, f"the panel is {panel.width_px} pixels wide", "the SDRAM takes an even number")
+        raise input_error(where, f"the panel is {panel.width_px} pixels wide", "the SDRAM needs an even width")
     rows = math.ceil(panel.width_px * panel.height_px / 2 * PAIR_WORDS / ROW_WORDS)
     frames_mb = 2 * rows * ROW_WORDS * 2 / 2**20
     if frames_mb > board.memory.megabytes:
@@ -158,7 +155,7 @@ def plan(board: FpgaBoard, display: Display, layers: int = 4, bilinear: bool = F
             what = f"60 frames a second need a clock of {mhz:.1f} MHz for {name}, {board.name} has {limit:g} at most"
             raise input_error(where, what, "choose a smaller panel, such as scenes/displays/hd-square.toml")
     words = Fraction(PAIR_WORDS, 2) * Fraction(WORD_CLOCKS) * pixel
-    # The PLL's pixel clock may be a little faster.
+    # The PLL's pixel clock may be slightly faster than the display's.
     words *= Fraction(panel.width_px, panel.width_px + sum(timing[:3])) * (1 + TOLERANCE)
     least = words / Fraction(MAX_SHARE - REFRESH_SHARE)
     fastest = Fraction(min(board.memory.max_mhz, board.limits.memory_mhz))
@@ -182,21 +179,21 @@ def plan(board: FpgaBoard, display: Display, layers: int = 4, bilinear: bool = F
 
 
 def check_board(board: FpgaBoard) -> None:
-    """Raise InputError for a board file that names something missing, or contradicts the files of pins."""
+    """Raise InputError if a board file names a missing file or module, or contradicts the pin files."""
     where = board.folder / FILE
     if not any((folder / f"{board.top}.sv").is_file() for folder in board.folders):
-        raise input_error(f"{where}: top", f"there is no {board.top}.sv beside it", "name the top module")
+        raise input_error(f"{where}: top", f"its folder has no {board.top}.sv", "name the top module")
     if not board.constraints:
-        raise input_error(f"{where}: constraints", "is empty", "name files of pins (.lpf)")
+        raise input_error(f"{where}: constraints", "is empty", "name pin files (.lpf)")
     clocks = {}
     for name in board.constraints:
         pins = (board.folder / name).resolve()
         if Path(name).is_absolute() or not pins.is_relative_to(hardware().resolve()):
             what = f"{name} is no path from its folder into the checkout"
-            raise input_error(f"{where}: constraints", what, "copy the file there, and give its name")
+            raise input_error(f"{where}: constraints", what, "copy the pin file into that folder, and give its name")
         if not pins.is_file():
-            raise input_error(f"{where}: constraints", f"there is no file {name}", "name files of pins (.lpf)")
-        # Without comments, one command per line.
+            raise input_error(f"{where}: constraints", f"there is no file {name}", "name pin files (.lpf)")
+        # The pin file's text is read without comments, one command per line.
         text = re.sub(r"(#|//).*", "", pins.read_text(errors="replace"))
         text = "\n".join(" ".join(command.split()) for command in text.split(";"))
         for port, number, unit in PORT_CLOCK.findall(text):
@@ -204,13 +201,13 @@ def check_board(board: FpgaBoard) -> None:
     if not any(math.isclose(mhz, board.oscillator_mhz, rel_tol=1e-6) for mhz in clocks.values()):
         there = ", ".join(f"{clock} is {mhz:g} MHz" for clock, mhz in clocks.items())
         what = f"{board.oscillator_mhz:g} MHz, and {there or 'no file of pins has a FREQUENCY PORT'}"
-        raise input_error(f"{where}: oscillator_mhz", what, "give the oscillator's clock in both")
+        raise input_error(f"{where}: oscillator_mhz", what, "give one oscillator clock in both files")
     if board.fpga.device not in DEVICES:
-        what = f"'{board.fpga.device}' is no option of nextpnr"
+        what = f"'{board.fpga.device}' is not a device of nextpnr"
         raise input_error(f"{where}: fpga.device", what, f"choose from {', '.join(DEVICES)}")
     grades = re.findall(r"localparam timing_t (\w+)", (hardware() / "rtl/memory/lipp_sdram_pkg.sv").read_text())
     if board.memory.grade not in grades:
-        what = f"'{board.memory.grade}' is no grade"
+        what = f"'{board.memory.grade}' is not a memory grade"
         raise input_error(f"{where}: memory.grade", what, f"choose from {', '.join(grades)}")
 
 
@@ -220,10 +217,10 @@ def check_board(board: FpgaBoard) -> None:
 def place(
     design: Plan, seeds: Sequence[int], every: bool = False, patience_min: int = PATIENCE_MIN
 ) -> list[dict[str, Any]]:
-    """Synthesise a design, place and route it until a seed meets every clock (`every`: all seeds); return their rows.
+    """Synthesise a design, place and route seeds until one meets every clock (`every`: all seeds); return their rows.
 
-    `missed` is empty when every clock is met; a seed is stopped after `patience_min`. Results are cached by their
-    inputs.
+    A row's `missed` is empty when every clock is met; a seed is stopped after `patience_min`. Results are cached by
+    their inputs.
     """
     folder = _work_folder(design)
     netlist, count = folder / "netlist.json", folder / "written.json"
@@ -250,7 +247,7 @@ def _work_folder(design: Plan) -> Path:
 
 
 def _route(design: Plan, netlist: Path, written: int, seed: int, patience_min: int) -> dict[str, Any]:
-    """Place and route; return `seconds`, and `stopped_min` if stopped. A clock that is not met is not an error here."""
+    """Place and route; return `seconds`, and `stopped_min` if stopped. A clock that is not met raises no error here."""
     fpga, folder = design.board.fpga, netlist.parent
     configuration, record = folder / f"seed-{seed}.config", folder / f"seed-{seed}.log"
     configuration.unlink(missing_ok=True)
@@ -261,7 +258,7 @@ def _route(design: Plan, netlist: Path, written: int, seed: int, patience_min: i
     if "shift" in design.clocks_mhz:
         anchored = folder / f"seed-{seed}.netlist.json"
         if not anchor(netlist, options, seed, anchored):
-            raise LippmannError(f"{netlist}: no cell of the shift clock has got a place")
+            raise LippmannError(f"{netlist}: no cell of the shift clock was placed")
         netlist = anchored
     options += [*_router(design), "--textcfg", configuration]
     try:
@@ -269,8 +266,8 @@ def _route(design: Plan, netlist: Path, written: int, seed: int, patience_min: i
     except flow.TooSlowError:
         return {"seconds": round(time.perf_counter() - started, 1), "stopped_min": patience_min}
     except LippmannError:
-        # nextpnr writes its configuration after the last figures of the clocks, also when a clock is not met. Figures
-        # from before routing say nothing of a run that failed.
+        # nextpnr writes its configuration after the last figures of the clocks, even when a clock is not met. Clock
+        # figures from before routing are not valid for a failed run.
         if not configuration.exists():
             raise
         met, missed = clocks_met(design, record.read_text())
@@ -301,7 +298,7 @@ def _row(design: Plan, folder: Path, seed: int, run: Mapping[str, Any]) -> dict[
 
 
 def clocks_met(design: Plan, output: str) -> tuple[dict[str, float], list[str]]:
-    """Return each clock's MHz by its role, from nextpnr's output after routing, and what is not met or constrained."""
+    """Return each clock's MHz by role from nextpnr's output after routing, and the clocks not met or unconstrained."""
     last = flow.clocks(output)
     roles: dict[str, str] = {}
     missed = []
@@ -357,7 +354,7 @@ def page(origin: Mapping[str, str], rows: Sequence[Mapping[str, Any]]) -> Page:
 
 
 def describe(row: Mapping[str, Any]) -> list[str]:
-    """Describe a row in lines: each clock's target and result, then the cells."""
+    """Return the lines that describe a row: each clock's target and result, then the cells."""
     clocks = [key.removesuffix("_asked_mhz") for key in row if key.endswith("_asked_mhz")]
     lines = [f"{row['board']}, {row['display']}, seed {row['seed']}, {row['seconds']:.0f} s"]
     for clock in clocks:
@@ -369,20 +366,20 @@ def describe(row: Mapping[str, Any]) -> list[str]:
 
 
 def _seeds(text: str) -> list[int]:
-    """Return the numbers of a list such as 1,2,3."""
+    """Parse a list such as 1,2,3 and return its numbers."""
     try:
         seeds = [int(word) for word in re.split(r"[,\s]+", text.strip())]
     except ValueError:
         raise input_error("--seeds", f"'{text}' is not a list of numbers", "give one such as 1,2,3") from None
     if len(set(seeds)) < len(seeds):
-        raise input_error("--seeds", f"'{text}' has a number twice", "give each once")
+        raise input_error("--seeds", f"'{text}' contains a number twice", "give each number once")
     for seed in seeds:
         if not 0 <= seed <= MAX_SEED:
             raise input_error("--seeds", f"{seed} is out of range", f"give numbers from 0 to {MAX_SEED}")
     return seeds
 
 
-#: Attributes of options that may be repeated.
+#: Attributes of command-line options that may be repeated.
 REPEATED: Any = {"kind": str, "multiple": True, "show_default": True}
 
 
@@ -401,22 +398,22 @@ def main(
 ) -> None:
     """Make the bitstream of an FPGA board for a display, into build/bitstream/.
 
-    The environment variable NEXTPNR names another nextpnr-ecp5 than PyPI's.
+    The environment variable NEXTPNR can name another nextpnr-ecp5 than PyPI's.
 
     Example: python -m tools.bitstream --board ulx3s --display scenes/displays/hd-square.toml
     """
     if bilinear and not layers:
-        raise InputError("--bilinear with --layers 0: nothing is drawn; leave one of them out")
+        raise InputError("--bilinear with --layers 0: nothing is drawn; omit one of these options")
     if report is not None:
         check_output(Path(report) / "bitstream.md", (".md",))
     numbers = [_seeds(text) for text in seeds]
     plans = [plan(fpga_board(board), load_display(path), layers, bilinear) for board in boards for path in displays]
     names = [design.name for design in plans]
     if double := next((name for name in names if names.count(name) > 1), None):
-        raise input_error("--display", f"two files would be {double}.bit", "give each display a name of its own")
+        raise input_error("--display", f"two files would be {double}.bit", "give each display a different name")
     if len(numbers) not in (1, len(plans)):
         what = f"is given {len(numbers)} times for {len(plans)} bitstreams"
-        raise input_error("--seeds", what, "give it once, or once for each")
+        raise input_error("--seeds", what, "give --seeds once, or once for each bitstream")
     rows, unmet = [], []
     for design, seeds_of_design in zip(plans, numbers * (len(plans) // len(numbers)), strict=True):
         results = place(design, seeds_of_design, every or report is not None, patience)
@@ -436,4 +433,4 @@ def main(
         page(origin, rows).write(Path(report))
     if unmet:
         what = f"no seed of {' or '.join(seeds)} meets every clock"
-        raise TimingError(f"{', '.join(unmet)}: {what}; try others with --seeds")
+        raise TimingError(f"{', '.join(unmet)}: {what}; try other seeds with --seeds")

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 #: Names of the Chromium program, in the order in which they are tried.
 NAMES = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable")
-#: Render in software, WebGL too (SwiftShader): figures of machines with and without a GPU can then be compared.
+#: Chromium renders in software, including WebGL (SwiftShader), so that figures of all machines can be compared.
 SOFTWARE = ("--disable-gpu", "--enable-unsafe-swiftshader")
 
 

@@ -1,6 +1,6 @@
 """Errors of the calibration of random displays whose true values are known (`tools.bench calibration`).
 
-The photographs come from the exact tracer, with disturbances that the calibration does not know, or from POV-Ray.
+The photographs are rendered by the exact tracer, with disturbances that the calibration does not model, or by POV-Ray.
 """
 
 from __future__ import annotations
@@ -55,31 +55,31 @@ if TYPE_CHECKING:
 
 #: Width of the random displays' lenslets, pixels.
 LENSLET_PX = (14.0, 24.0)
-#: Their largest errors: degrees, and fractions of pitch and gap.
+#: Maximum errors of the random displays: degrees, and fractions of pitch and gap.
 ROTATION_DEG, PITCH, GAP = 5.0, 0.01, 0.2
 #: Standard deviations of the ratio of the two pitches, and of the shear.
 RATIO, SHEAR = 3e-4, 5e-4
-#: Distance of the cameras, in widths of the panel; angles of the first and of the others to the axis, degrees.
+#: Distance of the cameras, in panel widths; angles to the axis, degrees, of the first camera and of the other cameras.
 DISTANCE = (2.5, 5.0)
 NEAR_AXIS_DEG, ASIDE_DEG = 5.0, (8.0, 18.0)
-#: Default number of the camera's positions.
+#: Default number of camera positions.
 POSITIONS = 3
-#: Values of the sweep: numbers of positions, phase pictures for each direction, and factors of the noise.
+#: Swept values: numbers of positions, numbers of phase pictures per direction, and factors of the noise.
 SWEPT = {"positions": (1, 2, 3, 4), "steps": (3, 4, 8, 16), "noise": (1, 2, 4, 8)}
 #: A bench outside the model: an array bowed by 30 um, dust, and camera pixels with arbitrary values.
 BOWED = Disturbances(bow_mm=0.03, hidden_lenslets=0.02, outliers=0.1)
-#: The 8K display: lenslets, width of its photographs, pixels, and its errors: degrees, fractions of pitch and gap.
+#: The 8K display: lenslet pitch, width of its photographs in pixels, and errors (degrees, fractions of pitch and gap).
 LENSLETS, LARGE_PHOTO_PX = 100_000, 4000
 LARGE_ERRORS = 0.6, 0.003, 0.1
-#: The displays that an eye looks at: errors (degrees, fraction of the pitch), and width of the photographs, pixels.
+#: Displays of the compared views: errors (degrees, fraction of the pitch), and width of the photographs, pixels.
 SEEN_DEG, SEEN_PITCH, VIEWS_PHOTO_PX = 0.3, 0.002, 2000
-#: mm per unit of the fish, samples per pixel of its pictures and of the reference, rays per pixel of a view.
+#: Scale of the fish in mm per unit, samples per pixel of its pictures and of the reference, rays per pixel of a view.
 SCALE, PICTURE_SAMPLES, REFERENCE_SAMPLES, EYE_SAMPLES = 0.25, 4, 16, 64
 
 
 @dataclass(frozen=True)
 class Case:
-    """A display as its file says and as built, and the cameras and the sensor that photograph it."""
+    """A display as described and as built, with the cameras and the sensor that photograph it."""
 
     name: str
     nominal: Display
@@ -88,7 +88,7 @@ class Case:
     sensor: Sensor
 
     def shoot(self, folder: Path, seed: int = 0, bench: Bench = UNDISTURBED, steps: int = STEPS) -> Path:
-        """Write both display files, the patterns, and the folder `photographs`; return that folder."""
+        """Write both display files, the patterns, and the folder `photographs`; return the folder."""
         folder.mkdir(parents=True, exist_ok=True)
         (folder / "nominal.toml").write_text(display_text(self.nominal))
         (folder / "built.toml").write_text(display_text(self.built))
@@ -102,12 +102,12 @@ class Case:
 
 
 def photo_width(panel_px: int) -> int:
-    """Return the width of a panel's photographs, pixels: about 45 per smallest lenslet."""
+    """Return the width of a panel's photographs in pixels: about 45 pixels per lenslet of the smallest kind."""
     return round(25.0 / 8.0 * panel_px)
 
 
 def random_case(seed: int, panel_px: int = 640, photo_px: int = 1000, positions: int = 3) -> Case:
-    """Return a random display; `panel_px` and `photo_px` are the widths of panel and photographs, 4/3 their heights."""
+    """Return a random display; `panel_px` and `photo_px` are the widths of panel and photographs (4:3)."""
     rng = np.random.default_rng((seed, 0xCA1))
     between = rng.uniform
     pixel = math.exp(between(math.log(0.04), math.log(0.2)))
@@ -133,14 +133,14 @@ def random_case(seed: int, panel_px: int = 640, photo_px: int = 1000, positions:
 
 
 def _cameras(display: Display, rng: np.random.Generator, photo_px: int, positions: int) -> tuple[Camera, ...]:
-    """Return one camera at several positions, with the same lens, aimed near the panel's middle."""
+    """Return one camera at several positions, with one lens, aimed near the panel's middle."""
     between, width = rng.uniform, display.panel.width_mm
     size = photo_px, 3 * photo_px // 4
     pupil, first = width * between(0.003, 0.02), between(0.0, 2.0 * math.pi)
     cameras = []
     for number in range(positions):
         angle = math.radians(between(0.0, NEAR_AXIS_DEG) if number == 0 else between(*ASIDE_DEG))
-        # The positions aside are spread about the axis.
+        # The positions beside the first one are spread around the axis.
         turn = first + 2.0 * math.pi * (number + between(-0.2, 0.2)) / max(positions - 1, 1) * 0.7
         distance = width * between(*DISTANCE)
         across = distance * math.sin(angle)
@@ -166,7 +166,7 @@ def _sensor(rng: np.random.Generator) -> Sensor:
 
 
 class Judgement(NamedTuple):
-    """Errors of a calibrated display: lenslets' centres in panel pixels, the aperture plane's distance in per cent."""
+    """Errors of a calibrated display: lenslet centres in panel pixels, aperture plane's distance in per cent."""
 
     rms_px: float
     worst_px: float
@@ -177,7 +177,7 @@ class Judgement(NamedTuple):
 
 
 def judge(solved: Display, truth: Display) -> Judgement:
-    """Compare a calibrated display with the one that was built, each true centre with the nearest one."""
+    """Compare a calibrated display with the built one: each true lenslet centre with the nearest calibrated centre."""
     system = System.of(solved)
     _, _, x, y = system.locate(NumpyBackend(), *centres_px(truth).T)
     error = np.hypot(*np.stack(system.frame.turn(x, y), axis=1).T / np.reshape(truth.panel.pitches_mm, (2, 1)))
@@ -194,13 +194,13 @@ def judge(solved: Display, truth: Display) -> Judgement:
 
 
 def _turn_between(rotation_deg: float, truth: Display) -> float:
-    """Return the angle from a display's array to one with this rotation, modulo the grid's symmetry."""
+    """Return the angle from a display's array to an array with this rotation, modulo the grid's symmetry."""
     turn = 90.0 if truth.array.grid == "square" else 60.0
     return (rotation_deg - truth.array.rotation_deg + 0.5 * turn) % turn - 0.5 * turn
 
 
 def centres_px(display: Display) -> Floats:
-    """Return the centres of the lenslets in front of the panel, (N, 2) panel pixels."""
+    """Return the centres of the lenslets in front of the panel, (N, 2), in panel pixels."""
     i, j = _lenslets(display)
     return np.stack(PanelFrame.of(display).pixel_from_panel(*System.of(display).centre(i, j)), axis=1)
 
@@ -229,10 +229,10 @@ def seen_px(display: Display, eye_mm: Point) -> Floats:
 
 
 def eye_difference(solved: Display, truth: Display, eye_mm: Point, solved_eye_mm: Point | None = None) -> Floats:
-    """Return the distances, px, of panel points that an eye sees from those expected by the calibrated display."""
+    """Return the distances, px, between the panel points that an eye sees and those that the calibration predicts."""
     expected, points = seen_px(solved, solved_eye_mm or eye_mm), seen_px(truth, eye_mm)
     distance, _ = KDTree(expected).query(points)
-    # Near the panel's edge, the nearest point may be just off the panel in the other display.
+    # Near the panel's edge, the nearest point of the other display may lie just outside the panel.
     edge = 0.6 * truth.array.coarsest_mm / min(truth.panel.pitches_mm)
     size = truth.panel.width_px, truth.panel.height_px
     inner = ((points > edge) & (points < np.subtract(size, edge))).all(axis=1)
@@ -240,7 +240,7 @@ def eye_difference(solved: Display, truth: Display, eye_mm: Point, solved_eye_mm
 
 
 def deviations(result: Calibration, truth: Display) -> dict[str, float]:
-    """Return the parameters' errors, the offset's modulo the lattice, in units of half their 95 % intervals."""
+    """Return the parameters' errors (the offset's modulo the lattice) in units of half their 95 % intervals."""
     array, frame = truth.array, PanelFrame.of(truth)
     names = ("pitch_x", "pitch_y", "shear", "rotation", "offset_x", "offset_y", "gap")
     value = {name: result.parameter(name).value for name in names}
@@ -254,7 +254,7 @@ def deviations(result: Calibration, truth: Display) -> dict[str, float]:
 
 
 def solve_case(case: Case, photographs: Path, bow: bool = False) -> dict[str, Any]:
-    """Calibrate by a case's photographs; return the row: errors, parameters outside their intervals, seconds."""
+    """Calibrate from a case's photographs; return a row of errors, parameters outside their intervals, and seconds."""
     started = time.perf_counter()
     result = calibrate(photographs, case.nominal, bow)
     seconds = time.perf_counter() - started
@@ -270,7 +270,7 @@ def solve_case(case: Case, photographs: Path, bow: bool = False) -> dict[str, An
 def measure(
     folder: Path, seeds: Sequence[int], disturbances: Disturbances, solids: bool, panel_px: int, jobs: int
 ) -> Iterator[dict[str, Any]]:
-    """Photograph random displays, by POV-Ray with `solids`; yield the row of each. `jobs` processes share them."""
+    """Photograph random displays (with `solids` by POV-Ray) in `jobs` processes; yield the row of each display."""
     one = partial(measure_one, folder, disturbances=disturbances, solids=solids, panel_px=panel_px)
     if jobs == 1:
         yield from map(one, seeds)
@@ -281,7 +281,7 @@ def measure(
 
 @contextlib.contextmanager
 def _workers(count: int) -> Iterator[Client]:
-    """Start worker processes, which end with this one; yield their client."""
+    """Start worker processes, which end with this process; yield their client."""
     from distributed import Client
 
     with local_workers(count) as (address, security), Client(address, security=security) as client:
@@ -289,7 +289,7 @@ def _workers(count: int) -> Iterator[Client]:
 
 
 def measure_one(folder: Path, seed: int, disturbances: Disturbances, solids: bool, panel_px: int) -> dict[str, Any]:
-    """Photograph a random display and return its row: `refused` is the reason when the calibration refuses it."""
+    """Photograph a random display and return its row: `refused` is the reason if the calibration refuses it."""
     case = random_case(seed, panel_px, photo_width(panel_px))
     place = folder / case.name
     photographs = case.shoot(place, seed, SolidsBench(seed=seed) if solids else disturbances)
@@ -302,7 +302,7 @@ def measure_one(folder: Path, seed: int, disturbances: Disturbances, solids: boo
 
 
 def largest(folder: Path, scenes: Path, seed: int) -> Iterator[dict[str, Any]]:
-    """Calibrate the 8K display in its own process; yield its row with `megapixels`, `photographs` and `peak_mb`."""
+    """Calibrate the 8K display in a separate process; yield its row with `megapixels`, `photographs` and `peak_mb`."""
     nominal, rng = load_display(scenes / "displays/uhd-8k.toml"), np.random.default_rng((seed, 0x8))
     pitch = math.sqrt(nominal.panel.width_mm * nominal.panel.height_mm / LENSLETS)
     nominal = replace(nominal, array=replace(nominal.array, pitch_mm=pitch))
@@ -322,7 +322,7 @@ def _weighed(case: Case, photographs: Path) -> dict[str, Any]:
 
 
 def sweep(folder: Path, seeds: Sequence[int], jobs: int = 1) -> Iterator[dict[str, Any]]:
-    """Calibrate with other positions, photographs and noise: yield rows of what changes (`over`) and its `value`."""
+    """Calibrate with other positions, photographs and noise; yield rows: the changed quantity (`over`), its `value`."""
     defaults = {"positions": POSITIONS, "steps": STEPS, "noise": 1}
     runs = [(seed, over, value) for seed in seeds for over, values in SWEPT.items() for value in values]
     settings = [(seed, *(defaults | {over: value}).values()) for seed, over, value in runs]
@@ -355,7 +355,7 @@ def _swept(folder: Path, seed: int, positions: int, steps: int, noise: int) -> d
 def views(folder: Path, scenes: Path, names: Sequence[str], seed: int = 0) -> Iterator[dict[str, Any]]:
     """Calibrate misaligned displays, and yield the PSNR (dB) of an eye's view of the fish, from the first camera.
 
-    The picture is made for the file (`before_db`), the calibrated display, or the display as built (`ideal_db`).
+    The picture is rendered for the file (`before_db`), the calibrated display, or the display as built (`ideal_db`).
     """
     scene = load_scene(scenes / "fish/fish.xml", Placement(SCALE))
     for name in names:
@@ -375,7 +375,7 @@ def views(folder: Path, scenes: Path, names: Sequence[str], seed: int = 0) -> It
 
 
 def _view(scene: Scene, display: Display, built: Display, eye: Eye, settings: Settings) -> Radiance:
-    """Return an eye's view of a picture that was rendered for one display and is shown on another."""
+    """Return an eye's view of a picture that was rendered for one display and is shown on another display."""
     picture = render_integral(scene, display, "exact", settings).radiance
     return observe(np.minimum(picture, 1.0), built, eye, whole_window(built), EYE_SAMPLES).radiance
 
@@ -391,9 +391,9 @@ def calibration(
     width_px: int = option("Width of the panels, pixels.", 640, click.IntRange(320, 8192), flag="--width"),
     jobs: int = option("Processes that share the random displays.", 1, click.IntRange(1)),
 ) -> tuple[Mapping[str, Any], Page]:
-    """Calibrate random displays by simulated photographs, and compare with the displays as built.
+    """Calibrate random displays from simulated photographs, and compare the results with the displays as built.
 
-    A sweep measures the error over photographs, noise and positions; an eye compares pictures of the fish.
+    A sweep measures the error against photographs, noise and positions; an eye's views of the fish are compared.
 
     Example: python -m tools.bench calibration --displays 4
     """
@@ -439,7 +439,7 @@ SWEPT_AXES = {
 
 
 def draw_calibration_sweep(rows: Rows) -> Plot:
-    """Draw a calibration's errors over each swept quantity."""
+    """Draw a calibration's errors against each swept quantity."""
     solved = [row for row in rows if "refused" not in row]
     kinds = groups(solved, "over")
     picture, axes = make_axes(2, len(kinds), (3.6, 2.8))

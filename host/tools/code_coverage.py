@@ -1,6 +1,7 @@
-"""`make coverage`: which lines of the RTL and of the host the quick tests execute; `make toggles`: which bits toggle.
+"""Measures which lines the quick tests execute (`make coverage`), and which RTL bits they toggle (`make toggles`).
 
-The pages list what no test reaches, with the reasons in code_coverage_holes.toml, which a file of the RTL must have.
+The pages list lines and bits that no test reaches, with the reasons in code_coverage_holes.toml. Each RTL file with
+such lines needs a reason.
 """
 
 from __future__ import annotations
@@ -33,7 +34,7 @@ from tools.program import MAINTAINERS_REPORT, program
 from tools.report_plots import draw_bar_charts, make_page
 
 HOLES = Path(__file__).with_name("code_coverage_holes.toml")
-#: Settings of coverage.py: every process counts, also those that a command starts and that a signal ends.
+#: Settings of coverage.py: every process is counted, including processes that a command starts or that a signal ends.
 SETTINGS = """[run]
 source =
     host/lippmann
@@ -43,18 +44,17 @@ parallel = true
 patch = subprocess
 sigterm = true
 """
-#: A test that fails under coverage.py, which writes its file where the test forbids writing.
+#: This test fails under coverage.py, because coverage.py writes its file where the test forbids writing.
 BROKEN = "tests/host/test_images.py::test_a_file_that_does_not_fit_is_told"
-#: A key of a point of Verilator's file, with its value.
+#: Pattern of a key, with its value, in a point of Verilator's coverage file.
 POINT = re.compile(r"\x01([^\x02]*)\x02([^\x01']*)")
-#: Number of bars in a plot.
 BARS = 15
 
 
 @documented
 @dataclass(frozen=True, kw_only=True)
 class Hole:
-    """The reason why the quick tests do not execute lines of files, or do not toggle their bits."""
+    """The reason why the quick tests do not execute some lines of files, or do not toggle some of their bits."""
 
     files: Annotated[tuple[str, ...], key("the files, from the top of the checkout")]
     why: Annotated[str, key("the reason")]
@@ -71,7 +71,7 @@ class Holes:
 
 @dataclass
 class Counted:
-    """The counts of a file's points: lines by number, toggles by name."""
+    """The counts of a file's coverage points: lines by number, toggles by name."""
 
     lines: dict[int, int] = field(default_factory=lambda: defaultdict(int))
     toggles: dict[str, int] = field(default_factory=lambda: defaultdict(int))
@@ -103,7 +103,7 @@ def read_rtl(files: Iterable[Path], top: Path) -> dict[str, Counted]:
 
 
 def rtl_rows(files: Mapping[str, Counted]) -> list[dict[str, Any]]:
-    """Return the row of each file: the numbers of lines and toggles, of those met, and the lines not met."""
+    """Return the row of each file: numbers of lines and toggles, of covered ones, and the lines not covered."""
     rows = []
     for name, one in files.items():
         row = {"file": name, "lines": len(one.lines), "met": sum(map(bool, one.lines.values()))}
@@ -113,7 +113,7 @@ def rtl_rows(files: Mapping[str, Counted]) -> list[dict[str, Any]]:
 
 
 def host_rows(measured: Mapping[str, Any]) -> list[dict[str, Any]]:
-    """Return the row of each file of coverage.py's JSON."""
+    """Return the row of each file in coverage.py's JSON report."""
     rows = []
     for name, one in sorted(measured["files"].items()):
         row = {"file": name, "lines": one["summary"]["num_statements"], "met": one["summary"]["covered_lines"]}
@@ -122,7 +122,7 @@ def host_rows(measured: Mapping[str, Any]) -> list[dict[str, Any]]:
 
 
 def _ranges(numbers: Iterable[int]) -> str:
-    """Return numbers as a list such as 4-6, 9."""
+    """Return numbers as a text such as 4-6, 9."""
     parts: list[list[int]] = []
     for number in sorted(numbers):
         if parts and number == parts[-1][1] + 1:
@@ -133,7 +133,7 @@ def _ranges(numbers: Iterable[int]) -> str:
 
 
 def share(rows: Iterable[Mapping[str, Any]], met: str = "met", of: str = "lines") -> float:
-    """Return the percentage of all files' lines, or toggles, that were met."""
+    """Return the percentage of all files' lines, or toggles, that were covered."""
     totals = [sum(counts) for counts in zip(*((row[met], row[of]) for row in rows), strict=True)]
     return 100.0 * totals[0] / max(1, totals[1]) if totals else 0.0
 
@@ -164,7 +164,7 @@ def toggles_page(origin: Mapping[str, str], rtl: list[dict[str, Any]], why: Mapp
 
 
 def _draw_most(name: str, heading: str, counts: Mapping[str, int]) -> Plot:
-    """Draw a bar for each of the files with the largest counts."""
+    """Draw a bar for each of the files that have the largest counts."""
     files = sorted(counts, key=lambda file: -counts[file])[:BARS]
     return draw_bar_charts(name, files, {heading: [float(counts[file]) for file in files]})
 
@@ -176,14 +176,14 @@ def reasons(top: Path, path: Path = HOLES, toggles: bool = False) -> dict[str, s
     for number, hole in enumerate(holes):
         for file in hole.files:
             if not (top / file).is_file():
-                raise input_error(f"{path}: {name}[{number}].files", f"there is no file {file}", "name it as it is now")
+                raise input_error(f"{path}: {name}[{number}].files", f"there is no file {file}", "name its new path")
     return {file: hole.why for hole in holes for file in hole.files}
 
 
 def check_reasons(files: Iterable[str], why: Mapping[str, str], name: str) -> None:
     """Raise InputError when files with holes, or with bits that never toggle, have no reason."""
     if unexplained := ", ".join(file for file in files if file not in why):
-        raise input_error(str(HOLES), f"it does not say why {unexplained} has holes", f"add a {name}, or a test")
+        raise input_error(str(HOLES), f"no reason is given for the holes in {unexplained}", f"add a {name} or a test")
 
 
 def measure(folder: Path, jobs: int, toggles: bool) -> None:
@@ -200,7 +200,7 @@ def measure(folder: Path, jobs: int, toggles: bool) -> None:
     environment = {**os.environ, COVERAGE: str(folder / "rtl"), "LIPPMANN_SEED": "1908"}
     environment |= {TOGGLES: "1"} if toggles else {}
     if subprocess.run([*tests, "-m", "not full", *counted], cwd=repository(), env=environment, check=False).returncode:
-        raise LippmannError("tests fail: what they execute says little; mend them first")
+        raise LippmannError("tests fail, so their coverage is not valid; correct these tests first")
 
 
 @program
@@ -210,7 +210,7 @@ def main(
     keep: bool = option("Read what the last run counted; run no test.", False),
     report: str = MAINTAINERS_REPORT,
 ) -> None:
-    """Measure which lines the quick tests execute, or which bits they toggle, and write the page.
+    """Measure which lines the quick tests execute, or which bits these tests toggle, and write the page.
 
     Example: python -m tools.code_coverage --keep --report out
     """
@@ -219,7 +219,7 @@ def main(
     if not keep:
         measure(folder, jobs, toggles)
     if not (folder / "rtl").exists() or not (toggles or (folder / "host.json").exists()):
-        raise InputError(f"{folder}: nothing was measured there; leave out --keep")
+        raise InputError(f"{folder}: the folder has no earlier measurement; omit --keep")
     why = reasons(top, toggles=toggles)
     rtl = rtl_rows(read_rtl(sorted((folder / "rtl").glob("*.dat")), top))
     if toggles:

@@ -1,4 +1,4 @@
-"""Scenes in other tools' files on a display, made from the shipped scenes (`tools.bench content`)."""
+"""Renders scenes in other tools' formats, made from the shipped scenes, on a display (`tools.bench content`)."""
 
 from __future__ import annotations
 
@@ -31,24 +31,23 @@ from lippmann.scenes.window_views import EYES, eyes_note, eyes_text, quilt_path,
 from tools.bench import MeasurementRun, measurement
 from tools.report_plots import contact_sheet, make_page
 
-#: Zeroth spherical harmonic.
 Y00 = 0.5 / np.sqrt(np.pi)
-#: Splats of the knot: number, radii and thickness in mm, logit of the opacity.
+#: Splats of the knot: their number, their two radii and thickness in mm, and the logit of the opacity.
 SPLATS, SPLAT_MM, LOGIT = 12_000, (0.7, 0.7, 0.15), 4.0
-#: Displays of the measurement and of the gallery, and columns of the gallery's quilt.
+#: Displays of the measurement and of the gallery, and number of columns of the gallery's quilt.
 DISPLAY, GALLERY, COLUMNS = "vga-square", "paper-square", 8
-#: Numbers of views that are compared, across and up.
+#: Numbers of compared views, across and upwards.
 VIEWS = ((4, 1), (8, 1), (16, 1), (32, 1), (64, 1), (8, 5), (16, 9))
-#: x and y of the eyes, mm, and their distance.
+#: x and y of the eyes, mm, and the eyes' distance from the display.
 EYES_MM = {"middle": (0.0, 0.0), "beside": (22.0, 0.0), "above": (0.0, 22.0), "corner": (22.0, 22.0)}
 EYE_MM, EYE_SAMPLES, SAMPLES = 600.0, 64, 16
-#: mm per unit of the fish, for the small display.
+#: Scale of the fish on the small display, in mm per unit.
 SCALE = 0.25
 
 
 @dataclass(frozen=True)
 class Surface:
-    """A mesh: points (N, 3), normals (N, 3), texture coordinates (N, 2), faces, and the texture's file."""
+    """A mesh with points (N, 3), normals (N, 3), texture coordinates (N, 2), faces, and the texture's file."""
 
     points: Any
     normals: Any
@@ -58,7 +57,7 @@ class Surface:
 
     @classmethod
     def read(cls, mesh: Path, texture: Path) -> Surface:
-        """Read a PLY by Mitsuba; v of the texture goes down."""
+        """Read a PLY file by means of Mitsuba; the texture's v axis points down."""
         parameters = mitsuba().traverse(mitsuba().load_dict({"type": "ply", "filename": str(mesh)}))
         points, normals, uv = (
             np.array(parameters[f"vertex_{name}"], np.float64).reshape(-1, size)
@@ -101,10 +100,10 @@ def write_meshes(surface: Surface, folder: Path) -> list[Path]:
 
 
 def write_splats(surface: Surface, path: Path, seed: int) -> Path:
-    """Write flat splats on a surface, with y down as trainers of splats write them."""
+    """Write flat splats on a surface, with y downwards, as programs that train splats write them."""
     random = np.random.default_rng(seed)
     points = random.choice(len(surface.points), min(SPLATS, len(surface.points)), replace=False)
-    # The shortest rotation from z to the normal, as a quaternion.
+    # The shortest rotation from the z axis to the normal, as a quaternion.
     x, y, z = surface.normals[points].T
     turn = np.stack([1.0 + z, -y, x, np.zeros_like(x)], axis=1)
     turn[z < -1.0 + 1e-9] = (0.0, 1.0, 0.0, 0.0)
@@ -139,7 +138,7 @@ def write_views(
 
 
 def write_depth_picture(scene: Scene, display: Display, folder: Path, width: int = 960, seed: int = 0) -> Path:
-    """Write an eye's view of a scene, from the display's axis, and its depths; return the file that names both."""
+    """Write the view of a scene by an eye on the display's axis, and its depths; return the file that names both."""
     from PIL import Image
 
     eye = (0.0, 0.0, viewing_distance(display))
@@ -158,7 +157,7 @@ def write_depth_picture(scene: Scene, display: Display, folder: Path, width: int
 
 
 def measure(folder: Path, scratch: Path, seed: int) -> Iterator[dict[str, Any]]:
-    """Yield each eye's PSNR (dB) for views of the fish, and for its picture with depths, against the fish."""
+    """Yield each eye's PSNR (dB) against the fish, for views of the fish and for its picture with depths."""
     display = load_display(folder / f"displays/{DISPLAY}.toml")
     scene = load_scene(folder / "fish/fish.xml", Placement(SCALE))
     truth = _views(scene, display, seed)
@@ -192,7 +191,7 @@ def _placed(path: Path, display: Display) -> Scene:
 
 
 def gallery(folder: Path, scratch: Path, seed: int) -> tuple[list[Radiance], list[str]]:
-    """Return an eye's view of each kind of content, and captions."""
+    """Return an eye's views of each kind of content, and the captions."""
     display = load_display(folder / f"displays/{GALLERY}.toml")
     knot = Surface.read(folder / "knot/knot.ply", folder / "knot/skin.png")
     fish = load_scene(folder / "fish/fish.xml")
@@ -212,7 +211,7 @@ def gallery(folder: Path, scratch: Path, seed: int) -> tuple[list[Radiance], lis
 
 @measurement(page="content")
 def content(bench: MeasurementRun) -> tuple[Mapping[str, Any], Page]:
-    """Compare eyes' views of views and depth pictures with those of the scene; picture each kind of content.
+    """Compare eyes' views of folders of views and of depth pictures with the scene; show each kind of content.
 
     Example: python -m tools.bench content
     """
@@ -224,6 +223,6 @@ def content(bench: MeasurementRun) -> tuple[Mapping[str, Any], Page]:
 
 
 def content_page(origin: Mapping[str, str], rows: Rows, views: tuple[list[Radiance], list[str]] | None = None) -> Page:
-    """Return the page of `tools.bench content`; `views` are the pictures of its sheet, and captions."""
+    """Return the page of `tools.bench content`; `views` are the pictures of the page's sheet, and their captions."""
     context = {"rows": rows, "display": DISPLAY, "gallery": GALLERY, "samples": SAMPLES, "eye_mm": round(EYE_MM)}
     return make_page("content", origin, contact_sheet("content", views, 4, 2), {"content": rows}, context)

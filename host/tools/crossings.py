@@ -1,22 +1,22 @@
 """Lists and checks the clock crossings of a netlist: `python -m tools.crossings NETLIST.json`.
 
-The netlist is yosys' JSON after `synth_ecp5`, flattened. From every input that a clock samples the check goes back
-through the logic to the registers, memories and pins that drive it. Two clocks are one domain only if they are one net.
-A good crossing is one of these, recognised by its shape, and by the names of the registers in lipp_bit_sync and
-lipp_reset_sync:
+The netlist is yosys' JSON after `synth_ecp5`, flattened. From every input that a clock samples, the check follows the
+logic back to the registers, memories and pins that drive this input. Two clocks are one domain only if they are one
+net. A valid crossing has one of the kinds below. The check recognises a kind by its structure, and by the names of the
+registers in lipp_bit_sync and lipp_reset_sync:
 
 | kind | rule |
 |---|---|
-| bit | A register, or a pin, drives the first register of a lipp_bit_sync with no logic between: no glitch is sampled. The registers of the row share one clock and read each other only; the first is read by the second alone. |
-| pulse | The same both ways: lipp_pulse_sync's level and its acknowledgement. |
-| Gray | The bits of a pointer of lipp_async_fifo: registers of one clock and one enable. The logic before them changes exactly one with each step, over the complete period. Each goes through its own lipp_bit_sync. |
-| memory | The content of lipp_async_fifo's memory is sampled under an enable that depends on all bits of the written pointer, synchronised to the reader's clock, and is written under one that depends on the synchronised read pointer. |
-| held | lipp_tmds_serialiser's symbols: each is sampled by a register behind one table, in which a register of the sampling clock chooses. It is high only at a place that is counted from a synchronised bit (`i_turn`), which changes with the symbols. That the symbols are stable at that place follows from the ratio of the clocks, five to one. |
-| reset | An asynchronous reset comes from a register of the clock of what it resets. Only the rows of lipp_reset_sync, whose first register reads a constant, are reset from elsewhere. |
+| bit | A register, or a pin, drives the first register of a lipp_bit_sync with no logic between: no glitch is sampled. The registers of the row share one clock and read only each other; only the second register reads the first. |
+| pulse | lipp_pulse_sync's level and its acknowledgement each cross as a bit. |
+| Gray | The bits of a pointer of lipp_async_fifo: registers of one clock and one enable. The logic before these registers changes exactly one bit at each step, over the complete period. Each bit passes its own lipp_bit_sync. |
+| memory | The content of lipp_async_fifo's memory is sampled under an enable that depends on all bits of the written pointer, synchronised to the reader's clock, and is written under an enable that depends on the synchronised read pointer. |
+| held | lipp_tmds_serialiser's symbols: each is sampled by a register behind one table, which a select register of the sampling clock controls. The select register is high only in a clock that is counted from a synchronised bit (`i_turn`), which changes with the symbols. The symbols are stable in this clock because the ratio of the clocks is five to one. |
+| reset | An asynchronous reset is driven by a register of the same clock as the registers that it resets. Only the rows of lipp_reset_sync, whose first register reads a constant, may have another reset. |
 
-Refused: bits of one register that cross through several lipp_bit_syncs side by side; two bits of one clock that meet
-again in one register's logic, since they may arrive in different clocks; and pins that a register samples directly,
-unless `--timed` names them: pins with a clock of their own, such as a memory chip's.
+The check refuses: bits of one register that cross through several lipp_bit_syncs side by side; two bits of one clock
+that meet again in one register's logic, since they may arrive in different clocks; and pins that a register samples
+directly, unless `--timed` names them (pins with a separate clock, such as a memory chip's).
 """  # noqa: E501
 
 from __future__ import annotations
@@ -38,20 +38,20 @@ from lippmann.errors import LippmannError
 from tools.gates import Bit, Netlist, Pin, Register, Sampled, read_netlist
 from tools.program import program
 
-#: Maximum bits of a pointer, whose complete period is tried.
+#: Maximum number of bits of a pointer, because the check tries the pointer's complete period.
 MAX_POINTER_BITS = 14
-#: The fault of bits that cross one by one.
+#: Part of the message about bits that cross separately.
 _SIDE_BY_SIDE = "they may arrive in different clocks; take a lipp_async_fifo"
 
 
 class CrossingError(LippmannError):
-    """A clock crossing is not one of the project's."""
+    """A clock crossing uses none of the project's synchronisers."""
 
     exit_code = 4
 
 
 class Crossing(NamedTuple):
-    """A group of bits that cross: both clocks' names, the kind of the crossing, its place, and the number of bits."""
+    """A group of crossing bits: both clocks' names, the crossing's kind, its place in the RTL, the number of bits."""
 
     source: str
     target: str
@@ -62,7 +62,7 @@ class Crossing(NamedTuple):
 
 @dataclass
 class Row:
-    """The registers of a lipp_bit_sync or a lipp_reset_sync, first to last: cells and outputs."""
+    """The registers of a lipp_bit_sync or a lipp_reset_sync, from the first to the last: cells and outputs."""
 
     place: str
     cells: list[str]
@@ -72,23 +72,23 @@ class Row:
 
     @property
     def last(self) -> Bit:
-        """The last register's output."""
+        """The output of the last register."""
         return self.outputs[-1]
 
 
 class Check:
-    """The check of a netlist: its `crossings`, a line for each `wrong` one. Pins that match `timed` may be sampled."""
+    """The check of a netlist: its `crossings`, a line for each `wrong` one. Pins that match `timed` are accepted."""
 
     def __init__(self, netlist: Netlist, timed: Sequence[str] = ()) -> None:
         self.net, self.timed = netlist, timed
         self.crossings: list[Crossing] = []
         self.wrong: list[str] = []
-        #: Registers that sample a pin directly, by the pin's and the clock's name.
+        #: Registers that sample a pin directly, keyed by the names of pin and clock.
         self.pins: dict[tuple[str, str], list[str]] = {}
         rows = [self._row(name, bits) for name, bits in sorted(netlist.synchronisers.items())]
         self.firsts = {row.cells[0]: row for row in rows if row is not None and not row.is_reset}
         self.of_reset = {cell for row in rows if row is not None and row.is_reset for cell in row.cells}
-        #: The rows of each FIFO and direction, by bit.
+        #: The rows of each pointer, keyed by FIFO and direction, then by bit.
         self.pointers: dict[tuple[str, str], dict[int, Row]] = {}
         for row in self.firsts.values():
             pointer = _pointer(row)
@@ -96,7 +96,7 @@ class Check:
                 self.pointers.setdefault(pointer[:2], {})[pointer[2]] = row
 
     def run(self) -> Check:
-        """Check everything, and return the check."""
+        """Check all crossings, and return this object."""
         groups: Counter[tuple[str, str, str, str]] = Counter()
         for one in self.net.sampled():
             others = self.net.clocks.get(one.bit, frozenset()) - {one.clock}
@@ -139,7 +139,7 @@ class Check:
         self.wrong.append(line)
 
     def _row(self, name: str, bits: Sequence[Bit]) -> Row | None:
-        """Return a synchroniser's row of registers; None, and a line, when it is not one."""
+        """Return a synchroniser's row of registers; return None and add a line to `wrong` if it is not one."""
         place = name.rpartition(".")[0]
         registers = [*filter(None, map(self.net.register, bits))]
         if len(registers) != len(bits) or len(bits) < 2:
@@ -157,7 +157,7 @@ class Check:
         return Row(place, [register.name for register in registers], list(bits), clocks.pop(), is_reset)
 
     def _check_row(self, row: Row) -> None:
-        """Check that a row samples no glitch, and that only the row reads its registers before the last."""
+        """Check that a row samples no glitch, and that no other logic reads the row's registers before the last one."""
         for k, bit in enumerate(row.outputs[:-1]):
             others = [pin for pin in self.net.readers.get(bit, []) if pin != Pin(row.cells[k + 1], "DI")]
             if others or bit in self.net.outputs:
@@ -179,7 +179,7 @@ class Check:
                 self._is_wrong(f"{place}: {len(rows)} bits side by side through bit synchronisers: {_SIDE_BY_SIDE}")
 
     def _check_meetings(self) -> None:
-        """Refuse bits of one clock that cross one by one, and meet in the logic before a register."""
+        """Refuse bits of one clock that cross separately and meet in the logic before a register."""
         lone = {
             row.cells[-1]: (row, source.clock)
             for row in self.firsts.values()
@@ -200,7 +200,7 @@ class Check:
         return self.net.register(self.net.straight(self.net.cells[row.cells[0]].bit("DI")))
 
     def _crossing(self, one: Sampled) -> Iterator[tuple[str, str, str, str]]:
-        """Yield the crossings to an input: both clocks' names, kind and place."""
+        """Yield the crossings to an input: both clocks' names, the kind, and the place in the RTL."""
         target, cell = self.net.name(one.clock), one.pin.cell
         row = self.firsts.get(cell) if one.pin.port == "DI" else None
         for source in self.net.sources([one.bit]):
@@ -228,7 +228,7 @@ class Check:
                 self._is_wrong(f"{source.name} ({name}) reaches {where} without a synchroniser")
 
     def _is_pulse(self, row: Row) -> bool:
-        """Tell whether a row is one of a lipp_pulse_sync's two, which answer each other."""
+        """Return whether a row is one of a lipp_pulse_sync's two rows, which answer each other."""
         place, _, name = row.place.rpartition(".")
         rows = {other.place: other for other in self.firsts.values()}
         there, back = rows.get(f"{place}.i_there"), rows.get(f"{place}.i_back")
@@ -241,7 +241,7 @@ class Check:
         return answer.data == there.last and any(source.name == self.net.name(back.last) for source in before)
 
     def _check_pointer(self, fifo: str, side: str, rows: dict[int, Row]) -> None:
-        """Check that a pointer of a FIFO crosses as registers of Gray code."""
+        """Check that a FIFO's pointer crosses in Gray code."""
         where = f"{fifo}: the {side} pointer"
         registers = [*filter(None, (self._source(rows[k]) for k in sorted(rows)))]
         if len(registers) <= max(rows) or len(registers) < 3:
@@ -256,10 +256,10 @@ class Check:
             self._is_wrong(f"{where} {wrong}")
 
     def _gray(self, outputs: list[Bit], control: tuple[Bit, str, Bit]) -> str:
-        """Step registers through their complete period; return why they are no counter in Gray code, or ""."""
+        """Step registers through their complete period; return the reason why they are not a Gray counter, or ""."""
         if len(outputs) > MAX_POINTER_BITS:
             return f"has more than {MAX_POINTER_BITS} bits"
-        # The registers that the next state depends on, all with the same clock and enable.
+        # The registers on which the next state depends, all with the same clock and enable.
         state: dict[Bit, Register] = {}
         todo = list(outputs)
         while todo:
@@ -288,13 +288,13 @@ class Check:
         return ""
 
     def _samples_fifo(self, one: Sampled, memory: str) -> bool:
-        """Tell whether a register samples a FIFO's memory under an enable."""
+        """Return whether a register samples a FIFO's memory under an enable."""
         cell = self.net.cells[one.pin.cell]
         enabled = one.pin.port == "DI" and cell.choice("CEMUX") in ("CE", "INV")
         return enabled and self._is_read_of_fifo(memory, one.clock, cell.bit("CE"))
 
     def _is_read_of_fifo(self, memory: str, clock: Bit, enable: Bit) -> bool:
-        """Tell whether the pointers rule a FIFO's memory: its enable to read by a clock, and that to write."""
+        """Return whether a FIFO's pointers control its memory's read enable, by a clock, and its write enable."""
         fifo = _place(memory)
         written, read = self.pointers.get((fifo, "written"), {}), self.pointers.get((fifo, "read"), {})
         if not written or not read or any(row.clock != clock for row in written.values()):
@@ -307,11 +307,11 @@ class Check:
         return self._depends([enable], written.values()) and self._depends([*inner, *writer], read.values())
 
     def _depends(self, bits: Iterable[Bit], rows: Iterable[Row]) -> bool:
-        """Tell whether logic depends on the last registers of all rows."""
+        """Return whether logic depends on the last registers of all rows."""
         return {row.last for row in rows} <= self.net.ends(bits).keys()
 
     def _serialiser(self, one: Sampled, source: str) -> str | None:
-        """Return the serialiser whose held symbols an input samples, or None."""
+        """Return the serialiser whose symbols an input samples, or None."""
         pin = self.net.driver.get(one.bit)
         if one.pin.port != "DI" or pin is None or self.net.cells[pin.cell].kind != "LUT4":
             return None
@@ -329,7 +329,7 @@ class Check:
         return None
 
     def _counted_from(self, bit: Bit, clock: Bit) -> str | None:
-        """Return the place of the `i_turn` that a register depends on through registers of its own clock."""
+        """Return the path of the `i_turn` on which a register depends through registers of its own clock."""
         turns = {row.last: row.place for row in self.firsts.values() if row.place.endswith("i_turn")}
         todo, visited = [bit], {bit}
         while todo:
@@ -344,7 +344,7 @@ class Check:
         return None
 
     def _resets(self) -> Iterator[tuple[str, str, str, str]]:
-        """Check the asynchronous resets; yield clocks, kind and place for each register that is reset."""
+        """Check the asynchronous resets; yield clocks, kind and place in the RTL for each register that is reset."""
         for one in self.net.asynchronous_resets():
             bit = self.net.straight(one.bit)
             if isinstance(bit, str):
@@ -360,25 +360,25 @@ class Check:
             yield "pin" if clock is None else self.net.name(clock), target, "reset", self.net.name(bit)
 
     def _check_clocks(self) -> None:
-        """Refuse clocks that logic makes."""
+        """Refuse clocks that are made by logic."""
         for one in self.net.sampled():
             if isinstance(one.clock, int) and self.net.before(one.clock)[0]:
                 self._is_wrong(f"the clock {self.net.name(one.clock)} of {one.pin.cell} is made by logic")
 
 
 def _pointer(row: Row) -> tuple[str, str, int] | None:
-    """Return the FIFO, the direction and the bit of a row that has the name of a FIFO's pointer."""
+    """Return the FIFO, the direction and the bit of a row that is named as a FIFO's pointer."""
     name = re.fullmatch(r"(?:(.*)\.)?gen_bit\[(\d+)\]\.i_(written|read)", row.place)
     return (name[1] or "", name[3], int(name[2])) if name else None
 
 
 def _place(memory: str) -> str:
-    """Return the FIFO that a memory's cell has the name of."""
+    """Return the FIFO to which a memory's cell belongs by its name."""
     return re.sub(r"\.words\..*", "", memory)
 
 
 def _depends_on(table: int, ports: Sequence[str], choice: str, value: int) -> bool:
-    """Tell whether a table of four inputs depends on some ports while the choosing port has a value."""
+    """Return whether a table of four inputs depends on some ports while the select port has a value."""
     places = {port: 1 << k for k, port in enumerate("ABCD")}
     mask = sum(places[port] for port in ports)
     outputs: dict[int, set[int]] = {}
@@ -401,7 +401,7 @@ def main(
         "Pins that registers may sample, such as 'sdram_d*'.", (), str, multiple=True, metavar="PATTERN"
     ),
 ) -> None:
-    """List the clock crossings of a netlist; exit 4 when one is not a synchroniser of the project.
+    """List the clock crossings of a netlist; exit with code 4 when one uses no synchroniser of the project.
 
     Example: python -m tools.crossings build/netlist.json --timed 'sdram_d*'
     """

@@ -1,12 +1,12 @@
-"""Depths that the founding paper's set-ups show, by the parallax of a moving eye (`tools.bench depth`).
+"""Measures the depths that the founding paper's set-ups show, from the parallax of a moving eye (`tools.bench depth`).
 
-A soft bright mark on the axis, at the depth of each object of the fish scene, is captured and shown. An eye at distance
-E moves along x; the centre of its view of a point at depth z then moves by -z / (E - z) per mm, so that the slope of
-a fitted line gives the depth.
+For each object of the fish scene, a soft bright mark on the axis at the object's depth is captured and displayed. An
+eye at distance E moves along x; the centre of the mark in the eye's view then moves by -z / (E - z) per mm for depth z,
+so the slope of a fitted line gives the depth.
 
-The first eye sees through the lenslets' centres and stays near the axis, as the lens equations assume. The second sees
-through complete, exact lenslets; where the gap is not their focal length, its view spreads over a wide part of the
-imaging lens, whose spherical aberration adds an error. The third sees through the centres and moves far.
+The first eye sees through the lenslets' centres and stays near the axis, as the lens equations assume. The second eye
+sees through complete, exact lenslets. If the gap is not their focal length, this view's rays fill much of the imaging
+lens, whose spherical aberration adds an error. The third eye sees through the centres and moves farther.
 """
 
 from __future__ import annotations
@@ -34,25 +34,25 @@ from lippmann.scenes.scene import Scene, load_scene
 from tools.bench import MeasurementRun, measurement
 from tools.report_plots import contact_sheet, make_page
 
-#: Depths of the fish scene's objects in its own frame, mm: the middle of the fish, and the stems.
+#: Depths of the fish scene's objects in the scene's frame, mm: the middle of the fish, and the stems.
 OBJECTS = {"fish": 6.0, "stem 1": -20.0, "stem 2": -45.0, "stem 3": -70.0, "stem 4": -100.0, "stem 5": -115.0}
 SETUPS = ("fig8a", "fig8b", "fig8c", "fig8d")
 EYE_DISTANCE_MM = 600.0
-#: x of the eye, mm: near the axis, so that rays stay in the middle of the imaging lens; and as far as viewers move.
+#: x of the eyes, mm: near the axis, so that rays pass the middle of the imaging lens; and as wide as viewers move.
 EYES_MM, WIDE_EYES_MM = np.linspace(-5.0, 5.0, 9), np.linspace(-30.0, 30.0, 9)
-#: The part of the display that shows a mark, in lenslets, and the pixels across a lenslet: an integer, so that rotation
-#: is exact, and finer than the print's, where a small move of the eye shifts the view by a pixel or two.
+#: The part of the display that shows a mark, in lenslets, and the number of pixels across a lenslet: an integer, so
+#: that rotation is exact, and larger than the print's, where a small move of the eye shifts the view by a pixel or two.
 STRIP, PIXELS = (25, 1), 240
-#: Start of the rays to marks, mm before the object's centre: one plane for all marks, so that one program renders all.
+#: Start of the rays to all marks, mm before the object's centre: one plane, so that one compiled program renders them.
 NEAR_MM = 100.0
-#: Standard deviation of a mark's image, mm, too smooth for lenslets of 1 mm to alias; its edge in deviations; texels.
+#: Standard deviation of a mark's image, mm (no aliasing in 1 mm lenslets); the mark's edge in deviations; its texels.
 MARK_MM, MARK_SIGMAS, MARK_TEXELS = 0.8, 3.5, 256
 #: Maximum error of a depth, as a fraction of its magnitude.
 SHARE = 0.05
 #: x of the eyes for the views of the fish, mm.
 VIEW_EYES_MM = (-10.0, 10.0)
 
-#: A moving eye: the model by which it sees through lenslets, and its places along x, mm.
+#: A moving eye: the lens model of its view, and its positions along x, mm.
 Look = tuple[Model, Floats]
 CENTRES: Look = ("pinhole", EYES_MM)
 LENSLETS: Look = ("exact", EYES_MM)
@@ -60,13 +60,13 @@ WIDE: Look = ("pinhole", WIDE_EYES_MM)
 
 
 def judged(row: dict[str, Any]) -> dict[str, Any]:
-    """Add the errors, per cent, of the eyes near the axis and moving far; `kept`: the former is within `SHARE`."""
+    """Add the errors, per cent, of the near and the wide eye; `kept` is whether the near one is within `SHARE`."""
     error, wide = (100.0 * (row[key] / row["theory_mm"] - 1.0) for key in ("centres_mm", "wide_mm"))
     return {**row, "error_percent": error, "wide_error_percent": wide, "kept": abs(error) <= 100.0 * SHARE}
 
 
 def mark_scene(setup: Setup, z_mm: float) -> Scene:
-    """Return a scene of a soft mark on the axis, facing the lens, at a depth (below NEAR_MM) of the object's frame."""
+    """Return a scene of a soft mark on the axis, facing the lens, at a depth below NEAR_MM in the object's frame."""
     mi = mitsuba()
     x = (np.arange(MARK_TEXELS) + 0.5) * (2.0 / MARK_TEXELS) - 1.0
     profile = np.exp(-0.5 * (MARK_SIGMAS * x) ** 2).astype(np.float32)
@@ -84,7 +84,7 @@ def mark_scene(setup: Setup, z_mm: float) -> Scene:
 def measure_depths(
     setup: Setup, z_mm: float, rotated: bool, looks: tuple[Look, ...] = (CENTRES,), seed: int = 0
 ) -> list[float]:
-    """Return the depth, mm in front of the display, at which each eye sees a captured point on the axis at `z_mm`."""
+    """Return the depth, mm in front of the display, at which each eye sees a point captured on the axis at `z_mm`."""
     settings = Settings(integrator="direct", seed=seed)
     picture = capture(mark_scene(setup, z_mm), setup, settings, rotated).radiance
     display = setup.display
@@ -103,7 +103,7 @@ def measure_depths(
 
 
 def strip_of(setup: Setup) -> Setup:
-    """Return the set-up with a strip of its display, in finer pixels."""
+    """Return the set-up with a strip of its display and finer pixels."""
     width_px, height_px = (count * PIXELS for count in STRIP)
     pitch_mm = setup.display.array.pitches_mm[0] / PIXELS
     panel = replace(setup.display.panel, width_px=width_px, height_px=height_px, pixel_pitch_mm=pitch_mm)
@@ -111,7 +111,7 @@ def strip_of(setup: Setup) -> Setup:
 
 
 def measure(folder: Path, seed: int) -> Iterator[dict[str, Any]]:
-    """Yield the depths of every object in every set-up, with elemental images rotated and as captured."""
+    """Yield the depths of every object in every set-up, with rotated elemental images and as captured."""
     for name in SETUPS:
         setup = strip_of(load_setup(folder / f"setups/{name}.toml"))
         placement = setup.subject.placement
@@ -126,7 +126,7 @@ def measure(folder: Path, seed: int) -> Iterator[dict[str, Any]]:
 
 
 def fish_views(folder: Path, seed: int) -> tuple[list[Radiance], list[str]]:
-    """Return two eyes' views of the fish in every set-up, and in the first without rotation; and captions."""
+    """Return two eyes' views of the fish in every set-up, and in the first one without rotation, and the captions."""
     path = folder / "fish/fish.xml"
     views, captions = [], []
     for name, rotated in (*((name, True) for name in SETUPS), ("fig8a", False)):
@@ -143,7 +143,7 @@ def fish_views(folder: Path, seed: int) -> tuple[list[Radiance], list[str]]:
 
 @measurement(page="depth")
 def depth(bench: MeasurementRun) -> tuple[Mapping[str, Any], Page]:
-    """Measure the depths that the founding paper's set-ups show, against the lens equations.
+    """Compare the depths that the founding paper's set-ups show with the lens equations.
 
     Example: python -m tools.bench depth
     """
@@ -153,7 +153,7 @@ def depth(bench: MeasurementRun) -> tuple[Mapping[str, Any], Page]:
 
 
 def depth_page(origin: Mapping[str, str], rows: Rows, views: tuple[list[Radiance], list[str]] | None = None) -> Page:
-    """Return the page of `tools.bench depth`; `views` are the pictures and captions of its sheet."""
+    """Return the page of `tools.bench depth`; `views` are the pictures and captions of the page's sheet."""
     sheet = contact_sheet("depth", views, 2)
     moved = [{**row, "shift": row["wide_mm"] - row["theory_mm"]} for row in rows]
     setups = []

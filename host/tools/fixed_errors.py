@@ -1,4 +1,4 @@
-"""Error of the fixed-point twin against golden, over easy and adversarial sets of rays (`tools.bench fixed`)."""
+"""Measures the error of the twin against golden, over easy and adversarial sets of rays (`tools.bench fixed`)."""
 
 from __future__ import annotations
 
@@ -24,16 +24,16 @@ from lippmann.optics.system import System
 
 from tools.named_builds import Named
 
-#: Rays of each adversarial set, and of the budget.
+#: Number of rays of each adversarial set, and of the error budget.
 ADVERSARIAL, BUDGET = 200_000, 200_000
-#: Pixels up to which all of a panel is traced; rays in the sample of a larger panel; rays traced at once.
+#: Maximum number of pixels of a fully traced panel; rays in the sample of a larger panel; rays traced at once.
 WHOLE, SAMPLE, CHUNK = 2400 * 2400, 2_000_000, 250_000
-#: Displacements in search of an edge, in units of the stated error.
+#: Displacements that are tried to find an edge, in units of the stated error.
 REACHES = tuple(2.0**k for k in range(-6, 7))
 
 
 class Comparison(NamedTuple):
-    """N rays of the twin compared with golden's: the twin's rays, and arrays (N,)."""
+    """A comparison of N rays of the twin with golden's: the twin's rays, and arrays (N,)."""
 
     twin: Rays
     #: Angle between the directions, microradian, and its weight min(1, 2 cos theta_t); theta_t is the angle between
@@ -42,17 +42,17 @@ class Comparison(NamedTuple):
     weight: Floats
     #: Distance between the exit points, lens-local, nm.
     shift_nm: Floats
-    #: Rays that leave through the same lenslet with the same status in both.
+    #: Rays that leave through the same lenslet with the same status in both engines.
     alive: Bools
-    #: Rays whose status differs; rays whose first or last lenslet differs.
+    #: Rays whose status differs, and rays whose first or last lenslet differs.
     status_differs: Bools
     lenslet_differs: Bools
-    #: Rays too slanted for the words: missed by the twin, and not compared.
+    #: Rays too oblique for the words: the twin misses them, and they are not compared.
     refused: Bools
 
 
 def stated_nm(fraction_bits: int) -> float:
-    """Return the exit point's stated error, nm: 2 at the widest, doubled for each bit less."""
+    """Return the exit point's stated error, nm: 2 nm for the widest build, doubled for each bit less."""
     return float(2 ** (1 + WIDEST - fraction_bits))
 
 
@@ -92,10 +92,10 @@ def measure(variant: Named, display: Display, rays_of: str, chunks: Iterator[Wor
     """Measure a row of the report over chunks of a set of rays.
 
     `refused` rays were not compared. The errors of direction (microradian; `weighted`: times min(1, 2 cos theta_t)) and
-    exit point (nm) are over the rays that leave by the same lenslet in both; `status_differs` and `lenslet_differs`
-    count the others. The twin calls `lost` ones missed because they would meet more domes than the build tries.
-    `edge_nm` is the largest distance of the remaining ones from the edge where golden's fate changes to the twin's.
-    `kept`: the errors are within the configuration's promise (None: it has none).
+    exit point (nm) include the rays that leave through one lenslet in both engines; `status_differs` and
+    `lenslet_differs` count the other rays. `lost` rays are missed in the twin because they would meet more domes than
+    the build tries. `edge_nm` is the largest distance of the remaining rays from the edge where golden's fate changes
+    to the twin's. `kept` is whether the errors are within the configuration's promise (None if it has no promise).
     """
     parts = [_chunk(variant.build, display, words) for words in chunks]
     row = {key: (max if key in MAXIMA else sum)(part[key] for part in parts) for key in parts[0]}
@@ -118,7 +118,7 @@ MAXIMA = ("max_direction_urad", "max_weighted_urad", "max_point_nm", "edge_nm")
 
 
 def _chunk(build: Build, display: Display, words: Words) -> dict[str, Any]:
-    """Return the columns of `measure` of one chunk; root mean squares as sums of squares."""
+    """Return the columns of `measure` for one chunk, with sums of squares instead of root mean squares."""
     result = compare(display, build, words)
     turn, shift, weight = (column[result.alive] for column in (result.turn_urad, result.shift_nm, result.weight))
     differs = np.flatnonzero(result.status_differs | result.lenslet_differs)
@@ -143,7 +143,7 @@ def rows_of(rays: Rays, rows: Ints) -> Rays:
 
 
 def sets_of(build: Build, display: Display, seed: int) -> dict[str, Iterator[Words]]:
-    """Return the sets of rays: the frame (a sample of a panel of more than `WHOLE` pixels), and adversarial rays."""
+    """Return the sets of rays: the frame (or a sample, above `WHOLE` pixels), and adversarial rays."""
     is_small = display.panel.width_px * display.panel.height_px <= WHOLE
     count = min(ADVERSARIAL, WHOLE)
     sets = {
@@ -166,7 +166,7 @@ class Words(NamedTuple):
 
 
 def frame_words(display: Display, build: Build, seed: int, max_pixels: int) -> Iterator[Words]:
-    """Yield words of all pixel centres in chunks, or of `SAMPLE` random ones if there are more than `max_pixels`."""
+    """Yield words of all pixel centres in chunks, or of `SAMPLE` random centres if there are more than `max_pixels`."""
     random = np.random.default_rng(seed)
     panel = display.panel
     count = panel.width_px * panel.height_px
@@ -181,7 +181,7 @@ def frame_words(display: Display, build: Build, seed: int, max_pixels: int) -> I
 
 
 def edge_words(display: Display, build: Build, seed: int, count: int) -> Words:
-    """Return pixels within 1/16 pixel of edges and vertices of cells, and aims near edges and vertices."""
+    """Return pixels within 1/16 pixel of edges and vertices of cells, with aims near edges and vertices."""
     random = np.random.default_rng(seed)
     lenslets, _ = located(display, pixels_of_words(display, *random_pixels(display, random, count)))
     edge, aimed = (ray_sets.edge_points(display, random, count, vertices=0.25) for _ in range(2))
@@ -204,7 +204,7 @@ def wide_words(display: Display, build: Build, seed: int, count: int) -> Words:
 
 
 def boundary_words(display: Display, build: Build, seed: int, count: int) -> Words:
-    """Return rays one word of the aim apart, on both sides of boundaries of golden's fates, found by bisection."""
+    """Return pairs of rays, one word of the aim apart, around a change of golden's fate, found by bisection."""
     random = np.random.default_rng(seed)
     reach = 3 << (build.fraction_bits - 1)
     u, v = random_pixels(display, random, count)
@@ -235,9 +235,9 @@ def cell_aims(display: Display, build: Build, random: np.random.Generator, count
 
 
 def too_slanted(display: Display, build: Build, words: Words) -> ray_sets.Bools:
-    """Tell which rays exceed the words, and are missed by definition (rtl/optics/lipp_aim.sv).
+    """Return which rays exceed the words, and are missed by definition (rtl/optics/lipp_aim.sv).
 
-    Their start is 2 pitches or rows or more from the aim (without `converge`), or from its lenslet's centre.
+    These rays start 2 pitches or rows or more from the aim (without `converge`), or from their lenslet's centre.
     """
     if not build.aims:
         return np.zeros(len(words.u), np.bool_)
@@ -248,11 +248,11 @@ def too_slanted(display: Display, build: Build, words: Words) -> ray_sets.Bools:
     centre = np.stack(lattice.centre(i, j), axis=1)
     if build.converge:
         aim = centre
-    # The last word may go either way.
+    # The word on the boundary may have either fate.
     limit = (2.0 - np.ldexp(1.0, 2 - build.fraction_bits)) * np.array([array.pitches_mm[0], array.row_pitch_mm])
     apart = centre - start
     beyond = np.abs(apart - np.outer(apart[:, 1], (array.shear, 0.0))) >= limit
-    # After the step `shear` the words hold four times as much, and points are measured upright.
+    # After the step `shear` the words have four times the range, and points are measured along upright axes.
     upright = 4.0 * limit if build.shear else limit
     return np.asarray((beyond | (np.abs(apart) >= upright) | (np.abs(aim - start) >= upright)).any(axis=1))
 
@@ -263,13 +263,13 @@ def aims_of(display: Display, build: Build, words: Words) -> Floats | None:
 
 
 def fates(display: Display, model: Model, pixel: Floats, aims: Floats | None) -> Ints:
-    """Return golden's fates of rays, (N, 5): status, lenslet left through, lenslet started in."""
+    """Return golden's fates of rays, (N, 5): status, exit lenslet (i, j), start lenslet (i, j)."""
     rays = trace(display, pixel, aims, model)
     return np.column_stack([rays.status, rays.lenslet, golden_start(display, pixel)]).astype(np.int64)
 
 
 def twin_start(display: Display, build: Build, u: Ints, v: Ints) -> tuple[Ints, Ints]:
-    """Return the lenslet in whose cell the twin sees a pixel."""
+    """Return the lenslet whose cell contains a pixel in the twin."""
     c, f = configuration(display, build, build.model), build.fraction_bits
     x, _ = pixel_to_lattice(u, v, c.x_from_u, c.x_from_v, c.x_offset, f)
     y, _ = pixel_to_lattice(u, v, c.y_from_u, c.y_from_v, c.y_offset, f)
@@ -278,7 +278,7 @@ def twin_start(display: Display, build: Build, u: Ints, v: Ints) -> tuple[Ints, 
 
 
 def golden_start(display: Display, pixel: Floats) -> Ints:
-    """Return the lenslet in whose cell golden sees a pixel, (N, 2)."""
+    """Return the lenslet whose cell contains a pixel in golden, (N, 2)."""
     return located(display, pixel)[0].astype(np.int64)
 
 
@@ -287,10 +287,10 @@ def edge_distance_nm(
 ) -> Floats:
     """Return the distances, nm (N,), of rays from the edge where golden's fate changes to the twin's.
 
-    Each ray is moved on the panel, at the aperture, or both, in eight directions, until golden gives it the twin's
-    fate: across a cell's edge, or the critical angle. Golden misses almost no ray, so a ray that the twin calls missed
-    is moved until golden's fate changes at all. The distance is infinite where the largest displacement changes
-    nothing. `model` is the build's by default.
+    Each ray is moved on the panel, at the aperture, or both, in eight directions, until golden's fate equals the
+    twin's: across a cell's edge, or the critical angle. Golden misses almost no ray, so a ray that is missed in the
+    twin is moved until golden's fate changes in any way. The distance is infinite if the largest displacement changes
+    no fate. `model` is the build's by default.
     """
     pixel = pixels_of_words(display, words.u, words.v)
     aims = aims_of(display, build, words)
@@ -306,7 +306,7 @@ def edge_distance_nm(
         for angle in turn:
             unit = np.array([np.cos(angle), np.sin(angle)])
             for on_panel, at_aim in ways:
-                # Rows of pixels go down.
+                # Rows of pixels are numbered downwards.
                 moved = pixel + on_panel * step_mm / np.array(display.panel.pitches_mm) * unit * (1.0, -1.0)
                 fate = fates(display, model, moved, None if aims is None else aims + at_aim * step_mm * unit)
                 same = np.where(lost, (fate != own).any(axis=1), (fate == theirs).all(axis=1))

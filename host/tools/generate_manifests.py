@@ -13,7 +13,7 @@ from tools.generate_registers import render_template
 from tools.program import program
 
 _BY = "Generated from rtl/sources.toml by `make manifests`; do not edit."
-#: The ports of a device's cells, in its folder, for tools without a library of them, such as yosys with slang.
+#: File of ports of a device's cells, in the device's folder, for tools without a cell library (yosys with slang).
 BLACK_BOXES = "black_boxes.v"
 
 

@@ -1,6 +1,6 @@
-"""Writes RTL, host data and documentation from rtl/registers.rdl, the one definition (`make registers`)."""
+"""Writes RTL, host data and documentation from the single definition rtl/registers.rdl (`make registers`)."""
 
-# Nothing here imports lippmann.fixed.registers: a missing or broken data file must not stop its own generator.
+# This module does not import lippmann.fixed.registers: a missing or invalid data file must not stop its generator.
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ _SPDX = "// SPDX-License-Identifier: Apache-2.0\n"
 
 
 class _Map(NamedTuple):
-    """An address map of the definition, and its files."""
+    """An address map of the definition, and the files that are made from it."""
 
     name: str
     rtl_map: str  # the part of the map that becomes SystemVerilog
@@ -44,12 +44,12 @@ _MAPS = (
     _Map("scene_block", "scene_registers", "scene.json", "scene-registers.md", 0x400),
 )
 
-#: A register or a field as lippmann.fixed.registers reads it, without default values.
+#: A register or a field in the form that lippmann.fixed.registers reads, without default values.
 _Entry = dict[str, Any]
 
 
 def generate(top: Path, into: Path) -> list[Path]:
-    """Write all files of the definition in `top` into `into`; return their paths. Raises InputError if it is wrong."""
+    """Write all files of the definition in `top` into `into`; return the paths. Raises InputError if it is invalid."""
     try:
         from peakrdl_regblock.udps import ALL_UDPS  # type: ignore[import-untyped]
         from systemrdl.compiler import RDLCompiler
@@ -79,7 +79,7 @@ def generate(top: Path, into: Path) -> list[Path]:
                 for entry in range(register.get("entries", 1))
             }
     except RDLCompileError:
-        raise InputError(f"{SOURCE} is wrong: see the messages above") from None
+        raise InputError(f"{SOURCE} is invalid: see the messages above") from None
     firsts = sorted(at for at in writable if at - 4 not in writable)
     lasts = sorted(at for at in writable if at + 4 not in writable)
     ranges = [f"[11'h{first:03X}:11'h{last:03X}]" for first, last in zip(firsts, lasts, strict=True)]
@@ -119,14 +119,16 @@ def _registered_decode(block: str) -> str:
     """Return PeakRDL's register block with a register behind its address decoder.
 
     The decoder drives the enables of all fields across the device; without the register this path limits the clock. An
-    access takes one clock more; address and data are stable until it is answered. The register of a strobe is set for
-    writes only, since reads do not use it; the data are masked in the same clock.
+    access takes one clock more; address and data are stable until the access is answered. A strobe's register is set
+    for writes only, since reads do not use the strobe; the data are masked in the same clock.
     """
     before, decode, after = re.split("    // (?:Address Decode|Field logic)\n", block)
     decode, counts = re.subn(r"(decoded_reg_strb\S* |decoded_err )= ", r"\1<= ", decode)
     decode = re.sub(r"(decoded_reg_strb\S* <= [^;]*\))(?: & cpuif_req_is_wr)?;", r"\1 & cpuif_req_is_wr;", decode)
     if re.search(r"decoded_reg_strb\S* <= (?![^;]*cpuif_req_is_wr;)", decode):
-        raise InputError("PeakRDL-regblock's address decoder has another form: a strobe tells no write from a read")
+        raise InputError(
+            "PeakRDL-regblock's address decoder has changed: its strobes do not separate writes from reads"
+        )
     after = re.sub(r"(decoded_reg_strb\S*) && decoded_req_is_wr\)", r"\1)", after)
     after = re.sub(r"\((decoded_wr_data\S*) & decoded_wr_biten\S*\);", r"\1;", after)
     for old, new in (
@@ -148,7 +150,7 @@ def _registered_decode(block: str) -> str:
         ),
     ):
         if not counts or decode.count(old) != 1:
-            raise InputError(f"PeakRDL-regblock's address decoder has another form: no {old.strip()!r}")
+            raise InputError(f"PeakRDL-regblock's address decoder has changed: it does not contain {old.strip()!r}")
         decode = decode.replace(old, new)
     return f"{before}    // Address Decode\n{decode}    // Field logic\n{after}"
 
@@ -184,9 +186,9 @@ def _access(readable: bool, writable: bool) -> str:
 def _field(node: Any, access: str) -> _Entry:
     description = node.get_property("desc")
     if not description:
-        raise InputError(f"{SOURCE}: field {node.get_path()} has no desc")
+        raise InputError(f"{SOURCE}: field {node.get_path()} has no description (desc)")
     if _access(node.is_sw_readable, node.is_sw_writable) != access:
-        raise InputError(f"{SOURCE}: field {node.get_path()} has not the access of its register, {access}")
+        raise InputError(f"{SOURCE}: field {node.get_path()} differs in access from its register, which has {access}")
     names = [(member.value, member.name) for member in node.get_property("encode") or ()]
     if names:
         description += f" {', '.join(f'{value} {name}' for value, name in names)}."

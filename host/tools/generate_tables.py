@@ -1,8 +1,7 @@
-"""Writes what the code declares into the documentation: key tables and JSON Schemas of TOML files, points, promises.
+"""Writes the code's declarations into the documentation: key tables and JSON Schemas of TOML files, points, promises.
 
-`make docs-tables` fills pages between `<!-- keys: FILE TABLE -->` and `<!-- end of keys -->`; and with
-the coverage points, the hard cases or docs/promises.toml between `<!-- points -->` and `<!-- end of points -->`,
-`<!-- cases -->` and so on.
+`make docs-tables` fills pages: with keys between `<!-- keys: FILE TABLE -->` and `<!-- end of keys -->`, with the
+coverage points between `<!-- points -->` and `<!-- end of points -->`, and in this way with hard cases and promises.
 """
 
 from __future__ import annotations
@@ -37,7 +36,7 @@ FILE = Path("docs/promises.toml")
 
 
 def generate(top: Path) -> dict[Path, str]:
-    """Return the text of every schema, and of every page with its tables filled in, by path in the checkout."""
+    """Return the text of every schema and of every page with filled tables, keyed by the path in the checkout."""
     texts = {SCHEMAS / f"{kind}.json": json.dumps(schema_of(kind), indent=2) + "\n" for kind in FILES}
     texts |= {COMMAND_PAGES / f"{name}.md": command_page(name) for name in COMMANDS}
     lists: dict[str, Callable[[], str]] = {"cases": _cases, "points": _points, "promises": partial(promises_table, top)}
@@ -50,7 +49,7 @@ def generate(top: Path) -> dict[Path, str]:
 
 
 def command_page(name: str) -> str:
-    """Return the page of a command: its help and options, and those of its sub-commands."""
+    """Return the page of a command: help and options of the command and of its sub-commands."""
     top = click.Context(cli, info_name="lippmann")
     command = cli.get_command(top, name)
     assert command is not None
@@ -90,7 +89,7 @@ def _points() -> str:
 
 
 def _filled(place: re.Match[str]) -> str:
-    """Return a marked place with its table, in which keys that replace each other are neighbours."""
+    """Return a marked part of a page with its table, in which keys that replace each other are neighbours."""
     kind, name = place[2], place[3]
     schemas = dict(tables(schema_of(kind))) if kind in FILES else {}
     if name not in schemas:
@@ -114,7 +113,7 @@ def _filled(place: re.Match[str]) -> str:
 
 
 def _value(node: Schema) -> str:
-    """Return the values that a key takes, without bounds that only prevent overflow."""
+    """Return the text of a key's allowed values, without bounds that only prevent overflow."""
     if "anyOf" in node:
         return " or ".join(_value(option) for option in node["anyOf"])
     if "enum" in node:
@@ -162,7 +161,7 @@ class Promises:
 
 
 def promises_table(top: Path) -> str:
-    """Return the table of all promises; raise InputError for a page, words, file, test or point that is missing."""
+    """Return the table of all promises; raise InputError if a page, quote, file, test or point is missing."""
     path = top / FILE
     promises = toml.read(Promises, toml.load(path, "promises"), str(path)).promise
     rows = ["| promise | kept by | held by |\n|---|---|---|\n"]
@@ -179,9 +178,9 @@ def promises_table(top: Path) -> str:
 def _check(top: Path, promise: Promise, where: str) -> None:
     for file in (promise.page, *promise.kept_by, *(test.partition("::")[0] for test in promise.tests)):
         if not (top / file).is_file():
-            raise input_error(where, f"there is no file {file}", "name the file as it is called now")
+            raise input_error(where, f"there is no file {file}", "write its current path")
     if promise.words not in " ".join((top / promise.page).read_text().split()):
-        raise input_error(f"{where}.words", f"{promise.page} does not say '{promise.words}'", "quote what it says now")
+        raise input_error(f"{where}.words", f"{promise.page} does not say '{promise.words}'", "quote its current words")
     for test in promise.tests:
         file, _, name = test.partition("::")
         names = re.findall(r"^(?:async )?def (\w+)\(", (top / file).read_text(), re.M)

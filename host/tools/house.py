@@ -1,7 +1,7 @@
-"""Checks the shape of the house: `python -m tools.house`, a part of `make lint`.
+"""Checks the code's structure: `python -m tools.house`, a part of `make lint`.
 
-It compares sizes, `Any` and refused names with the bounds of house.toml, and checks the rooms' names, files and chain
-of imports, and the RTL's lines and names. Import layers are import-linter's.
+The program compares sizes, `Any` and refused names with the bounds of house.toml, and checks the rooms' names, files
+and chain of imports, and the RTL's lines and names. import-linter checks the import layers.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ class Sizes:
     """The counts of a folder's Python files."""
 
     counts: Counter[str] = field(default_factory=Counter)
-    #: "file:line name, lines" of each of the `long_functions` and `refused_names`.
+    #: A text "file:line name, lines" for each of the `long_functions` and `refused_names`.
     places: dict[str, list[str]] = field(default_factory=lambda: defaultdict(list))
 
     @property
@@ -45,7 +45,7 @@ class Sizes:
 
 
 def measure_sizes(folder: Path, function_lines: int, refused: frozenset[str]) -> Sizes:
-    """Count lines, files, comments, uses of `Any`, long functions and refused names below a folder."""
+    """Count lines, files, comments, uses of `Any`, long functions and refused names in a folder."""
     sizes = Sizes()
     for path in sorted(folder.rglob("*.py")):
         text = path.read_text()
@@ -68,7 +68,7 @@ def measure_sizes(folder: Path, function_lines: int, refused: frozenset[str]) ->
 
 
 def bound_name(node: ast.AST) -> str | None:
-    """Return the name that a node defines: a function's, class's, parameter's or variable's."""
+    """Return the name that a node defines, of a function, class, parameter or variable."""
     if isinstance(node, FUNCTIONS | ast.ClassDef):
         return node.name
     if isinstance(node, ast.arg):
@@ -96,7 +96,7 @@ def check_style(sizes: Sizes, style: Mapping[str, float]) -> Iterator[str]:
 
 
 def check_rooms(package: Path, rooms: Mapping[str, Any]) -> Iterator[str]:
-    """Yield a line for each folder, loose file or file name that the rooms do not allow."""
+    """Yield a line for each folder, file outside of the rooms, or file name that is not allowed."""
     loose = {path.stem for path in package.glob("*.py")}
     for name in sorted(loose ^ set(rooms["loose"])):
         yield f"{name}.py: loose files of the package are {', '.join(rooms['loose'])}"
@@ -113,7 +113,7 @@ def check_rooms(package: Path, rooms: Mapping[str, Any]) -> Iterator[str]:
 
 
 def room_imports(package: Path) -> dict[str, set[str]]:
-    """Return the rooms that each room imports, except for annotations only."""
+    """Return the rooms that each room imports, without imports for annotations only."""
     rooms: dict[str, set[str]] = defaultdict(set)
     for path in package.rglob("*.py"):
         room = path.relative_to(package).parts[0].removesuffix(".py")
@@ -154,7 +154,7 @@ def check_rtl(top: Path, columns: int, refused: frozenset[str]) -> Iterator[str]
 
 
 def check_house(top: Path, bounds: Mapping[str, Any]) -> list[str]:
-    """Return the faults of the house in a checkout, a line each."""
+    """Return the violations in a checkout, one line each."""
     style, refused = bounds["style"], frozenset(bounds["names"]["refused"])
     folders = {"package": top / "host/lippmann", "tools": top / "host/tools", "tests": top / "tests"}
     sizes = {name: measure_sizes(folder, style["function_lines"], refused) for name, folder in folders.items()}
@@ -177,7 +177,7 @@ def check_house(top: Path, bounds: Mapping[str, Any]) -> list[str]:
 
 
 def main() -> int:
-    """Print what is wrong; return 1 if anything is."""
+    """Print all violations; return 1 if there are any."""
     faults = check_house(repository(), tomllib.loads(BOUNDS.read_text()))
     for line in faults:
         print(line, file=sys.stderr)

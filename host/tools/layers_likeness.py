@@ -1,4 +1,4 @@
-"""The eye's view of drawn layers, and of a streamed frame, against the full render (`tools.bench layers`)."""
+"""Compares eyes' views of drawn layers, and of a streamed frame, with the full render (`tools.bench layers`)."""
 
 from __future__ import annotations
 
@@ -34,18 +34,18 @@ from scipy.ndimage import binary_erosion
 from tools.bench import MeasurementRun, measurement
 from tools.report_plots import draw_lines, make_page
 
-#: Files of the scenes, and the shapes that become a layer of their own; displays.
+#: Files of the scenes, and the shapes that become a separate layer; then the displays.
 SCENES: dict[str, tuple[str, str | None]] = {
     "fish": ("fish", None), "fish apart": ("fish", "fish-*"), "chart": ("chart", None),
 }  # fmt: skip
 DISPLAYS = ("vga-square", "vga-hex")
-#: mm per unit of the scenes, for these small displays.
+#: Scale of the scenes on these small displays, in mm per unit.
 SCALE = 0.25
 #: Samples per texel, as in `lippmann layers`, and rays per pixel of a view.
 TEXEL_SAMPLES, VIEW_SAMPLES = 16, 16
 #: Light from behind, as a fraction of a view's pixel, above which the pixel is a hole.
 HOLE = 0.01
-#: The serial line, baud, and its bits per byte.
+#: Baud rate of the serial line, and number of its bits per byte.
 BAUD, BITS_A_BYTE = 3_000_000, 10
 
 
@@ -70,12 +70,12 @@ def measure_scene(
     parts: Sequence[Scene] | None = None,
     settings: Settings | None = None,
 ) -> Iterator[dict[str, Any]]:
-    """Measure a streamed frame of a scene, then its layers, by their number and filter.
+    """Measure a streamed frame of a scene, then the scene's layers for each number and filter.
 
-    `parts` are cut by depths, and a layer of its own; None: all of the scene is cut by depths. `drawn` is "streamed" or
-    a filter; `line_bytes` are those of the first picture, `frame_bytes` those of each further one, in which a layer
-    moves. Other columns are those of `lippmann.layers.layer_choice.row_of`; a streamed frame has None where they do not
-    apply.
+    `parts` are the scene that is cut by depths and a separate layer; None: the complete scene is cut by depths. `drawn`
+    is "streamed" or a filter; `line_bytes` are the bytes of the first picture, `frame_bytes` those of each further
+    picture, in which a layer moves. `lippmann.layers.layer_choice.row_of` describes the other columns; a streamed frame
+    has None where they do not apply.
     """
     settings = Settings(TEXEL_SAMPLES, seed=seed) if settings is None else settings
     cut_by_depth, apart = (scene, None) if parts is None else parts
@@ -87,7 +87,7 @@ def measure_scene(
         **dict.fromkeys(("load_bytes", "block_rams", "multipliers")), "line_bytes": size, "frame_bytes": size,
         "holes_percent": None,
     }  # fmt: skip
-    # The last word of a layer, its look, does not change when it moves.
+    # The last word of a layer contains brightness and visibility, which do not change when the layer moves.
     move = len(packed(Kind.WRITE, 0, ADDRESS.pack(0) + bytes(4 * (LAYER_WORDS - 1))))
     for count in counts:
         if count == 1 and apart is not None:
@@ -105,7 +105,7 @@ def measure_scene(
 
 
 def line_seconds(count: int) -> float:
-    """Return the time, s, of a number of bytes on the line of `BAUD`."""
+    """Return the time, s, of a number of bytes on a line at `BAUD`."""
     return count * BITS_A_BYTE / BAUD
 
 
@@ -133,11 +133,11 @@ def block_bytes(stack: LayerStack, slot: tuple[int, int]) -> int:
 def hole_percent(
     scene: Scene, cut: Cut, display: Display, lines: Sequence[ExitLines], filter: Filter, settings: Settings
 ) -> float:
-    """Return the percentage of the pixels in the moving eye's views in which a hole shows.
+    """Return the percentage of the pixels in the moving eye's views that show a hole.
 
-    In a hole, light from behind the first k layers shows, though every ray of the scene in the pixel and around it
-    meets a surface of the first k slabs. The surroundings reach as far as layers displace surfaces for the eye, and a
-    view's pixel blurs them. With a layer apart, whose slab overlaps others, only light from behind all layers counts.
+    A hole shows light from behind the first k layers, although every ray of the scene in the pixel and around it meets
+    a surface of the first k slabs. The surroundings of a pixel reach as far as layers displace surfaces for the eye,
+    plus a view's pixel. With a separate layer, whose slab overlaps others, only light from behind all layers counts.
     """
     reach, window = reach_of(display), whole_window(display)
     half = 0.5 * window.width_mm, 0.5 * window.height_mm
@@ -169,7 +169,7 @@ def hole_percent(
 
 @measurement(page="layers")
 def layers(bench: MeasurementRun) -> tuple[Mapping[str, Any], Page]:
-    """Measure the eye's view of drawn layers and of a streamed frame against the full render.
+    """Compare the eye's view of drawn layers and of a streamed frame with the full render.
 
     Example: python -m tools.bench layers
     """
@@ -199,7 +199,7 @@ def layers_page(origin: Mapping[str, str], rows: Rows) -> Page:
 
 
 def draw_layers(rows: Rows) -> Plot:
-    """Draw the PSNR of layers over their number and block RAMs, and that of the streamed frame, for each scene."""
+    """Draw the PSNR of layers against their number and block RAMs, and the streamed frame's PSNR, for each scene."""
     scenes = groups(rows, "scene")
     picture, axes = make_axes(2, len(scenes), (4.4, 3.2))
     for across, scene in enumerate(scenes):

@@ -1,4 +1,4 @@
-"""Fraction of a serial line's time that carries pixels, and the virtual board's speed (`tools.bench link`)."""
+"""Measures the fraction of a serial line's time that carries pixels, and the virtual board's speed."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from lippmann.simulation import virtual_board
 from tools.bench import MeasurementRun, measurement
 from tools.report_plots import draw_bar_charts, make_page
 
-#: Baud rate, clock of the board, panel.
+#: Baud rate of each line, clock of its board, and size of its panel.
 LINES = (
     (115_200, 16 * 115_200, (192, 128)),
     (921_600, 16 * 921_600, (256, 192)),
@@ -32,18 +32,18 @@ LINES = (
 #: Panels that receive complete frames.
 PANELS = ((640, 480), (1920, 1080), (2400, 2400))
 BITS_A_BYTE = 10
-#: Minimum clocks per second of a virtual board.
+#: Minimum number of clocks per second of a virtual board.
 SIMULATED_HZ = 300_000
 
 
 def measure_lines(scenes: Path, seed: int) -> Iterator[dict[str, Any]]:
-    """Send a frame of noise over each line; yield the fraction of its time that carries pixels, and the overhead."""
+    """Send a frame of noise over each line; yield the fraction of the line's time with pixels, and the overhead."""
     for baud, clock_hz, size in LINES:
         panel = _display(scenes, *size)
         image = _noise(*size, seed)
         with (
             virtual_board.running(panel, baud=baud, clock_hz=clock_hz) as virtual,
-            # The rate of a socket only sets the time-out of a packet, which is longer in a simulation.
+            # On a socket the rate only sets the time-out of a packet, which is longer in a simulation.
             Board.open(virtual.url, baud * SIMULATED_HZ // clock_hz, 60.0) as board,
         ):
             started, first = time.monotonic(), board.word("clocks")
@@ -58,15 +58,15 @@ def measure_lines(scenes: Path, seed: int) -> Iterator[dict[str, Any]]:
 
 
 def measure_frames(scenes: Path, seed: int) -> Iterator[dict[str, Any]]:
-    """Send a frame of noise to each panel over a line of bytes, while its video runs, and compare.
+    """Send a frame of noise to each panel over a byte line, while the video runs, and compare the frames.
 
-    `verified`: the CRC-32 is right. Raises LippmannError when the ray of the first pixel is not the twin's.
+    `verified` is whether the CRC-32 is correct. Raises LippmannError if the first pixel's ray differs from the twin's.
     """
     for size in PANELS:
         image, display = _noise(*size, seed), _display(scenes, *size)
         with capturing(display) as captured:
             if not check_rays(captured.board, display, (0, 0), (0, 0)).equal:
-                raise LippmannError(f"{size[0]} x {size[1]}: the board's ray is not the twin's; run make test")
+                raise LippmannError(f"{size[0]} x {size[1]}: the board's ray differs from the twin's; run make test")
             transfer = send_frame(captured.board, image)
             verified = captured.board.panel_crc() == transfer.crc
         row = {"panel": f"{size[0]} x {size[1]}", "seconds": transfer.seconds}
@@ -81,7 +81,7 @@ def _display(scenes: Path, width: int, height: int) -> Display:
 
 
 def _noise(width: int, height: int, seed: int) -> np.ndarray[tuple[int, ...], np.dtype[np.uint8]]:
-    """Return an image of noise, which no coding makes smaller."""
+    """Return an image of noise, which no coding compresses."""
     return np.random.default_rng(seed).integers(0, 256, (height, width, 3)).astype(np.uint8)
 
 

@@ -18,7 +18,7 @@ from tools.program import program
 
 
 def folder_of_modules() -> dict[str, str]:
-    """Return the folders of the hand-written modules of rtl/, by the modules' names without prefix."""
+    """Return the folders of the hand-written modules of rtl/, keyed by the module names without prefix."""
     paths = (path for path in rtl_sources(repository()) if path.parent.name != "registers")
     return {path.stem.removeprefix(PREFIX): path.parent.name for path in paths if not path.stem.endswith("_pkg")}
 
@@ -26,7 +26,7 @@ def folder_of_modules() -> dict[str, str]:
 def elaborated(
     module: str, files: Sequence[Path], *options: str, parameters: Mapping[str, int | str], timeout: float | None = None
 ) -> subprocess.CompletedProcess[str]:
-    """Elaborate a module with Verilator; `files` start with packages, the time-out is in seconds."""
+    """Elaborate a module with Verilator; `files` begin with the packages, the time-out is in seconds."""
     command = ["verilator_bin", "--lint-only", *options, "--top-module", module]
     command += [*(f"-G{name}={value}" for name, value in parameters.items()), *map(str, files)]
     environment = verilator_environment()
@@ -34,7 +34,7 @@ def elaborated(
 
 
 def lint(module: str, parameters: Mapping[str, int | str] | None = None) -> subprocess.CompletedProcess[str]:
-    """Elaborate a module alone, with all warnings, from files of its folder and lower ones, within a minute."""
+    """Elaborate a module alone, with all warnings, from files of its folder and lower folders, within a minute."""
     top = repository()
     sources: list[Path] = []
     for folder_files in rtl_folders(top).values():
@@ -47,7 +47,7 @@ def lint(module: str, parameters: Mapping[str, int | str] | None = None) -> subp
 
 
 def lint_board(board: FpgaBoard) -> subprocess.CompletedProcess[str]:
-    """Elaborate the top of an FPGA board, with all warnings, and only the ports of its vendor's cells."""
+    """Elaborate the top of an FPGA board with all warnings; of the vendor's cells only the ports are read."""
     top = repository()
     own = {path.stem: path for folder in board.folders for path in sorted(folder.glob("*.sv"))}
     settings = [top / "rtl" / folder / "lint.vlt" for folder in ("registers", "ecp5")]
@@ -57,7 +57,7 @@ def lint_board(board: FpgaBoard) -> subprocess.CompletedProcess[str]:
 
 @program
 def main() -> None:
-    """Lint every module, and every FPGA board, with its default parameters; exit 1 when Verilator warns about one.
+    """Lint every module and every FPGA board with default parameters; exit with code 1 when Verilator warns.
 
     Example: python -m tools.lint
     """

@@ -1,4 +1,4 @@
-"""The page docs/generated/measured.md, of the rows that `tools.bench NAME --report docs/generated` writes."""
+"""Writes docs/generated/measured.md from the rows that `tools.bench NAME --report docs/generated` writes."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from lippmann.simulation.toolchain import repository
 
 from tools.report_plots import make_page
 
-#: The figures of place-and-route, written by `make synth`.
+#: The file of place-and-route figures that `make synth` writes.
 SYNTHESIS = "docs/generated/reports/synthesis.csv"
 #: Measurements of `docs/generated/measured.md`.
 MEASURED = (
@@ -22,14 +22,14 @@ MEASURED = (
 
 
 def measured_name(name: str, device: str) -> str:
-    """Return the name of a measurement's file, by the device, and for some measurements by AVX-512."""
+    """Return the name of a measurement's file, which depends on the device, and for some measurements on AVX-512."""
     if device == "cuda":
         return f"{name}-cuda"
     return f"{name}-avx512" if has_avx512() and f"{name}-avx512" in MEASURED else name
 
 
 def measured_page(folder: Path) -> Page:
-    """Return the page of the rows in FOLDER/measured; raise InputError when a file cannot be read."""
+    """Return the page made from the rows in FOLDER/measured; raise InputError when a file cannot be read."""
     rows: dict[str, Rows] = dict.fromkeys(MEASURED, ())
     origins = {}
     for name in MEASURED:

@@ -1,4 +1,4 @@
-"""Pictures of a turning scene (`tools.bench live`), and films by two workers against one (`tools.bench animate`)."""
+"""Times pictures of a rotating scene (`tools.bench live`), and films with two workers (`tools.bench animate`)."""
 
 from __future__ import annotations
 
@@ -22,17 +22,17 @@ from lippmann.scenes.scene import Scene, load_scene
 
 from tools.renderer_speed import gpu_name
 
-#: Displays by device; models; steps of a turn.
+#: Displays for each device, the models, and the number of steps of a rotation.
 DISPLAYS = {"llvm": ("vga-square",), "cuda": ("vga-square", "uhd-4k")}
 MODELS: tuple[Model, ...] = ("pinhole", "exact")
 STEPS = 72
 WORKERS = 2
-#: Display, scale of the film, and number of its frames.
+#: Display and scale of the film, and number of rendered frames.
 CASES = (("vga-square", 0.25, 24), ("paper-square", 1.0, 4))
 
 
 def measure_live(scenes: Path, seed: int) -> Iterator[dict[str, Any]]:
-    """Yield rows for each display and model: with a ray per pixel, and per block of pixels as live chooses it."""
+    """Yield rows for each display and model: with a ray per pixel, and with a ray per block of pixels, as in live."""
     device = current_device()
     scene = load_scene(scenes / "fish/fish.xml")
     for name in DISPLAYS[device]:
@@ -47,7 +47,7 @@ def measure_live(scenes: Path, seed: int) -> Iterator[dict[str, Any]]:
 
 
 def _turn(picture: LivePicture, scene: Scene) -> dict[str, float]:
-    """Turn the scene once about the upright axis; return frames per second, and the slowest frame's seconds."""
+    """Rotate the scene once about the vertical axis; return frames per second, and the slowest frame's seconds."""
     hand = Hand(scene.placement, picture.middle_mm, drag_mm=1.0)
     times = []
     for _ in range(STEPS):
@@ -60,7 +60,7 @@ def _turn(picture: LivePicture, scene: Scene) -> dict[str, float]:
 
 
 def _refine(picture: LivePicture) -> float:
-    """Return the seconds until a picture at rest has all its samples, with each pass shown."""
+    """Return the seconds until a picture at rest has all samples, when each pass is shown."""
     began = time.perf_counter()
     while picture.samples < MAX_SAMPLES:
         picture.finer(lambda: False)
@@ -69,7 +69,7 @@ def _refine(picture: LivePicture) -> float:
 
 
 def measure_animate(scenes: Path, seed: int) -> Iterator[dict[str, Any]]:
-    """Measure the shipped film by one process and by the workers, after compilation; CPU seconds are of all threads."""
+    """Time the shipped film in one process and with the workers, after compilation; CPU seconds count all threads."""
     from distributed import Client
 
     film = load_film(scenes / "films/swim.toml")
@@ -79,7 +79,7 @@ def measure_animate(scenes: Path, seed: int) -> Iterator[dict[str, Any]]:
             display = load_display(scenes / f"displays/{name}.toml")
             options = RenderOptions(settings=Settings(samples=4, seed=seed))
             plans = choose_shading(plan_film(film, display, options, scale))[:frames]
-            # Loads the scene and compiles the programs, here and on every worker.
+            # This render loads the scene and compiles the programs, in this process and on every worker.
             render_picture(plans[0])
             client.run(_warm, device, plans[0])
             started, cpu = time.perf_counter(), time.process_time()
@@ -101,7 +101,7 @@ def measure_animate(scenes: Path, seed: int) -> Iterator[dict[str, Any]]:
 
 
 def _cpu_seconds(client: Any) -> float:
-    """Return the processor time of this process and of the workers, so far."""
+    """Return the processor time that this process and the workers have used so far."""
     return time.process_time() + float(sum(client.run(time.process_time).values()))
 
 

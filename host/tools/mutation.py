@@ -1,9 +1,9 @@
-"""`make mutation`: puts faults into the RTL one at a time and counts how many of them the tests catch.
+"""Puts faults into the RTL one at a time and counts how many faults the tests catch (`make mutation`).
 
 A fault changes one operator, condition, choice or bit of a number in a line of a hand-written module, in a copy of the
-checkout; lines without hardware are not changed. The tests of the module, tests/rtl/<module>, run first (of a package:
-those of its folder's modules), then those of larger designs. A fault is caught when a test fails that passes without
-it.
+checkout; lines without hardware are not changed. The tests of the module, tests/rtl/<module>, run first (for a package,
+the tests of its folder's modules), then the tests of larger designs. A fault is caught when a test fails that passes
+without the fault.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from tools.program import program
 from tools.source_faults import Fault, Scratch, Trial, read_equivalent_faults, report_faults
 
 SOURCES = Path("rtl")
-#: The tests that run last, by folder: those of larger designs, which are compared with the twin or asked for anything.
+#: The tests that run last, by folder: tests of larger designs, which are compared with the twin or get random requests.
 BATCH = ["tests/rtl/test_batch.py"]
 BOARD = ["tests/system/test_random_requests.py", "tests/system/test_board_requests.py"]
 LAST = {
@@ -31,7 +31,7 @@ LAST = {
     "optics": [*BATCH, "tests/rtl/optics_block", "tests/rtl/test_conditioning_registers.py"],
     "scene": ["tests/rtl/scene", "tests/rtl/scene_block", *BOARD],
 }
-#: Modules that are tested as parts of another, and packages.
+#: Modules that are tested as parts of another module, and packages.
 WITHIN = {
     **dict.fromkeys(("request_reader", "request_order", "register_access", "ray_access"), "dispatcher"),
     **dict.fromkeys(("table_reader", "reply_builder"), "dispatcher"),
@@ -49,10 +49,10 @@ WITHIN = {
     "panel_pkg": "test_pattern",
 }
 
-#: Changes that no test can detect, because the results are the same.
+#: Faults that no test can detect, because the results do not change.
 SAME = read_equivalent_faults("rtl")
 
-#: Operators, and the wrong one in place of each.
+#: Operators, each with the wrong operator that replaces it.
 SWAPS = {
     " + ": " - ",
     " - ": " + ",
@@ -73,14 +73,14 @@ SWAPS = {
 
 
 def _flipped(match: re.Match[str]) -> str:
-    """Return a sized number with its lowest bit flipped: decimal, binary, or all bits alike."""
+    """Return a sized number with its lowest bit flipped. The number is decimal, binary, or has all bits equal."""
     for head, digits in ((match[1], match[2]), (match[3], match[4])):
         if head:
             return f"{head}{digits[:-1]}{int(digits[-1]) ^ 1}" if head.endswith("b") else f"{head}{int(digits) ^ 1}"
     return f"'{int(match[5]) ^ 1}"
 
 
-#: Places of a change in a line, and the text that comes there (None: leave it).
+#: Pattern of a change in a line, and the replacement text (None: no change).
 CHANGES: tuple[tuple[str, Callable[[re.Match[str]], str | None]], ...] = (
     ("|".join(re.escape(operator) for operator in sorted(SWAPS, key=len, reverse=True)), lambda m: SWAPS[m[0]]),
     (r"\bif \((?=\w+\))", lambda m: f"{m[0]}!"),
@@ -89,7 +89,7 @@ CHANGES: tuple[tuple[str, Callable[[re.Match[str]], str | None]], ...] = (
     (r"(?<![\w'.$])(\d+)(?![\w'.])", lambda m: str(int(m[0]) ^ 1)),
     (r"(\d+'s?d)(\d+)|(\d+'b)([01]+)|'([01])(?!\d)", _flipped),
 )
-#: Lines without hardware, and declarations: a wider word is the same hardware, a narrower one does not elaborate.
+#: Lines without hardware, and declarations: a wider word gives the same hardware, a narrower word does not elaborate.
 NO_HARDWARE = re.compile(
     r"unused|\$fatal|gen_illegal|^\s*\(\*"
     r"|^\s*(//|import|module|endmodule|parameter|package|input|output|localparam int|logic|typedef)\b"
@@ -97,12 +97,12 @@ NO_HARDWARE = re.compile(
 
 
 def faults_of(path: Path) -> list[Fault]:
-    """Return every fault of a file: one for each operator, condition, choice and number (its lowest bit)."""
+    """Return every fault of a file: one fault for each operator, condition, choice and number (its lowest bit)."""
     faults: list[Fault] = []
     illegal = False
     lines = path.read_text().splitlines()
     for number, (text, following) in enumerate(zip(lines, [*lines[1:], ""], strict=True), 1):
-        # An elaboration check goes from its condition, possibly a line before the block's name, to the `end`.
+        # An elaboration check reaches from its condition, possibly a line before the block's name, to the `end`.
         begins = "gen_illegal" in text or ("gen_illegal" in following and text.lstrip().startswith("if ("))
         illegal = begins or (illegal and "end" not in text)
         code = text.split("//")[0]
@@ -118,7 +118,7 @@ def faults_of(path: Path) -> list[Fault]:
 
 
 def fate(fault: Fault, scratch: Scratch) -> str:
-    """Return a fault's fate: 'caught', with the test that failed, 'survived', or 'refused': it does not elaborate."""
+    """Return a fault's fate: 'caught' with the failed test, 'survived', or 'refused' if it does not elaborate."""
     path = Path(fault.file)
     module = path.stem.removeprefix(PREFIX)
     top = PREFIX + WITHIN.get(module, module)

@@ -9,16 +9,16 @@ from lippmann.display.description import Display, Grid, load_display
 from lippmann.fixed.build import Build
 from lippmann.fixed.words import COMPACT, WIDEST
 
-#: Shipped displays (scenes/displays) of each grid.
+#: Names of the shipped displays (scenes/displays) for each grid.
 DISPLAYS: dict[Grid, tuple[str, ...]] = {"square": ("paper-square", "uhd-8k"), "hex": ("paper-hex", "uhd-4k")}
 
-#: Viewing distance of the displays of a build with `converge`.
+#: Viewing distance, mm, of the displays for builds with `converge`.
 EYE_MM = 600.0
 
 
 @dataclass(frozen=True)
 class Named:
-    """A build with a name, and bounds of its errors: direction times min(1, 2 cos theta_t), and exit point."""
+    """A named build, and bounds of its errors: of the direction times min(1, 2 cos theta_t), and of the exit point."""
 
     name: str
     build: Build
@@ -26,7 +26,7 @@ class Named:
     promise_nm: float | None = None
 
     def displays(self, scenes: Path) -> list[Display]:
-        """Return the shipped displays of its grid, from the folder of scenes, changed so that the build traces them."""
+        """Return the shipped displays of the build's grid, adapted so that the build traces them."""
         displays = [load_display(scenes / "displays" / f"{name}.toml") for name in DISPLAYS[self.build.grid]]
         if self.build.converge:
             displays = [replace(one, name=f"{one.name}, near eye", viewing_distance_mm=EYE_MM) for one in displays]
@@ -36,14 +36,14 @@ class Named:
 
 
 def turned_over(display: Display) -> Display:
-    """Return the display with its array's plano side to the viewer, at least a focal length from the panel."""
+    """Return the display with the array's plano side to the viewer, at least a focal length from the panel."""
     array = replace(display.array, plano_side="viewer")
     gap = max(display.gap_mm, array.focal_length_mm)
     return replace(display, name=f"{display.name}, turned over", array=array, gap_mm=gap)
 
 
 def skewed(display: Display) -> Display:
-    """Return the display with rows 3 % nearer to each other, lenslets 2 % farther along them, and a shear of 5 %."""
+    """Return the display with rows 3 % closer, lenslets 2 % farther apart along the rows, and a shear of 5 %."""
     array = display.array
     px, py = array.pitches_mm
     moved = replace(array, pitch_mm=(1.02 * px, 0.97 * py), shear=0.05)

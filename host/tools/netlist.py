@@ -1,9 +1,9 @@
 """Simulates a board's netlist against its RTL: `python -m tools.netlist`.
 
-yosys makes the netlist of ECP5's cells that place-and-route gets; Verilator simulates it. Netlist and RTL get the same
-packets: every request of the protocol, a streamed frame, and a drawn scene. Every reply and every pixel must be the
-same. With --board the netlist is that of a bitstream with its pins: pixels are decoded from DVI's symbols, which must
-be the standard's, and a model of the SDRAM chip checks the data sheet.
+yosys makes the netlist of ECP5's cells, the input of place-and-route; Verilator simulates it. Netlist and RTL get the
+same packets: every request of the protocol, a streamed frame, and a drawn scene. Every reply and every pixel of both
+must be equal. With --board the netlist is that of a bitstream with its pins: pixels are decoded from DVI's symbols,
+which must be valid by the standard, and a model of the SDRAM chip checks the data sheet's rules.
 """
 
 from __future__ import annotations
@@ -54,12 +54,12 @@ from tools.flow import SYNTHESIS, SYNTHESISER, Source, run_tool
 from tools.gates import read_netlist
 from tools.program import program
 
-#: Time limit of a reply and of a frame, s: a netlist is simulated at some thousand clocks per second.
+#: Time limit of a reply and of a frame, s, because a netlist is simulated at some thousand clocks per second.
 PATIENCE_S = 1800.0
-#: Number of requests sent ahead of the replies, and rows of a layer's texels, which take few bytes on a slow line.
+#: Number of requests sent ahead of the replies, and number of a layer's texel rows (few bytes, for a slow line).
 AHEAD, ROWS = 4, 16
-#: yosys' commands that replace ECP5's cells by its own models, and make one module of single bits. It has no models of
-#: block memories, multipliers, PLLs and DDR outputs, only their ports, and no third state of a pin.
+#: yosys' commands that replace ECP5's cells by yosys' models, and make one module of single bits. yosys has no models
+#: of block memories, multipliers, PLLs and DDR outputs, only their ports, and no third state of a pin.
 CELLS = (
     "delete =$paramod*; read_verilog -lib -overwrite +/ecp5/cells_bb.v; "
     "read_verilog -overwrite -nowb -DNO_INCLUDES +/ecp5/cells_sim.v; blackbox TRELLIS_IO"
@@ -68,21 +68,21 @@ FLAT = "proc; opt -full; flatten; splitnets; opt_clean -purge; rename -hide"
 #: The simulated ULX3S (sim/netlist/ulx3s_pins.sv), and the outputs of its PLL with their dividers.
 PINS_TOP = "ulx3s_pins"
 PLL_PORTS = {"pll_clkop": "BackDiv", "pll_clkos": "ShiftDiv", "pll_clkos2": "SystemDiv", "pll_clkos3": "MemoryDiv"}
-#: Top, video and memory's grade of the boards whose pins sim/netlist/ simulates.
+#: Top module, video and memory grade of the boards whose pins sim/netlist/ simulates.
 SIMULATED = ("lipp_ulx3s", "dvi", "Grade75")
-#: The scene of the virtual board, with few texels to load.
+#: The scene build of the virtual board, with few texels to load.
 SCENE = SceneBuild(layers=2, slots=2, width=64, height=32)
 
-#: Minima and maxima of a right board's counters (None: no limit). The virtual board has those of `VIRTUAL` too, a board
-#: with its pins those of `PINS`. The reset at the end of a run breaks the timing, and cuts a frame unless it comes
-#: between two.
+#: Minima and maxima of a correct board's counters (None: no limit). The virtual board also has the counters of
+#: `VIRTUAL`, a board with pins those of `PINS`. The reset at the end of a run breaks the video timing, and truncates a
+#: frame unless it comes between two frames.
 COUNTED = {
     "clocks": (1, None), "seconds": (0, None), "processor_seconds": (0, None), "bytes_in": (1, None),
     "bytes_out": (1, None), "frames": (1, None), "broken_frames": (0, 1), "bytes_lost": (0, 0),
 }  # fmt: skip
 VIRTUAL = {"memory_violations": (0, 0)}
-#: The serialiser aligns with the first symbol after power-up, which may cut one short. The disparity of a channel since
-#: the last control symbol is at most 8 by the standard. `led` shows the last request, and is not judged.
+#: The serialiser aligns with the first symbol after power-up, which may truncate a symbol. The disparity of a channel
+#: since the last control symbol is at most 8 by the standard. `led` shows the last request, and is not checked.
 PINS = {
     "symbol_slips": (0, 1), "bad_symbols": (0, 0), "illegal_symbols": (0, 0), "largest_disparity": (1, 8),
     "timing_breaks": (1, 1), "sdram_reads": (1, None), "sdram_writes": (1, None), "sdram_violations": (0, 0),
@@ -91,7 +91,7 @@ PINS = {
 
 
 class NetlistError(LippmannError):
-    """A netlist does not do what its RTL does."""
+    """A netlist's replies or pixels differ from those of its RTL."""
 
     exit_code = 4
 
@@ -100,7 +100,7 @@ class NetlistError(LippmannError):
 
 
 def synthesised(source: Source, name: str) -> Path:
-    """Return the netlist of a design as yosys' JSON, from the cache if it is there."""
+    """Return the netlist of a design as yosys' JSON, from the cache if it contains the netlist."""
 
     def make(path: Path) -> None:
         flow.synthesise(source, path, build_folder() / "netlist" / "yosys.log")
@@ -110,7 +110,7 @@ def synthesised(source: Source, name: str) -> Path:
 
 
 def simulated(netlist: Path, top: str) -> list[Path]:
-    """Return Verilator's files of a netlist: models of its blocks, and the netlist as Verilog."""
+    """Return the files of a netlist for Verilator: models of the netlist's blocks, and the netlist as Verilog."""
 
     def make(path: Path) -> None:
         source, written = (str(one.relative_to(repository())) for one in (netlist, path))
@@ -123,7 +123,7 @@ def simulated(netlist: Path, top: str) -> list[Path]:
 
 @dataclass(frozen=True)
 class Program:
-    """A board's program, and its options of `virtual_board.start`."""
+    """A board's program, and the program's options for `virtual_board.start`."""
 
     path: Path
     options: Mapping[str, Any] = field(default_factory=dict)
@@ -153,12 +153,12 @@ class Boards:
         rtl = Program(virtual_board.compiled(display, build, True, scene=scene))
         files = simulated(netlist, top)
         program = virtual_board.compiled(display, build, True, scene=scene, memory=memory, netlist=files)
-        # All pins are timed: the simulation changes them with the clock.
+        # The check treats all pins as timed, because the simulation changes them with the clock.
         return cls(display, scene, build, rtl, Program(program), netlist, top, ("*",))
 
     @classmethod
     def of_bitstream(cls, design: Plan) -> Boards:
-        """Return a board with its pins: PLL, serial line, SDRAM chip and DVI socket."""
+        """Return a board with the parts at its pins: PLL, serial line, SDRAM chip and DVI socket."""
         netlist = synthesised(design.source, design.name)
         options = {"baud": design.board.baud, "clock_hz": round(design.pll.clocks_mhz["system"] * 1_000_000)}
         program, rtl = Program(on_pins(design, netlist), options), Program(on_pins(design), options)
@@ -167,7 +167,7 @@ class Boards:
 
 
 def on_pins(design: Plan, netlist: Path | None = None) -> Path:
-    """Return the program of a bitstream's netlist, or else of its RTL, with the parts around it on the board."""
+    """Return the program of a bitstream's netlist or RTL, with the parts around the FPGA on the board."""
     files, parameters, options = pins_source(design, netlist)
     panel, divider = design.display.panel, design.pll.parameters
     clocks = (f"X({port}, {divider[role]})" for port, role in PLL_PORTS.items())
@@ -207,7 +207,7 @@ def pins_source(design: Plan, netlist: Path | None) -> tuple[list[Path], dict[st
 
 
 class Reply(NamedTuple):
-    """A request and its reply: status and the remaining body."""
+    """A request and its reply, as status and remaining body."""
 
     kind: int
     request: bytes
@@ -216,7 +216,7 @@ class Reply(NamedTuple):
 
 
 class Patient(Board):
-    """A slow board, which gets each request once; `replies` has its replies, beginning with request 0."""
+    """A slow board, to which each request is sent once; `replies` has the board's replies from request 0 on."""
 
     def __init__(self, line: Line, patience_s: float = PATIENCE_S) -> None:
         self.replies: list[Reply] = []
@@ -229,7 +229,7 @@ class Patient(Board):
         return self._take(kind, seq, body, keep)
 
     def call_all(self, kind: int, bodies: Iterable[bytes]) -> None:
-        """Send requests, `AHEAD` of them before the replies, which come in the same order."""
+        """Send requests, up to `AHEAD` before their replies, which arrive in the order of the requests."""
         ahead: deque[tuple[int, bytes]] = deque()
         for body in bodies:
             if len(ahead) == AHEAD:
@@ -257,7 +257,7 @@ class Patient(Board):
 
 @dataclass(frozen=True)
 class Run:
-    """A board's replies, the frames that its panel showed, and its counters."""
+    """The result of a run: the board's replies, the frames that its panel showed, and its counters."""
 
     replies: list[Reply]
     frames: list[bytes]
@@ -265,7 +265,7 @@ class Run:
 
 
 def run_board(boards: Boards, program: Program, picture: Pixels, stack: LayerStack | None, drawn: bytes | None) -> Run:
-    """Send every request to a board, stream a picture, and draw a stack, whose frame has the pixels `drawn`."""
+    """Send every request to a board, stream a picture, and draw a stack of layers with the expected pixels `drawn`."""
     display = boards.display
     with tempfile.TemporaryDirectory() as work:
         folder = Path(work)
@@ -297,7 +297,7 @@ def _wait_for(folder: Path, frame: bytes) -> None:
 
 
 def _ask_registers(link: Patient, display: Display) -> None:
-    """Read the registers that do not change by themselves; write the optics."""
+    """Read the registers that do not change by themselves, and write the optics' registers."""
     link.call(Kind.READ, struct.pack("<HB", 0, 1))
     for base, last in ((OPTICS_BASE, 0x1C0), (SCENE_BASE, 0x40)):
         if base == OPTICS_BASE or link.info.version == 3:
@@ -314,7 +314,7 @@ def _ask_registers(link: Patient, display: Display) -> None:
 
 
 def _ask_rays(link: Patient, display: Display) -> None:
-    """Trace rays from all over the panel, sign those of a window, and abort."""
+    """Trace rays from all parts of the panel, sign the rays of a window, and abort."""
     rng = np.random.default_rng(3)
     panel = display.panel
     rays = np.zeros((64, 4), "<i4")
@@ -343,7 +343,7 @@ def _stream(link: Patient, picture: Pixels) -> None:
 
 
 def _ask_wrongly(link: Patient) -> None:
-    """Send requests that a board refuses, each for another reason."""
+    """Send requests that a board refuses, each for a different reason."""
     link.call(Kind.HELLO, struct.pack("<BI", 9, 1))
     link.call(0x6F, b"?")
     link.call(Kind.READ, b"\0")
@@ -355,7 +355,7 @@ def _ask_wrongly(link: Patient) -> None:
 
 
 def _draw(link: Patient, display: Display, stack: LayerStack) -> None:
-    """Load a stack, and draw it."""
+    """Load a stack of layers, and draw it."""
     scene = SceneBoard(link)
     contents = {CURVE_SLOT: build_curve_table(display).tobytes()}
     contents |= {slot: slot_bytes(layer, scene.build).tobytes() for slot, layer in enumerate(stack.layers)}
@@ -366,7 +366,7 @@ def _draw(link: Patient, display: Display, stack: LayerStack) -> None:
         answer = link.call(Kind.BLOCKS, BLOCKS_REQUEST.pack(slot, 0, len(blocks))).body[2:]
         crcs = [zlib.crc32(part) if any(part) else 0 for part in blocks]
         if answer != struct.pack(f"<{len(blocks)}I", *crcs):
-            raise NetlistError(f"the blocks of slot {slot} arrived with other CRCs; look at lipp_slot_loader")
+            raise NetlistError(f"the blocks of slot {slot} arrived with wrong CRCs; check lipp_slot_loader")
     scene.prepare(display, stack)
     link.write(SCENE_BASE + SCENE_REGISTERS["source"].address, [1])
 
@@ -394,7 +394,7 @@ def picture_for(display: Display, seed: int = 1) -> Pixels:
 
 
 def stack_for(display: Display, build: SceneBuild, seed: int = 1) -> LayerStack:
-    """Return layers behind and in front of the panel, with `ROWS` of texels, which load quickly."""
+    """Return layers behind and in front of the panel, with `ROWS` rows of texels, so that they load quickly."""
     rng = np.random.default_rng(seed)
     size = np.array([display.panel.width_mm, display.panel.height_mm])
     layers = []
@@ -410,7 +410,7 @@ def stack_for(display: Display, build: SceneBuild, seed: int = 1) -> LayerStack:
 
 
 class Comparison(NamedTuple):
-    """Pixels of the netlist's frames, how many of them differ, replies, and kinds of requests."""
+    """Numbers of pixels of the netlist's frames, of differing pixels, of replies, and of kinds of requests."""
 
     pixels: int
     differ: int
@@ -419,7 +419,7 @@ class Comparison(NamedTuple):
 
 
 def compare(boards: Boards) -> tuple[Comparison, Run, Run]:
-    """Run the netlist and the RTL, and compare them and the twin; raise NetlistError for the first other reply."""
+    """Run and compare the netlist, the RTL and the twin; raise NetlistError for the first reply that differs."""
     display, scene = boards.display, boards.scene
     picture = picture_for(display)
     stack = None if scene is None else stack_for(display, scene)
@@ -430,7 +430,7 @@ def compare(boards: Boards) -> tuple[Comparison, Run, Run]:
             what = f"request {one.kind:02x} {one.request[:8].hex()} is answered {one.status} {one.body[:16].hex()}"
             raise NetlistError(f"{what}, by the RTL {other.status} {other.body[:16].hex()}")
     if len(netlist.replies) != len(rtl.replies):
-        raise NetlistError(f"{len(netlist.replies)} requests are answered, by the RTL {len(rtl.replies)}")
+        raise NetlistError(f"{len(netlist.replies)} requests are answered, but {len(rtl.replies)} by the RTL")
     differ = pixels = 0
     others = [np.frombuffer(frame, np.uint8).reshape(-1, 3) for frame in rtl.frames]
     for frame in netlist.frames:
@@ -439,13 +439,13 @@ def compare(boards: Boards) -> tuple[Comparison, Run, Run]:
         pixels += len(values)
     missing = len(set(rtl.frames) - set(netlist.frames))
     if missing:
-        raise NetlistError(f"{missing} frames that the RTL shows are not shown")
+        raise NetlistError(f"{missing} frames of the RTL are not shown by the netlist")
     kinds = len({reply.kind for reply in netlist.replies})
     return Comparison(pixels, differ, len(netlist.replies), kinds), netlist, rtl
 
 
 def wrong_counts(counts: Mapping[str, Any]) -> list[str]:
-    """Describe each counter of a run that is out of its limits, is missing, or has no limits."""
+    """Return a line for each counter of a run that exceeds its limits, is missing, or has no limits."""
     limits = COUNTED | (PINS if PINS.keys() & counts.keys() else VIRTUAL)
     wrong = [f"{name} is not counted" for name in limits if name not in counts]
     for name, value in counts.items():
@@ -468,18 +468,18 @@ def main(
     size: tuple[int, int] | None = option("Another size of the panel, pixels.", None, click.IntRange(8), nargs=2),
     layers: int = option("Layers of a bitstream.", 4, click.IntRange(0, 8)),
 ) -> None:
-    """Synthesise a board, simulate its netlist beside its RTL, and compare replies and pixels; exit 4 when they differ.
+    """Synthesise a board, simulate its netlist beside its RTL, compare replies and pixels; exit with 4 on a difference.
 
-    What either board counts is judged too, such as violations of the SDRAM's data sheet and illegal symbols of DVI.
+    The counters of both boards are checked too, such as violations of the SDRAM's data sheet and illegal DVI symbols.
 
     Example: python -m tools.netlist --board ulx3s
     """
     if board is not None and memory is not None:
-        raise input_error("--memory", f"{board} has its frames in its SDRAM", "leave out --memory, or --board")
+        raise input_error("--memory", f"{board} stores frames in its SDRAM", "omit --memory or --board")
     fpga = None if board is None else fpga_board(board)
     if fpga is not None and (own := (fpga.top, fpga.video, fpga.memory.grade)) != SIMULATED:
         what = f"it has {', '.join(own)}; simulated are {', '.join(SIMULATED)}"
-        raise input_error(f"--board {board}", what, "take ulx3s, or leave it out")
+        raise input_error(f"--board {board}", what, "choose ulx3s, or omit --board")
     display = load_display(path)
     display = small(display, *size) if size else display
     if fpga is None:

@@ -1,7 +1,8 @@
-"""Lippmann against POV-Ray: picture and time of the same scene through the same optics (`tools.bench peers`).
+"""Compares Lippmann with POV-Ray: picture and time of one scene through the same optics (`tools.bench peers`).
 
-Pictures have one ray through each pixel's centre. Times are those of a scene of five lights, anti-aliased by POV-Ray
-with threshold 0.3, and by Lippmann with the same noise: the rms difference, in 8-bit sRGB levels, from many samples.
+The pictures have one ray through each pixel's centre. The times are those of a scene with five lights, anti-aliased by
+POV-Ray with threshold 0.3, and by Lippmann to the same noise. Noise is the rms difference, in 8-bit sRGB levels, from a
+picture of many samples.
 """
 
 from __future__ import annotations
@@ -46,33 +47,32 @@ from tools.report_plots import make_page
 from tools.seed import ANTIALIAS, SETUPS, fastest, load_for, with_window
 from tools.shading_speed import every_strip, rows_of_strips
 
-#: Sides of the windows whose pictures are compared, and that is timed, px.
+#: Side of the windows whose pictures are compared, px, and side of the timed window, px.
 PICTURE_PX, TIME_PX = 600, 2400
-#: Samples of the reference picture for noise, and candidate numbers of samples.
+#: Number of samples of the reference picture for the noise, and candidate numbers of samples.
 REFERENCE_SAMPLES = 256
 TRIED_SAMPLES = (1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 12, 16, 24, 32)
-#: Smaller differences, of 255, do not count.
+#: Differences up to this 8-bit level do not count.
 THRESHOLD = 2.0
 #: Noise is measured in every sixteenth strip of eight rows.
 EVERY_STRIP, STRIP_ROWS = 16, 8
-#: Distances, px, and number of directions of the rays that find outlines near a ray.
+#: Distances, px, and number of directions of the displaced rays that find outlines near a ray.
 OUTLINE_PX, OUTLINE_DIRECTIONS = (0.1, 0.25, 0.5), 16
-#: Side of the part of the pictures on the page, px, and the difference that is white on its maps.
+#: Side of the part of the pictures that the page shows, px, and the difference that is white on the page's maps.
 SHOWN_PX, MAP_WHITE = 300, 32.0
-#: Repeats of the times of complete processes.
+#: Number of repeats of each timing of a complete process.
 WHOLE_ROUNDS = 3
-#: The folder of POV-Ray's files and pictures.
 WORK = Path("out/peers")
 
 Mask = npt.NDArray[np.bool_]
 
 
 def shifted(source: RaySource, shift_px: tuple[float, float]) -> RaySource:
-    """Return a picture whose rays go through points beside those of its samples."""
+    """Return a picture whose rays pass through points displaced from the points of its samples."""
     mi = mitsuba()
     import drjit as dr
 
-    # Opaque: a literal would be compiled in, each time anew.
+    # An opaque value, because a literal would be compiled into a new program each time.
     du, dv = (dr.opaque(mi.Float, shift) for shift in shift_px)
 
     def lines(b: Any, u: Any, v: Any, square: Any) -> Lines:
@@ -82,7 +82,7 @@ def shifted(source: RaySource, shift_px: tuple[float, float]) -> RaySource:
 
 
 def around(scene: Scene, source: RaySource, distances_px: Sequence[float] = OUTLINE_PX) -> npt.NDArray[np.float32]:
-    """Render along rays beside the pixel centres; (distances, directions, height, width, 3)."""
+    """Render rays displaced from the pixel centres; return (distances, directions, height, width, 3)."""
 
     def render(distance: float, direction: int) -> Radiance:
         angle = math.tau * direction / OUTLINE_DIRECTIONS
@@ -95,13 +95,13 @@ def around(scene: Scene, source: RaySource, distances_px: Sequence[float] = OUTL
 def compare(
     theirs: Radiance, ours: Radiance, surroundings: npt.NDArray[np.float32], setup: Setup
 ) -> tuple[dict[str, Any], npt.NDArray[np.float32]]:
-    """Return the row of differences between POV-Ray's picture and ours, and their map.
+    """Return the row of differences between POV-Ray's picture and ours, and the map of differences.
 
-    `surroundings` are `around` ours. Differences are the largest of the three colours, in 8-bit sRGB levels. The
-    fraction `differing` of all pixels exceeds THRESHOLD. Fractions of these are: `displaced`, each value within the
-    other picture's values one pixel around; `outlines`, POV-Ray's value within ours 0.1 px around, and `near_outlines`,
-    0.5 px around; `seams`, within a pixel of a lenslet's edge, or with a lost ray. The fraction `unexplained` of all
-    pixels differs for another reason.
+    `surroundings` is the result of `around` for our picture. Differences are the maximum over the three colours, in
+    8-bit sRGB levels. The fraction `differing` of all pixels exceeds THRESHOLD. Fractions of these pixels are:
+    `displaced`, each value within the other picture's values one pixel around; `outlines`, POV-Ray's value within ours
+    0.1 px around, and `near_outlines`, 0.5 px around; `seams`, within a pixel of a lenslet's edge, or with a lost ray.
+    The fraction `unexplained` of all pixels differs for none of these reasons.
     """
     a, b = (255.0 * encode(picture, "srgb") for picture in (theirs, ours))
     difference = np.abs(a - b).max(axis=-1)
@@ -123,18 +123,18 @@ def compare(
 
 
 def _among_neighbours(a: Radiance, b: Radiance) -> Mask:
-    """Tell which values of a lie within those of b one pixel around, to THRESHOLD."""
+    """Return which values of a lie, to THRESHOLD, within the range of b's values up to one pixel away."""
     low, high = (extreme(b, (3, 3, 1), mode="nearest") for extreme in (ndimage.minimum_filter, ndimage.maximum_filter))
     return _within(a, low, high)
 
 
 def _within(a: Radiance, low: Radiance, high: Radiance) -> Mask:
-    """Tell which colours lie in a range, to THRESHOLD."""
+    """Return which colours lie, to THRESHOLD, in a range."""
     return np.asarray(((a >= low - THRESHOLD) & (a <= high + THRESHOLD)).all(axis=-1))
 
 
 def near_seams(setup: Setup) -> Mask:
-    """Tell which pixels are within a pixel of a lenslet's edge, or have a lost ray."""
+    """Return which pixels are within a pixel of a lenslet's edge, or have a lost ray."""
     panel = setup.display.panel
     row, column = np.mgrid[0 : panel.height_px, 0 : panel.width_px]
     u, v = column.ravel() + 0.5, row.ravel() + 0.5
@@ -148,7 +148,7 @@ def near_seams(setup: Setup) -> Mask:
 
 
 class Pair(NamedTuple):
-    """The row of differences, POV-Ray's picture and ours, and the map of differences, (height, width), of 255."""
+    """The row of differences, POV-Ray's picture and ours, and the map of 8-bit differences, (height, width)."""
 
     row: Mapping[str, Any]
     theirs: Radiance
@@ -177,7 +177,7 @@ def noise_of(picture: Radiance, reference: Radiance) -> float:
 
 
 def samples_for(scene: Scene, setup: Setup, theirs: Radiance) -> tuple[int, float, float]:
-    """Return the minimum of samples for no more noise than POV-Ray's, and the noise of POV-Ray and Lippmann."""
+    """Return the minimum number of samples with no more noise than POV-Ray's, and the noise of both programs."""
 
     def rows(samples: int, seed: int) -> Radiance:
         source = every_strip(capture_source(setup), EVERY_STRIP, STRIP_ROWS)
@@ -193,10 +193,11 @@ def samples_for(scene: Scene, setup: Setup, theirs: Radiance) -> tuple[int, floa
 
 
 def compare_times(scenes: Path, work: Path) -> dict[str, Any]:
-    """Time the scene of five lights at the same noise, 2400 x 2400 pixels through lenslets of 1 mm.
+    """Time both programs at equal noise on the scene of five lights, 2400 x 2400 pixels through lenslets of 1 mm.
 
-    `povray` is its run; `seconds` (wall clock), `cpu_seconds` (of all threads) and `samples` per pixel are Lippmann's.
-    `whole` has median wall-clock times of processes, `ratio` is POV-Ray's CPU seconds over ours.
+    `povray` is POV-Ray's run; `seconds` (wall clock), `cpu_seconds` (of all threads) and `samples` per pixel are
+    Lippmann's. `whole` contains median wall-clock times of complete processes; `ratio` is POV-Ray's CPU seconds divided
+    by ours.
     """
     setup = load_setup(scenes / f"setups/{SETUPS['square']}.toml")
     setup = with_window(setup, TIME_PX, 1.0)
@@ -213,7 +214,7 @@ def compare_times(scenes: Path, work: Path) -> dict[str, Any]:
 
 
 def _processes(scenes: Path, exported: Exported, samples: int) -> dict[str, Callable[[], float]]:
-    """Return functions that run complete processes and return their seconds."""
+    """Return functions, each of which runs a complete process and returns the process's seconds."""
     setup, scene = scenes / f"setups/{SETUPS['square']}.toml", scenes / "seed/full.xml"
     words = [sys.executable, "-m", "lippmann", "capture", str(scene), "--setup", str(setup), "--samples", str(samples)]
 
@@ -229,7 +230,7 @@ def _processes(scenes: Path, exported: Exported, samples: int) -> dict[str, Call
 
 
 def draw_pair(pair: Pair) -> Plot:
-    """Draw the middle of both pictures and of the map of their differences, side by side."""
+    """Draw the middle parts of both pictures and of the map of their differences, side by side."""
     height, width = pair.where.shape
     side = min(SHOWN_PX, height, width)
     middle = (slice((height - side) // 2, (height + side) // 2), slice((width - side) // 2, (width + side) // 2))
@@ -250,7 +251,7 @@ def page(origin: Mapping[str, str], pairs: Sequence[Pair], times: Mapping[str, A
 
 @measurement(page="peers")
 def peers(bench: MeasurementRun) -> tuple[Mapping[str, Any], Page]:
-    """Compare picture and time with POV-Ray, whose pictures are cached in out/peers.
+    """Compare Lippmann's picture and time with POV-Ray's; POV-Ray's pictures are cached in out/peers.
 
     Example: python -m tools.bench peers
     """

@@ -1,9 +1,9 @@
-"""Dividers of an ECP5's PLL (EHXPLLL) for the clocks of a panel: system (a pixel each), shift and memory.
+"""Computes dividers of an ECP5's PLL (EHXPLLL) for a panel's clocks: system (a pixel per clock), shift and memory.
 
     VCO = oscillator / input_div * back_div
 
-Each output is the VCO by its own divider; that of back_div is fed back. Limits are those of the data sheet of ECP5 and
-ECP5-5G (FPGA-DS-02012), MHz.
+Each output is the VCO frequency divided by the output's divider; the output of back_div is fed back. The limits, in
+MHz, are those of the data sheet of ECP5 and ECP5-5G (FPGA-DS-02012).
 """
 
 from __future__ import annotations
@@ -14,17 +14,17 @@ from fractions import Fraction
 
 from lippmann.errors import InputError, input_error
 
-#: A minimum and a maximum.
+#: A minimum and a maximum frequency, MHz.
 Span = tuple[Fraction, Fraction]
 INPUT_MHZ = (8, 400)
 PHASE_DETECTOR_MHZ = (10, 400)
 VCO_MHZ = (Fraction(400), Fraction(800))
 #: Maximum of each divider; the minimum is 1.
 MAX_DIVIDER = 128
-#: Relative error of a pixel clock. Monitors follow this much, and the phase detector's limit leaves no finer steps from
-#: 25 MHz: 1280 x 720 gets 75 MHz, not 74.25 (+1.0 %), 640 x 480 gets 25 MHz, not the 25.2 of 60 frames per second.
+#: Maximum relative error of a pixel clock. Monitors accept this error, and the phase detector's limit allows no finer
+#: steps from 25 MHz: 1280 x 720 gets 75 MHz, not 74.25 (+1.0 %), 640 x 480 gets 25 MHz, not the 25.2 of 60 Hz.
 TOLERANCE = Fraction(11, 1000)
-#: Shift clocks per pixel: ten bits on a pair of DVI's wires, two in each clock.
+#: Number of shift clocks per pixel: ten bits on each pair of DVI wires, with two bits per clock.
 SHIFT_CLOCKS = 5
 
 
@@ -41,12 +41,12 @@ class Pll:
 
     @property
     def vco_mhz(self) -> Fraction:
-        """Frequency of the internal oscillator."""
+        """Frequency, MHz, of the internal oscillator."""
         return self.oscillator_mhz / self.input_div * self.back_div
 
     @property
     def clocks_mhz(self) -> dict[str, Fraction]:
-        """Frequencies of the outputs."""
+        """Frequencies, MHz, of the outputs."""
         names = ("shift", "system", "memory")
         return {name: self.vco_mhz / getattr(self, f"{name}_div") for name in names}
 
@@ -69,8 +69,8 @@ def solve(
 ) -> Pll:
     """Return dividers with a pixel clock within `TOLERANCE` of `pixel_mhz`, at most `fastest_mhz`.
 
-    The best have the fastest memory clock, within `memory_mhz`, then the fastest phase detector, which makes the least
-    jitter, then the nearest pixel clock. `dvi`: with `SHIFT_CLOCKS` per pixel. Raises InputError without such dividers.
+    The best dividers have the fastest memory clock within `memory_mhz`, then the fastest phase detector (it has minimum
+    jitter), then the nearest pixel clock. `dvi` needs `SHIFT_CLOCKS` per pixel. Raises InputError if none exist.
     """
     if not INPUT_MHZ[0] <= oscillator_mhz <= INPUT_MHZ[1]:
         what = f"an oscillator of {float(oscillator_mhz):g} MHz cannot drive the PLL"
@@ -80,7 +80,7 @@ def solve(
     if not candidates:
         clocks = "beside one of {:.0f} to {:.0f} MHz".format(*map(float, memory_mhz))
         what = f"the PLL has no pixel clock within {float(TOLERANCE):.1%} {clocks}"
-        raise input_error(f"{float(pixel_mhz):.3f} MHz", what, "choose another size of panel")
+        raise input_error(f"{float(pixel_mhz):.3f} MHz", what, "choose another panel size")
 
     def rank(pll: Pll) -> tuple[Fraction, ...]:
         clocks = pll.clocks_mhz
@@ -106,7 +106,7 @@ def _candidates(pixel_mhz: Span, oscillator_mhz: Fraction, memory_mhz: Span, dvi
 
 
 def panel_pixel_mhz(width: int, height: int, timing: tuple[int, ...], rate_hz: int = 60) -> Fraction:
-    """Return the pixel clock, MHz, of a panel in pixels, with the porches and syncs of `virtual_board.TIMING`."""
+    """Return the pixel clock, MHz, of a panel with the porches and syncs of `virtual_board.TIMING`; sizes in pixels."""
     h_front, h_sync, h_back, v_front, v_sync, v_back = timing[:6]
     total = (width + h_front + h_sync + h_back) * (height + v_front + v_sync + v_back)
     return Fraction(total * rate_hz, 1_000_000)

@@ -1,4 +1,4 @@
-"""Runs POV-Ray on what `lippmann export povray` writes, and measures its time."""
+"""Runs POV-Ray on the files that `lippmann export povray` writes, and measures POV-Ray's time."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ from lippmann.scenes.scene import Scene
 
 @dataclass(frozen=True)
 class Run:
-    """Cost of a run of POV-Ray with parsing: wall-clock seconds, and processor seconds of all threads."""
+    """The cost of a POV-Ray run including parsing: wall-clock seconds, and processor seconds of all threads."""
 
     command: str
     seconds: float
@@ -34,7 +34,7 @@ class Run:
 
 
 def run_povray(ini: Path, *options: str) -> Run:
-    """Render an .ini file with further options; raise InputError with POV-Ray's first error."""
+    """Render an .ini file with additional options; raise InputError with POV-Ray's first error."""
     command = [str(POVRAY.path()), ini.name, *options]
     before, started = resource.getrusage(resource.RUSAGE_CHILDREN), time.perf_counter()
     result = run_program(command, folder=ini.parent)
@@ -43,7 +43,7 @@ def run_povray(ini: Path, *options: str) -> Run:
     if result.returncode != 0:
         errors = [line.strip() for line in result.stderr.splitlines() if "error" in line.lower()]
         first = errors[0] if errors else "it ended without a message"
-        raise input_error(str(ini), f"POV-Ray refuses it ({first})", "export it again")
+        raise input_error(str(ini), f"POV-Ray refuses the file ({first})", "export it again")
     cpu = after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
     return Run(" ".join(["povray", ini.name, *options]), seconds, cpu)
 

@@ -1,4 +1,4 @@
-"""Rates of golden and fast (`tools.bench trace`), and of the simulated RTL beside the twin (`tools.bench rtl`)."""
+"""Measures the rates of golden and fast (`tools.bench trace`), and of simulated RTL and twin (`tools.bench rtl`)."""
 
 from __future__ import annotations
 
@@ -32,14 +32,14 @@ TRACE_PLAN = Plan(displays=("paper-square", "paper-hex", "uhd-8k"), timed_rays=2
 TRACED: tuple[tuple[Model, Aperture], ...] = (*((model, "chief") for model in MODELS), ("exact", "full"))
 #: Columns of the errors, and those of `measure_rays`.
 ERRORS = {"max_direction_urad": "own_max_urad", "rms_direction_urad": "own_rms_urad", "max_origin_nm": "own_max_nm"}
-#: Rays of a run, runs of `bench rtl`, of which the fastest counts, and frames that the board scans out.
+#: Rays per run, runs of `bench rtl` (the fastest counts), and frames that the board scans out.
 RAYS, RUNS, FRAMES = 1_000_000, 3, 10
-#: The panels: a board's, and for the bare drawing a larger one, where loading the textures counts little.
+#: The board's panel, and a larger panel for drawing without a board, where loading the textures takes little time.
 BOARD_DISPLAY, DISPLAY = "vga-square", "paper-square"
 
 
 def measure_trace(scenes: Path, seed: int, plan: Plan = TRACE_PLAN) -> Iterator[dict[str, Any]]:
-    """Yield the rates of golden and fast on the plan's displays, and fast's errors over the `compared` rays."""
+    """Yield the rates of golden and fast on the plan's displays, and fast's errors over `compared` rays."""
     for display in plan.load_displays(scenes):
         for model, aperture in TRACED:
             golden, fast = measure_rays(display, aperture, (0.0, 0.0), [model], ["golden", "fast"], plan, seed)
@@ -52,7 +52,7 @@ def measure_trace(scenes: Path, seed: int, plan: Plan = TRACE_PLAN) -> Iterator[
 
 
 def measure_rtl(scenes: Path, seed: int) -> Iterator[dict[str, Any]]:
-    """Yield the rates of exact builds of two word lengths, with cross terms in logic or cells, and of the drawing."""
+    """Yield the rates of exact builds of two word lengths, with cross terms in logic or multipliers, and of drawing."""
     for name in ("paper-square", "paper-hex"):
         display = load_display(scenes / f"displays/{name}.toml")
         for bits, cells in itertools.product((WIDEST, COMPACT), (False, True)):
@@ -70,7 +70,7 @@ def measure_rtl(scenes: Path, seed: int) -> Iterator[dict[str, Any]]:
 
 
 def board(display: Display, stack: LayerStack, build: SceneBuild, frames: int) -> dict[str, Any]:
-    """Draw on a virtual board, compare the last of some frames with the twin's, and count all pixels and clocks."""
+    """Draw frames on a virtual board, compare the last one with the twin's, and count all frames' pixels and clocks."""
     with capturing(display, build) as captured:
         scene = SceneBoard(captured.board)
         textures = {slot: slot_bytes(layer, build).tobytes() for slot, layer in enumerate(stack.layers)}
@@ -102,7 +102,7 @@ def rendered(display: Display, stack: LayerStack, build: SceneBuild, threads: in
 def _row(
     display: Display, simulated: str, threads: int, pixels: int, times: Sequence[float], clocks: int | None, differ: Any
 ) -> dict[str, Any]:
-    """Return the row of pixels simulated in `times`: wall-clock and processor seconds."""
+    """Return the row of pixels that were simulated in `times` (wall-clock seconds, processor seconds)."""
     names = ("pixels_per_second", "pixels_per_processor_second")
     rates = {name: pixels / seconds for name, seconds in zip(names, times, strict=True)}
     row = {"display": display.name, "simulated": simulated, "processors": threads, "pixels": pixels, **rates}

@@ -1,4 +1,4 @@
-"""The renderer: noise, growth, stages, and rate against Mitsuba's own camera (`tools.bench render`, `stages`)."""
+"""Measures the renderer's noise, growth, stages, and rate against Mitsuba's camera (`tools.bench render`, `stages`)."""
 
 from __future__ import annotations
 
@@ -38,31 +38,31 @@ if TYPE_CHECKING:
 
     from tools.full_report import Plan
 
-#: A function that returns its seconds.
+#: A function that returns its duration in seconds.
 Work = Callable[[], float]
-#: An integrator's result for samples: light, validity, and further values.
+#: An integrator's result for its samples: light, validity, and further values.
 Light = tuple[Any, Any, list[Any]]
 
 INTEGRATORS = ("lights", "direct", "path")
 #: The integrator of the reference picture.
 REFERENCE = "path"
-#: Triangles of the scenes with a growing number of lights, and lights of those with a growing number of triangles.
+#: Number of triangles while the number of lights grows, and number of lights while the number of triangles grows.
 TRIANGLES, LIGHTS = 20_000, 2
-#: Repeats of `tools.bench render`, and the distance of its perspective camera, whose field is the display's window.
+#: Repeats of `tools.bench render`, and the distance, mm, of its perspective camera, whose field covers the display.
 ROUNDS, CAMERA_MM = 3, 600.0
-#: Displays and samples per pixel: of renders in their own process, and of stages; larger ones for a GPU.
+#: Displays and samples per pixel of renders in a separate process, and of stages; a GPU has larger ones.
 SEPARATE = (("paper-square", 4), ("paper-hex", 4), ("uhd-4k", 1), ("uhd-8k", 1))
 CPU_RENDERS = (("paper-square", 4), ("uhd-4k", 1))
 GPU_RENDERS = (*CPU_RENDERS, ("uhd-4k", 16))
-#: Integrators of one more stage each, by the stage's name.
+#: Integrators, each with one more stage, keyed by the stage's name.
 STAGES = {"optics": "nothing", "camera": "first_hit", "shading": "unshadowed", "shadows": "lights"}
-#: Results of a render's process: times in their order, and those of `tools.bench render`.
+#: Results of a render process: its times in order, and the results that `tools.bench render` reports.
 PROCESS = ("start_seconds", "load_seconds", "prepare_seconds", "seconds", "write_seconds")
 RENDER_KEYS = ("seconds", "prepare_seconds", "samples_per_second", "peak_memory_mb")
 
 
 def gpu_name() -> str:
-    """Return the GPUs' names by nvidia-smi; "" without it."""
+    """Return the GPUs' names from nvidia-smi; "" without it."""
     program = shutil.which("nvidia-smi")
     if program is None:
         return ""
@@ -85,7 +85,7 @@ def timed(scene: Scene, display: Display, settings: Settings, pictures: list[Rad
 
 
 def noise_levels(one: Radiance, other: Radiance) -> float:
-    """Return a pixel's standard deviation, 8-bit sRGB levels; two renders' difference has twice the variance."""
+    """Return a pixel's standard deviation in 8-bit sRGB levels; the difference of two renders doubles the variance."""
     apart = 255.0 * (encode(one, "srgb").astype(np.float64) - encode(other, "srgb"))
     return float(np.sqrt((apart**2).mean() / 2.0))
 
@@ -114,19 +114,19 @@ def measure_noise(scenes: Path, plan: Plan, seed: int) -> Figures:
 
 
 def resized(display: Display, across: int) -> Display:
-    """Return the display with `across` pixels over the width of the same window."""
+    """Return the display with `across` pixels over the unchanged width in mm."""
     return replace(display, panel=display.panel.with_columns(across))
 
 
 def with_pitch(array: Array, pitch_mm: float) -> Array:
-    """Return an array of lenslets of the same shape with another pitch."""
+    """Return an array of lenslets of unchanged shape, scaled to another pitch."""
     factor = pitch_mm / array.pitches_mm[0]
     radius_mm, thickness_mm = array.radius_mm * factor, array.thickness_mm * factor
     return replace(array, pitch_mm=array.pitch_of(pitch_mm), radius_mm=radius_mm, thickness_mm=thickness_mm)
 
 
 def with_lenslets_across(display: Display, across: int) -> Display:
-    """Return the display with `across` lenslets of the same shape over the width of the same window."""
+    """Return the display with `across` lenslets of unchanged shape over the unchanged width in mm."""
     array = with_pitch(display.array, display.panel.width_mm / (across - 0.4))
     return replace(display, array=array, gap_mm=display.gap_mm * array.pitches_mm[0] / display.array.pitches_mm[0])
 
@@ -159,7 +159,7 @@ def waves(triangles: int, lights: int) -> Scene:
 
 
 def measure_growth(scenes: Path, plan: Plan, seed: int) -> Figures:
-    """Time renders of growing size, those of one kind in turn."""
+    """Time renders of growing size; the renders of one kind of growth take turns."""
     path = scenes / f"{plan.scene}/{plan.scene}.xml"
     scene, display = load_scene(path), load_display(scenes / "displays/paper-square.toml")
     small = resized(display, plan.growth_px)
@@ -195,12 +195,12 @@ def measure_growth(scenes: Path, plan: Plan, seed: int) -> Figures:
 
 
 def exponent(sizes: Sequence[float], values: Sequence[float]) -> float | None:
-    """Return the power of the size with which values grow, by a fit of their logarithms; None for one size."""
+    """Return the exponent with which values grow with the size, fitted to logarithms; None for one size."""
     return float(np.polyfit(np.log(sizes), np.log(values), 1)[0]) if len(sizes) > 1 else None
 
 
 def powers_of(growth: Figures) -> dict[str, float]:
-    """Return the power of each kind of size with which the render time grows."""
+    """Return the exponent with which the render time grows, for each kind of size."""
     kinds = groups(growth.rows, "with")
     powers = {rows[0]["with"]: exponent(values(rows, "size"), values(rows, "relative")) for rows in kinds}
     return {name: power for name, power in powers.items() if power is not None}
@@ -211,7 +211,7 @@ def _pixels(display: Display) -> int:
 
 
 def _with_threads(count: int, work: Work) -> Work:
-    """Return the work, done by a number of threads."""
+    """Return a function that runs the work with a number of threads."""
     import drjit as dr
 
     def limited() -> float:
@@ -226,7 +226,7 @@ def _with_threads(count: int, work: Work) -> Work:
 
 
 def _memory(device: str, scene: Path, displays: Sequence[Display], rounds: int) -> dict[int, Measured]:
-    """Return the peak memory (MB) of renders by number of pixels, each in its own process, two at a time."""
+    """Return the peak memory (MB) of renders, keyed by number of pixels; each has a process, two run at once."""
 
     def peak(display: Display) -> float:
         with TemporaryDirectory() as folder:
@@ -242,7 +242,7 @@ def _memory(device: str, scene: Path, displays: Sequence[Display], rounds: int) 
 def separately(
     device: str, scene: Path, display: Path, samples: int, keys: Sequence[str] = RENDER_KEYS
 ) -> dict[str, Any]:
-    """Render with the exact model by the command line; return some of its results. Raises LippmannError if it fails."""
+    """Render with the exact model by the command line; return some results. Raises LippmannError on failure."""
     with TemporaryDirectory() as folder:
         words = ["render", str(scene), "--display", str(display), "--model", "exact", "--samples", str(samples)]
         words += ["--device", device, "-o", f"{folder}/out.exr", "--json"]
@@ -250,19 +250,19 @@ def separately(
         run = subprocess.run(command, check=False, capture_output=True, text=True)
     if run.returncode:
         message = run.stderr.strip().splitlines()[-1:]
-        raise LippmannError(f"{scene} for {display}: rendering in a process of its own failed: {message}")
+        raise LippmannError(f"{scene} for {display}: rendering in a separate process failed: {message}")
     return {key: json.loads(run.stdout)[key] for key in keys}
 
 
 def compared(**works: Work) -> tuple[dict[str, float], list[float]]:
-    """Time two works in turn; return their medians, and the ratio of the first to the second in each round."""
+    """Time two functions in turn; return both medians, and the ratio of the first to the second in each round."""
     times = in_turn(works, ROUNDS)
     ratios = [a / b for a, b in zip(*times.values(), strict=True)]
     return {name: float(np.median(seconds)) for name, seconds in times.items()}, ratios
 
 
 def lenslet_growth(scene: Scene, display: Display, settings: Settings) -> dict[str, float]:
-    """Time a window behind the display's lenslets (102 x 102 on paper-square) and behind 11 x 11."""
+    """Time a window behind the display's lenslets (102 x 102 on paper-square) and behind 11 x 11 lenslets."""
     seconds, ratios = compared(
         seconds_10404_lenslets=timed(scene, display, settings),
         seconds_121_lenslets=timed(scene, with_lenslets_across(display, 11), settings),
@@ -271,7 +271,7 @@ def lenslet_growth(scene: Scene, display: Display, settings: Settings) -> dict[s
 
 
 def against_perspective(scene: Scene, display: Display, settings: Settings) -> dict[str, float]:
-    """Time an integral render against Mitsuba's perspective sensor, with the same settings and pixels."""
+    """Time an integral render against Mitsuba's perspective sensor, with equal settings and number of pixels."""
     mi = mitsuba()
     import drjit as dr
 
@@ -322,7 +322,7 @@ def _label(display: str, samples: int) -> str:
 
 
 def register_stages() -> None:
-    """Register integrators that end early: after the optics, after the camera rays' hits, and without shadows."""
+    """Register integrators that end early: after the optics, after the primary rays' hits, or before shadows."""
     mi = mitsuba()
     import drjit as dr
 
@@ -330,7 +330,7 @@ def register_stages() -> None:
 
     class Nothing(base):  # type: ignore[misc]
         def sample(self, scene: Any, sampler: Any, ray: Any, medium: Any = None, active: Any = True) -> Light:
-            # Uses all of the ray, so that the compiler removes none of the optics.
+            # The result uses every part of the ray, so that the compiler keeps all optics.
             return mi.Spectrum(ray.d.x + ray.d.y + ray.d.z + ray.o.x + ray.o.y), active, []
 
     class FirstHit(base):  # type: ignore[misc]
@@ -353,7 +353,7 @@ def register_stages() -> None:
 
 
 def stages(scene: Scene, display: Display, settings: Settings) -> dict[str, float]:
-    """Time renders of one more stage each, in turn, without compilation; `shared`: all, with the irradiance cache."""
+    """Time renders, each with one more stage, in turn, without compilation; `shared` uses the irradiance cache."""
     register_stages()
     each = replace(settings, shading="each")
     works = {stage: timed(scene, display, replace(each, integrator=integrator)) for stage, integrator in STAGES.items()}
@@ -376,15 +376,15 @@ def measure_stages(scenes: Path, seed: int) -> Iterator[dict[str, Any]]:
         yield {"what": _label(name, samples), "gpu": gpu, **within, **process}
 
 
-#: Labels of sizes that differ from the names in the rows.
+#: Labels of the sizes whose label differs from the name in the rows.
 GROWTH = {"triangles": "primitives (triangles)", "samples": "samples a pixel"}
 
 
 def draw_renderer(data: Figures) -> Plot:
-    """Draw the render time against noise and against PSNR."""
+    """Draw the render time against noise, and against PSNR."""
     picture, axes = make_axes(1, 2)
     for axis, key in zip(axes[0], ("noise", "psnr_db"), strict=True):
-        # A picture without random numbers has no noise, and no place on the logarithmic axis.
+        # A picture without random numbers has no noise, and so no position on the logarithmic axis.
         draw_lines(axis, [row for row in data.rows if row[key].median > 0.0], "integrator", "seconds", key)
     axes[0][0].set(xscale="log", yscale="log", xlabel="seconds", ylabel="noise, levels of 255")
     axes[0][1].set(xscale="log", xlabel="seconds", ylabel=f"PSNR against {REFERENCE}, dB")
@@ -392,7 +392,7 @@ def draw_renderer(data: Figures) -> Plot:
 
 
 def draw_growth(data: Figures) -> Plot:
-    """Draw the render time over each size, and memory over pixels."""
+    """Draw the render time against each size, and memory against the number of pixels."""
     picture, axes = make_axes(2, 4, (3.2, 2.8))
     free = iter(axes.ravel())
     for rows in groups(data.rows, "with"):
@@ -403,7 +403,7 @@ def draw_growth(data: Figures) -> Plot:
         axis.plot(sizes, times, "o-", color=COLOURS[0])
         axis.plot(sizes, ideal, "--", color="grey", linewidth=1)
         middle = float(np.exp(np.log(times).mean()))
-        # At least a decade, so that noise does not look like growth.
+        # The axis spans at least a decade, so that noise does not look like growth.
         limits = (min(0.7 * times.min(), middle / 3.2), max(1.4 * times.max(), middle * 3.2))
         axis.set(xscale="log", yscale="log", ylabel="seconds", ylim=limits)
         _mark_sizes(axis, sizes, GROWTH.get(name, name))
@@ -418,14 +418,14 @@ def draw_growth(data: Figures) -> Plot:
 
 
 def _mark_sizes(axis: Axes, sizes: Sequence[float], label: str) -> None:
-    """Put ticks at the measured sizes only."""
+    """Put axis ticks at the measured sizes only."""
     axis.set_xlabel(label)
     axis.set_xticks(sizes, [size_label(size) for size in sizes], fontsize=8)
     axis.set_xticks([], minor=True)
 
 
 def size_label(size: float) -> str:
-    """Return a size in three digits with a prefix, so that labels do not overlap."""
+    """Return a size with three digits and a prefix such as k, so that labels do not overlap."""
     from matplotlib.ticker import EngFormatter
 
     return str(EngFormatter(sep="")(float(f"{size:.3g}")))

@@ -17,7 +17,6 @@ from lippmann.conformance.plots import COLOURS, MARKS, Plot, finish_picture, mak
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-#: The folder of the pages' templates.
 TEMPLATES = Path(__file__).with_name("templates")
 
 
@@ -28,7 +27,7 @@ def make_page(
     tables: Mapping[str, Rows] | None = None,
     context: Row | None = None,
 ) -> Page:
-    """Return a page of a template of the tools."""
+    """Return a page that a template of the tools renders."""
     return Page(name, origin, plots, tables or {}, context or {}, TEMPLATES)
 
 
@@ -41,7 +40,7 @@ def draw_bars(axis: Axes, labels: Sequence[str], lengths: Sequence[float], **opt
 
 
 def draw_lines(axis: Axes, rows: Rows, by: str, x: str, y: str) -> None:
-    """Draw y over x of the rows that have a y, with a line for each value of the column `by`."""
+    """Draw y against x of the rows that have a y, with a line for each value of the column `by`."""
     for mark, colour, group in zip(MARKS, COLOURS, groups(rows, by), strict=False):
         points = [row for row in group if row[y] is not None]
         if points:
@@ -50,7 +49,7 @@ def draw_lines(axis: Axes, rows: Rows, by: str, x: str, y: str) -> None:
 
 
 def draw_bar_charts(name: str, labels: Sequence[str], charts: Mapping[str, Sequence[float]], **options: Any) -> Plot:
-    """Draw bar charts side by side, by their headings, with common labels; `options` are the axes'."""
+    """Draw bar charts side by side, keyed by heading, with common labels; `options` are options of the axes."""
     picture, axes = make_axes(1, len(charts), (5.2, 0.9 + 0.22 * len(labels)))
     for across, (heading, lengths) in enumerate(charts.items()):
         draw_bars(axes[0][across], labels if across == 0 else [""] * len(labels), lengths, color=COLOURS[0])
@@ -59,7 +58,7 @@ def draw_bar_charts(name: str, labels: Sequence[str], charts: Mapping[str, Seque
 
 
 def contact_sheet(name: str, views: tuple[list[Radiance], list[str]] | None, across: int, times: int = 3) -> list[Plot]:
-    """Return the contact sheet of views, magnified, with captions; [] without views."""
+    """Return the contact sheet of magnified views with captions; [] without views."""
     if views is None:
         return []
     large = [np.kron(view, np.ones((times, times, 1), np.float32)) for view in views[0]]

@@ -1,4 +1,4 @@
-"""A bench to test calibrations: cameras that see all of a panel, and disturbances that no model has."""
+"""Simulates a bench to test calibrations: cameras that see a complete panel, and disturbances outside every model."""
 
 from __future__ import annotations
 
@@ -15,9 +15,9 @@ from lippmann.optics.system import System
 from lippmann.optics.trace import trace_to_panel
 from scipy import ndimage
 
-#: Period of the pattern of hidden lenslets, across and down.
+#: Period, in lenslets, of the pattern of hidden lenslets, across and down.
 DUST_PERIOD = 1024
-#: Number of patches of a reflection, and their radius and the bright spot's as fractions of the picture's width.
+#: Number of patches of a reflection; radius of a patch and of the bright spot as fractions of the picture's width.
 PATCHES, PATCH, SPOT = 6, 0.2, 0.02
 #: Fraction of the picture's width or height that `framed` fills with the panel.
 FILL = 0.9
@@ -25,13 +25,14 @@ FILL = 0.9
 
 @dataclass(frozen=True)
 class Disturbances(Bench):
-    """Disturbances of a display on a bench, and of its photographs; none by default.
+    """Disturbances of a display on a bench, and of its photographs. By default there are no disturbances.
 
     `bow_mm` is the array's additional distance from the panel at the panel's corners, quadratic in the distance from
     its middle. `dead_pixels`, `hidden_lenslets` (dust) and `outliers` (camera pixels with arbitrary values) are
-    fractions. `reflection` and `bright_spot` are the light of a lamp's reflection and mirror image, as fractions of
-    white. `blur_px` is the deviation of a Gaussian blur. `moved_mm` moves the camera before the second half of the
-    photographs. `seed` chooses the display's pixels and lenslets, the same for each position of the camera.
+    fractions. `reflection` and `bright_spot` are the light of a lamp's diffuse reflection and mirror image, as
+    fractions of white. `blur_px` is the standard deviation of a Gaussian blur. `moved_mm` moves the camera before the
+    second half of the photographs. `seed` chooses the display's pixels and lenslets, the same for each position of the
+    camera.
     """
 
     bow_mm: float = 0.0
@@ -68,7 +69,7 @@ class Disturbances(Bench):
         values = sensor.values(picture, gain, rng)
         if self.outliers == 0.0:
             return values
-        # The same camera pixels in all photographs.
+        # All photographs have the same dead camera pixels.
         outliers = np.random.default_rng((seed, 0x0DD)).random(values.shape[:2]) < self.outliers
         noise = rng.integers(0, np.iinfo(values.dtype).max, values.shape, values.dtype, endpoint=True)
         return np.where(outliers if values.ndim == 2 else outliers[..., None], noise, values)
@@ -81,7 +82,7 @@ def disturbed(display: Display, disturbances: Disturbances, engine: Engine = "fa
 
     def trace(origin: Floats, direction: Floats) -> Hits:
         if disturbances.bow_mm != 0.0:
-            # A raised lenslet is equivalent to a lower start of the ray, and a panel that is as much deeper.
+            # Raising a lenslet is equivalent to lowering the ray's start and the panel by the same distance.
             t = (front - origin[:, 2]) / direction[:, 2]
             height = bow_height(display, disturbances.bow_mm, origin[:, :2] + t[:, None] * direction[:, :2])
             origin = origin - np.stack([0.0 * height, 0.0 * height, height], axis=1)
@@ -99,20 +100,20 @@ def disturbed(display: Display, disturbances: Disturbances, engine: Engine = "fa
 
 
 def bow_height(display: Display, bow_mm: float, place_mm: Floats) -> Floats:
-    """Return a bowed array's height at places (N, 2), mm from the panel's centre."""
+    """Return a bowed array's height at points (N, 2), which are mm from the panel's centre."""
     reach = math.hypot(0.5 * display.panel.width_mm, 0.5 * display.panel.height_mm)
     return np.asarray(bow_mm * (place_mm**2).sum(axis=1) / reach**2)
 
 
 def hidden(lenslet: Indices, share: float, seed: int) -> npt.NDArray[np.bool_]:
-    """Tell which lenslets (N, 2) are hidden, the same for the same seed."""
+    """Return which lenslets (N, 2) are hidden; the choice depends only on the seed."""
     i, j = lenslet.T % DUST_PERIOD
     dust = np.random.default_rng((seed, 0xD057)).random((DUST_PERIOD, DUST_PERIOD)) < share
     return np.asarray(dust[i, j])
 
 
 def reflected(shape: tuple[int, int], reflection: float, bright_spot: float, seed: int) -> Light:
-    """Return the light of a lamp in each photograph, (height, width): smooth patches, and a spot."""
+    """Return the light of a lamp in each photograph, (height, width): smooth patches and a bright spot."""
     rng = np.random.default_rng((seed, 0x1A3B))
     height, width = shape
     v, u = np.mgrid[0:height, 0:width].astype(np.float32)
@@ -135,7 +136,7 @@ def corners_mm(display: Display) -> Floats:
 
 
 def framed(camera: Camera, display: Display, fill: float = FILL) -> Camera:
-    """Return the camera with the focal length at which the panel fills a fraction of the picture."""
+    """Return the camera with the focal length at which the panel fills a given fraction of the picture."""
     ideal = replace(camera, focal_px=1.0, principal_px=(0.0, 0.0), k1=0.0, k2=0.0)
     reach = np.abs(ideal.project(corners_mm(display))).max(axis=0)
     half = np.array([0.5 * camera.width_px, 0.5 * camera.height_px])

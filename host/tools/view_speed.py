@@ -1,4 +1,4 @@
-"""Speed of the viewer page in Chromium without a GPU (`tools.bench view`)."""
+"""Measures the speed of the viewer page in Chromium without a GPU (`tools.bench view`)."""
 
 from __future__ import annotations
 
@@ -19,11 +19,11 @@ from tools.browser import browser_page
 if TYPE_CHECKING:
     from playwright.sync_api import Page
 
-#: The browser's window, and the seconds over which frames are counted.
+#: The size of the browser's window, and the seconds over which frames are counted.
 WIDTH_PX, HEIGHT_PX = 800, 600
 COUNT_S = 5.0
 
-#: Seconds from the start of the navigation to the first view on the canvas: reading a pixel waits for it.
+#: Seconds from the start of the navigation to the first view on the canvas; reading a pixel waits for this view.
 OPENED = """
 lippmann.viewer.then((viewer) => new Promise((done) => requestAnimationFrame(() => {
   const gl = viewer.renderer.gl;
@@ -31,7 +31,7 @@ lippmann.viewer.then((viewer) => new Promise((done) => requestAnimationFrame(() 
   done(performance.now() / 1000);
 })))
 """
-#: Frames, seconds and the canvas' size while the eye sways from side to side.
+#: Number of frames, seconds and the canvas' size while the eye moves from side to side.
 COUNTED = """
 (seconds) => lippmann.viewer.then((viewer) => new Promise((done) => {
   const sway = document.getElementById("sway");
@@ -50,7 +50,7 @@ COUNTED = """
 
 
 def measure(scenes: Path, seed: int) -> Iterator[dict[str, Any]]:
-    """Measure pages of the fish and of incompressible noise on the founding paper's displays."""
+    """Measure pages that show the fish and incompressible noise on the founding paper's displays."""
     scene = load_scene(scenes / "fish/fish.xml")
     for name in ("paper-square", "paper-hex"):
         display = load_display(scenes / f"displays/{name}.toml")
@@ -65,7 +65,7 @@ def measure(scenes: Path, seed: int) -> Iterator[dict[str, Any]]:
 
 
 def _measured(html: bytes) -> dict[str, Any]:
-    """Return a page's size, seconds until its first view, and frame rates as laid out and filling the window."""
+    """Return a page's size, seconds until its first view, and frame rates at the normal layout and in full window."""
     with tempfile.TemporaryDirectory() as folder, browser_page(WIDTH_PX, HEIGHT_PX) as page:
         file = Path(folder) / "page.html"
         file.write_bytes(html)

@@ -6,25 +6,25 @@ from pathlib import Path
 
 from setuptools.command.build_py import build_py
 
-#: What an installed package needs of the checkout: patterns of files.
+#: Patterns of the checkout's files that an installed package needs.
 CARRIED = ("rtl/*", "rtl/*/*", "rtl/board/*/*", "sim/batch/*", "sim/board/*")
-#: Their folder in the package; `lippmann.simulation.toolchain.hardware` returns it. setuptools imports this file alone,
-#: without the package, so the name is written twice.
+#: The folder of these files in the package, as `lippmann.simulation.toolchain.hardware` returns it. setuptools imports
+#: this file without the package, so the name is written twice.
 INSTALLED = "hardware"
-#: What builds a wheel from a source archive: this file and its package.
+#: Files that build a wheel from a source archive: this file and its package.
 BUILDER = ("host/tools/__init__.py", "host/tools/wheel.py")
 
 
 def carried() -> list[str]:
-    """Return the files, relative to the checkout, which is the working directory during a build."""
+    """Return the files' paths relative to the checkout, which is the working directory during a build."""
     return sorted(str(path) for pattern in CARRIED for path in Path().glob(pattern) if path.is_file())
 
 
 class BuildPy(build_py):  # type: ignore[misc]
-    """setuptools' command with the RTL's files behind the package's own."""
+    """The setuptools command with the RTL's files after the package's own files."""
 
     def run(self) -> None:
-        """Copy the package, then the RTL. An editable installation uses the checkout's."""
+        """Copy the package, then the RTL. An editable installation uses the RTL of the checkout."""
         super().run()
         for source, target in self._pairs():
             self.mkpath(str(Path(target).parent))
@@ -35,7 +35,7 @@ class BuildPy(build_py):  # type: ignore[misc]
         return [*super().get_source_files(), *carried(), *BUILDER]
 
     def get_outputs(self, include_bytecode: bool = True) -> list[str]:
-        """Return the files that the command makes."""
+        """Return the paths of the files that this command makes."""
         return [*super().get_outputs(include_bytecode), *(target for _, target in self._pairs())]
 
     def _pairs(self) -> list[tuple[str, str]]:

@@ -44,7 +44,7 @@ def refused(capsys, *arguments):
 @pytest.mark.parametrize(
     ("board", "size", "said"),
     [
-        ("ulx3s", (641, 480), "641 pixels wide; the SDRAM takes an even number"),
+        ("ulx3s", (641, 480), "641 pixels wide; the SDRAM needs an even width"),
         ("ulx3s", (1920, 1080), "742.5 MHz for DVI's bits, ulx3s has 375 at most"),
         ("ulx3s", (3840, 2160), "two frames take 47.5 MiB, the SDRAM of ulx3s has 32"),
         ("ulx3s", (1280, 960), "MHz for DVI's bits, ulx3s has 375 at most"),
@@ -63,7 +63,7 @@ def test_a_display_that_the_board_cannot_show(board, size, said, tmp_path, capsy
 def test_a_display_of_other_bits(tmp_path, capsys):
     deep = shown(640, 480, tmp_path)
     deep.write_text(deep.read_text().replace("[panel]", "[panel]\nbits = 10"))
-    assert "the panel has 10 bits a colour, ulx3s sends 8; give bits = 8" in refused(capsys, "--display", deep)
+    assert "the panel has 10 bits a colour, ulx3s sends 8; set bits = 8" in refused(capsys, "--display", deep)
 
 
 def test_a_panel_for_which_the_memory_is_too_slow(tmp_path, monkeypatch):
@@ -177,15 +177,15 @@ def test_boards_in_a_circle(folder):
 @pytest.mark.parametrize(
     ("change", "said"),
     [
-        ({"top": "nosuch"}, "there is no nosuch.sv beside it"),
+        ({"top": "nosuch"}, "its folder has no nosuch.sv"),
         ({"constraints": ["none.lpf"]}, "there is no file none.lpf"),
-        ({"constraints": []}, "board.toml: constraints: is empty; name files of pins (.lpf)"),
+        ({"constraints": []}, "board.toml: constraints: is empty; name pin files (.lpf)"),
         ({"constraints": [str(TOP / "rtl/board/ulx3s/ulx3s.lpf")]}, "ulx3s.lpf is no path from its folder into the"),
         ({"constraints": ["ulx3s.lpf", "../../../../mine.lpf"]}, "../../../../mine.lpf is no path from its folder"),
         ({"constraints": ["gpdi.lpf"]}, "oscillator_mhz: 25 MHz, and no file of pins has a FREQUENCY PORT; give"),
         ({"oscillator_mhz": 48.0}, 'oscillator_mhz: 48 MHz, and FREQUENCY PORT "clk_25mhz" of ulx3s.lpf is 25 MHz; '),
-        ({"fpga": {"device": "85f"}}, "fpga.device: '85f' is no option of nextpnr; choose from 12k, 25k, 45k, 85k, um"),
-        ({"memory": {"grade": "Nonsense"}}, "memory.grade: 'Nonsense' is no grade; choose from Grade75, "),
+        ({"fpga": {"device": "85f"}}, "fpga.device: '85f' is not a device of nextpnr; choose from 12k, 25k, 45k, "),
+        ({"memory": {"grade": "Nonsense"}}, "memory.grade: 'Nonsense' is not a memory grade; choose from Grade75, "),
     ],
 )
 def test_a_board_file_that_names_what_there_is_not(change, said):
@@ -362,7 +362,7 @@ def test_seeds_for_each_display(tmp_path, monkeypatch, capsys):
     vga, hd = "ulx3s-vga-square", "ulx3s-hd-square"
     assert tried == [(vga, [1, 2]), (hd, [4]), (vga, [5]), (hd, [5])]
     assert run([*displays, *3 * ["--seeds", "1"]], bitstream.main, None) == 2
-    assert "is given 3 times for 2 bitstreams; give it once, or once for each" in capsys.readouterr().err
+    assert "is given 3 times for 2 bitstreams; give --seeds once, or once for each bitstream" in capsys.readouterr().err
 
 
 def test_seeds_are_tried_until_one_meets_every_clock(tmp_path, monkeypatch):
@@ -413,7 +413,7 @@ def test_seeds_are_tried_until_one_meets_every_clock(tmp_path, monkeypatch):
     done = CliRunner().invoke(bitstream.main, [*words, "1,2"])
     assert isinstance(done.exception, bitstream.TimingError)
     assert done.exception.exit_code == 4
-    assert "no seed of 1,2 meets every clock; try others with --seeds" in str(done.exception)
+    assert "no seed of 1,2 meets every clock; try other seeds with --seeds" in str(done.exception)
     report = tmp_path / "report"
     report.mkdir()
     done = CliRunner().invoke(bitstream.main, [*words, "3,4", "--report", str(report)])

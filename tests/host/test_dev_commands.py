@@ -56,7 +56,7 @@ def test_a_report_that_cannot_be_written_is_refused_before_the_work(tmp_path):
 
 
 def test_a_run_of_some_designs_does_not_replace_the_page_of_all(tmp_path):
-    said = f"lippmann: {REPORTS}: its page has all designs, and would have 1; give --report FOLDER"
+    said = f"lippmann: {REPORTS}: this run has only 1 of the page's designs; give another --report FOLDER"
     assert called(tmp_path, "synthesis", "pinhole-compact", "--report", REPORTS) == (2, [], [said])
 
 
@@ -113,7 +113,7 @@ def test_a_netlist_without_attributes_is_checked(tmp_path):
 def test_what_is_no_netlist_is_told_in_one_line(tmp_path, modules):
     path = tmp_path / "netlist.json"
     path.write_text(json.dumps({"modules": modules}))
-    said = f"lippmann: {path}: this is no netlist of yosys; write it with synth_ecp5 -json"
+    said = f"lippmann: {path}: this is not a netlist of yosys; write one with synth_ecp5 -json"
     assert called(tmp_path, "crossings", path) == (2, [], [said])
 
 
@@ -124,7 +124,7 @@ def test_what_is_no_netlist_is_told_in_one_line(tmp_path, modules):
             ("--board", "ulx3s_lcd"),
             "--board ulx3s_lcd: it has lipp_ulx3s_lcd, parallel, Grade75; simulated are lipp_",
         ),
-        (("--board", "ulx3s", "--memory", "block"), "--memory: ulx3s has its frames in its SDRAM; leave out --memory"),
+        (("--board", "ulx3s", "--memory", "block"), "--memory: ulx3s stores frames in its SDRAM; omit --memory"),
         (("--board", "ulx3"), "ulx3: no such board; did you mean ulx3s?"),
     ],
 )

@@ -38,10 +38,10 @@ def test_another_nextpnr(native):
 
 def test_a_nextpnr_that_is_none(native, monkeypatch):
     native("hello")
-    with pytest.raises(InputError, match="does not tell its version"):
+    with pytest.raises(InputError, match="the program prints no version"):
         flow.versions()
     monkeypatch.setenv("NEXTPNR", "no-such-program")
-    with pytest.raises(InputError, match="NEXTPNR: 'no-such-program' is no program"):
+    with pytest.raises(InputError, match="NEXTPNR: 'no-such-program' is not a program"):
         flow.placer()
 
 

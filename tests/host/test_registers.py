@@ -57,8 +57,8 @@ def test_missing_data_do_not_stop_the_generator(tmp_path):
 @pytest.mark.parametrize(
     ("part", "instead", "message"),
     [
-        ('desc = "Number of further domes to try.";', "", "walk has no desc"),
-        ("addrmap optics_registers {", "addrmap optics_registers { nonsense;", r"registers\.rdl is wrong"),
+        ('desc = "Number of further domes to try.";', "", "walk has no description"),
+        ("addrmap optics_registers {", "addrmap optics_registers { nonsense;", r"registers\.rdl is invalid"),
     ],
 )
 def test_a_wrong_definition_is_refused(tmp_path, capsys, part, instead, message):

@@ -125,7 +125,7 @@ def test_missing_figures_of_place_and_route_are_told(monkeypatch, tmp_path):
     (tmp_path / "docs/generated/reports").mkdir(parents=True)
     (tmp_path / full_report.SYNTHESIS).write_text("# machine: one\nconfiguration,lut\nwidest-square,5\n")
     monkeypatch.setattr(full_report, "repository", lambda: tmp_path)
-    with pytest.raises(InputError, match=r"synthesis\.csv: holds no figures of place-and-route .*; run make synth"):
+    with pytest.raises(InputError, match=r"synthesis\.csv: has no figures of place-and-route .*; run make synth"):
         full_report.placed()
 
 
