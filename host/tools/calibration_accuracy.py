@@ -430,7 +430,6 @@ def accuracy_page(origin: Mapping[str, str], tables: Mapping[str, Rows], panel_p
     return make_page("calibration-accuracy", origin, plot, files, {**context, **widths, **sums})
 
 
-#: Column and label of the sweeps' horizontal axes.
 SWEPT_AXES = {
     "positions": ("value", "places of the camera"),
     "steps": ("photographs", "photographs from three places"),

@@ -44,7 +44,6 @@ Work = Callable[[], float]
 Light = tuple[Any, Any, list[Any]]
 
 INTEGRATORS = ("lights", "direct", "path")
-#: The integrator of the reference picture.
 REFERENCE = "path"
 #: Number of triangles while the number of lights grows, and number of lights while the number of triangles grows.
 TRIANGLES, LIGHTS = 20_000, 2

@@ -47,7 +47,6 @@ REFERENCE_SAMPLES, EVERY_ROW = 64, 16
 RADIUS_MM, HEIGHT_MM, POWER = 1000.0, 850.0, 1.2e7
 #: Scenes whose pictures with the irradiance cache are compared, the set-up of the captured scenes, and samples.
 SCENES, CAPTURED, SETUP, COMPARED_SAMPLES = ("fish", "chart", "knot"), ("diffuse", "full"), "fig8a", 4
-#: Factor by which the map magnifies the differences.
 MAP_GAIN = 50.0
 #: Settings of the adaptive distribution: the side of the rendered middle of the display, px; samples per pixel of a
 #: pilot picture, which is a pixel's minimum; number of pilots for the true error; samples of a finer picture, which
