@@ -1,19 +1,22 @@
 // SPDX-License-Identifier: Apache-2.0
 `default_nettype none
 
-/// Product of two signed words from their parts, truncated below a given bit; without a register.
+/// Multiplies two signed words by their parts and truncates the product. The module is
+/// combinational.
 ///
-/// A word is split, a = ah 2^la + al, where la is the number of its bits beyond 18; b likewise:
+/// Word a is split into its upper 18 bits ah and its la lower bits al, so a = ah 2^la + al. Word b
+/// is split into bh and lb bits bl in the same manner. The product without al bl, truncated by Drop
+/// bits, is
 ///
 ///   p = floor(ah bh 2^(la + lb) / 2^Drop) + floor((ah bl 2^la + al bh 2^lb) / 2^Drop)
 ///
-/// All words have 64 bits, since simulators neither mask nor extend those; synthesis removes the
-/// unused bits. Latency 0.
+/// All internal words have 64 bits, since simulators neither mask nor extend words of this width.
+/// Synthesis removes the unused bits.
 module lipp_cut_product #(
-  parameter int Wa = 18,       // bits of a
-  parameter int Wb = 18,       // bits of b
-  parameter int Drop = 0,      // truncated bits
-  parameter bit Square = 1'b0, // b is a: one cross term, doubled
+  parameter int Wa = 18,       // width of a in bits
+  parameter int Wb = 18,       // width of b in bits
+  parameter int Drop = 0,      // number of truncated bits
+  parameter bit Square = 1'b0, // b equals a: one cross term is computed and doubled
   localparam int Wp = Wa + Wb - Drop
 ) (
   input  logic signed [Wa-1:0] a_i,

@@ -1,11 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
 `default_nettype none
 
-/// Product of a word and a digit of one to four bits, p = a d, in rows of `lipp_gated_sum`.
-/// Combinational.
+/// Multiplies a word a by a digit d of one to four bits, p = a d. The module is combinational; it
+/// adds partial products with `lipp_gated_sum`.
 module lipp_digit_product #(
-  parameter int W = 18,           // bits of a, 3 or more
-  parameter int Digit = 4,        // bits of d
+  parameter int W = 18,           // width of a in bits, 3 or more
+  parameter int Digit = 4,        // width of d in bits
   parameter bit Signed = 1'b1,    // a is signed
   localparam int Wp = W + Digit
 ) (
@@ -18,7 +18,7 @@ module lipp_digit_product #(
     $fatal(1, "lipp_digit_product: W must be 3 or more and Digit 1 to 4");
   end
 
-  // Rows are W + 1 bits wide, from the second place on.
+  // Rows of partial products above bit 0 have W + 1 bits.
   logic [W:0] a, half;
   assign a = {Signed && a_i[W-1], a_i};
   assign half = {{2{Signed && a_i[W-1]}}, a_i[W-1:1]};
@@ -28,7 +28,7 @@ module lipp_digit_product #(
     logic unused_half;
     assign unused_half = ^half;
   end else begin : gen_rows
-    logic [W+1:0] lower;  // a times the lower two bits
+    logic [W+1:0] lower;  // product of a and the lower two bits of d
     assign lower[0] = a[0] && d_i[0];
     lipp_gated_sum #(.W(W + 1)) i_lower (
       .a_i(half), .x_i({(W + 1){d_i[0]}}), .b_i(a), .y_i({(W + 1){d_i[1]}}), .s_o(lower[W+1:1])

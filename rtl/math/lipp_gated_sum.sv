@@ -1,18 +1,19 @@
 // SPDX-License-Identifier: Apache-2.0
 `default_nettype none
 
-/// Sum of two words, each of whose bits has a gate: s = (a & x) + (b & y). Combinational.
+/// Adds two words a and b after masking each bit, s = (a & x) + (b & y). The module is
+/// combinational.
 ///
-/// Two rows of a product are such a sum: the word, the word shifted, and a bit of the other factor
-/// at the gates of each. A family whose carry chains have room for the gates replaces this module
-/// (rtl/ecp5/): the gates then take no logic of their own.
+/// This sum adds two rows of partial products: a is the word, b is the shifted word, and each mask
+/// repeats one bit of the other factor. An FPGA family whose carry chains can mask their inputs
+/// replaces this module (rtl/ecp5/); the masks then need no extra logic.
 module lipp_gated_sum #(
-  parameter int W = 18  // bits of the words and of the sum
+  parameter int W = 18  // width of the words and of the sum, in bits
 ) (
   input  logic [W-1:0] a_i,
-  input  logic [W-1:0] x_i,  // gates of a
+  input  logic [W-1:0] x_i,  // bit mask of a
   input  logic [W-1:0] b_i,
-  input  logic [W-1:0] y_i,  // gates of b
+  input  logic [W-1:0] y_i,  // bit mask of b
   output logic [W-1:0] s_o
 );
 

@@ -1,12 +1,15 @@
 // SPDX-License-Identifier: Apache-2.0
 `default_nettype none
 
-/// Product of a signed word and a few unsigned bits: p(t) = a(t - Latency) * low(t - Latency).
+/// Multiplies a signed word a by an unsigned word `low` of at most 17 bits:
 ///
-/// Made in logic: one partial product for each digit of two bits, summed pairwise in a tree.
-/// Latency is lipp_math_pkg::low_latency(Low), or more to match a parallel path.
+///   p(t) = a(t - Latency) * low(t - Latency)
+///
+/// The product is made in logic: each digit of two bits gives one partial product, and a tree adds
+/// them in pairs. Latency is lipp_math_pkg::low_latency(Low) clocks, or more to match a parallel
+/// path.
 module lipp_low_product #(
-  parameter int Low = 2,                                // bits of the unsigned factor, 1 to 17
+  parameter int Low = 2,                                // unsigned factor's width, 1 to 17 bits
   parameter int Latency = lipp_math_pkg::low_latency(Low)
 ) (
   input  logic                                         clk_i,
@@ -29,7 +32,7 @@ module lipp_low_product #(
   lipp_delay #(.Width(Wp), .Cycles(Latency - Own)) i_match (.clk_i, .d_i(p), .q_o(p_o));
 
   if (Digits == 1) begin : gen_digit
-    // Modulo 2^Wp the product is the same for signed and unsigned words.
+    // The low Wp bits of the product are the same for signed and unsigned words.
     logic [Wp-1:0] a;
     assign a = Wp'(a_i);
     always_ff @(posedge clk_i) p <= a * Wp'(low_i);

@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 `default_nettype none
 
-/// Widths and latencies of products and roots.
+/// Widths and latencies of the modules that compute products and roots.
 package lipp_math_pkg;
-  // Most modules use only some of these.
+  // Each module uses only some of the parameters below.
   /* verilator lint_off UNUSEDPARAM */
 
   typedef enum int {
@@ -11,30 +11,30 @@ package lipp_math_pkg;
     RootSquare = 1
   } root_e;
 
-  /// Bits of an operand of one hardware multiplier: signed.
+  /// Width of a signed operand of one hardware multiplier, in bits.
   localparam int MulBits = 18;
-  /// Bits kept below the last place until the final rounding of a step.
+  /// Number of guard bits that intermediate results keep until the final rounding of a step.
   localparam int Guard = 3;
 
-  /// Roundings may bring a saturated word, or a clamped square (F + 3 fraction bits), so many units
-  /// beyond its range, as powers of two.
+  /// Rounding errors may move a word beyond its range by up to 2^Slack units before saturation.
+  /// SquareSlack is the same limit for a clamped square, which has F + 3 fraction bits.
   localparam int Slack = 6;
   localparam int SquareSlack = 9;
 
-  /// Number of an operand's bits beyond the width of a hardware multiplier.
+  /// Return the number of an operand's bits beyond the width of a hardware multiplier.
   function automatic int low_bits(int width);
     return width > MulBits ? width - MulBits : 0;
   endfunction
 
-  /// Latency of `lipp_low_product`: digits of two bits, summed in a tree; at least that of a
-  /// multiplier cell.
+  /// Return the latency of `lipp_low_product`, which adds digits of two bits in a tree. The latency
+  /// is at least that of a multiplier cell.
   function automatic int low_latency(int low);
     int tree;
     tree = 1 + $clog2((low + 1) / 2);
     return low == 0 ? 0 : tree > 3 ? tree : 3;
   endfunction
 
-  /// Latency of `lipp_multiplier`.
+  /// Return the latency of `lipp_multiplier` in clocks.
   function automatic int mul_latency(int wa, int wb);
     int low;
     low = low_bits(wa) > low_bits(wb) ? low_bits(wa) : low_bits(wb);
@@ -42,54 +42,56 @@ package lipp_math_pkg;
     return 2 + low_latency(low) + 1;
   endfunction
 
-  /// Latency of `lipp_small_product`.
+  /// Return the latency of `lipp_small_product` in clocks.
   function automatic int small_latency();
     return 2;
   endfunction
 
-  /// Latency of `lipp_byte_square`.
+  /// Return the latency of `lipp_byte_square` in clocks.
   function automatic int byte_square_latency();
     return 2;
   endfunction
 
-  /// Latency of `lipp_mult18`.
+  /// Return the latency of `lipp_mult18` in clocks.
   function automatic int cell_latency();
     return 3;
   endfunction
 
-  /// Latency of `lipp_row_multiplier`: the cell, and a sum where a word is longer.
+  /// Return the latency of `lipp_row_multiplier`. It is the multiplier cell's latency, plus one
+  /// clock for a sum where a word is wider than a cell's operand.
   function automatic int row_latency(int wa, int wb);
     return cell_latency() + (low_bits(wa) > 0 || low_bits(wb) > 0 ? 1 : 0);
   endfunction
 
-  /// Segments of a root's table in each octave, as a power of two. An illegal F, which its module
-  /// refuses, gets a small table.
+  /// Return log2 of the number of table segments per octave of a root. A value of F that
+  /// `lipp_quadratic` refuses gets a small table.
   function automatic int segment_bits(int f);
     return f < 14 ? 4 : f > 23 ? 7 : f / 3;
   endfunction
 
-  /// Bits of the position within a segment.
+  /// Return the width of the position within a table segment, in bits.
   function automatic int place_bits(int f);
     return f + 2 - segment_bits(f) < MulBits ? f + 2 - segment_bits(f) : MulBits;
   endfunction
 
-  /// Fraction bits of a segment's slope.
+  /// Return the number of fraction bits of a segment's slope.
   function automatic int slope_fraction(int f);
-    // Of an f that is refused too, so that its message is reached.
+    // A refused value of f gets a legal width too, so that elaboration reaches the error message.
     return f < 14 ? 18 : segment_bits(f) + 18 < f + 4 ? segment_bits(f) + 18 : f + 4;
   endfunction
 
-  /// Latency of `lipp_quadratic`: octave, table (2), two products and two sums.
+  /// Return the latency of `lipp_quadratic`, which is 4 clocks for octave and table, 4 for each of
+  /// the two products, and 1 for each of the two sums.
   function automatic int quadratic_latency();
     return 4 + 4 + 1 + 4 + 1;
   endfunction
 
-  /// Latency of `lipp_rsqrt`.
+  /// Return the latency of `lipp_rsqrt` in clocks.
   function automatic int rsqrt_latency();
     return quadratic_latency() + 1;
   endfunction
 
-  /// Latency of `lipp_sqrt`, with the normalising shifts before and after the root.
+  /// Return the latency of `lipp_sqrt`, including the normalising shifts before and after the root.
   function automatic int sqrt_latency(bit normalise);
     return quadratic_latency() + 1 + (normalise ? 4 + 2 : 0);
   endfunction

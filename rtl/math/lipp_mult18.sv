@@ -1,10 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
 `default_nettype none
 
-/// One hardware multiplier, 18 x 18 bits signed: p(t) = a(t - 3) * b(t - 3).
+/// Multiplies two signed words of 18 bits in one hardware multiplier:
 ///
-/// It has registers at the operands, inside and at the product, as the multiplier cells of FPGAs.
-/// Synthesis for an FPGA family replaces this module by its cell (rtl/ecp5/).
+///   p(t) = a(t - 3) * b(t - 3)
+///
+/// Like the multiplier cells of FPGAs, it has registers at the operands, inside and at the product.
+/// Synthesis for an FPGA family replaces this module by the family's cell (rtl/ecp5/).
 module lipp_mult18 (
   input  logic               clk_i,
   input  logic signed [17:0] a_i,
@@ -12,7 +14,7 @@ module lipp_mult18 (
   output logic signed [35:0] p_o
 );
 
-  // The lower half of a product is the same for signed and unsigned words.
+  // The low 36 bits of a product are the same for signed and unsigned words.
   logic [35:0] a_q, b_q, p_q;
 
   always_ff @(posedge clk_i) begin

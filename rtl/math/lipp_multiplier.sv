@@ -1,23 +1,27 @@
 // SPDX-License-Identifier: Apache-2.0
 `default_nettype none
 
-/// Multiplies two signed words in one hardware multiplier; truncates the product below a given bit.
+/// Multiplies two signed words with one multiplier cell and truncates the product by Drop bits.
 ///
-/// A word is split into its upper 18 bits and the rest, a = ah 2^la + al with 0 <= al < 2^la. A
-/// multiplier cell makes the product of the upper parts. The cross terms are made in logic or, with
-/// CrossCells, in more cells (`lipp_wide_product`: less logic, up to three times the multipliers).
-/// The product al bl is below every place that is kept, and is left out:
+/// Word a is split into its upper 18 bits ah and its la lower bits al:
+///
+///   a = ah 2^la + al   with 0 <= al < 2^la
+///
+/// Word b is split into bh and lb bits bl in the same manner. A multiplier cell computes ah bh. The
+/// cross terms ah bl and al bh are computed in logic. With CrossCells, more cells compute them
+/// (`lipp_wide_product`); this takes less logic and up to three times the multipliers. The product
+/// al bl lies below all kept bits and is not computed. The result is
 ///
 ///   p = floor(ah bh 2^(la + lb) / 2^Drop) + floor((ah bl 2^la + al bh 2^lb) / 2^Drop)
 ///
-/// Where both words fit into 18 bits, p = floor(a b / 2^Drop).
-/// Latency lipp_math_pkg::mul_latency(Wa, Wb).
+/// If both words fit into 18 bits, p = floor(a b / 2^Drop).
+/// The latency is lipp_math_pkg::mul_latency(Wa, Wb) clocks.
 module lipp_multiplier #(
-  parameter int Wa = 18,       // bits of a
-  parameter int Wb = 18,       // bits of b
-  parameter int Drop = 0,      // truncated bits
-  parameter bit Square = 1'b0, // b is a: one cross term, doubled
-  parameter bit CrossCells = 1'b0, // cross terms in multiplier cells instead of logic
+  parameter int Wa = 18,       // width of a in bits
+  parameter int Wb = 18,       // width of b in bits
+  parameter int Drop = 0,      // number of truncated bits
+  parameter bit Square = 1'b0, // b equals a: one cross term is computed and doubled
+  parameter bit CrossCells = 1'b0, // compute cross terms in multiplier cells, not in logic
   localparam int Wp = Wa + Wb - Drop
 ) (
   input  logic                 clk_i,
@@ -41,7 +45,7 @@ module lipp_multiplier #(
     $fatal(1, "lipp_multiplier: Drop must cut off the product of the lower parts");
   end
 
-  // A register on the way to the cell shortens the operands' path.
+  // This register before the multiplier cell shortens the combinational path of the operands.
   logic signed [Wa-1:0] a_q;
   logic signed [Wb-1:0] b_q;
   always_ff @(posedge clk_i) begin
@@ -60,7 +64,7 @@ module lipp_multiplier #(
     lipp_wide_product #(.Wa(Wa), .Wb(Wb), .Drop(Drop), .Square(Square)) i_product (
       .clk_i, .a_i, .b_i, .p_o
     );
-    logic unused_upper;  // the cell above is not used
+    logic unused_upper;  // CrossCells does not use the multiplier cell `i_upper`
     assign unused_upper = ^upper;
   end else if (Ll == 0) begin : gen_whole
     assign p_o = Wp'(upper >>> Drop);
@@ -68,8 +72,8 @@ module lipp_multiplier #(
     assign unused_low = ^{1'b0, upper};
   end else begin : gen_split
     localparam int CrossLatency = low_latency(Ll);
-    localparam int Rest = mul_latency(Wa, Wb) - 2;  // from the operands' register to the last sum
-    // Both cross terms in units of 2^Lc.
+    localparam int Rest = mul_latency(Wa, Wb) - 2;  // clocks from the operands' register to the sum
+    // cross_q is the sum of both cross terms in units of 2^Lc.
     localparam int Lc = La == 0 || Lb == 0 ? 0 : La < Lb ? La : Lb;
     localparam int Wc = MulBits + La + Lb - Lc + 2;
     logic signed [Wc-1:0] cross_q;
@@ -100,7 +104,7 @@ module lipp_multiplier #(
       end
     end
 
-    // The earlier of the two, cell or cross terms, is delayed to match the other.
+    // The path with the shorter latency, cell or cross terms, is delayed to match the other path.
     logic signed [Wp-1:0] upper_cut, cross_cut;
     lipp_delay #(.Width(Wp), .Cycles(Rest - 3)) i_upper_match (
       .clk_i, .d_i(Wp'(upper >>> (Drop - La - Lb))), .q_o(upper_cut)

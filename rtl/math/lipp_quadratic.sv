@@ -1,22 +1,26 @@
 // SPDX-License-Identifier: Apache-2.0
 `default_nettype none
 
-/// Root of a number in [1, 4) by a table of quadratic polynomials, one for each segment.
+/// Computes a root of x in [1, 4) from a table of quadratic polynomials, one for each segment.
 ///
-/// Root = RootReciprocal: y = 1 / sqrt(x);  Root = RootSquare: y = sqrt(x) / 2;  both in (1/2, 1].
+/// The parameter Root selects the root; both results are in (1/2, 1]:
 ///
-/// Input x_i: unsigned, I = F + 1 fraction bits. Let m = x for x < 2 (lower octave), else x / 2
-/// (upper octave); its fraction has I + 1 bits. The octave and the top A = segment_bits(F) of them
-/// select a segment; the next D = place_bits(F) bits give the position z in [-1/2, 1/2) in the
-/// segment (bits below are cut off). Then
+///   RootReciprocal   y = 1 / sqrt(x)
+///   RootSquare       y = sqrt(x) / 2
+///
+/// The input x_i is unsigned with I = F + 1 fraction bits. The mantissa is m = x where x < 2 (lower
+/// octave), and m = x / 2 elsewhere (upper octave); its fraction has I + 1 bits. The octave and the
+/// top A = segment_bits(F) fraction bits select a segment. The next D = place_bits(F) bits are the
+/// position z in [-1/2, 1/2) within the segment; lower bits are truncated. The polynomial is
 ///
 ///   slope = c1 + floor(c2 z 2^s1 + 1/2) / 2^s1,   s1 = slope_fraction(F)
 ///   y     = c0 + floor(slope z 2^(F + 4)) / 2^(F + 4)
 ///
-/// The coefficients interpolate the root at the segment's Chebyshev nodes z = 0, +-sqrt(3)/4. These
-/// minimise the error of the cubic term: |y'''| w^3 / 192 for a segment of width w. c0 is rounded
-/// to F + 4 fraction bits, c1 to s1, c2 to s1 + 2.
-/// Output y_o: unsigned, F + 4 fraction bits. Latency quadratic_latency().
+/// The polynomial interpolates the root at the segment's Chebyshev nodes z = 0 and
+/// z = +-sqrt(3)/4. These nodes minimise the error of the cubic term, which is |y'''| w^3 / 192 for
+/// a segment of width w. Coefficient c0 is rounded to F + 4 fraction bits, c1 to s1 bits, c2 to
+/// s1 + 2 bits. The output y_o is unsigned with F + 4 fraction bits. The latency is
+/// quadratic_latency() clocks.
 module lipp_quadratic #(
   parameter int F = 23,
   parameter int Root = lipp_math_pkg::RootReciprocal
@@ -30,13 +34,13 @@ module lipp_quadratic #(
   localparam int A = segment_bits(F);
   localparam int D = place_bits(F);
   localparam int S1 = slope_fraction(F);
-  localparam int W0 = F + 5;               // c0, unsigned
-  localparam int W1 = S1 - A;              // c1, signed: |c1| < 2^-(A + 1)
-  localparam int W2 = S1 + 3 - 2 * A;      // c2, signed: |c2| < 2^-2A
+  localparam int W0 = F + 5;               // width of c0, unsigned
+  localparam int W1 = S1 - A;              // width of c1, signed: |c1| < 2^-(A + 1)
+  localparam int W2 = S1 + 3 - 2 * A;      // width of c2, signed: |c2| < 2^-2A
   localparam int Entries = 1 << (A + 1);
 
   localparam int Wt = W0 + W1 + W2;
-  typedef logic [Entries-1:0][Wt-1:0] table_t;  // each entry {c0, c1, c2}
+  typedef logic [Entries-1:0][Wt-1:0] table_t;  // each entry is {c0, c1, c2}
 
   if (F < 14 || F > 23) begin : gen_illegal_f
     $fatal(1, "lipp_quadratic: F must be 14 to 23");
@@ -45,7 +49,8 @@ module lipp_quadratic #(
     $fatal(1, "lipp_quadratic: Root must be RootReciprocal or RootSquare");
   end
 
-  /// The root at z within a segment; segments of the upper octave are twice as wide.
+  /// Return the root at position z of a segment. Segments of the upper octave are twice as wide as
+  /// those of the lower octave.
   function automatic real root_at(int segment, real z);
     real mantissa, square;
     mantissa = 1.0 + (real'(segment % (1 << A)) + 0.5 + z) / real'(1 << A);
@@ -74,7 +79,7 @@ module lipp_quadratic #(
 
   localparam table_t Table = make_table();
 
-  // Octave: both have the same format of the fraction from here on.
+  // ---- octave: the fraction has the same format for both octaves after this stage ----
   logic [F+1:0] fraction_q;
   logic octave_q;
   logic [A:0] segment;
@@ -83,13 +88,14 @@ module lipp_quadratic #(
   always_ff @(posedge clk_i) begin
     octave_q <= x_i[F+2];
     fraction_q <= x_i[F+2] ? x_i[F+1:0] : {x_i[F:0], 1'b0};
-    // Inverting the top bit subtracts half a segment.
+    // Inverting the top bit subtracts half a segment from the position.
     place_q <= {~fraction_q[F+1-A], fraction_q[F-A-:D-1]};
   end
 
-  // The table is read as eight parts. Each has its own address, 0 while another is asked for: a
-  // common address would drive every bit of the table, and its wires would limit the clock. What a
-  // part gives that was not asked for is 0, so that no choice follows, only a disjunction.
+  // The table is read as eight parts. Each part has its own address, which is 0 while another part
+  // is selected. A common address would drive every bit of the table, and its long wires would
+  // limit the clock. A part that is not selected gives 0, so an OR of all parts replaces a
+  // multiplexer.
   localparam int Parts = 8;
   localparam int Part = Entries / Parts;
   logic [Parts-1:0][Wt-1:0] entry_q;
@@ -112,11 +118,11 @@ module lipp_quadratic #(
         | ((entry_q[4] | entry_q[5]) | (entry_q[6] | entry_q[7]));
   end
 
-  // slope = c1 + round(c2 z): c2 has two more fraction bits than c1, z has D.
+  // The slope is c1 + round(c2 z); c2 has two more fraction bits than c1, and z has D.
   localparam int MulLatency = mul_latency(MulBits, MulBits);
   logic signed [D-1:0] place_early, place_late;
   logic signed [W2-1:0] bend;
-  logic signed [W2-2:0] turn;  // one bit below the slope's last
+  logic signed [W2-2:0] turn;  // c2 z, with one fraction bit more than the slope
   logic signed [W1-1:0] c1_late;
   logic signed [W1-1:0] slope_q;
   lipp_delay #(.Width(D), .Cycles(2)) i_place_early (.clk_i, .d_i(place_q), .q_o(place_early));
@@ -125,10 +131,10 @@ module lipp_quadratic #(
     .clk_i, .a_i(bend), .b_i(place_early), .p_o(turn)
   );
   lipp_delay #(.Width(W1), .Cycles(MulLatency)) i_c1 (.clk_i, .d_i(c1_q), .q_o(c1_late));
-  // c1 + floor((turn + 1) / 2) in one sum.
+  // One sum computes c1 + floor((turn + 1) / 2).
   always_ff @(posedge clk_i) slope_q <= W1'(($signed({c1_late, 1'b1}) + (W1 + 1)'(turn)) >>> 1);
 
-  // y = c0 + slope z.
+  // The root is y = c0 + slope z.
   localparam int Wr = W1 + D - (S1 + D - (F + 4));
   logic signed [Wr-1:0] rise;
   logic [W0-1:0] c0_late;

@@ -1,18 +1,19 @@
 // SPDX-License-Identifier: Apache-2.0
 `default_nettype none
 
-/// Product of two signed words as `lipp_multiplier` gives it, with the cross terms in rows of carry
-/// chains.
+/// Multiplies two signed words with the result of `lipp_multiplier`; carry chains add the cross
+/// terms in rows.
 ///
-/// It has fewer registers, of which none is before the cell, and takes 3 or 4 clocks; the clock is
-/// slower. `lipp_cut_product` forms the sum and all registers follow it: a simulator then moves one
-/// word a clock. Synthesis for a family whose carry chains take the rows replaces this module
-/// (rtl/ecp5/). Latency lipp_math_pkg::row_latency(Wa, Wb).
+/// This module has fewer registers than `lipp_multiplier`, and none before the multiplier cell. Its
+/// latency is 3 or 4 clocks, and its maximum clock frequency is lower. All registers follow
+/// `lipp_cut_product`, so a simulator moves one word per clock. Synthesis for an FPGA family with
+/// suitable carry chains replaces this module (rtl/ecp5/). The latency is
+/// lipp_math_pkg::row_latency(Wa, Wb) clocks.
 module lipp_row_multiplier #(
-  parameter int Wa = 18,       // bits of a, 3 to 32
-  parameter int Wb = 18,       // bits of b, 3 to 32
-  parameter int Drop = 0,      // truncated bits
-  parameter bit Square = 1'b0, // b is a: one cross term, doubled
+  parameter int Wa = 18,       // width of a in bits, 3 to 32
+  parameter int Wb = 18,       // width of b in bits, 3 to 32
+  parameter int Drop = 0,      // number of truncated bits
+  parameter bit Square = 1'b0, // b equals a: one cross term is computed and doubled
   localparam int Wp = Wa + Wb - Drop
 ) (
   input  logic                 clk_i,

@@ -1,13 +1,15 @@
 // SPDX-License-Identifier: Apache-2.0
 `default_nettype none
 
-/// Product of a signed word and a few unsigned bits: p(t) = a(t - 2) * low(t - 2).
+/// Multiplies a signed word a by an unsigned word `low` of at most 16 bits:
 ///
-/// Made in carry chains: the first clock makes the products with digits of four bits, the second
-/// sums them.
+///   p(t) = a(t - 2) * low(t - 2)
+///
+/// The product is made in carry chains. The first clock multiplies a by digits of four bits; the
+/// second clock adds these products.
 module lipp_row_product #(
-  parameter int W = 18,   // bits of the signed word, 3 or more
-  parameter int Low = 4,  // bits of the unsigned factor, 1 to 16
+  parameter int W = 18,   // width of the signed word in bits, 3 or more
+  parameter int Low = 4,  // width of the unsigned factor in bits, 1 to 16
   localparam int Wp = W + Low
 ) (
   input  logic                 clk_i,
@@ -32,7 +34,7 @@ module lipp_row_product #(
     always_ff @(posedge clk_i) q <= $signed(product);
   end
 
-  // Pairs of digits, then the pairs.
+  // Neighbouring digits are added in pairs, and then the pairs are added.
   if (Digits == 1) begin : gen_one
     always_ff @(posedge clk_i) p_o <= gen_digit[0].q;
   end else begin : gen_more

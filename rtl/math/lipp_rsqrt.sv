@@ -1,18 +1,18 @@
 // SPDX-License-Identifier: Apache-2.0
 `default_nettype none
 
-/// Reciprocal root, faithfully rounded: y = 1 / sqrt(x) for x in [1, 4).
+/// Computes the faithfully rounded reciprocal square root y = 1 / sqrt(x) of x in [1, 4).
 ///
-/// Input x_i: unsigned, F + 1 fraction bits (F + 3 bits; below 1 the output is undefined).
-/// Output y_o: unsigned, F + 1 + K fraction bits, in [1/2, 1]; K = Extra. With q from
-/// `lipp_quadratic`, words as integers:
+/// The input x_i is unsigned and has F + 3 bits, F + 1 of them fraction bits; for x < 1 the output
+/// is undefined. The output y_o is unsigned, in [1/2, 1], and has F + 1 + K fraction bits, where K
+/// is Extra. With q from `lipp_quadratic`, and words as integers:
 ///
 ///   y    = (q + (4 >> K)) >> (3 - K)
 ///
-/// |y - 1/sqrt(x)| < 2^-(F + 1). Latency rsqrt_latency().
+/// The error is |y - 1/sqrt(x)| < 2^-(F + 1). The latency is rsqrt_latency() clocks.
 module lipp_rsqrt #(
   parameter int F = 23,
-  parameter int Extra = 0  // 0 to 3
+  parameter int Extra = 0  // K, the number of extra fraction bits of the output, 0 to 3
 ) (
   input  logic                      clk_i,
   input  logic        [F+2:0]       x_i,

@@ -1,10 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
 `default_nettype none
 
-/// Narrows a signed word: values out of range become the largest or smallest. Latency 1.
+/// Narrows a signed word to To bits. A value out of range becomes the maximum or the minimum. The
+/// latency is 1 clock.
 ///
-/// beyond_o: out of range by more than 2^Slack units, which is more than roundings explain. d_i in
-/// units of 2^Slack is then neither in range nor one step above or below it.
+/// beyond_o reports that the value is out of range by more than 2^Slack units, which rounding
+/// errors cannot cause. In units of 2^Slack, such a value is not in range, nor one step above or
+/// below it.
 module lipp_saturate #(
   parameter int From = 20,
   parameter int To = 18,

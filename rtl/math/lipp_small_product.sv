@@ -1,18 +1,18 @@
 // SPDX-License-Identifier: Apache-2.0
 `default_nettype none
 
-/// Product of a short word and a fraction, both unsigned, that needs no multiplier cell; rounded
-/// where it is cut:
+/// Multiplies an unsigned word a by an unsigned fraction b without a multiplier cell. Truncated
+/// bits are rounded:
 ///
 ///   p = a b                 with Drop = 0
 ///   p = (a b + 2^7) >> 8    with Drop = 8
 ///
-/// The product comes first and all registers follow it: a simulator then moves one word a clock,
-/// and synthesis may move the registers into the product. Synthesis for a family without such
-/// retiming replaces this module (rtl/ecp5/). Latency lipp_math_pkg::small_latency().
+/// All registers follow the product, so a simulator moves one word per clock, and synthesis may
+/// move the registers into the product. Synthesis for an FPGA family without such retiming replaces
+/// this module (rtl/ecp5/). The latency is lipp_math_pkg::small_latency() clocks.
 module lipp_small_product #(
-  parameter int Wa = 17,   // bits of a, 3 to 17
-  parameter int Drop = 0,  // truncated bits, 0 or 8
+  parameter int Wa = 17,   // width of a in bits, 3 to 17
+  parameter int Drop = 0,  // number of truncated bits, 0 or 8
   localparam int Wp = Wa + 9 - Drop
 ) (
   input  logic          clk_i,

@@ -1,20 +1,21 @@
 // SPDX-License-Identifier: Apache-2.0
 `default_nettype none
 
-/// Square root, faithfully rounded: y = sqrt(x) for x in [0, 1). Used for cosines.
+/// Computes the faithfully rounded square root y = sqrt(x) of x in [0, 1); cosines use it.
 ///
-/// Input x_i: unsigned, J = F + 3 fraction bits (J bits). Output y_o: near word with K = Extra more
-/// fraction bits.
-/// Normalise = 0 accepts x in [1/4, 1) only. Normalise = 1 accepts all x: k is the largest number
-/// up to 15 with 4^k x < 1, and q is the root of 4^k x (`lipp_quadratic`); words as integers,
+/// The input x_i is unsigned and has J = F + 3 bits, all of them fraction bits. The output y_o is a
+/// near word (lipp_optics_pkg) with K = Extra more fraction bits. With Normalise = 0 the input must
+/// be in [1/4, 1). With Normalise = 1 all inputs are valid: k is the largest number up to 15 with
+/// 4^k x < 1, and q is the root of 4^k x from `lipp_quadratic`. With words as integers:
 ///
 ///   y    = min(((q >> k) + (4 >> K)) >> (3 - K), 2^(F+1+K) - 1)
 ///
-/// x = 0 gives 0. |y - sqrt(x)| < 2^-(F + 1). Latency sqrt_latency(Normalise).
+/// The root of x = 0 is 0. The error is |y - sqrt(x)| < 2^-(F + 1). The latency is
+/// sqrt_latency(Normalise) clocks.
 module lipp_sqrt #(
   parameter int F = 23,
   parameter bit Normalise = 1'b1,
-  parameter int Extra = 0  // 0 to 3
+  parameter int Extra = 0  // K, the number of extra fraction bits of the output, 0 to 3
 ) (
   input  logic                      clk_i,
   input  logic        [F+2:0]       x_i,
@@ -36,7 +37,7 @@ module lipp_sqrt #(
   logic [F+4:0] q, shifted;
 
   if (Normalise) begin : gen_normalise
-    // k in binary: shifts by 16, 8, 4 and 2 places if that many upper bits are 0.
+    // The binary digits of k select shifts by 16, 8, 4 and 2 bits where that many upper bits are 0.
     logic [J-1:0] by16_q, by8_q, by4_q, by2_q;
     logic k8_q, k8_q2, k8_q3, k8_q4, k4_q2, k4_q3, k4_q4, k2_q3, k2_q4, k1_q4;
     logic [3:0] k_late;

@@ -1,18 +1,18 @@
 // SPDX-License-Identifier: Apache-2.0
 `default_nettype none
 
-/// Product of two signed words, made from multiplier cells only, truncated below a given bit.
+/// Multiplies two signed words with multiplier cells only and truncates the product by Drop bits.
 ///
-/// Gives the same result as `lipp_multiplier` with its cross terms in logic: the sum that
-/// `lipp_cut_product` forms. The products come first and all registers follow them: a simulator
-/// then moves one word a clock, and synthesis can move the registers into the multiplier cells.
-/// Synthesis for a family without such retiming replaces this module by its cells (rtl/ecp5/).
-/// Latency lipp_math_pkg::mul_latency(Wa, Wb).
+/// The result equals that of `lipp_multiplier` without CrossCells; `lipp_cut_product` computes it.
+/// All registers follow the product, so a simulator moves one word per clock, and synthesis can
+/// move the registers into the multiplier cells. Synthesis for an FPGA family without such retiming
+/// replaces this module by multiplier cells (rtl/ecp5/). The latency is
+/// lipp_math_pkg::mul_latency(Wa, Wb) clocks.
 module lipp_wide_product #(
-  parameter int Wa = 18,       // bits of a
-  parameter int Wb = 18,       // bits of b
-  parameter int Drop = 0,      // truncated bits
-  parameter bit Square = 1'b0, // b is a: one cross term, doubled
+  parameter int Wa = 18,       // width of a in bits
+  parameter int Wb = 18,       // width of b in bits
+  parameter int Drop = 0,      // number of truncated bits
+  parameter bit Square = 1'b0, // b equals a: one cross term is computed and doubled
   localparam int Wp = Wa + Wb - Drop
 ) (
   input  logic                 clk_i,
