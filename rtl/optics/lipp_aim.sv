@@ -1,37 +1,40 @@
 // SPDX-License-Identifier: Apache-2.0
 `default_nettype none
 
-/// Step 3: the lenslet that a ray aims at.
+/// Step 3 of a ray: finds the lenslet at which the ray aims.
 ///
-/// The aperture point (a, b) is measured from the centre of the pixel's lenslet: in pitches, and b
-/// in rows on a hexagonal grid. The ray's own lenslet is the one whose cell contains the aperture
-/// point. (di, dj) is the step from the pixel's lenslet to it. The outputs are measured from its
-/// centre:
+/// The inputs are measured from the centre of the pixel's lenslet (i, j), in pitches along x and in
+/// rows along y. The ray aims at the lenslet whose cell contains the aperture point (a, b). With
+/// (di, dj) the step from the pixel's lenslet to that lenslet, its indices are (i + di, j + dj).
+/// The outputs are measured from the centre of that lenslet:
 ///
-///   x' = x - di (hexagonal: x - di - dj/2),   y' = y - dj,   a', b' likewise (all exact).
+///   x' = x - di                (square grid)
+///   x' = x - di - dj/2         (hexagonal grid)
+///   y' = y - dj
 ///
-/// stray_o: the lenslet differs from the pixel's. beyond_o: x' or y' is outside [-2, 2), or an
-/// index wraps.
-/// Latency aim_latency(Grid).
+/// The aperture point (a', b') is computed from (a, b) by the same formulas. All results are exact.
+///
+/// stray_o reports that the lenslet aimed at is not the pixel's lenslet. beyond_o reports that x'
+/// or y' is outside [-2, 2), or that an index wraps. The latency is aim_latency(Grid) clocks.
 module lipp_aim #(
   parameter int F = 23,
   parameter int Grid = lipp_optics_pkg::GridSquare
 ) (
   input  logic                                         clk_i,
-  input  logic signed [lipp_optics_pkg::IndexBits-1:0] i_i,  // the pixel's lenslet
+  input  logic signed [lipp_optics_pkg::IndexBits-1:0] i_i,  // pixel's lenslet (i, j)
   input  logic signed [lipp_optics_pkg::IndexBits-1:0] j_i,
-  input  logic signed [F+1:0]                          x_i,  // wide, pitches: point from its centre
-  input  logic signed [F+1:0]                          y_i,  // wide, rows
-  input  logic signed [F+1:0]                          a_i,  // wide: aperture point likewise
+  input  logic signed [F+1:0]                          x_i,  // pixel's point x, wide, in pitches
+  input  logic signed [F+1:0]                          y_i,  // pixel's point y, wide, in rows
+  input  logic signed [F+1:0]                          a_i,  // aperture point (a, b), wide words
   input  logic signed [F+1:0]                          b_i,
-  output logic signed [lipp_optics_pkg::IndexBits-1:0] i_o,  // lenslet aimed at
+  output logic signed [lipp_optics_pkg::IndexBits-1:0] i_o,  // lenslet (i, j) aimed at
   output logic signed [lipp_optics_pkg::IndexBits-1:0] j_o,
-  output logic signed [F+1:0]                          x_o,  // wide: point relative to its centre
+  output logic signed [F+1:0]                          x_o,  // pixel's point from centre of (i, j)
   output logic signed [F+1:0]                          y_o,
-  output logic signed [F+1:0]                          a_o,  // wide: aperture point relative to it
+  output logic signed [F+1:0]                          a_o,  // aperture point from centre of (i, j)
   output logic signed [F+1:0]                          b_o,
-  output logic                                         stray_o,  // lenslet is not the pixel's
-  output logic                                         beyond_o  // a word overflows
+  output logic                                         stray_o,  // lenslet is not the pixel's own
+  output logic                                         beyond_o  // x_o, y_o or an index overflows
 );
   import lipp_optics_pkg::*;
 
@@ -48,7 +51,7 @@ module lipp_aim #(
 
   logic signed [IndexBits-1:0] di, dj, i_late, j_late;
   logic signed [W-1:0] a, b, x_late, y_late;
-  logic unused_beyond;  // aims are far from the ends of the lattice's words
+  logic unused_beyond;  // aperture points are far from the limits of lattice coordinates
   if (Grid == GridHex) begin : gen_hex
     lipp_lenslet_hex #(.F(F)) i_lenslet (
       .clk_i, .x_i(L'(a_i)), .y_i(L'(b_i)), .i_o(di), .j_o(dj), .x_o(a), .y_o(b),
@@ -64,7 +67,7 @@ module lipp_aim #(
     .clk_i, .d_i({i_i, j_i, x_i, y_i}), .q_o({i_late, j_late, x_late, y_late})
   );
 
-  // A step is at most 3 lenslets: aims lie within [-2, 2).
+  // The step (di, dj) is at most 3 lenslets, because aperture points are in [-2, 2).
   localparam int Ws = W + 3;
   logic signed [Ws-1:0] x_d, y_d;
   logic signed [Ws-1:0] step_x, step_y;

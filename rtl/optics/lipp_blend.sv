@@ -1,23 +1,24 @@
 // SPDX-License-Identifier: Apache-2.0
 `default_nettype none
 
-/// Sum of two products, one coordinate of a point or slope in the aperture plane:
-/// y = k x + l a.
+/// Adds two products for one coordinate of a slope or of a point on the first face, y = k x + l a.
 ///
-/// Words as integers, a b >> k the product that `lipp_multiplier` truncates by k bits:
+/// With words as integers, and a b >> k the product that `lipp_multiplier` truncates by k bits, the
+/// sum is
 ///
 ///   y    = ((k x >> F-3) + (l a >> F-3) + 4) >> 3
 ///
-/// x and a have F fraction bits; k, l and y have Wk - 2. beyond_o: Wy bits do not hold y. Second =
-/// 0 omits the second product. Wa is at most Wx. Latency blend_latency(F, Wx).
+/// The words x and a have F fraction bits; k, l and y have Wk - 2 fraction bits. Second = 0 omits
+/// the product l a. beyond_o reports that y does not fit into Wy bits. The latency is
+/// blend_latency(F, Wx) clocks.
 module lipp_blend #(
   parameter int F = 23,
   parameter bit CrossCells = 1'b0,  // cross terms of products in multiplier cells
   parameter bit Second = 1'b1,
-  parameter int Wx = F + 2,         // bits of x, a wide word or more
-  parameter int Wa = F + 2,         // bits of a, likewise
-  parameter int Wk = F + 2,         // bits of k and l
-  parameter int Wy = Wk             // bits of y, as many or more
+  parameter int Wx = F + 2,         // width of x in bits, F + 2 or more
+  parameter int Wa = F + 2,         // width of a in bits, F + 2 to Wx
+  parameter int Wk = F + 2,         // width of k and l in bits
+  parameter int Wy = Wk             // width of y in bits, Wk or more
 ) (
   input  logic                 clk_i,
   input  logic signed [Wk-1:0] k_i,

@@ -1,27 +1,36 @@
 // SPDX-License-Identifier: Apache-2.0
 `default_nettype none
 
-/// Step 5: tells whether the point on the dome is in the lenslet's own cell, or else which cell to
-/// try next.
+/// Step 5 of a ray: checks whether the point on the dome is in the lenslet's own cell, and selects
+/// the next cell to try if the point is outside.
 ///
-/// An intersection with a dome is valid only *inside the dome's own cell*. Otherwise the next dome
-/// to try is that of the neighbouring cell in the direction of the point. Distances along the
-/// cell's axes, counted in the regular lattice of which the array's is an image, are compared with
-/// half a pitch, H = px / (2 R); the cell is -H <= q < H. With s the shear (0 without Shear):
-///   square   q0 = nx - s ny, q1 = ny, compared with py / (2 R); (di, dj) is the sign of each that
-///            is outside
-///   hex      q0 = nx - s ny, q1 = nx / 2 + h ny, q2 = q1 - q0, h = (sqrt(3)/2) px / py - s / 2;
-///            the step goes across the flat with the largest |q|, ~q below 0: (1, 0), (0, 1),
-///            (-1, 1) or their opposites
+/// An intersection with a dome is valid only inside the dome's own cell. For a point outside, the
+/// next dome to try is that of the neighbouring cell in the direction of the point. Distances q
+/// along the cell's axes are measured in the regular lattice whose affine image is the array. They
+/// are compared with half a pitch, H = px / (2 R). The point is inside the cell where -H <= q < H
+/// on every axis. The shear s is 0 without Shear.
 ///
-/// q < -H is tested as ~q >= H, which needs no negation.
+/// On the square grid, the step (di, dj) is the sign of each distance that is outside:
+///
+///   q0 = nx - s ny
+///   q1 = ny            (compared with py / (2 R) instead of H)
+///
+/// On the hexagonal grid, the step crosses the flat with the largest |q|, where |q| means ~q for q
+/// < 0. The step is (1, 0) for q0, (0, 1) for q1, (-1, 1) for q2, or its opposite where q < 0:
+///
+///   q0 = nx - s ny
+///   q1 = nx / 2 + h ny,   h = (sqrt(3)/2) px / py - s / 2
+///   q2 = q1 - q0
+///
+/// The comparison q < -H is made as ~q >= H, which needs no negation. With words as integers, h = n
+/// 2^(F+1) + m with 0 <= m < 2^(F+1), and a b >> k the product that `lipp_multiplier` truncates by
+/// k bits, the distances are
 ///
 ///   q0   = ((nx << 3) - (ny s >> F-3) + 4) >> 3
 ///   q1   = ((ny m >> F-2) + (nx << 2) + (n ny << 3) + 4) >> 3,  h = n 2^(F+1) + m
 ///
-/// as integers with 0 <= m < 2^(F+1); a b >> k is the product that `lipp_multiplier` truncates by k
-/// bits.
-/// Words: near; s wide; h has F + 1 fraction bits. Latency cell_step_latency(Grid, F, Shear).
+/// Distances are near words, s is a wide word, and h has F + 1 fraction bits. The latency is
+/// cell_step_latency(Grid, F, Shear) clocks.
 module lipp_cell_step #(
   parameter int F = 23,
   parameter bit CrossCells = 1'b0,  // cross terms of products in multiplier cells
@@ -31,10 +40,10 @@ module lipp_cell_step #(
   input  logic                clk_i,
   input  logic signed [F+1:0] nx_i,
   input  logic signed [F+1:0] ny_i,
-  input  logic signed [F+1:0] half_i,    // px / (2 R)
-  input  logic signed [F+1:0] half_y_i,  // py / (2 R) (square)
-  input  logic signed [F+3:0] rise_i,    // h (hex)
-  input  logic signed [F+1:0] shear_i,   // s (Shear)
+  input  logic signed [F+1:0] half_i,    // H = px / (2 R)
+  input  logic signed [F+1:0] half_y_i,  // py / (2 R), square grid
+  input  logic signed [F+3:0] rise_i,    // h, hexagonal grid
+  input  logic signed [F+1:0] shear_i,   // shear s, with Shear
   output logic signed [1:0]   di_o,
   output logic signed [1:0]   dj_o,
   output logic                inside_o
@@ -43,7 +52,7 @@ module lipp_cell_step #(
   import lipp_optics_pkg::*;
 
   localparam int W = F + 2;
-  localparam int Wq = W + 3;  // holds q2 of any words
+  localparam int Wq = W + 3;  // width that fits q2 for any inputs
   localparam int Wt = Wq + Guard;
   localparam int MulLatency = mul_latency(W, W);
 
@@ -54,7 +63,7 @@ module lipp_cell_step #(
     $fatal(1, "lipp_cell_step: Grid must be GridSquare or GridHex");
   end
 
-  // ---- distance along the rows; a clock before the others of a cell that takes a product ----
+  // ---- q0, the distance along the rows; ready a clock before a distance that takes a product ----
   logic signed [Wq-1:0] q0_d;
   if (Shear) begin : gen_shear
     localparam int Drop = F - Guard;
@@ -65,7 +74,7 @@ module lipp_cell_step #(
       .clk_i, .a_i(ny_i), .b_i(shear_i), .p_o(lean)
     );
     lipp_delay #(.Width(W), .Cycles(MulLatency)) i_nx (.clk_i, .d_i(nx_i), .q_o(nx_late));
-    // nx << 3 has three zero bits; the rounding constant, half a unit, is set in the first.
+    // nx << 3 ends in three zero bits; setting the first of them adds the rounding constant 4.
     always_ff @(posedge clk_i) sum_q <= ((Wt'(nx_late) <<< Guard) | Wt'(4)) - Wt'(lean);
     assign q0_d = Wq'(sum_q >>> Guard);
   end else begin : gen_upright
@@ -79,7 +88,7 @@ module lipp_cell_step #(
   end
 
   if (Grid == GridHex) begin : gen_hex
-    // ---- h ny with F + 4 fraction bits: the product of h's fraction, and whole multiples ----
+    // ---- h ny with F + 4 fraction bits: product of h's fraction m, plus the multiple n of ny ----
     localparam int Drop = F + 1 - Guard;
     logic signed [2*W-Drop-1:0] rise;
     lipp_multiplier #(.CrossCells(CrossCells), .Wa(W), .Wb(W), .Drop(Drop)) i_rise (
@@ -89,7 +98,7 @@ module lipp_cell_step #(
         constant, sum_q;
     assign ny = Wt'(ny_i) <<< Guard;
     always_ff @(posedge clk_i) begin
-      half_nx_q <= (Wt'(nx_i) <<< (Guard - 1)) + Wt'(4);  // with the rounding constant
+      half_nx_q <= (Wt'(nx_i) <<< (Guard - 1)) + Wt'(4);  // includes the rounding constant 4
       once_q <= (rise_i[F+1] ? ny : '0) + (rise_i[F+2] ? ny <<< 1 : '0);
       fourth_q <= rise_i[F+3] ? ny <<< 2 : '0;
       offset_q <= once_q - fourth_q;
@@ -109,7 +118,7 @@ module lipp_cell_step #(
     logic unused_half_y;
     assign unused_half_y = ^half_y_i;
 
-    // ---- distances, and which of them are outside the half-open cell ----
+    // ---- distances, and comparison of each with the half-open cell ----
     logic [Wq-1:0] size0_q, size1_q, size2_q;
     logic out0_q, out1_q, out2_q, minus0_q, minus1_q, minus2_q;
     logic signed [Wq-1:0] half;

@@ -1,10 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
 `default_nettype none
 
-/// Tells whether a register holds more than the word that a build reads of it.
+/// Reports that a register contains a value that does not fit the word that the build reads from
+/// it.
 ///
-/// With such optics every ray is missed. Optics change only while the pipeline is empty, and its
-/// first ray needs more clocks than this to its end. Latency 3.
+/// The pipeline marks every ray traced with such optics as missed. The latency is 3 clocks. Optics
+/// change only while the pipeline is empty, and the latency of the pipeline is longer than 3
+/// clocks.
 module lipp_config_range #(
   parameter lipp_optics_pkg::build_t Build = lipp_optics_pkg::ExactSquare
 ) (
@@ -29,7 +31,7 @@ module lipp_config_range #(
   localparam bit Cells = Exact && strays(Build);
   localparam int Grid = int'(Build.grid);
 
-  // The fields lie far apart: the second register is for the way from them.
+  // The registers are far apart on the chip, so a second stage shortens the wires between stages.
   logic [27:0] unfit_d, unfit_q, unfit_q2;
   assign unfit_d = {
     beyond_bits(config_i.slope_x, Wm), beyond_bits(config_i.slope_y, Wm),

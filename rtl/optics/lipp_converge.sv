@@ -1,36 +1,38 @@
 // SPDX-License-Identifier: Apache-2.0
 `default_nettype none
 
-/// Step 3, displays for a near eye: the pixel's point relative to the centre of its lenslet.
+/// Step 3 of a ray, displays for a near eye: computes the pixel's point from the lenslet's centre.
 ///
-/// The pixel belongs to the lenslet through which the eye sees it, and may lie under a neighbour.
-/// The lattice coordinates are those of the line from pixel to eye where it crosses the apertures'
-/// plane: x is that point in the cell. The pixel itself is at (C - A) s / (1 - s) farther, where C
-/// is the lenslet's centre, A the point in front of the eye and s = D / (D + E). So
+/// On such a display, a pixel belongs to the lenslet through which the eye sees the pixel; the
+/// pixel may lie under a neighbouring lenslet. The lattice coordinates x are those of the point
+/// where the line from the pixel to the eye crosses the aperture plane. C is the lenslet's centre,
+/// A is the point in front of the eye, and s = D / (D + E), where D is the distance from the pixel
+/// to the aperture plane and E is the eye's distance from that plane. The pixel's point from the
+/// lenslet's centre is (x + (C - A) s) / (1 - s). With words as integers, and a b >> k the product
+/// that `lipp_multiplier` truncates by k bits, the module computes the pixel's point times 1 - s:
 ///
 ///   t_x  = (x << 2) + (16 C_x s >> 14) + o_x + 2,   x' = t_x >> 2,   y' likewise
 ///
-/// is 1 - s times the pixel's point; the coefficients of slope and point contain 1 / (1 - s).
-/// As integers, where a b >> k is the product that `lipp_multiplier` truncates by k bits; C in half
-/// pitches and half rows: (2 i + j, 2 j) (square: (2 i, 2 j)). s has F + 11 fraction bits, o = -s A
-/// has F + 2.
+/// The coefficients of slope and point contain the factor 1 / (1 - s). C is in half pitches and
+/// half rows: (2 i + j, 2 j) on a hexagonal grid, (2 i, 2 j) on a square grid. s has F + 11
+/// fraction bits, o = -s A has F + 2 fraction bits.
 ///
-/// Output: W + 2 bits with F fraction bits, [-8, 8). beyond_o: x' or y' is outside that range.
-/// Latency converge_latency(F).
+/// The outputs have W + 2 bits, F of them fraction bits, in [-8, 8). beyond_o reports that x' or y'
+/// is outside that range. The latency is converge_latency(F) clocks.
 module lipp_converge #(
   parameter int F = 23,
   parameter bit CrossCells = 1'b0,  // cross terms of products in multiplier cells
   parameter int Grid = lipp_optics_pkg::GridSquare
 ) (
   input  logic                                         clk_i,
-  input  logic signed [lipp_optics_pkg::IndexBits-1:0] i_i,  // the ray's lenslet
+  input  logic signed [lipp_optics_pkg::IndexBits-1:0] i_i,  // the ray's lenslet (i, j)
   input  logic signed [lipp_optics_pkg::IndexBits-1:0] j_i,
-  input  logic signed [F+1:0]                          x_i,  // wide, pitches: point in its cell
-  input  logic signed [F+1:0]                          y_i,  // wide, rows
-  input  logic signed [F+8:0]                          share_i,  // s
-  input  logic signed [F+8:0]                          offset_x_i,  // o
+  input  logic signed [F+1:0]                          x_i,  // point x in the cell, wide, pitches
+  input  logic signed [F+1:0]                          y_i,  // point y in the cell, wide, rows
+  input  logic signed [F+8:0]                          share_i,  // fraction s = D / (D + E)
+  input  logic signed [F+8:0]                          offset_x_i,  // offset o = -s A, x and y
   input  logic signed [F+8:0]                          offset_y_i,
-  output logic signed [F+3:0]                          x_o,  // point from its centre
+  output logic signed [F+3:0]                          x_o,  // pixel's point times 1 - s
   output logic signed [F+3:0]                          y_o,
   output logic                                         beyond_o  // x_o or y_o overflows
 );
@@ -70,7 +72,7 @@ module lipp_converge #(
     lipp_multiplier #(.CrossCells(CrossCells), .Wa(MulBits), .Wb(Ws), .Drop(Drop)) i_product (
       .clk_i, .a_i({centre, 4'b0}), .b_i(share_i), .p_o(product)
     );
-    // x << 2 has two zero bits below F; the rounding constant, half a unit, is set in the first.
+    // x << 2 ends in two zero bits; setting the first of them adds the rounding constant 2.
     logic signed [Ws:0] sum_q, sum_late;
     always_ff @(posedge clk_i) sum_q <= ((Ws + 1)'(point) <<< 2 | (Ws + 1)'(2)) + (Ws + 1)'(offset);
     lipp_delay #(.Width(Ws + 1), .Cycles(mul_latency(MulBits, Ws) - 1)) i_sum_match (

@@ -1,36 +1,40 @@
 // SPDX-License-Identifier: Apache-2.0
 `default_nettype none
 
-/// Step 4, plano side to the viewer: refraction into the glass at the dome.
+/// Step 4 of a ray, plano side to the viewer: refracts the ray into the glass at the dome.
 ///
-/// d' = e/n - (cos' - cos/n) N. Only d'_x and d'_y are computed: leave_flat gets d'_z from the unit
-/// length.
+/// The direction in the glass is
 ///
-/// Words as integers, a b >> k the product that `lipp_multiplier` truncates by k bits,
-/// M = 2^(F+3) - 1:
+///   d' = e/n - (cos' - cos/n) N
+///
+/// where e is the direction in the air, n the refractive index, N the normal, and cos and cos' are
+/// the cosines in air and glass. Only d'_x and d'_y are computed; `lipp_leave_flat` computes d'_z
+/// from the unit length. With words as integers, a b >> k the product that `lipp_multiplier`
+/// truncates by k bits, and M = 2^(F+3) - 1, the steps are
 ///
 ///   C'   = 2^(F+3) - (s i2 >> F)
 ///   cos' = sqrt(min(max(C', 0), M))
 ///   k    = (4 cos' - (cos i >> F-1) + 4) >> 3
 ///   d'_x = saturate(((e_x i >> F-2) - (k N_x >> F-3) + 4) >> 3),  d'_y likewise
 ///
-/// s = 1 - cos^2 and C' have F + 3 fraction bits, k is a wide word, i is 1/n and i2 is 1/n^2.
-/// beyond_o: C' below 0 or above 1, or the direction outside [-1, 1], by more than roundings.
-/// Latency dome_latency(F).
+/// The squared sine s = 1 - cos^2 and the squared cosine C' have F + 3 fraction bits, k is a wide
+/// word, i is 1/n and i2 is 1/n^2. beyond_o reports that C' is below 0 or above 1, or that the
+/// direction is outside [-1, 1], by more than rounding errors. The latency is dome_latency(F)
+/// clocks.
 module lipp_enter_dome #(
   parameter int F = 23,
   parameter bit CrossCells = 1'b0  // cross terms of products in multiplier cells
 ) (
   input  logic                clk_i,
-  input  logic signed [F+1:0] nx_i,  // near
+  input  logic signed [F+1:0] nx_i,  // normal N, near words
   input  logic signed [F+1:0] ny_i,
   input  logic signed [F+1:0] cos_i,
-  input  logic signed [F+3:0] s_i,   // F + 3 fraction bits
-  input  logic signed [F+1:0] ex_i,  // near
+  input  logic signed [F+3:0] s_i,   // squared sine, F + 3 fraction bits
+  input  logic signed [F+1:0] ex_i,  // direction in the air, near words
   input  logic signed [F+1:0] ey_i,
   input  logic signed [F+1:0] index_inverse_i,         // 1/n, near
   input  logic signed [F+3:0] index_inverse_square_i,  // 1/n^2, F fraction bits
-  output logic signed [F+1:0] dx_o,  // near
+  output logic signed [F+1:0] dx_o,  // direction in the glass, near words
   output logic signed [F+1:0] dy_o,
   output logic                beyond_o
 );
@@ -49,7 +53,7 @@ module lipp_enter_dome #(
   localparam int Ws = 2 * Wf - SineDrop;
   localparam logic [F+2:0] Most = '1;
   logic signed [Ws-1:0] sine, c_q;
-  // By its bits: a comparison would be a carry chain before the choice.
+  // The upper bits show an overflow; a comparison would add a carry chain before the multiplexer.
   logic above;
   assign above = !c_q[Ws-1] && c_q[Ws-2:F+3] != '0;
   localparam logic signed [Ws-1:0] OverOne = (Ws'(1) <<< (F + 3)) + (Ws'(1) <<< SquareSlack);
@@ -66,7 +70,7 @@ module lipp_enter_dome #(
   logic signed [W-1:0] cos_glass;
   lipp_sqrt #(.F(F), .Normalise(1'b1)) i_sqrt (.clk_i, .x_i(clamped_q), .y_o(cos_glass));
 
-  // ---- the factor of the normal ----
+  // ---- k, the factor of the normal ----
   localparam int CosDrop = F - 1;
   localparam int CosLatency = mul_latency(Wf, Wf) + 2 + sqrt_latency(1'b1);
   localparam int Wc = 2 * W - CosDrop;

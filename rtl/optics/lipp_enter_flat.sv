@@ -1,21 +1,25 @@
 // SPDX-License-Identifier: Apache-2.0
 `default_nettype none
 
-/// Step 4, plano side to the panel: refraction into the glass at the flat face.
+/// Step 4 of a ray, plano side to the panel: refracts the ray into the glass at the flat face.
 ///
-/// The tangential part of n d is kept: t = e / n, and dz = sqrt(1 - t_x^2 - t_y^2).
+/// Refraction keeps the tangential part of n d. With e the direction in the air, the direction in
+/// the glass is (t_x, t_y, dz):
 ///
-/// Words as integers, a b >> k the product that `lipp_multiplier` truncates by k bits,
-/// M = 2^(F+3) - 1:
+///   t = e / n,   dz = sqrt(1 - t_x^2 - t_y^2)
+///
+/// With words as integers, a b >> k the product that `lipp_multiplier` truncates by k bits, and M =
+/// 2^(F+3) - 1, the steps are
 ///
 ///   t_x  = ((e_x i >> F-2) + 4) >> 3,  t_y likewise
 ///   g    = max((t_x t_x >> F-3+2E) + (t_y t_y >> F-3+2E), 0) >> 2
 ///   dz   = sqrt(M - g)
 ///
-/// i is 1/n; g has F + 3 fraction bits. max() is needed since a cut product may be negative. Words:
-/// near, e and t with E = extra_bits(F) more bits, dz with 3 E: a long way to the dome magnifies
-/// their errors. From n >= 1.16 and |e| < sqrt(3)/2 follows M - g > 1/4. beyond_o: M - g < 1/4.
-/// Latency enter_flat_latency(F).
+/// i is 1/n; g has F + 3 fraction bits. The function max() is needed since a truncated product may
+/// be negative. Directions are near words with more fraction bits, because a long path to the dome
+/// magnifies their errors: e and t have E = extra_bits(F) more bits, dz has 3 E more bits. With n
+/// >= 1.16 and |e| < sqrt(3)/2, M - g is above 1/4. beyond_o reports that M - g is below 1/4. The
+/// latency is enter_flat_latency(F) clocks.
 module lipp_enter_flat #(
   parameter int F = 23,
   parameter bit CrossCells = 1'b0, // cross terms of products in multiplier cells
@@ -26,7 +30,7 @@ module lipp_enter_flat #(
   input  logic                 clk_i,
   input  logic signed [Wt-1:0] ex_i,
   input  logic signed [Wt-1:0] ey_i,
-  input  logic signed [F+1:0]  index_inverse_i,  // 1/n
+  input  logic signed [F+1:0]  index_inverse_i,  // 1/n, near word
   output logic signed [Wt-1:0] tx_o,
   output logic signed [Wt-1:0] ty_o,
   output logic signed [Wz-1:0] dz_o,
@@ -56,7 +60,7 @@ module lipp_enter_flat #(
     ty_q <= Wt'((ty + Wp'(4)) >>> Guard);
   end
 
-  // ---- the axial component, from the unit length ----
+  // ---- dz, the axial component, from the unit length ----
   localparam int SquareDrop = F - 3 + 2 * E;
   localparam int Wq = 2 * Wt - SquareDrop;
   logic signed [Wq-1:0] tx2, ty2, sum_q;

@@ -1,13 +1,14 @@
 // SPDX-License-Identifier: Apache-2.0
 `default_nettype none
 
-/// Steps 4 and 6, plano side to the viewer: into the glass at the dome, and out at the flat face.
+/// Steps 4 and 6 of a ray, plano side to the viewer: refracts the ray into the glass at the dome
+/// and out of the glass at the flat face.
 ///
 ///   enter_dome -> leave_flat
 ///
-/// n, cos and s as `lipp_meet_dome` gives them, e the ray's direction in the air, both at the
-/// dome. Words as in `lipp_leave_flat`; exit_z is a register.
-/// Latency exit_latency(1, F).
+/// n, cos and s are the results of `lipp_meet_dome`. e is the ray's direction in the air, given in
+/// the same clock as n. The words are those of `lipp_leave_flat`; exit_z is a register of the
+/// optics. The latency is exit_latency(1, F) clocks.
 module lipp_exit_flat #(
   parameter int F = 23,
   parameter bit CrossCells = 1'b0

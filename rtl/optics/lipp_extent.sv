@@ -1,20 +1,23 @@
 // SPDX-License-Identifier: Apache-2.0
 `default_nettype none
 
-/// Tells whether the array has no lenslet (i, j): an array may be smaller than its panel.
+/// Reports that lenslet (i, j) does not exist, because an array may be smaller than its panel.
 ///
-///   missing   where |c| > along or |j| > across,   c = 2 i + j (square: 2 i)
+/// With c the distance from the array's centre along the rows, in half pitches, lenslet (i, j) is
+/// missing if
 ///
-/// c counts half pitches along the rows. The tests are the signs of n - c and n + c.
-/// Latency extent_latency().
+///   |c| > along   or   |j| > across
+///
+/// On a hexagonal grid c = 2 i + j, on a square grid c = 2 i. The module tests the signs of along -
+/// c, along + c, across - j and across + j. The latency is extent_latency() clocks.
 module lipp_extent #(
   parameter int Grid = lipp_optics_pkg::GridSquare
 ) (
   input  logic                                         clk_i,
   input  logic signed [lipp_optics_pkg::IndexBits-1:0] i_i,
   input  logic signed [lipp_optics_pkg::IndexBits-1:0] j_i,
-  input  logic signed [lipp_optics_pkg::IndexBits+1:0] along_i,  // largest |c| of a lenslet
-  input  logic signed [lipp_optics_pkg::IndexBits:0]   across_i,  // largest |j|
+  input  logic signed [lipp_optics_pkg::IndexBits+1:0] along_i,  // maximum |c| of the lenslets
+  input  logic signed [lipp_optics_pkg::IndexBits:0]   across_i,  // maximum |j| of the lenslets
   output logic                                         missing_o
 );
   import lipp_optics_pkg::*;
@@ -26,7 +29,7 @@ module lipp_extent #(
     $fatal(1, "lipp_extent: Grid must be GridSquare or GridHex");
   end
 
-  // The limits' own registers keep the way from the configuration short.
+  // Registers for both limits shorten the path from the configuration registers.
   logic signed [Wc-1:0] c_q, along_q;
   logic signed [Wj-1:0] j_q, across_q;
   logic signed [Wc:0] right_q, left_q;

@@ -1,13 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
 `default_nettype none
 
-/// Step 6, plano side to the viewer: from the dome to the flat face, and refraction out of it.
+/// Step 6 of a ray, plano side to the viewer: traces the ray from the dome to the flat face and
+/// refracts it out of the glass.
 ///
-/// The ray goes from the point N on the dome (z = N_z - 1; mirrored, vertices at z = 0) along d to
-/// z = -T.
-///
-/// Words as integers, a b >> k the product that `lipp_multiplier` truncates by k bits,
-/// M = 2^(F+3) - 1:
+/// The lenslet is mirrored, so the domes' vertices are at z = 0. The ray starts at the point N on
+/// the dome, at z = N_z - 1, and follows the direction d to the flat face at z = -T. With words as
+/// integers, a b >> k the product that `lipp_multiplier` truncates by k bits, and M = 2^(F+3) - 1,
+/// the steps are
 ///
 ///   g    = max((dx dx >> F-3) + (dy dy >> F-3), 0) >> 2
 ///   y    = M - g
@@ -19,28 +19,30 @@
 ///   d'_x = saturate(((dx n >> F-3) + 4) >> 3),  d'_y likewise
 ///   d'_z = sqrt(min(max(C', 0), M)),  reflected ((y r >> F+1) + 1) >> 1
 ///
-/// g, y and C' have F + 3 fraction bits. rsqrt reads the bits of y as 4 y, so r = 1 / (2 dz). u is
-/// the depth to the flat face, zc = 1 - T/R, l the length, all far words; n2 is n^2, F fraction
-/// bits. Totally reflected (reflected_o) where C' <= 0; that ray keeps its direction in the glass.
-/// beyond_o: g 1 or more, C' above 1 or, unless reflected, y below 1/4, which rsqrt does not take,
-/// u, l, X or Y outside its word, or d'_x or d'_y outside [-1, 1], by more than roundings.
-/// Latency leave_flat_latency(F).
+/// g is the squared sine and y the squared cosine in the glass; g, y and C' have F + 3 fraction
+/// bits. rsqrt reads the bits of y as 4 y, so r = 1 / (2 dz). u is the depth from the point to the
+/// flat face, zc = 1 - T/R, and l is the length of the path; u, zc and l are far words. n2 is n^2
+/// with F fraction bits. reflected_o reports total internal reflection, C' <= 0; such a ray keeps
+/// its direction in the glass. beyond_o reports that g is 1 or more, or that C' is above 1. For a
+/// ray that is not reflected, beyond_o also reports that y is below 1/4, which rsqrt does not
+/// accept, that u, l, X or Y does not fit its word, or that d'_x or d'_y is outside [-1, 1].
+/// Rounding errors do not set beyond_o. The latency is leave_flat_latency(F) clocks.
 module lipp_leave_flat #(
   parameter int F = 23,
   parameter bit CrossCells = 1'b0  // cross terms of products in multiplier cells
 ) (
   input  logic                clk_i,
-  input  logic signed [F+1:0] nx_i,  // near
+  input  logic signed [F+1:0] nx_i,  // normal N, near words
   input  logic signed [F+1:0] ny_i,
   input  logic signed [F+1:0] nz_i,
-  input  logic signed [F+1:0] dx_i,  // near
+  input  logic signed [F+1:0] dx_i,  // direction in the glass, near words
   input  logic signed [F+1:0] dy_i,
-  input  logic signed [F+3:0] zc_i,            // far: 1 - T/R
-  input  logic signed [F+2:0] index_i,         // n, F fraction bits
+  input  logic signed [F+3:0] zc_i,            // zc = 1 - T/R, far word
+  input  logic signed [F+2:0] index_i,         // refractive index n, F fraction bits
   input  logic signed [F+3:0] index_square_i,  // n^2, F fraction bits
-  output logic signed [F+3:0] x_o,   // F + 1 fraction bits
+  output logic signed [F+3:0] x_o,   // point on the flat face, F + 1 fraction bits
   output logic signed [F+3:0] y_o,
-  output logic signed [F+1:0] dx_o,  // near
+  output logic signed [F+1:0] dx_o,  // direction of the exit ray, near words
   output logic signed [F+1:0] dy_o,
   output logic signed [F+1:0] dz_o,
   output logic                reflected_o,
@@ -57,7 +59,7 @@ module lipp_leave_flat #(
     $fatal(1, "lipp_leave_flat: F must be 14 to 23");
   end
 
-  // ---- squared slope in the glass ----
+  // ---- g, the squared sine in the glass ----
   localparam int SquareDrop = F - 3;
   localparam int Wq = 2 * W - SquareDrop;
   localparam int SquareLatency = mul_latency(W, W) + 2;
@@ -86,18 +88,18 @@ module lipp_leave_flat #(
     .clk_i, .d_i({reflects_q, cos2_q[F+2:F+1] == '0}), .q_o({reflects, steep})
   );
 
-  // ---- the length to the flat face ----
+  // ---- l, the length of the path to the flat face ----
   localparam int PathDrop = F - 2 + 1;
   localparam int Wl = Wf + W - PathDrop;
   logic [F+1:0] inverse;
-  logic signed [W-1:0] half_inverse;  // a near word cannot hold 1
+  logic signed [W-1:0] half_inverse;  // r; a near word cannot represent 1
   logic signed [Wf-1:0] depth_early_q, depth, path_q;
   logic signed [Wl-1:0] path;
   logic signed [Wl-2:0] path_d;
   logic depth_beyond_q, depth_beyond, depth_beyond_late, path_beyond_q, path_beyond;
   lipp_rsqrt #(.F(F)) i_rsqrt (.clk_i, .x_i(cos2_q), .y_o(inverse));
   assign half_inverse = inverse[F+1] ? {1'b0, {(F + 1){1'b1}}} : $signed(inverse);
-  // floor((nz + 1) / 2) - zc = floor((nz + (1 - 2 zc)) / 2)
+  // floor((nz + 1) / 2) - zc equals floor((nz + (1 - 2 zc)) / 2), which needs one sum less.
   logic signed [Wf+1:0] half_less_zc_q, depth_d;
   assign depth_d = (Wf + 2)'(nz_i) + half_less_zc_q;
   always_ff @(posedge clk_i) begin
@@ -120,7 +122,7 @@ module lipp_leave_flat #(
     path_beyond_q <= depth_beyond_late || path_d != (Wl - 1)'($signed(path_d[Wf-1:0]));
   end
 
-  // ---- the point on the flat face ----
+  // ---- X and Y, the point on the flat face ----
   localparam int PathLatency = SquareLatency + rsqrt_latency() + mul_latency(Wf, W) + 1;
   localparam int PointDrop = F - Guard;
   localparam int Wx = Wf + W - PointDrop;
@@ -164,7 +166,7 @@ module lipp_leave_flat #(
   localparam int Ws = 2 * Wf - SineDrop;
   localparam logic [F+2:0] Most = '1;
   logic signed [Ws-1:0] sine, c_q;
-  // By its bits: a comparison would be a carry chain before the choice.
+  // The upper bits show an overflow; a comparison would add a carry chain before the multiplexer.
   logic above;
   assign above = !c_q[Ws-1] && c_q[Ws-2:F+3] != '0;
   logic [F+2:0] clamped_q;

@@ -1,21 +1,29 @@
 // SPDX-License-Identifier: Apache-2.0
 `default_nettype none
 
-/// Step 2, hexagonal grid: the lenslet whose cell contains a point, and the point relative to its
-/// centre.
+/// Step 2 of a ray, hexagonal grid: finds the lenslet whose cell contains a point, and measures the
+/// point from that lenslet's centre.
 ///
-/// x in pitches, t = y in rows (pitch sqrt(3)/2). Oblique coordinates s = x - t/2 and t, with
-/// fractions fs and ft in the parallelogram of lenslet (i0, j0). The bisectors of its four corners
-/// are q = 1/2 and q = 1 along the cell's axes, q0 = fs + ft/2 and q1 = fs/2 + ft:
+/// The point is x in pitches and t = y in rows; a row is sqrt(3)/2 pitches high. Its oblique
+/// coordinates are s = x - t/2 and t. Their integer parts are the corner (i0, j0) of the
+/// parallelogram that contains the point, and fs and ft are their fractions. The bisectors between
+/// the four corners are the lines q = 1/2 and q = 1 along the cell's axes:
+///
+///   q0 = fs + ft/2,   q1 = fs/2 + ft
+///
+/// The lenslet (i, j) is
 ///
 ///   (i, j) - (i0, j0) = (0, 0)  where q0 < 1/2 and q1 < 1/2
 ///                       (1, 1)  where q0 >= 1 and q1 >= 1
 ///                       (1, 0)  elsewhere where ft < fs
 ///                       (0, 1)  elsewhere
-///   local x = x - i - j/2,  local t = t - j      (both exact)
 ///
-/// Output: indices, and wide words, x_o in pitches, y_o in rows. beyond_o: an index wraps. Latency
-/// lenslet_latency(GridHex).
+/// The point measured from the lenslet's centre is exact:
+///
+///   local x = x - i - j/2,   local t = t - j
+///
+/// The outputs are the indices, and the wide words x_o in pitches and y_o in rows. beyond_o reports
+/// that an index wraps. The latency is lenslet_latency(GridHex) clocks.
 module lipp_lenslet_hex #(
   parameter int F = 23
 ) (
@@ -36,7 +44,7 @@ module lipp_lenslet_hex #(
     $fatal(1, "lipp_lenslet_hex: F must be 14 to 23");
   end
 
-  // ---- oblique coordinates, s with F + 1 fraction bits ----
+  // ---- oblique coordinates; s has F + 1 fraction bits ----
   logic [L+1:0] s_q;
   logic [L-1:0] t_q;
   always_ff @(posedge clk_i) begin
@@ -44,7 +52,7 @@ module lipp_lenslet_hex #(
     t_q <= y_i;
   end
 
-  // ---- distances along the cell's axes: q0 in units of 2^-(F + 1), q1 of 2^-(F + 2) ----
+  // ---- distances along the cell's axes: q0 in units of 2^-(F + 1), q1 in units of 2^-(F + 2) ----
   logic [F:0] fs;
   logic [F-1:0] ft, ft_q2;
   logic signed [IndexBits:0] i0_q2;
@@ -77,7 +85,7 @@ module lipp_lenslet_hex #(
     dj_q <= !near && (far || !right_q);
     i0_q3 <= i0_q2;
     j0_q3 <= j0_q2;
-    q0_q3 <= q0_q[F+1:1];  // the last bit is always 0
+    q0_q3 <= q0_q[F+1:1];  // the lowest bit of q0 is always 0
     ft_q3 <= ft_q2;
   end
   logic unused_bit;

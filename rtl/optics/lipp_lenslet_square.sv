@@ -1,13 +1,16 @@
 // SPDX-License-Identifier: Apache-2.0
 `default_nettype none
 
-/// Step 2, square grid: the lenslet whose cell contains a point, and the point relative to its
-/// centre.
+/// Step 2 of a ray, square grid: finds the lenslet whose cell contains a point, and measures the
+/// point from that lenslet's centre.
 ///
-///   i = floor(x + 1/2),   local x = x - i in [-1/2, 1/2), likewise j and y
+/// The index i and the local coordinate, in [-1/2, 1/2), are
 ///
-/// Input x_i, y_i: signed, F fraction bits, in pitches. Output: indices, and wide words.
-/// beyond_o: an index wraps. Latency lenslet_latency(GridSquare).
+///   i = floor(x + 1/2),   local x = x - i
+///
+/// The same formulas give j and local y from y. The inputs x_i and y_i are signed, in pitches, with
+/// F fraction bits. The outputs are the indices and wide words. beyond_o reports that an index
+/// wraps. The latency is lenslet_latency(GridSquare) clocks.
 module lipp_lenslet_square #(
   parameter int F = 23
 ) (
@@ -36,7 +39,7 @@ module lipp_lenslet_square #(
   end
   assign beyond_o = x_q[L] != x_q[L-1] || y_q[L] != y_q[L-1];
 
-  // Subtracting the half again inverts the fraction's top bit, which becomes the sign.
+  // Subtracting the added half again inverts the fraction's top bit, which becomes the sign.
   assign i_o = x_q[L-1:F];
   assign j_o = y_q[L-1:F];
   assign x_o = (F+2)'($signed({~x_q[F-1], x_q[F-2:0]}));
