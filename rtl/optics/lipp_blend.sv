@@ -13,7 +13,7 @@
 /// blend_latency(F, Wx) clocks.
 module lipp_blend #(
   parameter int F = 23,
-  parameter bit CrossCells = 1'b0,  // cross terms of products in multiplier cells
+  parameter bit CrossCells = 1'b0,  // compute cross terms in multiplier cells
   parameter bit Second = 1'b1,
   parameter int Wx = F + 2,         // width of x in bits, F + 2 or more
   parameter int Wa = F + 2,         // width of a in bits, F + 2 to Wx

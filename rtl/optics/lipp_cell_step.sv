@@ -33,7 +33,7 @@
 /// cell_step_latency(Grid, F, Shear) clocks.
 module lipp_cell_step #(
   parameter int F = 23,
-  parameter bit CrossCells = 1'b0,  // cross terms of products in multiplier cells
+  parameter bit CrossCells = 1'b0,  // compute cross terms in multiplier cells
   parameter int Grid = lipp_optics_pkg::GridSquare,
   parameter bit Shear = 1'b0
 ) (

@@ -6,7 +6,7 @@
 /// On such a display, a pixel belongs to the lenslet through which the eye sees the pixel; the
 /// pixel may lie under a neighbouring lenslet. The lattice coordinates x are those of the point
 /// where the line from the pixel to the eye crosses the aperture plane. C is the lenslet's centre,
-/// A is the point in front of the eye, and s = D / (D + E), where D is the distance from the pixel
+/// A is the point in front of the eye, and s = D / (D + E), where D is the distance from the panel
 /// to the aperture plane and E is the eye's distance from that plane. The pixel's point from the
 /// lenslet's centre is (x + (C - A) s) / (1 - s). With words as integers, and a b >> k the product
 /// that `lipp_multiplier` truncates by k bits, the module computes the pixel's point times 1 - s:
@@ -21,7 +21,7 @@
 /// is outside that range. The latency is converge_latency(F) clocks.
 module lipp_converge #(
   parameter int F = 23,
-  parameter bit CrossCells = 1'b0,  // cross terms of products in multiplier cells
+  parameter bit CrossCells = 1'b0,  // compute cross terms in multiplier cells
   parameter int Grid = lipp_optics_pkg::GridSquare
 ) (
   input  logic                                         clk_i,
@@ -52,7 +52,7 @@ module lipp_converge #(
     $fatal(1, "lipp_converge: Grid must be GridSquare or GridHex");
   end
 
-  // ---- the lenslet's centre in half pitches and half rows ----
+  // ---- C, the lenslet's centre in half pitches and half rows ----
   localparam int Wc = IndexBits + 2;
   logic signed [Wc-1:0] centre_x, centre_y;
   assign centre_x = (Wc'(i_i) <<< 1) + (Grid == GridHex ? Wc'(j_i) : '0);

@@ -23,7 +23,7 @@
 /// clocks.
 module lipp_enter_dome #(
   parameter int F = 23,
-  parameter bit CrossCells = 1'b0  // cross terms of products in multiplier cells
+  parameter bit CrossCells = 1'b0  // compute cross terms in multiplier cells
 ) (
   input  logic                clk_i,
   input  logic signed [F+1:0] nx_i,  // normal N, near words

@@ -22,7 +22,7 @@
 /// latency is enter_flat_latency(F) clocks.
 module lipp_enter_flat #(
   parameter int F = 23,
-  parameter bit CrossCells = 1'b0, // cross terms of products in multiplier cells
+  parameter bit CrossCells = 1'b0, // compute cross terms in multiplier cells
   localparam int E = lipp_optics_pkg::extra_bits(F),
   localparam int Wt = F + 2 + E,
   localparam int Wz = F + 2 + 3 * E

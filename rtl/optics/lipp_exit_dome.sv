@@ -45,7 +45,7 @@ module lipp_exit_dome #(
   localparam int W = F + 2;
   localparam int Wf = W + 2;
   localparam int Latency = exit_latency(1'b0, F);
-  // Each orientation uses only some of the fields.
+  // Each orientation uses only some fields of config_i.
   logic unused_config;
   assign unused_config = ^config_i;
 

@@ -35,7 +35,7 @@ module lipp_exit_flat #(
 
   localparam int W = F + 2;
   localparam int Wf = W + 2;
-  // Each orientation uses only some of the fields.
+  // Each orientation uses only some fields of config_i.
   logic unused_config;
   assign unused_config = ^config_i;
 

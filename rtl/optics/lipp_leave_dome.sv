@@ -26,7 +26,7 @@
 /// rounding errors. The latency is dome_latency(F) clocks.
 module lipp_leave_dome #(
   parameter int F = 23,
-  parameter bit CrossCells = 1'b0, // cross terms of products in multiplier cells
+  parameter bit CrossCells = 1'b0, // compute cross terms in multiplier cells
   localparam int E = lipp_optics_pkg::extra_bits(F),
   localparam int Wt = F + 2 + E,
   localparam int Wz = F + 2 + 3 * E

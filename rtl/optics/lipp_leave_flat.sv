@@ -29,7 +29,7 @@
 /// Rounding errors do not set beyond_o. The latency is leave_flat_latency(F) clocks.
 module lipp_leave_flat #(
   parameter int F = 23,
-  parameter bit CrossCells = 1'b0  // cross terms of products in multiplier cells
+  parameter bit CrossCells = 1'b0  // compute cross terms in multiplier cells
 ) (
   input  logic                clk_i,
   input  logic signed [F+1:0] nx_i,  // normal N, near words

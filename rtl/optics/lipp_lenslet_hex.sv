@@ -91,7 +91,7 @@ module lipp_lenslet_hex #(
   logic unused_bit;
   assign unused_bit = q0_q[0] ^ (^q1_q[F:0]);
 
-  // ---- the point relative to that corner ----
+  // ---- the point measured from the lenslet's centre ----
   always_ff @(posedge clk_i) begin
     i_q4 <= i0_q3 + (IndexBits + 1)'($signed({1'b0, di_q}));
     j_q4 <= (IndexBits + 1)'(j0_q3) + (IndexBits + 1)'($signed({1'b0, dj_q}));

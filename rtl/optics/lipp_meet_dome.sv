@@ -1,15 +1,18 @@
 // SPDX-License-Identifier: Apache-2.0
 `default_nettype none
 
-/// Step 5: the ray meets the dome.
+/// Step 5 of a ray: intersects the ray with the dome.
 ///
-/// Lengths are in radii of curvature, and the sphere's centre is the origin. The ray starts at
-/// V = (hx, hy, zc) in the unit direction (dx, dy, +-dz). Let b = V . d. The cosine between ray and
-/// normal at the intersection is cos = sqrt(1 - |V|^2 + b^2). The length to it is cos - b (upward,
-/// out of the glass) or -b - cos (downward, into it). The intersection *is* the unit normal N.
+/// Lengths are in radii of curvature, and the sphere's centre is the origin. The ray starts at V =
+/// (hx, hy, zc) in the unit direction d = (dx, dy, +-dz). With b = V . d, the cosine between ray
+/// and normal at the intersection is
 ///
-/// Words as integers, a b >> k the product that `lipp_multiplier` truncates by k bits,
-/// M = 2^(F+3) - 1:
+///   cos = sqrt(1 - |V|^2 + b^2)
+///
+/// The length from V to the intersection is cos - b for an upward ray, which leaves the glass, and
+/// -b - cos for a downward ray, which enters it. The intersection is also the unit normal N,
+/// because the sphere has radius 1 and its centre is the origin. With words as integers, a b >> k
+/// the product that `lipp_multiplier` truncates by k bits, and M = 2^(F+3) - 1, the steps are
 ///
 ///   b    = ((hx dx >> F-4+E) + (hy dy >> F-4+E) + (zc dz >> F-4+3E) + 1) >> 1
 ///   C    = (1 - zc^2) - (hx hx >> F-3) - (hy hy >> F-3) + (b b >> F+5)
@@ -18,35 +21,35 @@
 ///   N_x  = saturate(((hx << 4) + (l dx >> F-3+E) + 4) >> 3),  N_y likewise
 ///   N_z  = saturate(((zc << 4) + (l dz >> F-3+3E) + 4) >> 3)
 ///
-/// dx and dy are near words with E = extra_bits(F) more fraction bits, dz has 3 E more. b has F + 4
-/// fraction bits, C and s have F + 3, l has F. missed_o: C < 0. beyond_o: b or l outside
-/// its word, C above 1 or, unless missed, a coordinate of N outside [-1, 1], by more than
-/// roundings. Downward, V is in the plane of the vertices (zc = 1) and dz = -dz_i: the products of
-/// dz_i are cut, then subtracted. A ray that passes the sphere by downward goes on for half a
-/// radius from its point nearest to the centre; a step from there leads to the dome that it meets
-/// next.
-/// Latency meet_dome_latency(F).
+/// dx and dy are near words with E = extra_bits(F) more fraction bits; dz has 3 E more. b has F + 4
+/// fraction bits, C and s have F + 3, and l has F. missed_o reports C < 0. beyond_o reports that b
+/// or l does not fit its word, that C is above 1, or that, for a ray that is not missed, a
+/// coordinate of N is outside [-1, 1], by more than rounding errors. A downward ray starts in the
+/// plane of the vertices (zc = 1) with dz = -dz_i; the products of dz_i are truncated before they
+/// are subtracted. A downward ray that misses the sphere continues for half a radius from its point
+/// nearest to the centre. The cell step from there leads to the dome that the ray meets next. The
+/// latency is meet_dome_latency(F) clocks.
 module lipp_meet_dome #(
   parameter int F = 23,
-  parameter bit CrossCells = 1'b0,  // cross terms of products in multiplier cells
+  parameter bit CrossCells = 1'b0,  // compute cross terms in multiplier cells
   parameter bit Upward = 1'b1,
   localparam int E = lipp_optics_pkg::extra_bits(F),
   localparam int Wt = F + 2 + E,
   localparam int Wz = F + 2 + 3 * E
 ) (
   input  logic                 clk_i,
-  input  logic signed [F+2:0]  hx_i,  // F fraction bits
+  input  logic signed [F+2:0]  hx_i,  // start point V, radii, F fraction bits
   input  logic signed [F+2:0]  hy_i,
   input  logic signed [Wt-1:0] dx_i,
   input  logic signed [Wt-1:0] dy_i,
   input  logic signed [Wz-1:0] dz_i,
-  input  logic signed [F+3:0]  zc_i,  // far: 1 - T/R
+  input  logic signed [F+3:0]  zc_i,  // zc = 1 - T/R, far word
   input  logic signed [F+8:0]  oz_i,  // 1 - zc^2, F + 3 fraction bits
-  output logic signed [F+1:0]  nx_o,  // near
+  output logic signed [F+1:0]  nx_o,  // intersection and unit normal N, near words
   output logic signed [F+1:0]  ny_o,
   output logic signed [F+1:0]  nz_o,
   output logic signed [F+1:0]  cos_o,
-  output logic signed [F+3:0]  s_o,  // 1 - cos^2, F + 3 fraction bits
+  output logic signed [F+3:0]  s_o,  // squared sine 1 - cos^2, F + 3 fraction bits
   output logic                 missed_o,
   output logic                 beyond_o
 );
@@ -56,15 +59,15 @@ module lipp_meet_dome #(
   localparam int W = F + 2;
   localparam int Wh = W + 1;
   localparam int Wf = W + 2;
-  localparam int Wb = Wf + 4;  // b keeps four more bits, since it is squared
+  localparam int Wb = Wf + 4;  // b has four more bits than a far word, since it is squared
   localparam int FootLatency = foot_latency(F);
 
   if (F < 14 || F > 23) begin : gen_illegal
     $fatal(1, "lipp_meet_dome: F must be 14 to 23");
   end
 
-  // ---- b, the length from the foot of the perpendicular ----
-  localparam int DotDrop = F - 1 - Guard;  // and the bits that d has more
+  // ---- b, the length from the foot of the perpendicular to V ----
+  localparam int DotDrop = F - 1 - Guard;  // bits dropped besides the extra bits of d
   localparam int Wd = Wf + W - DotDrop;
   logic signed [Wd-1:0] bx, by, bz, bz_late, bxy_q, b_sum_q;
   logic signed [Wh+W-DotDrop-1:0] bx_early, by_early;
@@ -130,19 +133,19 @@ module lipp_meet_dome #(
   always_ff @(posedge clk_i) c_q <= origin_term + b2;
 
   // ---- cosine and squared sine ----
-  // What C is, then the choices: a chain of both would limit the clock.
+  // One clock classifies C and the next selects the results; both in one clock would be too slow.
   localparam logic [F+2:0] Most = '1;
   localparam logic signed [Ws-1:0] OverOne = (Ws'(1) <<< (F + 3)) + (Ws'(1) <<< SquareSlack);
   logic [F+2:0] low_q, minus_q, clamped_q, s_q;
   logic above_q, missed_q, missed_q2, over_q, over_q2;
-  logic [1:0] zero_q;  // both halves of C are 0
+  logic [1:0] zero_q;  // lower and upper half of C are 0
   always_ff @(posedge clk_i) begin
     missed_q <= c_q[Ws-1];
     above_q <= !c_q[Ws-1] && c_q[Ws-2:F+3] != '0;
     zero_q <= {c_q[Ws-1:F/2] == '0, c_q[F/2-1:0] == '0};
     over_q <= c_q >= OverOne;
     low_q <= (F + 3)'(c_q);
-    // 1 - C, modulo 1; where the cosine is 0 the sine is limited to just below 1.
+    // This is 1 - C modulo 1. Where the cosine is 0, the sine is limited to just below 1.
     minus_q <= (F + 3)'(-c_q);
     {missed_q2, over_q2} <= {missed_q, over_q};
     clamped_q <= missed_q ? '0 : above_q ? Most : low_q;
@@ -152,7 +155,7 @@ module lipp_meet_dome #(
   lipp_sqrt #(.F(F), .Normalise(1'b1)) i_sqrt (.clk_i, .x_i(clamped_q), .y_o(cos));
 
   // ---- the length to the dome ----
-  localparam int LengthLatency = mul_latency(Wb, Wb) + 3 + sqrt_latency(1'b1);  // from b
+  localparam int LengthLatency = mul_latency(Wb, Wb) + 3 + sqrt_latency(1'b1);  // from b to cosine
   localparam int Wl = Wb + 1;
   logic signed [Wb-1:0] b_late;
   logic signed [Wl-1:0] scaled_cos, length_d;
@@ -160,13 +163,13 @@ module lipp_meet_dome #(
   logic signed [Wf-1:0] length_q;
   logic signed [W-1:0] cos_q, cos_q2;
   logic b_beyond_late, b_beyond_q2, length_beyond_q;
-  logic [Wl-4-Wf:0] length_top_q;  // the bits that a word leaves out, and its sign
+  logic [Wl-4-Wf:0] length_top_q;  // upper bits that do not fit the word, and the sign
   lipp_delay #(.Width(Wb + 1), .Cycles(LengthLatency)) i_b (
     .clk_i, .d_i({b_q, b_beyond_q}), .q_o({b_late, b_beyond_late})
   );
   assign scaled_cos = Wl'(cos) <<< 3;
   assign length_d = (Upward ? scaled_cos : -scaled_cos) - Wl'(b_late);
-  // The cosine of a ray that missed is 0.
+  // A missed ray has cosine 0.
   logic missed_late;
   if (Upward) begin : gen_stay
     assign missed_late = 1'b0;
@@ -184,7 +187,7 @@ module lipp_meet_dome #(
     {cos_q, cos_q2} <= {cos, cos_q};
   end
 
-  // ---- the point there, which is the normal ----
+  // ---- the intersection N, which is also the normal ----
   localparam int PointDrop = F - Guard;
   localparam int Wn = Wf + W - PointDrop;
   localparam int ReachLatency = FootLatency + LengthLatency + 1;
@@ -210,7 +213,7 @@ module lipp_meet_dome #(
   lipp_delay #(.Width(2 * Wn), .Cycles(axial_latency(F) - mul_latency(Wf, Wt))) i_lxy (
     .clk_i, .d_i({lx_early, ly_early}), .q_o({lx, ly})
   );
-  // V << 4 has four zero bits below F; the rounding constant, half a unit, is set in the third.
+  // V << 4 ends in four zero bits; setting the third of them adds the rounding constant 4.
   localparam logic signed [Wn-1:0] One = Wn'(1) <<< (F + 4);
   always_ff @(posedge clk_i) begin
     nx_q <= ((Wn'(hx_late) <<< 4) | Wn'(4)) + lx;
@@ -228,7 +231,7 @@ module lipp_meet_dome #(
     .clk_i, .d_i((Wn - Guard)'(nz_q >>> Guard)), .q_o(nz_o), .beyond_o(point_beyond[2])
   );
 
-  // ---- delays of earlier results ----
+  // ---- delays that align earlier results with N ----
   localparam int PointLatency = axial_latency(F) + 2;
   logic length_beyond, over;
   lipp_delay #(.Width(W + 1), .Cycles(PointLatency - 1)) i_cos (

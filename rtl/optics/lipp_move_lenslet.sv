@@ -1,26 +1,29 @@
 // SPDX-License-Identifier: Apache-2.0
 `default_nettype none
 
-/// Step 5: the ray's point V relative to the dome that is a step (di, dj) away.
+/// Step 5 of a ray: measures the ray's point V from the dome that is a step (di, dj) away.
+///
+/// The new coordinates are
 ///
 ///   hx' = hx - di cx - dj rx,   hy' = hy - dj cy
 ///
-/// where cx is the pitch, cy the distance of rows and rx the way along them to the next row's
-/// lenslet, in radii: 0 (square) or cx / 2 rounded down (hex), with Shear a word of its own.
-/// beyond_o: hx' or hy' is outside [-4, 4). Latency 2.
+/// where cx is the pitch along the rows, cy is the distance between rows, and rx is the shift along
+/// x from a lenslet to its neighbour in the next row. All are in radii. With Shear, rx is an input.
+/// Without Shear, rx is 0 on a square grid, and cx / 2 rounded down on a hexagonal grid. beyond_o
+/// reports that hx' or hy' is outside [-4, 4). The latency is 2 clocks.
 module lipp_move_lenslet #(
   parameter int F = 23,
   parameter int Grid = lipp_optics_pkg::GridSquare,
   parameter bit Shear = 1'b0
 ) (
   input  logic                clk_i,
-  input  logic signed [F+2:0] hx_i,  // F fraction bits
+  input  logic signed [F+2:0] hx_i,  // point V, radii, F fraction bits
   input  logic signed [F+2:0] hy_i,
   input  logic signed [1:0]   di_i,
   input  logic signed [1:0]   dj_i,
-  input  logic signed [F+1:0] cx_i,  // wide
-  input  logic signed [F+1:0] cy_i,  // wide
-  input  logic signed [F+1:0] rx_i,  // wide (Shear)
+  input  logic signed [F+1:0] cx_i,  // pitch along the rows, wide word
+  input  logic signed [F+1:0] cy_i,  // distance between rows, wide word
+  input  logic signed [F+1:0] rx_i,  // shift to the next row, wide word (with Shear)
   output logic signed [F+2:0] hx_o,
   output logic signed [F+2:0] hy_o,
   output logic                beyond_o
@@ -28,7 +31,7 @@ module lipp_move_lenslet #(
   import lipp_optics_pkg::*;
 
   localparam int Wh = F + 3;
-  localparam int Ws = Wh + 2;  // three words' sum
+  localparam int Ws = Wh + 2;  // width of a sum of three words
 
   if (F < 14 || F > 23) begin : gen_illegal_f
     $fatal(1, "lipp_move_lenslet: F must be 14 to 23");

@@ -1,22 +1,24 @@
 // SPDX-License-Identifier: Apache-2.0
 `default_nettype none
 
-/// The ray-lenslet engine with registers: configured over APB, it produces frames of exit rays.
+/// Traces frames of rays through the lenslets; software configures this block through APB
+/// registers.
 ///
-/// The register `source` selects where rays come from: the raster, or the stream at this block's
-/// port. They leave in order; exit_first_o and exit_last_o mark the first and last ray of a frame.
+/// The register `source` selects the source of the rays: the raster, or the stream at this block's
+/// port. Exit rays leave in the order of the rays. exit_first_o and exit_last_o mark the first and
+/// the last ray of a frame.
 ///
-/// Software writes new optics into shadow registers. `apply` requests that they, and the source,
-/// take effect: at once between two frames, otherwise after the frame's last ray was accepted;
-/// `busy` is set until then. `start` requests a frame of the raster. One start is remembered while
-/// a frame runs, and takes effect after it. So one set of optics traces a whole frame, and a frame
-/// uses every apply that came before its start. `abort` ends the frame, of the raster or of the
-/// stream, and forgets the start remembered; rays that were accepted still leave. A start in the
-/// same write begins a new frame.
+/// Software writes new optics into shadow registers. Writing `apply` requests that the new optics
+/// and the new source take effect. They take effect at once between two frames, otherwise after the
+/// frame's last ray was accepted; `busy` is set until then. Writing `start` requests a frame of the
+/// raster. One start is remembered while a frame runs, and takes effect after that frame. So one
+/// set of optics traces a whole frame, and a frame uses every apply that came before its start.
+/// Writing `abort` ends the current frame of raster or stream and cancels the remembered start.
+/// Rays that were accepted still leave. A start in the same write as an abort begins a new frame.
 ///
-/// The registers' port is APB4. A write changes the bytes whose strobe is set; the low two address
-/// bits and the protection are not read. rtl/registers.rdl defines the registers;
-/// docs/reference/optics-block.md tells how software uses them.
+/// The register port is APB4. A write changes the bytes whose strobe is set. The block ignores the
+/// low two address bits and the protection signal. rtl/registers.rdl defines the registers;
+/// docs/reference/optics-block.md explains how software uses them.
 module lipp_optics_block #(
   parameter lipp_optics_pkg::build_t Build = lipp_optics_pkg::ExactSquare,
   localparam int F = int'(Build.fraction_bits)
@@ -28,37 +30,37 @@ module lipp_optics_block #(
   input  logic                                    s_apb_penable,
   input  logic                                    s_apb_pwrite,
   input  logic [2:0]                              s_apb_pprot,
-  input  logic [8:0]                              s_apb_paddr,  // bytes
+  input  logic [8:0]                              s_apb_paddr,  // byte address
   input  logic [31:0]                             s_apb_pwdata,
   input  logic [3:0]                              s_apb_pstrb,
   output logic                                    s_apb_pready,
   output logic [31:0]                             s_apb_prdata,
-  output logic                                    s_apb_pslverr,  // no such register or access
+  output logic                                    s_apb_pslverr,  // address or access is illegal
 
   input  logic                                         ray_valid_i,
   output logic                                         ray_ready_o,
-  input  logic signed [lipp_optics_pkg::PixelBits-1:0] ray_u_i,  // pixels, right of the centre
-  input  logic signed [lipp_optics_pkg::PixelBits-1:0] ray_v_i,  // upwards; 4 fraction bits
-  input  logic signed [F+1:0]                          ray_a_i,  // wide, pitches: aperture point
-  input  logic signed [F+1:0]                          ray_b_i,  // wide, rows
-  input  logic                                         ray_first_i,  // of its frame
-  input  logic                                         ray_last_i,  // of its frame
+  input  logic signed [lipp_optics_pkg::PixelBits-1:0] ray_u_i,  // pixel u, right of the centre
+  input  logic signed [lipp_optics_pkg::PixelBits-1:0] ray_v_i,  // pixel v, up, 4 fraction bits
+  input  logic signed [F+1:0]                          ray_a_i,  // aperture point a, wide, pitches
+  input  logic signed [F+1:0]                          ray_b_i,  // aperture point b, wide, rows
+  input  logic                                         ray_first_i,  // first ray of its frame
+  input  logic                                         ray_last_i,  // last ray of its frame
 
   output logic                                         exit_valid_o,
   input  logic                                         exit_ready_i,
-  output logic signed [lipp_optics_pkg::IndexBits-1:0] exit_i_o,  // i of the exit's lenslet
+  output logic signed [lipp_optics_pkg::IndexBits-1:0] exit_i_o,  // lenslet (i, j) of the exit ray
   output logic signed [lipp_optics_pkg::IndexBits-1:0] exit_j_o,
-  output logic signed [F+3:0]                          exit_x_o,  // origin from its centre, radii
-  output logic signed [F+3:0]                          exit_y_o,  // F + 1 fraction bits
+  output logic signed [F+3:0]                          exit_x_o,  // origin from lenslet, in radii
+  output logic signed [F+3:0]                          exit_y_o,  // origin, F + 1 fraction bits
   output logic signed [F+3:0]                          exit_z_o,
-  output logic signed [F+1:0]                          exit_dx_o,  // near: unit direction
+  output logic signed [F+1:0]                          exit_dx_o,  // unit direction, near words
   output logic signed [F+1:0]                          exit_dy_o,
-  output logic signed [F+1:0]                          exit_dz_o,  // to the viewer
-  output lipp_optics_pkg::ray_status_e                 exit_status_o,  // its fate
-  output logic                                         exit_first_o,  // of its frame
-  output logic                                         exit_last_o,  // of its frame
+  output logic signed [F+1:0]                          exit_dz_o,  // +z points to the viewer
+  output lipp_optics_pkg::ray_status_e                 exit_status_o,  // status of the ray
+  output logic                                         exit_first_o,  // first ray of its frame
+  output logic                                         exit_last_o,  // last ray of its frame
 
-  output lipp_optics_pkg::optics_config_t              optics_o  // as written, in effect or not
+  output lipp_optics_pkg::optics_config_t              optics_o  // optics as last written
 );
   import lipp_optics_pkg::*;
 
@@ -67,8 +69,8 @@ module lipp_optics_block #(
   lipp_optics_registers_pkg::optics_registers__out_t hwif_out;
   logic apply_waits, start_waits, abort, busy, running, refused, idle;
 
-  // The upper half of the addresses is the jitter table, which can only be written. What answers
-  // an access is a register: its master may be far away.
+  // Addresses in the upper half access the jitter table, which is write-only. The APB response is
+  // registered, because the bus master may be far away on the chip.
   logic registers_ready, registers_error, table_q, table_write;
   logic [31:0] registers_data;
   lipp_optics_registers i_registers (
@@ -174,7 +176,7 @@ module lipp_optics_block #(
     .ray_first_o(walked_first), .ray_last_o(walked_last)
   );
 
-  // ---- new optics and another source take effect between two frames only ----
+  // ---- new optics and a new source take effect only between two frames ----
   logic stream, take, valid, ready, first, last;
   logic signed [PixelBits-1:0] u, v;
   logic signed [F+1:0] a, b;
@@ -201,9 +203,10 @@ module lipp_optics_block #(
     .exit_dx_o, .exit_dy_o, .exit_dz_o, .exit_status_o
   );
 
-  // A FIFO beside the pipeline keeps the marks of frames, in the order of the rays; it has a place
-  // for each ray. They are written a clock late, as the source may be far away: the ray is longer
-  // on its way.
+  // A FIFO beside the pipeline stores the first and last mark of each ray, in order; it has an
+  // entry for each ray in the pipeline. The marks are written a clock after their ray was accepted,
+  // because the source may be far away on the chip. The ray needs more clocks than that to leave
+  // the pipeline.
   localparam int Latency = ray_latency(Build);
   localparam int AddressBits = $clog2(Latency + 16);
   logic exit_taken_q, unused_valid;

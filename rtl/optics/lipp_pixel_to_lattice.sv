@@ -1,27 +1,33 @@
 // SPDX-License-Identifier: Apache-2.0
 `default_nettype none
 
-/// Step 1: pixel coordinates to lattice coordinates, with the array's pitch, rotation and offset.
+/// Step 1 of a ray: maps pixel coordinates (u, v) to lattice coordinates (x, y), with the array's
+/// pitch, rotation and offset.
 ///
-///   hi = (u ah_u + v ah_v) + oh,   lo = (u al_u + v al_v) + ol    (each coefficient 2^17 ah + al)
+/// Each coefficient and offset is split into 2^17 ah + al, so that its parts fit a multiplier. With
+/// words as integers, the affine map for x is
+///
+///   hi = (u ah_u + v ah_v) + oh,   lo = (u al_u + v al_v) + ol
 ///   x  = floor((hi + floor(lo / 2^17)) / 2^(23 - F))
 ///
-/// and likewise for y: one affine map, exact up to the final floor. The offsets include 2^(39 - F),
-/// which makes that floor a rounding. Input u_i, v_i: signed, 4 fraction bits, columns to the right
-/// and rows *upward* from the panel's centre. Coefficients: signed, 36 fraction bits. Offsets:
-/// signed, 40 fraction bits. Output x_o, y_o: signed, IndexBits + F bits, F fraction bits, in
-/// pitches (hexagonal: y in rows). beyond_o: x or y is outside [-2048, 2048). Latency
-/// pixel_latency().
+/// The map for y has the same formulas with its own coefficients. The map is exact up to the final
+/// floor. The offsets include 2^(39 - F), so that the final floor rounds.
+///
+/// The inputs u_i (columns to the right) and v_i (rows upward) are measured from the panel's
+/// centre. They are signed with 4 fraction bits. Coefficients are signed with 36 fraction bits,
+/// offsets are signed with 40 fraction bits. The outputs x_o and y_o are signed and have IndexBits
+/// + F bits, F of them fraction bits. They are in pitches; on a hexagonal grid, y is in rows.
+/// beyond_o reports that x or y is outside [-2048, 2048). The latency is pixel_latency() clocks.
 module lipp_pixel_to_lattice #(
   parameter int F = 23
 ) (
   input  logic                                           clk_i,
   input  logic signed [lipp_optics_pkg::PixelBits-1:0]   u_i,
   input  logic signed [lipp_optics_pkg::PixelBits-1:0]   v_i,
-  input  logic signed [lipp_optics_pkg::SlopeBits-1:0]   x_from_u_i,  // array_from_pixel, row x
+  input  logic signed [lipp_optics_pkg::SlopeBits-1:0]   x_from_u_i,  // coefficients of x
   input  logic signed [lipp_optics_pkg::SlopeBits-1:0]   x_from_v_i,
   input  logic signed [lipp_optics_pkg::OffsetBits-1:0]  x_offset_i,
-  input  logic signed [lipp_optics_pkg::SlopeBits-1:0]   y_from_u_i,  // array_from_pixel, row y
+  input  logic signed [lipp_optics_pkg::SlopeBits-1:0]   y_from_u_i,  // coefficients of y
   input  logic signed [lipp_optics_pkg::SlopeBits-1:0]   y_from_v_i,
   input  logic signed [lipp_optics_pkg::OffsetBits-1:0]  y_offset_i,
   output logic signed [lipp_optics_pkg::IndexBits+F-1:0] x_o,
@@ -31,9 +37,9 @@ module lipp_pixel_to_lattice #(
   import lipp_math_pkg::*;
   import lipp_optics_pkg::*;
 
-  localparam int LowBits = SlopeBits - MulBits;  // 17: with a sign bit it is an operand of 18 bits
+  localparam int LowBits = SlopeBits - MulBits;  // 17 unsigned bits; 18 with a sign bit
   localparam int Wo = OffsetBits - LowBits;
-  localparam int Whi = Wo + 2;  // three words' sum
+  localparam int Whi = Wo + 2;  // width of a sum of three words
 
   if (F < 14 || F > 23) begin : gen_illegal
     $fatal(1, "lipp_pixel_to_lattice: F must be 14 to 23");
@@ -63,7 +69,7 @@ module lipp_pixel_to_lattice #(
       .clk_i, .a_i(v_i), .b_i({1'b0, from_v[LowBits-1:0]}), .p_o(lo_v)
     );
 
-    // ---- their sum, with the carry of the lower half into the upper ----
+    // ---- sum of the products; the low half's carry is added to the high half ----
     logic signed [2*MulBits:0] lo_q, lo_sum_q;
     logic signed [Whi-1:0] hi_q, hi_sum_q, sum_q;
     always_ff @(posedge clk_i) begin

@@ -1,19 +1,22 @@
 // SPDX-License-Identifier: Apache-2.0
 `default_nettype none
 
-/// Steps 1 to 3: from a pixel and a point in the aperture plane to the lenslet that the ray aims
-/// at.
+/// Steps 1 to 3 of a ray: finds the lenslet at which the ray aims, and measures the pixel and the
+/// aperture point from that lenslet's centre. Steps in parentheses depend on the build:
 ///
 ///   pixel_to_lattice -> lenslet_{square,hex} -> (aim) -> (converge) -> (shear)
 ///
-/// x, y is the pixel and a, b the aperture point, in pitches and rows from the centre of lenslet
-/// (i, j): words of local_bits(F, Converge, Shear) and local_bits(F, 0, Shear) bits, F of them
-/// fraction bits. stray_o: (i, j) is not the pixel's own lenslet. beyond_o: a word on the way
-/// wrapped. missing_o: the array does not have the pixel's own lenslet; told here only where a
-/// ray can leave through another one.
-/// Latency lens_latency(F, Grid, Aims, Converge, Shear); of own_i_o and own_j_o, the pixel's own
-/// lenslet, pixel_latency() + lenslet_latency(Grid); of missing_o extent_latency() more than the
-/// first.
+/// The outputs (x, y) and (a, b) are the pixel and the aperture point, in pitches and rows from the
+/// centre of lenslet (i, j). Both have F fraction bits. (x, y) has local_bits(F, Converge, Shear)
+/// bits, (a, b) has local_bits(F, 0, Shear) bits.
+///
+/// stray_o reports that (i, j) is not the pixel's own lenslet. beyond_o reports that a word
+/// wrapped. missing_o reports that the pixel's own lenslet does not exist; it is always 0 in builds
+/// whose rays cannot leave through another lenslet.
+///
+/// The latency of the outputs is lens_latency(F, Grid, Aims, Converge, Shear) clocks. The outputs
+/// own_i_o and own_j_o, the pixel's own lenslet, have a latency of pixel_latency() +
+/// lenslet_latency(Grid) clocks. missing_o comes extent_latency() clocks after the outputs (x, y).
 module lipp_pixel_to_lens #(
   parameter lipp_optics_pkg::build_t Build = lipp_optics_pkg::ExactSquare,
   localparam int F = int'(Build.fraction_bits),
@@ -47,11 +50,11 @@ module lipp_pixel_to_lens #(
   localparam bit Converge = Build.converge;
   localparam bit Shear = Build.shear;
   localparam bit CrossCells = Build.cross_cells;
-  // Each build uses only some of the fields.
+  // Each build uses only some fields of config_i.
   logic unused_config;
   assign unused_config = ^config_i;
 
-  // ---- pixel, panel, lenslet ----
+  // ---- the pixel's own lenslet ----
   logic signed [L-1:0] lattice_x, lattice_y;
   logic lattice_beyond, lattice_beyond_late, index_beyond, own_beyond;
   lipp_delay #(.Width(1), .Cycles(lenslet_latency(Grid))) i_lattice_beyond (
@@ -80,7 +83,7 @@ module lipp_pixel_to_lens #(
     );
   end
 
-  // ---- aperture point ----
+  // ---- the lenslet at which the ray aims ----
   localparam int AimAt = lens_latency(F, Grid, Aims, 1'b0, 1'b0);
   logic signed [IndexBits-1:0] aim_i, aim_j;
   logic signed [W-1:0] aim_x, aim_y, aim_a, aim_b;
@@ -110,7 +113,7 @@ module lipp_pixel_to_lens #(
     assign unused_aim = ^{a_i, b_i};
   end
 
-  // ---- the pixel relative to that lenslet ----
+  // ---- the pixel's point from the lenslet's centre ----
   localparam int LocalAt = lens_latency(F, Grid, Aims, Converge, 1'b0);
   localparam int Wc = local_bits(F, Converge, 1'b0);
   logic signed [IndexBits-1:0] local_i, local_j;
@@ -137,7 +140,7 @@ module lipp_pixel_to_lens #(
     assign {local_x, local_y, local_beyond} = {aim_x, aim_y, aim_beyond};
   end
 
-  // ---- along the rows: pixel and aperture point upright ----
+  // ---- shear: x and a along the rows become upright coordinates ----
   localparam int LensAt = lens_latency(F, Grid, Aims, Converge, Shear);
   if (Shear) begin : gen_shear
     logic signed [W-1:0] b_late;
@@ -171,8 +174,8 @@ module lipp_pixel_to_lens #(
     assign {x_o, y_o} = {local_x, local_y};
   end
 
-  // ---- lenslets that the array has: the pixel's ----
-  // Where rays do not leave their lenslet the test of the exit's is enough.
+  // ---- missing lenslets: the pixel's own lenslet ----
+  // If rays cannot leave their lenslet, the test of the exit ray's lenslet is sufficient.
   localparam bit Elsewhere = Aims || Build.walk > 0;
   localparam int OwnAt = pixel_latency() + lenslet_latency(Grid);
   if (Elsewhere) begin : gen_own_extent

@@ -1,54 +1,59 @@
 // SPDX-License-Identifier: Apache-2.0
 `default_nettype none
 
-/// Scans a window of the panel, row by row from the top left: one ray every clock, valid/ready.
+/// Scans a window of the panel row by row from the top left, and produces one ray per clock. The
+/// output has a valid/ready handshake.
 ///
-/// start_i copies config_i and starts a frame: `samples` rays for each pixel. It is ignored while
-/// running_o is high. A window that is empty or reaches beyond the panel is refused: refused_o is
-/// high until the next start. running_o stays high until the frame's last ray was taken. abort_i
-/// ends the frame: from the next clock on no ray is offered, and a start in the same clock is lost.
+/// start_i copies config_i and starts a frame with `samples` rays for each pixel. start_i is
+/// ignored while running_o is high. A window that is empty or extends beyond the panel is refused;
+/// refused_o is then high until the next start. running_o is high until the frame's last ray was
+/// accepted. abort_i ends the frame: no ray is offered from the next clock on, and a start in the
+/// same clock is lost.
 ///
-/// Pixel (c, r), counted from the panel's top left, gives with half-pixels as integers
+/// The ray of pixel (c, r), counted from the panel's top left, has the coordinates
+///
 ///   u = 8 (2 c + 1 - width) + du,  v = 8 (height - 2 r - 1) + dv
 ///   a = 2^(F-10) ja,               b = 2^(F-10) jb
-/// where the ray's jitter (du, dv, ja, jb) is
+///
+/// where u and v have 4 fraction bits. The mode selects the ray's jitter (du, dv, ja, jb):
+///
 ///   JitterOff    0
 ///   JitterTable  entry (table_first + sample) mod 64
 ///   JitterLfsr   the ray's random word, read as an entry, with bits 11 and 10 of ja and of jb
 ///                replaced by their bit 9: anywhere on the pixel, aims in [-1/2, 1/2)
 ///
-/// The random words are states of a Galois LFSR with the primitive polynomial
-/// x^32 + x^22 + x^2 + x + 1; bit k is the coefficient of x^k. The frame's first ray uses the seed
-/// (1 for seed 0); each following ray is 32 steps further, s <- s x^32.
+/// The random words are states of a Galois LFSR with the primitive polynomial x^32 + x^22 + x^2 + x
+/// + 1; bit k is the coefficient of x^k. The frame's first ray uses the seed; seed 0 counts as 1.
+/// Each ray's word s is 32 LFSR steps after the word of the ray before it, s <- s x^32.
 module lipp_raster #(
   parameter int F = 23
 ) (
   input  logic                                    clk_i,
   input  logic                                    rst_ni,
 
-  input  lipp_optics_pkg::raster_config_t config_i,  // the next frame
-  input  logic                            start_i,  // begin it
-  input  logic                            abort_i,  // end the one that runs
-  output logic                            running_o,  // until its last ray was taken
+  input  lipp_optics_pkg::raster_config_t config_i,  // settings of the next frame
+  input  logic                            start_i,  // starts a frame
+  input  logic                            abort_i,  // ends the current frame
+  output logic                            running_o,  // high until the last ray was accepted
   output logic                            refused_o,  // illegal window; until next start
 
-  input  logic [3:0]                            table_write_i,  // bytes of a jitter entry
-  input  logic [lipp_optics_pkg::TableBits-1:0] table_at_i,  // its place
+  input  logic [3:0]                            table_write_i,  // write enable of each entry byte
+  input  logic [lipp_optics_pkg::TableBits-1:0] table_at_i,  // index of the jitter entry
   input  lipp_optics_pkg::jitter_t              table_entry_i,
 
   output logic                                         ray_valid_o,
   input  logic                                         ray_ready_i,
-  output logic signed [lipp_optics_pkg::PixelBits-1:0] ray_u_o,  // pixels, right of the centre
-  output logic signed [lipp_optics_pkg::PixelBits-1:0] ray_v_o,  // upwards; 4 fraction bits
-  output logic signed [F+1:0]                          ray_a_o,  // wide, pitches: aperture point
-  output logic signed [F+1:0]                          ray_b_o,  // wide, rows
-  output logic                                         ray_first_o,  // of its frame
-  output logic                                         ray_last_o  // of its frame
+  output logic signed [lipp_optics_pkg::PixelBits-1:0] ray_u_o,  // pixel u, right of the centre
+  output logic signed [lipp_optics_pkg::PixelBits-1:0] ray_v_o,  // pixel v, up, 4 fraction bits
+  output logic signed [F+1:0]                          ray_a_o,  // aperture point a, wide, pitches
+  output logic signed [F+1:0]                          ray_b_o,  // aperture point b, wide, rows
+  output logic                                         ray_first_o,  // first ray of its frame
+  output logic                                         ray_last_o  // last ray of its frame
 );
   import lipp_optics_pkg::*;
 
   localparam int W = F + 2;
-  localparam int HalfBits = PanelBits + 1;  // pixel coordinates in half-pixels: signed
+  localparam int HalfBits = PanelBits + 1;  // signed pixel coordinates in half-pixels
 
   if (F < 14 || F > 23) begin : gen_illegal_f
     $fatal(1, "lipp_raster: F must be 14 to 23");
@@ -59,11 +64,11 @@ module lipp_raster #(
     return state;
   endfunction
 
-  // ---- the frame's settings: copied, checked, and converted to the first position ----
+  // ---- settings of the frame: copied, checked, and converted to the first position ----
   raster_config_t config_q;
   logic take, check_q, begin_q, legal, walk_q, step, done, end_of_frame;
   logic [3:0] legal_q;
-  // Each counter holds the remaining count minus 2: it is negative at the last item.
+  // Each counter contains the remaining count minus 2, so it is negative at the last item.
   logic signed [16:0] samples_q;
   logic signed [HalfBits-1:0] columns_q, rows_q;
   logic signed [HalfBits-1:0] first_half_u_q, first_half_v_q;
@@ -100,7 +105,7 @@ module lipp_raster #(
     end
   end
 
-  // ---- the scan: remaining samples, columns and rows, and the position ----
+  // ---- scan: remaining samples, columns and rows, and the position ----
   logic signed [16:0] samples_left_q;
   logic signed [HalfBits-1:0] columns_left_q, rows_left_q;
   logic signed [HalfBits-1:0] half_u_q, half_v_q;
@@ -140,7 +145,7 @@ module lipp_raster #(
     end
   end
 
-  // ---- the jitter ----
+  // ---- jitter of the ray ----
   (* ram_style = "distributed" *)
   jitter_t jitter_table[1 << TableBits];
   jitter_t entry_q, drawn_q, jitter_q;
@@ -165,7 +170,7 @@ module lipp_raster #(
     end
   end
 
-  // ---- the ray: the scan runs on a register of the buffer, not on the taker's answer ----
+  // ---- output: the buffer's registered ready signal, not ray_ready_i, controls the scan ----
   logic signed [PixelBits-1:0] ray_u, ray_v;
   logic signed [11:0] aim_a, aim_b;
   assign ray_u = {half_u_late_q[2], 3'b0} + PixelBits'(jitter_q.du);

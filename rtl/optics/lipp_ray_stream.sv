@@ -1,14 +1,16 @@
 // SPDX-License-Identifier: Apache-2.0
 `default_nettype none
 
-/// The stream around `lipp_ray_pipeline`: pixels in, exit rays out, one ray every clock,
-/// valid/ready on both sides.
+/// Wraps `lipp_ray_pipeline` in a stream: pixels enter, exit rays leave, one ray per clock, with a
+/// valid/ready handshake on both sides.
 ///
 /// Rays leave in the order in which they entered. The optics in use are a copy of config_i. apply_i
-/// requests a new copy; it is made as soon as all rays inside have left. Until then busy_o is high
-/// and the input closed, so that no frame is traced with two displays. Reset requests a copy.
+/// requests a new copy, which is made as soon as all rays inside have left. Until then busy_o is
+/// high and the input is closed, so no frame is traced with two displays. Reset also requests a
+/// copy.
 ///
-/// Words as in `lipp_ray_pipeline`. Latency ray_latency(...) + 5 clocks when nothing stalls.
+/// The words are those of `lipp_ray_pipeline`. The latency is ray_latency(...) + 5 clocks if
+/// nothing stalls.
 module lipp_ray_stream #(
   parameter lipp_optics_pkg::build_t Build = lipp_optics_pkg::ExactSquare,
   localparam int F = int'(Build.fraction_bits)
@@ -16,29 +18,29 @@ module lipp_ray_stream #(
   input  logic                                    clk_i,
   input  logic                                    rst_ni,
 
-  input  lipp_optics_pkg::optics_config_t config_i,  // optics of the next copy
-  input  logic                            apply_i,  // make a copy
-  output logic                            busy_o,  // until it is made
+  input  lipp_optics_pkg::optics_config_t config_i,  // optics for the next copy
+  input  logic                            apply_i,  // requests a copy of config_i
+  output logic                            busy_o,  // high until the copy is made
   output logic                            idle_o,  // no ray is inside
 
   input  logic                                         ray_valid_i,
   output logic                                         ray_ready_o,
-  input  logic signed [lipp_optics_pkg::PixelBits-1:0] ray_u_i,  // pixels, right of the centre
-  input  logic signed [lipp_optics_pkg::PixelBits-1:0] ray_v_i,  // upwards; 4 fraction bits
-  input  logic signed [F+1:0]                          ray_a_i,  // wide, pitches: aperture point
-  input  logic signed [F+1:0]                          ray_b_i,  // wide, rows
+  input  logic signed [lipp_optics_pkg::PixelBits-1:0] ray_u_i,  // pixel u, right of the centre
+  input  logic signed [lipp_optics_pkg::PixelBits-1:0] ray_v_i,  // pixel v, up, 4 fraction bits
+  input  logic signed [F+1:0]                          ray_a_i,  // aperture point a, wide, pitches
+  input  logic signed [F+1:0]                          ray_b_i,  // aperture point b, wide, rows
 
   output logic                                         exit_valid_o,
   input  logic                                         exit_ready_i,
-  output logic signed [lipp_optics_pkg::IndexBits-1:0] exit_i_o,  // lenslet of the exit
+  output logic signed [lipp_optics_pkg::IndexBits-1:0] exit_i_o,  // lenslet (i, j) of the exit ray
   output logic signed [lipp_optics_pkg::IndexBits-1:0] exit_j_o,
-  output logic signed [F+3:0]                          exit_x_o,  // origin from its centre, radii
-  output logic signed [F+3:0]                          exit_y_o,  // F + 1 fraction bits
+  output logic signed [F+3:0]                          exit_x_o,  // origin from lenslet, in radii
+  output logic signed [F+3:0]                          exit_y_o,  // origin, F + 1 fraction bits
   output logic signed [F+3:0]                          exit_z_o,
-  output logic signed [F+1:0]                          exit_dx_o,  // near: unit direction
+  output logic signed [F+1:0]                          exit_dx_o,  // unit direction, near words
   output logic signed [F+1:0]                          exit_dy_o,
-  output logic signed [F+1:0]                          exit_dz_o,  // to the viewer
-  output lipp_optics_pkg::ray_status_e                 exit_status_o  // status
+  output logic signed [F+1:0]                          exit_dz_o,  // +z points to the viewer
+  output lipp_optics_pkg::ray_status_e                 exit_status_o  // status of the ray
 );
   import lipp_optics_pkg::*;
 

@@ -1,26 +1,26 @@
 // SPDX-License-Identifier: Apache-2.0
 `default_nettype none
 
-/// Step 3, sheared lattices: a point's x in pitches along the rows, from its lattice coordinates.
+/// Step 3 of a ray, sheared lattices: converts lattice coordinates to an upright x in pitches.
 ///
-/// The rows of a sheared lattice are moved by s times their height. A point that is x pitches and y
-/// rows from its lenslet's centre, counted along the lattice, so is x + g y pitches to the right of
-/// it, where g is s times the distance of rows / pitch:
+/// The rows of a sheared lattice are shifted by s times their height. A point with the lattice
+/// coordinates x in pitches and y in rows, from its lenslet's centre, is x + g y pitches to the
+/// right of that centre. Here g is s times the distance between rows / pitch. With words as
+/// integers, and y g >> k the product that `lipp_multiplier` truncates by k bits, the result is
 ///
 ///   x'   = ((x << 3) + (y g >> F-3) + 4) >> 3
 ///
-/// as integers, y g >> k the product that `lipp_multiplier` truncates by k bits. All words have F
-/// fraction bits. Output: W + 2 bits, [-8, 8). beyond_o: x' is outside that range.
-/// Latency shear_latency(F).
+/// All words have F fraction bits. The output has W + 2 bits, in [-8, 8). beyond_o reports that x'
+/// is outside that range. The latency is shear_latency(F) clocks.
 module lipp_shear #(
   parameter int F = 23,
-  parameter bit CrossCells = 1'b0,  // cross terms of products in multiplier cells
-  parameter int Wx = F + 2          // bits of x and y, a wide word or more
+  parameter bit CrossCells = 1'b0,  // compute cross terms in multiplier cells
+  parameter int Wx = F + 2          // width of x and y in bits, F + 2 or more
 ) (
   input  logic                 clk_i,
-  input  logic signed [Wx-1:0] x_i,  // pitches
-  input  logic signed [Wx-1:0] y_i,  // rows
-  input  logic signed [F+3:0]  g_i,  // far
+  input  logic signed [Wx-1:0] x_i,  // lattice coordinate x, in pitches
+  input  logic signed [Wx-1:0] y_i,  // lattice coordinate y, in rows
+  input  logic signed [F+3:0]  g_i,  // factor g, far word
   output logic signed [F+3:0]  x_o,
   output logic                 beyond_o
 );
@@ -46,7 +46,7 @@ module lipp_shear #(
   lipp_delay #(.Width(Wx), .Cycles(mul_latency(Wx, Wo))) i_x_match (.clk_i, .d_i(x_i),
       .q_o(x_late));
 
-  // x << 3 has three zero bits below F; the rounding constant, half a unit, is set in the first.
+  // x << 3 ends in three zero bits; setting the first of them adds the rounding constant 4.
   logic signed [Wt-1:0] total_q;
   logic signed [Wt-Guard-1:0] total;
   assign total = (Wt - Guard)'(total_q >>> Guard);

@@ -1,14 +1,17 @@
 // SPDX-License-Identifier: Apache-2.0
 `default_nettype none
 
-/// Step 3: the ray's slope, its unit direction, and its point on the first face.
+/// Step 3 of a ray: computes its slope, its unit direction, and its point on the first face.
 ///
-/// x, y is the pixel and a, b the aperture point, as `lipp_pixel_to_lens` gives them. The slope
-/// of an exact ray follows from a - x; otherwise there is a coefficient for each of a and x.
-/// Latency slope_latency(F, Converge, Shear) of the point hx_o, hy_o, in radii, F fraction bits,
-/// and of flat_beyond_o: slope or point are out of range; unit_latency(F) more of the direction
-/// ex_o, ey_o, ez_o, near words with air_bits(Build) more, and of steep_o: the slope is 60 degrees
-/// or more. difference_o, a clock after the input: a - x is out of range.
+/// The inputs are those that `lipp_pixel_to_lens` computes: the pixel (x, y) and the aperture point
+/// (a, b). The slope of an exact ray without Converge follows from a - x. In other builds the slope
+/// has one coefficient for x and one for a.
+///
+/// The point (hx_o, hy_o) is in radii with F fraction bits. Its latency is slope_latency(F,
+/// Converge, Shear) clocks, also that of flat_beyond_o, which reports that slope or point is out of
+/// range. The direction (ex_o, ey_o, ez_o) is in near words with air_bits(Build) more bits. It
+/// comes unit_latency(F) clocks after the point, together with steep_o, which reports a slope of 60
+/// degrees or more. difference_o reports that a - x is out of range, a clock after the input.
 module lipp_start_ray #(
   parameter lipp_optics_pkg::build_t Build = lipp_optics_pkg::ExactSquare,
   localparam int F = int'(Build.fraction_bits),
@@ -39,7 +42,7 @@ module lipp_start_ray #(
   localparam bit CrossCells = Build.cross_cells;
   localparam bit SlopeAims = slope_aims(Build);
   localparam bit Difference = Build.model == 2'(ModelExact) && !Build.converge;
-  // Each build uses only some of the fields.
+  // Each build uses only some fields of config_i.
   logic unused_config;
   assign unused_config = ^config_i;
 

@@ -1,21 +1,24 @@
 // SPDX-License-Identifier: Apache-2.0
 `default_nettype none
 
-/// Step 3: the unit direction of a slope, (m_x, m_y, 1) / sqrt(1 + m_x^2 + m_y^2).
+/// Step 3 of a ray: computes the unit direction e of a slope (m_x, m_y):
 ///
-/// Words as integers, a b >> k the product that `lipp_multiplier` truncates by k bits:
+///   e = (m_x, m_y, 1) / sqrt(1 + m_x^2 + m_y^2)
+///
+/// With words as integers, and a b >> k the product that `lipp_multiplier` truncates by k bits, the
+/// steps are
 ///
 ///   x    = ((m_x m_x >> F-4+2E) + (m_y m_y >> F-4+2E) + 2^(F+4) + 4) >> 3
 ///   e_z  = min(rsqrt(x), 2^(F+1+E) - 1)
 ///   e_x  = ((m_x e_z >> F-3+E) + 4) >> 3,  e_y likewise
 ///
-/// x, in [1, 4), has F + 1 fraction bits. Input: wide words. Output: near words. All have E = Extra
-/// more fraction bits, 0 or extra_bits(F). beyond_o: x is 4 or more, a slope of 60 degrees or more.
-/// Latency unit_latency(F).
+/// x, in [1, 4), has F + 1 fraction bits. The slope is in wide words and the direction in near
+/// words, all with E = Extra more fraction bits; Extra is 0 or extra_bits(F). beyond_o reports that
+/// x is 4 or more, a slope of 60 degrees or more. The latency is unit_latency(F) clocks.
 module lipp_unit_slope #(
   parameter int F = 23,
   parameter int Extra = 0,
-  parameter bit CrossCells = 1'b0  // cross terms of products in multiplier cells
+  parameter bit CrossCells = 1'b0  // compute cross terms in multiplier cells
 ) (
   input  logic                      clk_i,
   input  logic signed [F+1+Extra:0] mx_i,
@@ -39,7 +42,7 @@ module lipp_unit_slope #(
     $fatal(1, "lipp_unit_slope: Extra must be 0 or extra_bits(F)");
   end
 
-  // ---- 1 + m^2 ----
+  // ---- x = 1 + m_x^2 + m_y^2 ----
   localparam int SquareDrop = F - 4 + 2 * Extra;
   localparam int Wq = 2 * W - SquareDrop;
   logic signed [Wq-1:0] mx2, my2;
@@ -58,14 +61,14 @@ module lipp_unit_slope #(
     square_q <= (F + 6)'((sum_q + (((Wq + 1)'(1) << (F + 4)) + (Wq + 1)'(4))) >>> Guard);
   end
 
-  // ---- 1 / sqrt(1 + m^2) ----
+  // ---- e_z = 1 / sqrt(x) ----
   logic steep;
   logic [W-1:0] inverse;
   logic signed [W-1:0] ez;
   lipp_rsqrt #(.F(F), .Extra(Extra)) i_rsqrt (.clk_i, .x_i(square_q[F+2:0]), .y_o(inverse));
   assign ez = inverse[W-1] ? {1'b0, {(W - 1){1'b1}}} : $signed(inverse);  // 1 overflows
 
-  // ---- the direction ----
+  // ---- e_x and e_y, the lateral direction ----
   localparam int Drop = F - Guard + Extra;
   localparam int Wp = 2 * W - Drop;
   logic signed [W-1:0] mx_late, my_late;

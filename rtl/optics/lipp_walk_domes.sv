@@ -1,16 +1,20 @@
 // SPDX-License-Identifier: Apache-2.0
 `default_nettype none
 
-/// Step 5: the ray meets the dome of the lenslet that it aims at, or walks on to further domes.
+/// Step 5 of a ray: intersects the ray with the dome of the lenslet at which it aims, or with
+/// further domes.
 ///
 ///   meet_dome -> (cell_step -> move_lenslet -> meet_dome) x walk -> (cell_step)
 ///
-/// A ray that meets a dome's sphere outside that dome's cell tries the dome of the cell there, up
-/// to `walk` times. Words as in `lipp_meet_dome`.
-/// Latency walk x walk_latency(Grid, F, Shear) of the last dome's lenslet i_o, j_o, of the
-/// direction d there and of beyond_o, the flags so far; meet_dome_latency(F) more of the point n,
-/// cos_o, s_o, missed_o and meet_beyond_o of that dome; then, where rays can leave their cell,
-/// cell_step_latency(Grid, F, Shear) more of inside_o: the point is in the last dome's cell.
+/// If a ray meets a dome's sphere outside that dome's cell, the module tries the dome of the cell
+/// that contains the intersection, up to `walk` times. The words are those of `lipp_meet_dome`.
+///
+/// The lenslet of the last dome, i_o and j_o, the ray's direction d there, and beyond_o, the
+/// collected flags, have a latency of walk x walk_latency(Grid, F, Shear) clocks. The results of
+/// the last dome, n, cos_o, s_o, missed_o and meet_beyond_o, come meet_dome_latency(F) clocks
+/// later. inside_o reports that the point is in the last dome's cell. Where rays can leave their
+/// cell, inside_o comes cell_step_latency(Grid, F, Shear) clocks after those results; elsewhere it
+/// is always 1.
 module lipp_walk_domes #(
   parameter lipp_optics_pkg::build_t Build = lipp_optics_pkg::ExactSquare,
   localparam int F = int'(Build.fraction_bits),
@@ -54,7 +58,7 @@ module lipp_walk_domes #(
   localparam int StepLatency = cell_step_latency(Grid, F, Shear);
   localparam int WalkLatency = walk_latency(Grid, F, Shear);
   localparam int MeetLatency = meet_dome_latency(F);
-  // Each build uses only some of the fields.
+  // Each build uses only some fields of config_i.
   logic unused_config;
   assign unused_config = ^config_i;
 
@@ -64,7 +68,7 @@ module lipp_walk_domes #(
   logic [Walk:0][W-1:0] nx, ny, nz, cos;
   logic [Walk:0][IndexBits-1:0] i, j;
   logic [Walk:0][Wf-1:0] s;
-  logic [Walk:0] missed, beyond, meet_beyond;  // beyond: before the dome
+  logic [Walk:0] missed, beyond, meet_beyond;  // beyond: flags collected before the dome
   assign {i[0], j[0], hx[0], hy[0]} = {i_i, j_i, hx_i, hy_i};
   assign {dx[0], dy[0], dz[0], beyond[0]} = {dx_i, dy_i, dz_i, beyond_i};
 
@@ -135,7 +139,7 @@ module lipp_walk_domes #(
       .di_o(unused_di), .dj_o(unused_dj), .inside_o
     );
   end else begin : gen_own
-    // A chief ray through the flat face stays in its lenslet.
+    // A chief ray that enters through the flat face stays in its lenslet.
     assign inside_o = 1'b1;
   end
 
