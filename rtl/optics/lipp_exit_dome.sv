@@ -70,7 +70,8 @@ module lipp_exit_dome #(
   always_ff @(posedge clk_i) begin
     round_dx_q <= W'((dx_i + Wt'(Wt - W)) >>> (Wt - W));
     round_dy_q <= W'((dy_i + Wt'(Wt - W)) >>> (Wt - W));
-    round_dz_q <= round_dz[W-1] ? {1'b0, {(W - 1){1'b1}}} : round_dz[W-1:0];  // 1 overflows
+    // A value of 1 does not fit dz, so dz becomes the maximum.
+    round_dz_q <= round_dz[W-1] ? {1'b0, {(W - 1){1'b1}}} : round_dz[W-1:0];
   end
   lipp_delay #(.Width(3 * W), .Cycles(meet_dome_latency(F) + Latency - 1)) i_glass (
     .clk_i, .d_i({round_dx_q, round_dy_q, round_dz_q}), .q_o({glass_dx, glass_dy, glass_dz})

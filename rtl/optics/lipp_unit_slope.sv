@@ -66,7 +66,8 @@ module lipp_unit_slope #(
   logic [W-1:0] inverse;
   logic signed [W-1:0] ez;
   lipp_rsqrt #(.F(F), .Extra(Extra)) i_rsqrt (.clk_i, .x_i(square_q[F+2:0]), .y_o(inverse));
-  assign ez = inverse[W-1] ? {1'b0, {(W - 1){1'b1}}} : $signed(inverse);  // 1 overflows
+  // A value of 1 does not fit e_z, so e_z becomes the maximum.
+  assign ez = inverse[W-1] ? {1'b0, {(W - 1){1'b1}}} : $signed(inverse);
 
   // ---- e_x and e_y, the lateral direction ----
   localparam int Drop = F - Guard + Extra;

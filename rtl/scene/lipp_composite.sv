@@ -1,29 +1,31 @@
 // SPDX-License-Identifier: Apache-2.0
 `default_nettype none
 
-/// Composites layers from front to back in linear light, and the background behind them.
+/// Composites layers from front to back in linear light, with the background behind them.
 ///
-/// P_k is the premultiplied light of layer k, A_k its opacity, B_k its brightness, at most 256. C
-/// is the light so far, T what is left of the light behind, both from C_0 = 0 and T_0 = 65536:
+/// P_k is the premultiplied light of layer k, A_k is its opacity, and B_k is its brightness,
+/// limited to 256. C_k is the light of the layers in front of layer k. T_k is the fraction of the
+/// light behind them that passes, in units of 2^-16. With C_0 = 0 and T_0 = 65536, the steps are
 ///
 ///   G_k     = (T_k B_k + 2^7) >> 8
 ///   C_(k+1) = C_k + ((P_k G_k + 2^15) >> 16)        for each of red, green and blue
 ///   T_(k+1) = T_k - ((T_k A_k + 2^15) >> 16)
 ///   light_o = min(C_n + ((background T_n + 2^15) >> 16), 65535), or 0 where draws_i is low
 ///
-/// P_k is A_k at most: then C fits into 17 bits. Latency composite_latency(Layers).
+/// where n is the number of layers. P_k must be at most A_k; then C_k fits into 17 bits. The
+/// latency is composite_latency(Layers) clocks.
 ///
-/// Products with a brightness are in logic: a board with four layers and bilinear has no multiplier
-/// left for them.
+/// Products with a brightness are made in logic, because a board with four layers and bilinear
+/// filter has no multiplier left for them.
 module lipp_composite #(
   parameter int Layers = 4
 ) (
   input  logic                                                  clk_i,
-  input  logic [Layers-1:0][2:0][lipp_scene_pkg::LightBits-1:0] light_i,  // P, [2] red, [0] blue
+  input  logic [Layers-1:0][2:0][lipp_scene_pkg::LightBits-1:0] light_i,  // P_k, [2] red, [0] blue
   input  logic [Layers-1:0][lipp_scene_pkg::ShareBits-1:0]      opacity_i,
   input  logic                                                  draws_i,
-  input  logic [Layers-1:0][lipp_scene_pkg::BrightnessBits-1:0] brightness_i,  // stable
-  input  logic [2:0][lipp_scene_pkg::LightBits-1:0]             background_i,  // stable
+  input  logic [Layers-1:0][lipp_scene_pkg::BrightnessBits-1:0] brightness_i,  // constant per frame
+  input  logic [2:0][lipp_scene_pkg::LightBits-1:0]             background_i,  // constant per frame
   output logic [2:0][lipp_scene_pkg::LightBits-1:0]             light_o
 );
   import lipp_math_pkg::*;
@@ -31,18 +33,18 @@ module lipp_composite #(
 
   localparam int CellLatency = cell_latency();
   localparam int GainLatency = small_latency();
-  localparam int Step = CellLatency + 1;  // from T_k to T_(k+1)
+  localparam int Step = CellLatency + 1;  // clocks from T_k to T_(k+1)
   localparam int Wc = LightBits + 1;
   localparam int Wp = 2 * MulBits;
 
   if (Layers < 1 || Layers > MostLayers) begin : gen_illegal
     $fatal(1, "lipp_composite: Layers must be 1 to 8");
   end
-  // T_k is there Step (k - 1) + 1 clocks after the input.
-  // one, for $fatal of an illegal number
+  // For k >= 1, T_k comes Step (k - 1) + 1 clocks after the input. The loop makes at least one
+  // layer, so that elaboration with an illegal number of layers reaches $fatal.
   for (genvar k = 0; k < Layers || k == 0; k++) begin : gen_layer
-    logic [ShareBits-1:0] transmittance_q;       // T_(k+1)
-    // C_(k+1), GainLatency clocks after T_(k+1); of layer 0 one less
+    logic [ShareBits-1:0] transmittance_q;       // transmittance T_(k+1)
+    // sum_q is C_(k+1). It comes GainLatency clocks after T_(k+1), and a clock earlier for layer 0.
     logic [2:0][Wc-1:0] sum_q;
     logic [BrightnessBits-1:0] bright_q;
     logic [2:0][LightBits-1:0] light;
@@ -56,7 +58,7 @@ module lipp_composite #(
     end else begin : gen_behind
       logic [ShareBits-1:0] ahead, opacity;
       logic signed [Wp-1:0] absorbed;
-      logic [ShareBits:0] gain;  // G_k
+      logic [ShareBits:0] gain;  // brightness factor G_k
       logic [Wp-1:0] transmittance_d;
       assign ahead = gen_layer[k-1].transmittance_q;
       lipp_delay #(.Width(ShareBits), .Cycles(Step * (k - 1) + 1), .Block(1'b0)) i_opacity (
@@ -72,7 +74,7 @@ module lipp_composite #(
       lipp_delay #(.Width(ShareBits), .Cycles(CellLatency)) i_before (
         .clk_i, .d_i(ahead), .q_o(ahead_late)
       );
-      // T - ((p + 2^15) >> 16) = (2^16 T + 2^15 - 1 - p) >> 16.
+      // T - ((p + 2^15) >> 16) equals (2^16 T + 2^15 - 1 - p) >> 16, which needs one sum.
       assign transmittance_d = {3'd0, ahead_late, 16'h7FFF} - absorbed;
       always_ff @(posedge clk_i) transmittance_q <= transmittance_d[16+:ShareBits];
       logic unused_bits;
@@ -98,7 +100,7 @@ module lipp_composite #(
           .clk_i, .a_i($signed({1'b0, gen_layer[k].gen_behind.gain[ShareBits-1:0]})),
           .b_i($signed({2'b00, light[c]})), .p_o(part)
         );
-        // Layer 0 has its sum a clock earlier.
+        // The sum of layer 0 comes a clock earlier than those of other layers.
         lipp_delay #(.Width(Wc), .Cycles(k == 1 ? CellLatency + 1 : CellLatency)) i_so_far (
           .clk_i, .d_i(gen_layer[k-1].sum_q[c]), .q_o(so_far)
         );

@@ -1,18 +1,21 @@
 // SPDX-License-Identifier: Apache-2.0
 `default_nettype none
 
-/// The panel's byte of linear light, by a table of 8192 bytes that the host loads.
+/// Converts linear light to the panel's bytes with a table of 8192 bytes, which the host loads.
+///
+/// With L the light of a channel, the byte is
 ///
 ///   rgb_o = table[L < 4096 ? L : 4096 + (L >> 4)]        for each of red, green and blue
 ///
-/// Entries 4096 to 4351 are never read. Dark light, where the curve is steep, has an entry for each
-/// word. Each channel has its own copy of the table. Latency curve_latency().
+/// Dark light, where the curve is steep, has a table entry for each value of L. Entries 4096 to
+/// 4351 are never read. Each channel has its own copy of the table. The latency is curve_latency()
+/// clocks.
 module lipp_curve_table (
   input  logic                                      clk_i,
-  input  logic                                      write_i,  // a byte of the table
+  input  logic                                      write_i,  // writes a byte of the table
   input  logic [lipp_scene_pkg::CurveBits-1:0]      write_at_i,
   input  logic [7:0]                                write_data_i,
-  input  logic [2:0][lipp_scene_pkg::LightBits-1:0] light_i,  // [2] red, [1] green, [0] blue
+  input  logic [2:0][lipp_scene_pkg::LightBits-1:0] light_i,  // [2] red, [1] green, [0] blue light
   output logic [2:0][7:0]                           rgb_o
 );
   import lipp_scene_pkg::*;

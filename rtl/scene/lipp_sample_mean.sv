@@ -1,21 +1,22 @@
 // SPDX-License-Identifier: Apache-2.0
 `default_nettype none
 
-/// The mean of a pixel's 2^SamplesBits samples, which follow each other:
+/// Computes the mean of a pixel's 2^SamplesBits samples, which arrive one after another:
 ///
 ///   light_o = (sum of light_i + 2^(SamplesBits-1)) >> SamplesBits   for red, green and blue
 ///
-/// Samples may have clocks between them. The first sample of a frame begins a pixel, whatever came
-/// before. last_of_pixel_o: light_o is a pixel; first_o and last_o: one of its samples is the
-/// frame's first or last. They belong to the valid_i of mean_latency(SamplesBits) clocks before.
-/// With one sample nothing is built. Latency mean_latency(SamplesBits).
+/// Clocks without a sample may lie between samples. The first sample of a frame always begins a
+/// pixel, even if the pixel before it is incomplete. last_of_pixel_o reports that light_o is a
+/// complete pixel. first_o and last_o report that the pixel contains the frame's first or last
+/// sample. The outputs belong to the sample that came mean_latency(SamplesBits) clocks before. With
+/// one sample per pixel the module generates no logic.
 module lipp_sample_mean #(
-  parameter int SamplesBits = 0  // 0 to 2
+  parameter int SamplesBits = 0  // log2 of the samples per pixel, 0 to 2
 ) (
   input  logic                                      clk_i,
   input  logic                                      rst_ni,
   input  logic                                      valid_i,
-  input  logic                                      first_i,  // of its frame
+  input  logic                                      first_i,  // first sample of its frame
   input  logic                                      last_i,
   input  logic [2:0][lipp_scene_pkg::LightBits-1:0] light_i,
   output logic                                      last_of_pixel_o,
@@ -37,7 +38,7 @@ module lipp_sample_mean #(
   end else begin : gen_some
     localparam int Ws = LightBits + SamplesBits;
     localparam logic [Ws-1:0] Half = Ws'(1) << (SamplesBits - 1);
-    logic [SamplesBits-1:0] number_q;  // of the next sample in its pixel
+    logic [SamplesBits-1:0] number_q;  // number of the next sample within its pixel
     logic begins, ends_q, first_q, last_q;
     logic [2:0][Ws-1:0] sum_q;
     assign begins = first_i || number_q == '0;

@@ -1,85 +1,90 @@
 // SPDX-License-Identifier: Apache-2.0
 `default_nettype none
 
-/// Formats, parameters and latencies of the drawing: from the exit ray to the panel's pixel.
+/// Word formats, parameters and latencies of the modules that draw the scene from exit rays.
 ///
-/// Lengths are in radii R of the domes, F is the number of fraction bits of the optics' build:
+/// Lengths are in radii R of the domes. F is the number of fraction bits of the optics' build. The
+/// word formats are:
+///
 ///   position    F + 9 bits, F - 3 fraction bits, [-2048, 2048): in the array's frame
 ///   slope       F + 4 bits, F + 1 fraction bits, [-4, 4): dx/dz, dy/dz
 ///   coordinate  20 bits, 8 fraction bits, [-2048, 2048): columns to the right or rows downwards
 ///   light       16 bits, linear, white is 65025 = 255^2
-///   share       17 bits, 16 fraction bits, 0 to 65536: opacity, and what is left of the light
+///   share       17 bits, 16 fraction bits, 0 to 65536: opacity, or transmittance
 package lipp_scene_pkg;
   import lipp_math_pkg::*;
 
-  // Most modules use only some of these, and a function only some fields of a build.
+  // Each module uses only some of these definitions, and each function only some fields of a build.
   /* verilator lint_off UNUSEDPARAM */
   /* verilator lint_off UNUSEDSIGNAL */
 
-  /// Layers that the registers have room for, and slots: one number is the curve's.
+  /// Maximum number of layers, for which registers exist, and of slots. Of the 16 slot numbers, one
+  /// is the curve's.
   localparam int MostLayers = 8;
   localparam int MostSlots = 15;
-  /// The slot number of the panel's curve.
+  /// Slot number of the panel's curve.
   localparam int CurveSlot = 15;
-  /// Entries of the panel's curve, as a power of two.
+  /// Number of entries of the panel's curve, as a power of two.
   localparam int CurveBits = 13;
 
-  /// Bits of a texture coordinate, and of its fraction.
+  /// Width of a texture coordinate, and number of its fraction bits.
   localparam int CoordinateBits = 20;
   localparam int CoordinateFraction = 8;
   localparam int LightBits = 16;
   localparam int ShareBits = 17;
-  /// A palette's entry: opacity of 9 bits, 256 the whole, and the bytes blue, green, red.
+  /// Width of a palette entry: an opacity of 9 bits, where 256 is opaque, and the bytes blue,
+  /// green, red.
   localparam int EntryBits = 33;
   localparam logic [ShareBits-1:0] Whole = 17'h10000;
-  /// Bits of a weight of texels: brightness.
+  /// Width of a layer's brightness.
   localparam int BrightnessBits = 9;
 
-  /// What is built of the drawing. Logic that a build does not use is not there.
+  /// Build parameters of the drawing. Logic that a build does not use is not generated.
   typedef struct packed {
-    logic [1:0]  samples_bits;  // rays for each pixel, as a power of two: 0 to 2
-    logic        bilinear;      // texels are interpolated; otherwise the nearest
-    logic [10:0] height;        // rows of texels of a slot, 2 to 1024; even with bilinear
-    logic [3:0]  width_bits;    // columns, as a power of two: 5 to 10; 1024 to 261120 texels, a
-                                // multiple of 1024
-    logic [3:0]  slots;         // layers to 15
-    logic [3:0]  layers;        // 1 to 8
+    logic [1:0]  samples_bits;  // rays per pixel, as a power of two: 0 to 2
+    logic        bilinear;      // 1: bilinear filter; 0: nearest texel
+    logic [10:0] height;        // texel rows of a slot, 2 to 1024; even with bilinear
+    logic [3:0]  width_bits;    // texel columns, as a power of two: 5 to 10
+                                // columns times rows: a multiple of 1024, at most 261120
+    logic [3:0]  slots;         // number of slots, from `layers` to 15
+    logic [3:0]  layers;        // number of layers, 1 to 8
   } scene_build_t;
 
-  /// The default: four layers of 256 x 192 texels, a slot to load, the nearest texel, one ray.
+  /// Default build: four layers of 256 x 192 texels, a fifth slot to load, nearest texel, one ray
+  /// per pixel.
   localparam scene_build_t FourLayers =
       '{layers: 4'd4, slots: 4'd5, width_bits: 4'd8, height: 11'd192, default: '0};
 
-  /// How a layer is shown.
+  /// How a layer is shown: the register `look`.
   typedef struct packed {
     logic [14:0] unused_high;
-    logic [8:0]  brightness;  // 8 fraction bits; above 256 counts as 256
-    logic [3:0]  slot;        // that holds its texels; of layers that name one, the first has it
+    logic [8:0]  brightness;  // 8 fraction bits; values above 256 count as 256
+    logic [3:0]  slot;        // slot; only the first visible layer with a slot is drawn
     logic [1:0]  unused_low;
-    logic        infinite;    // a sky: slopes alone decide
+    logic        infinite;    // 1: a sky, whose coordinates depend on slopes only
     logic        visible;
   } look_t;
 
-  /// The registers of a layer.
+  /// Registers of one layer.
   typedef struct packed {
-    logic signed [31:0] s0;     // texels, 16 fraction bits
+    logic signed [31:0] s0;     // s0 and t0 in texels, 16 fraction bits
     logic signed [31:0] t0;
-    logic signed [31:0] depth;  // radii, 20 fraction bits; a sky: the factor of the slopes
-    logic signed [31:0] a;      // s from X, texels a radius, 24 fraction bits
-    logic signed [31:0] b;      // s from Y
-    logic signed [31:0] c;      // t from X
-    logic signed [31:0] d;      // t from Y
+    logic signed [31:0] depth;  // radii, 20 fraction bits; for a sky, the factor of slopes
+    logic signed [31:0] a;      // s per X, texels per radius, 24 fraction bits
+    logic signed [31:0] b;      // s per Y, texels per radius, 24 fraction bits
+    logic signed [31:0] c;      // t per X, texels per radius, 24 fraction bits
+    logic signed [31:0] d;      // t per Y, texels per radius, 24 fraction bits
     look_t              look;
   } layer_config_t;
 
-  /// The registers of a scene. Layer 0 is in front. What a build lacks, it does not read.
+  /// Registers of a scene. Layer 0 is in front. A build ignores the fields of parts that it lacks.
   typedef struct packed {
     layer_config_t [MostLayers-1:0]   layers;
-    // radii from a lenslet to the next, x; 30 fraction bits
+    // Steps between lenslets have 30 fraction bits, in radii; xi is the x step within a row.
     logic signed [31:0]               lattice_xi;
-    logic signed [31:0]               lattice_xj;  // to the next row, x
-    logic signed [31:0]               lattice_yj;  // y
-    logic [2:0][LightBits-1:0]        background;  // [2] red, [1] green, [0] blue
+    logic signed [31:0]               lattice_xj;  // x step to the next row
+    logic signed [31:0]               lattice_yj;  // y step to the next row
+    logic [2:0][LightBits-1:0]        background;  // background light, [2] red, [1] green, [0] blue
   } scene_config_t;
 
   // ---- formats ----
@@ -92,9 +97,9 @@ package lipp_scene_pkg;
     return f + 4;
   endfunction
 
-  /// Tells whether a build is legal: 1 to 8 layers, a slot for each, 32 to 1024 columns (a power of
-  /// two), 2 to 1024 rows (with bilinear an even number), a multiple of 1024 texels up to 261120,
-  /// and 1, 2 or 4 samples.
+  /// Return whether a build is legal. A legal build has 1 to 8 layers, a slot for each, 32 to 1024
+  /// columns (a power of two), 2 to 1024 rows (an even number with bilinear), a multiple of 1024
+  /// texels up to 261120, and 1, 2 or 4 samples.
   function automatic bit legal(scene_build_t scene);
     int size;
     size = int'(scene.height) << scene.width_bits;
@@ -106,19 +111,20 @@ package lipp_scene_pkg;
         && scene.samples_bits <= 2'd2;
   endfunction
 
-  /// The build, or a small one in the place of an illegal one, whose module refuses it.
+  /// Return the build if it is legal, otherwise a small legal build. A module with an illegal build
+  /// stops elaboration.
   function automatic scene_build_t built(scene_build_t scene);
     scene_build_t least;
     least = '{layers: 4'd1, slots: 4'd1, width_bits: 4'd5, height: 11'd32, default: '0};
     return legal(scene) ? scene : least;
   endfunction
 
-  /// Texels of a slot.
+  /// Return the number of texels of a slot.
   function automatic int texels(scene_build_t scene);
     return int'(scene.height) << scene.width_bits;
   endfunction
 
-  /// Blocks of 1024 bytes of a slot: its texels, and its palette.
+  /// Return the number of blocks of 1024 bytes of a slot: its texels and its palette.
   function automatic int blocks(scene_build_t scene);
     return texels(scene) / 1024 + 1;
   endfunction
@@ -127,55 +133,55 @@ package lipp_scene_pkg;
     return scene.bilinear ? 4 : 1;
   endfunction
 
-  /// Fraction bits that a build reads of the 24 of a coefficient.
+  /// Return how many of the 24 fraction bits of a layer's coefficient a build reads.
   function automatic int coefficient_bits(int f);
     return f < 20 ? f + 4 : 24;
   endfunction
 
   // ---- latencies ----
 
-  /// Latency of `lipp_exit_line`: root, inverse, slopes, products, sums.
+  /// Return the latency of `lipp_exit_line`: root, inverse, slopes, products, sums.
   function automatic int exit_line_latency(int f);
     return quadratic_latency() + row_latency(f + 6, f + 6) + row_latency(f + 2, f + 8) + 1
         + row_latency(f + 4, f + 4) + 4;
   endfunction
 
-  /// Latency of `lipp_layer_coordinate`: to the plane, to texels, sums.
+  /// Return the latency of `lipp_layer_coordinate`: step to the plane, product to texels, sums.
   function automatic int layer_latency(int f);
     return row_latency(f + 9, f + 4) + 1 + row_latency(coefficient_bits(f) + 8, f + 9) + 1;
   endfunction
 
-  /// Latency of `lipp_texel_slot`: texel, colour.
+  /// Return the latency of `lipp_texel_slot`: read of the texel, read of its colour.
   function automatic int slot_latency();
     return 3 + 2;
   endfunction
 
-  /// Latency of `lipp_texel_fetch`: addresses, crossbar, slot, crossbar.
+  /// Return the latency of `lipp_texel_fetch`: addresses, crossbar, slot, crossbar.
   function automatic int fetch_latency();
     return 2 + 1 + slot_latency() + 1;
   endfunction
 
-  /// Latency of `lipp_texel_blend`: shares and squares, products, two sums.
+  /// Return the latency of `lipp_texel_blend`: shares and squares, products, two sums.
   function automatic int texel_blend_latency();
     return small_latency() + cell_latency() + 2;
   endfunction
 
-  /// Latency of `lipp_composite`.
+  /// Return the latency of `lipp_composite` in clocks.
   function automatic int composite_latency(int layers);
     return (cell_latency() + 1) * layers + 2;
   endfunction
 
-  /// Latency of `lipp_sample_mean`.
+  /// Return the latency of `lipp_sample_mean` in clocks.
   function automatic int mean_latency(int samples_bits);
     return samples_bits == 0 ? 0 : 2;
   endfunction
 
-  /// Latency of `lipp_curve_table`.
+  /// Return the latency of `lipp_curve_table` in clocks.
   function automatic int curve_latency();
     return 3;
   endfunction
 
-  /// Clocks from an exit ray to its pixel in `lipp_scene`, without its handshakes.
+  /// Return the latency of `lipp_scene` from exit ray to pixel, without its handshakes.
   function automatic int scene_latency(int f, scene_build_t scene);
     return exit_line_latency(f) + layer_latency(f) + fetch_latency()
         + texel_blend_latency() + composite_latency(int'(scene.layers))

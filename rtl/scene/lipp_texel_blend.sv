@@ -1,25 +1,25 @@
 // SPDX-License-Identifier: Apache-2.0
 `default_nettype none
 
-/// Blends the texels of a layer by their weights: linear light, premultiplied by the opacity, and
-/// opacity.
+/// Blends the texels of a layer by their weights, and gives linear light, premultiplied by the
+/// opacity, and the opacity.
 ///
-/// With the opacity A = a + [a >= 128], the bytes r, g, b of texel n and its weight w_n (65536: the
-/// whole):
+/// With A = a + [a >= 128] the opacity, r, g and b the colour bytes and w_n the weight of texel n,
+/// where a weight of 65536 is 1, the results are
 ///
 ///   share_n = (w_n A + 2^7) >> 8        16 fraction bits
 ///   light_o = (sum over n of (share_n r^2 >> 8) + 2^7) >> 8,  g and b likewise
 ///   opacity_o = sum over n of share_n
 ///
-/// Weights whose sum is at most 65536 keep the opacity at 65536 or below, and the light at 65025.
-/// With one tap a weight is 65536 or 0. Latency texel_blend_latency().
+/// If the sum of the weights is at most 65536, the opacity is at most 65536 and the light is at
+/// most 65025. With one tap, a weight is 65536 or 0. The latency is texel_blend_latency() clocks.
 module lipp_texel_blend #(
-  parameter int Taps = 1  // 1 or 4
+  parameter int Taps = 1  // number of taps, 1 or 4
 ) (
   input  logic                                                  clk_i,
-  input  logic [Taps-1:0][lipp_scene_pkg::EntryBits-1:0]        colour_i,  // {A, b, g, r}
+  input  logic [Taps-1:0][lipp_scene_pkg::EntryBits-1:0]        colour_i,  // entries {A, b, g, r}
   input  logic [Taps-1:0][lipp_scene_pkg::ShareBits-1:0]        weight_i,
-  output logic [2:0][lipp_scene_pkg::LightBits-1:0]             light_o,  // [2] red, [0] blue
+  output logic [2:0][lipp_scene_pkg::LightBits-1:0]             light_o,  // [2] red, [0] blue light
   output logic [lipp_scene_pkg::ShareBits-1:0]                  opacity_o
 );
   import lipp_math_pkg::*;
@@ -30,7 +30,7 @@ module lipp_texel_blend #(
   end
 
   // ---- shares and squares, then their products ----
-  localparam int Wp = LightBits + 8;  // of a product, and of the sum
+  localparam int Wp = LightBits + 8;  // width of a product and of the sum
   logic [Taps-1:0][ShareBits-1:0] share;
   logic [2:0][Taps-1:0][Wp-1:0] product;
   for (genvar n = 0; n < Taps; n++) begin : gen_tap
@@ -56,7 +56,7 @@ module lipp_texel_blend #(
     end
 
     for (genvar c = 0; c < 3; c++) begin : gen_channel
-      // Red is the lowest byte, and light_o's highest part.
+      // Red is the lowest byte of colour_i and the highest part of light_o.
       logic [LightBits-1:0] square;
       logic signed [2*MulBits-1:0] full_product;
       lipp_byte_square i_square (
@@ -71,7 +71,7 @@ module lipp_texel_blend #(
     end
   end
 
-  // ---- sums ----
+  // ---- sums over the taps ----
   logic [ShareBits-1:0] opacity;
   for (genvar c = 0; c < 3; c++) begin : gen_light
     logic [Wp-1:0] first_q, second_q, sum;
@@ -81,7 +81,7 @@ module lipp_texel_blend #(
       assign second_q = Wp'(128);
       always_ff @(posedge clk_i) first_q <= product[c][0];
     end else begin : gen_four
-      // Synthesis makes no sum of three words of this.
+      // With the gated sum, synthesis does not merge this into an adder of three words.
       logic [Wp-1:0] third, pair;
       assign third = product[c][3] + Wp'(128);
       lipp_gated_sum #(.W(Wp)) i_pair (

@@ -5,11 +5,12 @@
 ///
 /// A slot is a texture memory with one read port per tap. Each visible layer selects a slot by its
 /// number (look_i). If several layers select the same slot, the layer with the lowest index reads
-/// it and the others are transparent. A crossbar takes each layer's address to its slot and the
+/// it and the others are transparent. A crossbar connects each layer's address to its slot, and the
 /// slot's colours back to the layer.
 ///
-/// Coordinates s_i, t_i have 8 fraction bits. With the integer parts i = s_i >> 8, j = t_i >> 8 and
-/// the fractions f = s_i & 255, g = t_i & 255, the texels and their weights (65536 is 1) are
+/// The coordinates s_i and t_i have 8 fraction bits. Their integer parts are i = s_i >> 8 and j =
+/// t_i >> 8, their fractions are f = s_i & 255 and g = t_i & 255. The texels and their weights,
+/// where a weight of 65536 is 1, are
 ///
 ///   nearest filter (one tap):    texel (i, j), weight 65536
 ///   bilinear filter (four taps): texel (i,     j)      weight (256 - f) (256 - g)
@@ -20,12 +21,11 @@
 /// Tap n = {row[0], column[0]} reads the texel whose row and column have these lowest bits. So the
 /// four taps always read four different memories.
 ///
-/// colour_o is {A, b, g, r}: a palette entry's bytes, with the opacity byte a widened to
-/// A = a + [a >= 128], which is 0 to 256. The four bytes of an entry are written in consecutive
-/// writes.
+/// colour_o is {A, b, g, r}, the bytes of a palette entry. The opacity byte a is widened to A = a +
+/// [a >= 128], which is 0 to 256. The four bytes of an entry are written in consecutive writes.
 ///
 /// The weight is 0 for texels outside the texture, for a layer with hidden_i, and for a layer
-/// without a slot; the colour is then undefined. Latency: fetch_latency() clocks.
+/// without a slot; the colour is then undefined. The latency is fetch_latency() clocks.
 module lipp_texel_fetch #(
   parameter lipp_scene_pkg::scene_build_t Scene = lipp_scene_pkg::FourLayers,
   localparam lipp_scene_pkg::scene_build_t Built = lipp_scene_pkg::built(Scene),
@@ -34,13 +34,13 @@ module lipp_texel_fetch #(
 ) (
   input  logic                                         clk_i,
 
-  input  logic                                         write_i,  // a byte of a slot
+  input  logic                                         write_i,  // writes a byte of a slot
   input  logic [3:0]                                   write_slot_i,
   input  logic [19:0]                                  write_at_i,
   input  logic [7:0]                                   write_data_i,
 
   input  lipp_scene_pkg::look_t [Layers-1:0]           look_i,
-  input  logic [Layers-1:0][lipp_scene_pkg::CoordinateBits-1:0] s_i,  // coordinates
+  input  logic [Layers-1:0][lipp_scene_pkg::CoordinateBits-1:0] s_i,  // texture coordinates (s, t)
   input  logic [Layers-1:0][lipp_scene_pkg::CoordinateBits-1:0] t_i,
   input  logic [Layers-1:0]                            hidden_i,
   output logic [Layers-1:0][Taps-1:0][lipp_scene_pkg::EntryBits-1:0] colour_o,  // {A, b, g, r}
@@ -94,7 +94,7 @@ module lipp_texel_fetch #(
         column_q <= column;
         row_q <= row;
         hidden_q <= hidden_i[k];
-        // A negative coordinate, read without its sign, is beyond the texture too.
+        // A negative coordinate, read as unsigned, is outside the texture too.
         inside_q <= !hidden_q && column_q[WholeBits-1:WidthBits] == '0
             && row_q < WholeBits'(Height);
         at_q[k] <= AddressBits'({row_q, column_q[WidthBits-1:0]});
@@ -119,7 +119,7 @@ module lipp_texel_fetch #(
         row_q[0] <= (WholeBits - 1)'((row + WholeBits'(1)) >>> 1);
         row_q[1] <= (WholeBits - 1)'(row >>> 1);
         hidden_q <= hidden_i[k];
-        // f_q, g_q: weight of the even tap. It is f if the even column is i + 1, else 256 - f.
+        // f_q, g_q: weights of the even tap; f_q is f if the even column is i + 1, else 256 - f.
         f_q <= column[0] ? {1'b0, s_i[k][7:0]} : 9'd256 - {1'b0, s_i[k][7:0]};
         g_q <= row[0] ? {1'b0, t_i[k][7:0]} : 9'd256 - {1'b0, t_i[k][7:0]};
         for (int n = 0; n < 2; n++) begin
@@ -131,9 +131,9 @@ module lipp_texel_fetch #(
         end
       end
 
-      // Weights of the four taps from one product, f g, by three subtractions; then the masks.
+      // One product f g and three subtractions give the four weights, which are then masked.
       localparam int ProductLatency = small_latency();
-      localparam int Weights = Latency - ProductLatency - 2;  // the product starts
+      localparam int Weights = Latency - ProductLatency - 2;  // clock in which the product starts
       logic [17:0] product;
       logic [1:0] column_shown, row_shown;
       logic [8:0] f_later, g_later;
@@ -165,7 +165,7 @@ module lipp_texel_fetch #(
     end
   end
 
-  // ---- slots ----
+  // ---- reads and writes of the slots ----
   logic [Slots-1:0][Taps-1:0][AddressBits-1:0] slot_at_d, slot_at_q;
   logic [Slots-1:0][Taps-1:0][EntryBits-1:0] slot_colour;
   logic [Layers-1:0][Taps-1:0][EntryBits-1:0] colour_d;
@@ -173,7 +173,7 @@ module lipp_texel_fetch #(
   logic [3:0] write_slot_q;
   logic [19:0] write_at_q;
   logic [7:0] write_data_q;
-  logic [2:0][7:0] bytes_q;  // the entry's bytes before write_data_q
+  logic [2:0][7:0] bytes_q;  // the three bytes of the entry before write_data_q
   logic [EntryBits-1:0] entry;
   assign entry = {9'(write_data_q) + 9'(write_data_q[7]), bytes_q};
   always_comb begin

@@ -1,12 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
 `default_nettype none
 
-/// Memory of bytes of any depth: one port writes, the other reads, with a latency of three.
+/// Byte memory of any depth with one write port and one read port; the read latency is three
+/// clocks.
 ///
-/// It is made of memories whose depths are powers of two, the largest first, so that few bytes are
-/// wasted: 12288 bytes take one of 8192 and one of 4096. The rest below 2048 is one more. The third
-/// clock selects the memory that was asked. read_data_o of an address at or beyond Depth is
-/// undefined.
+/// It consists of memories whose depths are powers of two, the largest first, so that few bytes are
+/// wasted: a depth of 12288 bytes takes memories of 8192 and 4096 bytes. A remainder of less than
+/// 2048 bytes takes one more memory. In the third clock, the output of the addressed memory is
+/// selected. read_data_o is undefined for an address of Depth or more.
 module lipp_texel_memory #(
   parameter int Depth = 49152,
   localparam int AddressBits = $clog2(Depth)
@@ -19,21 +20,21 @@ module lipp_texel_memory #(
   output logic [7:0]             read_data_o
 );
 
-  localparam int LargestBits = 14;  // of a memory of an FPGA
+  localparam int LargestBits = 14;  // address bits of the largest memory
   localparam int LeastBits = 11;
 
   if (Depth < 2) begin : gen_illegal
     $fatal(1, "lipp_texel_memory: Depth must be 2 or more");
   end
 
-  /// Address bits of the first memory for so many bytes.
+  /// Return the address bits of the first memory for the given number of bytes.
   function automatic int first_bits(int bytes);
     if (bytes >= 1 << LargestBits) return LargestBits;
     if (bytes <= 1 << LeastBits) return bytes < 2 ? 1 : $clog2(bytes);
     return $clog2(bytes + 1) - 1;
   endfunction
 
-  /// Bytes before memory k.
+  /// Return the number of bytes in the memories before memory k.
   function automatic int first_of(int k);
     int at;
     at = 0;

@@ -1,15 +1,18 @@
 // SPDX-License-Identifier: Apache-2.0
 `default_nettype none
 
-/// A slot: the texels and the palette of a layer. An address gives the colour of its texel.
+/// A slot: the memory for the texels and the palette of a layer. It reads the colour of the texel
+/// at an address.
 ///
-/// Bytes are written as the scene's slots have them: the texels row by row, then the palette, 256
-/// times r, g, b, a. A palette's entry is stored with its fourth byte, from entry_i.
+/// The bytes are written in the order of the scene's slots: the texels row by row, then the palette
+/// of 256 entries r, g, b, a. A palette entry is stored, from entry_i, when its fourth byte is
+/// written.
 ///
-/// With Scene.bilinear the texels lie in four banks, of the even and odd columns and rows: bank
-/// {row[0], column[0]}, address row / 2 * (width / 2) + column / 2. Each has its own address and
-/// copy of the palette. Otherwise there is one bank, with the address row * width + column.
-/// colour_o: the entry of each bank's texel, slot_latency() clocks after its address.
+/// With Scene.bilinear the texels are in four banks, one for each parity of column and row. Texel
+/// (column, row) is in bank {row[0], column[0]} at the address row / 2 * (width / 2) + column / 2.
+/// Each bank has its own address and its own copy of the palette. Without Scene.bilinear there is
+/// one bank, with the address row * width + column. colour_o is the palette entry of each bank's
+/// texel, slot_latency() clocks after the address.
 module lipp_texel_slot #(
   parameter lipp_scene_pkg::scene_build_t Scene = lipp_scene_pkg::FourLayers,
   localparam int Taps = lipp_scene_pkg::taps(lipp_scene_pkg::built(Scene)),
@@ -20,7 +23,7 @@ module lipp_texel_slot #(
   input  logic                             write_i,
   input  logic [19:0]                      write_at_i,
   input  logic [7:0]                       write_data_i,
-  input  logic [lipp_scene_pkg::EntryBits-1:0] entry_i,  // the last four bytes: {this, before, ...}
+  input  logic [lipp_scene_pkg::EntryBits-1:0] entry_i,  // last four bytes, newest first
   input  logic [Taps-1:0][AddressBits-1:0] read_at_i,
   output logic [Taps-1:0][lipp_scene_pkg::EntryBits-1:0] colour_o
 );
@@ -34,7 +37,7 @@ module lipp_texel_slot #(
     $fatal(1, "lipp_texel_slot: Scene is not legal");
   end
 
-  // ---- what is written ----
+  // ---- decoded write ----
   logic texel_q, entry_q;
   logic [19:0] at_q;
   logic [7:0] data_q;
@@ -49,7 +52,7 @@ module lipp_texel_slot #(
   logic unused_at;
   assign unused_at = ^at_q;
 
-  // ---- texel, then colour ----
+  // ---- read: texel, then colour ----
   for (genvar k = 0; k < Taps; k++) begin : gen_bank
     logic write;
     logic [AddressBits-1:0] write_at;
@@ -59,7 +62,7 @@ module lipp_texel_slot #(
     end else begin : gen_bilinear
       localparam logic [1:0] Bank = 2'(k);
       assign write = texel_q && {at_q[ColumnBits], at_q[0]} == Bank;
-      // row / 2, column / 2
+      // The bank's address is {row / 2, column / 2}.
       assign write_at = AddressBits'({at_q[19:ColumnBits+1], at_q[ColumnBits-1:1]});
     end
 
