@@ -3,7 +3,7 @@
 
 /// Squares a byte v. With its upper four bits h and its lower four bits l,
 ///
-///   v = 16 h + l,   v^2 = 256 h^2 + l^2 + 32 h l
+///   v = 16 h + l,   v^2 = 256 h^2 + l^2 + 32 h l.
 ///
 /// Tables give the squares of four bits, so no multiplier cell is needed. The term 256 h^2 + l^2
 /// needs no adder, because its two parts share no bit. The latency is 2 clocks,

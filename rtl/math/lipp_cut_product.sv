@@ -8,7 +8,7 @@
 /// is split into bh and lb bits bl in the same manner. The product without al bl, truncated by Drop
 /// bits, is
 ///
-///   p = floor(ah bh 2^(la + lb) / 2^Drop) + floor((ah bl 2^la + al bh 2^lb) / 2^Drop)
+///   p = floor(ah bh 2^(la + lb) / 2^Drop) + floor((ah bl 2^la + al bh 2^lb) / 2^Drop).
 ///
 /// All internal words have 64 bits, since simulators neither mask nor extend words of this width.
 /// Synthesis removes the unused bits.

@@ -3,7 +3,7 @@
 
 /// Multiplies a signed word a by an unsigned word `low` of at most 17 bits:
 ///
-///   p(t) = a(t - Latency) * low(t - Latency)
+///   p(t) = a(t - Latency) * low(t - Latency).
 ///
 /// The product is made in logic: each digit of two bits gives one partial product, and a tree adds
 /// them in pairs. Latency is lipp_math_pkg::low_latency(Low) clocks, or more to match a parallel

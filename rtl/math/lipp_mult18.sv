@@ -3,7 +3,7 @@
 
 /// Multiplies two signed words of 18 bits in one hardware multiplier:
 ///
-///   p(t) = a(t - 3) * b(t - 3)
+///   p(t) = a(t - 3) * b(t - 3).
 ///
 /// Like the multiplier cells of FPGAs, it has registers at the operands, inside and at the product.
 /// Synthesis for an FPGA family replaces this module by the family's cell (rtl/ecp5/).

@@ -5,14 +5,14 @@
 ///
 /// Word a is split into its upper 18 bits ah and its la lower bits al:
 ///
-///   a = ah 2^la + al   with 0 <= al < 2^la
+///   a = ah 2^la + al   with 0 <= al < 2^la.
 ///
 /// Word b is split into bh and lb bits bl in the same manner. A multiplier cell computes ah bh. The
 /// cross terms ah bl and al bh are computed in logic. With CrossCells, more cells compute them
 /// (`lipp_wide_product`); this takes less logic and up to three times the multipliers. The product
 /// al bl lies below all kept bits and is not computed. The result is
 ///
-///   p = floor(ah bh 2^(la + lb) / 2^Drop) + floor((ah bl 2^la + al bh 2^lb) / 2^Drop)
+///   p = floor(ah bh 2^(la + lb) / 2^Drop) + floor((ah bl 2^la + al bh 2^lb) / 2^Drop).
 ///
 /// If both words fit into 18 bits, p = floor(a b / 2^Drop).
 /// The latency is lipp_math_pkg::mul_latency(Wa, Wb) clocks.

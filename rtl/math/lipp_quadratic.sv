@@ -6,7 +6,7 @@
 /// The parameter Root selects the root; both results are in (1/2, 1]:
 ///
 ///   RootReciprocal   y = 1 / sqrt(x)
-///   RootSquare       y = sqrt(x) / 2
+///   RootSquare       y = sqrt(x) / 2.
 ///
 /// The input x_i is unsigned with I = F + 1 fraction bits. The mantissa is m = x where x < 2 (lower
 /// octave), and m = x / 2 elsewhere (upper octave); its fraction has I + 1 bits. The octave and the
@@ -14,7 +14,7 @@
 /// position z in [-1/2, 1/2) within the segment; lower bits are truncated. The polynomial is
 ///
 ///   slope = c1 + floor(c2 z 2^s1 + 1/2) / 2^s1,   s1 = slope_fraction(F)
-///   y     = c0 + floor(slope z 2^(F + 4)) / 2^(F + 4)
+///   y     = c0 + floor(slope z 2^(F + 4)) / 2^(F + 4).
 ///
 /// The polynomial interpolates the root at the segment's Chebyshev nodes z = 0 and
 /// z = +-sqrt(3)/4. These nodes minimise the error of the cubic term, which is |y'''| w^3 / 192 for

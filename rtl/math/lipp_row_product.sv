@@ -3,7 +3,7 @@
 
 /// Multiplies a signed word a by an unsigned word `low` of at most 16 bits:
 ///
-///   p(t) = a(t - 2) * low(t - 2)
+///   p(t) = a(t - 2) * low(t - 2).
 ///
 /// The product is made in carry chains. The first clock multiplies a by digits of four bits; the
 /// second clock adds these products.

@@ -7,7 +7,7 @@
 /// is undefined. The output y_o is unsigned, in [1/2, 1], and has F + 1 + K fraction bits, where K
 /// is Extra. With q from `lipp_quadratic`, and words as integers:
 ///
-///   y    = (q + (4 >> K)) >> (3 - K)
+///   y    = (q + (4 >> K)) >> (3 - K).
 ///
 /// The error is |y - 1/sqrt(x)| < 2^-(F + 1). The latency is rsqrt_latency() clocks.
 module lipp_rsqrt #(

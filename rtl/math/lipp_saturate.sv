@@ -4,9 +4,9 @@
 /// Narrows a signed word to To bits. A value out of range becomes the maximum or the minimum. The
 /// latency is 1 clock.
 ///
-/// beyond_o reports that the value is out of range by more than 2^Slack units, which rounding
-/// errors cannot cause. In units of 2^Slack, such a value is not in range, nor one step above or
-/// below it.
+/// Output beyond_o reports that the value is out of range by more than 2^Slack units, which
+/// rounding errors cannot cause. In units of 2^Slack, such a value is not in range, nor one step
+/// above or below it.
 module lipp_saturate #(
   parameter int From = 20,
   parameter int To = 18,

@@ -5,7 +5,7 @@
 /// bits are rounded:
 ///
 ///   p = a b                 with Drop = 0
-///   p = (a b + 2^7) >> 8    with Drop = 8
+///   p = (a b + 2^7) >> 8    with Drop = 8.
 ///
 /// All registers follow the product, so a simulator moves one word per clock, and synthesis may
 /// move the registers into the product. Synthesis for an FPGA family without such retiming replaces

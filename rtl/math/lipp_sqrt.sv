@@ -8,7 +8,7 @@
 /// be in [1/4, 1). With Normalise = 1 all inputs are valid: k is the largest number up to 15 with
 /// 4^k x < 1, and q is the root of 4^k x from `lipp_quadratic`. With words as integers:
 ///
-///   y    = min(((q >> k) + (4 >> K)) >> (3 - K), 2^(F+1+K) - 1)
+///   y    = min(((q >> k) + (4 >> K)) >> (3 - K), 2^(F+1+K) - 1).
 ///
 /// The root of x = 0 is 0. The error is |y - sqrt(x)| < 2^-(F + 1). The latency is
 /// sqrt_latency(Normalise) clocks.

@@ -10,12 +10,13 @@
 ///
 ///   x' = x - di                (square grid)
 ///   x' = x - di - dj/2         (hexagonal grid)
-///   y' = y - dj
+///   y' = y - dj.
 ///
 /// The aperture point (a', b') is computed from (a, b) by the same formulas. All results are exact.
 ///
-/// stray_o reports that the lenslet aimed at is not the pixel's lenslet. beyond_o reports that x'
-/// or y' is outside [-2, 2), or that an index wraps. The latency is aim_latency(Grid) clocks.
+/// Output stray_o reports that the lenslet aimed at is not the pixel's lenslet. Output beyond_o
+/// reports that x' or y' is outside [-2, 2), or that an index wraps. The latency is
+/// aim_latency(Grid) clocks.
 module lipp_aim #(
   parameter int F = 23,
   parameter int Grid = lipp_optics_pkg::GridSquare

@@ -6,10 +6,10 @@
 /// With words as integers, and a b >> k the product that `lipp_multiplier` truncates by k bits, the
 /// sum is
 ///
-///   y    = ((k x >> F-3) + (l a >> F-3) + 4) >> 3
+///   y    = ((k x >> F-3) + (l a >> F-3) + 4) >> 3.
 ///
 /// The words x and a have F fraction bits; k, l and y have Wk - 2 fraction bits. Second = 0 omits
-/// the product l a. beyond_o reports that y does not fit into Wy bits. The latency is
+/// the product l a. Output beyond_o reports that y does not fit into Wy bits. The latency is
 /// blend_latency(F, Wx) clocks.
 module lipp_blend #(
   parameter int F = 23,

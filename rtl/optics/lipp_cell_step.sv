@@ -6,28 +6,28 @@
 ///
 /// An intersection with a dome is valid only inside the dome's own cell. For a point outside, the
 /// next dome to try is that of the neighbouring cell in the direction of the point. Distances q
-/// along the cell's axes are measured in the regular lattice whose affine image is the array. They
-/// are compared with half a pitch, H = px / (2 R). The point is inside the cell where -H <= q < H
-/// on every axis. The shear s is 0 without Shear.
+/// along the cell's axes are measured in the regular lattice whose affine image is the array. These
+/// distances are compared with half a pitch, H = px / (2 R). The point is inside the cell where -H
+/// <= q < H on every axis. The shear s is 0 without Shear.
 ///
 /// On the square grid, the step (di, dj) is the sign of each distance that is outside:
 ///
 ///   q0 = nx - s ny
-///   q1 = ny            (compared with py / (2 R) instead of H)
+///   q1 = ny            (compared with py / (2 R) instead of H).
 ///
 /// On the hexagonal grid, the step crosses the flat with the largest |q|, where |q| means ~q for q
 /// < 0. The step is (1, 0) for q0, (0, 1) for q1, (-1, 1) for q2, or its opposite where q < 0:
 ///
 ///   q0 = nx - s ny
 ///   q1 = nx / 2 + h ny,   h = (sqrt(3)/2) px / py - s / 2
-///   q2 = q1 - q0
+///   q2 = q1 - q0.
 ///
 /// The comparison q < -H is made as ~q >= H, which needs no negation. With words as integers, h = n
 /// 2^(F+1) + m with 0 <= m < 2^(F+1), and a b >> k the product that `lipp_multiplier` truncates by
 /// k bits, the distances are
 ///
 ///   q0   = ((nx << 3) - (ny s >> F-3) + 4) >> 3
-///   q1   = ((ny m >> F-2) + (nx << 2) + (n ny << 3) + 4) >> 3,  h = n 2^(F+1) + m
+///   q1   = ((ny m >> F-2) + (nx << 2) + (n ny << 3) + 4) >> 3,  h = n 2^(F+1) + m.
 ///
 /// Distances are near words, s is a wide word, and h has F + 1 fraction bits. The latency is
 /// cell_step_latency(Grid, F, Shear) clocks.

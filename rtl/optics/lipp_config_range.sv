@@ -6,7 +6,7 @@
 ///
 /// The pipeline marks every ray traced with such optics as missed. The latency is 3 clocks. Optics
 /// change only while the pipeline is empty, and the latency of the pipeline is longer than 3
-/// clocks.
+/// clocks, so the report is in time for the first ray.
 module lipp_config_range #(
   parameter lipp_optics_pkg::build_t Build = lipp_optics_pkg::ExactSquare
 ) (

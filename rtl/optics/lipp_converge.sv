@@ -3,22 +3,23 @@
 
 /// Step 3 of a ray, displays for a near eye: computes the pixel's point from the lenslet's centre.
 ///
-/// On such a display, a pixel belongs to the lenslet through which the eye sees the pixel; the
-/// pixel may lie under a neighbouring lenslet. The lattice coordinates x are those of the point
-/// where the line from the pixel to the eye crosses the aperture plane. C is the lenslet's centre,
-/// A is the point in front of the eye, and s = D / (D + E), where D is the distance from the panel
-/// to the aperture plane and E is the eye's distance from that plane. The pixel's point from the
-/// lenslet's centre is (x + (C - A) s) / (1 - s). With words as integers, and a b >> k the product
-/// that `lipp_multiplier` truncates by k bits, the module computes the pixel's point times 1 - s:
+/// On a display for a near eye, a pixel belongs to the lenslet through which the eye sees the
+/// pixel; the pixel may lie under a neighbouring lenslet. The lattice coordinates x are those of
+/// the point where the line from the pixel to the eye crosses the aperture plane. C is the
+/// lenslet's centre, A is the point in front of the eye, and s = D / (D + E), where D is the
+/// distance from the panel to the aperture plane and E is the eye's distance from that plane. The
+/// pixel's point from the lenslet's centre is (x + (C - A) s) / (1 - s). With words as integers,
+/// and a b >> k the product that `lipp_multiplier` truncates by k bits, the module computes the
+/// pixel's point times 1 - s:
 ///
-///   t_x  = (x << 2) + (16 C_x s >> 14) + o_x + 2,   x' = t_x >> 2,   y' likewise
+///   t_x  = (x << 2) + (16 C_x s >> 14) + o_x + 2,   x' = t_x >> 2,   y' likewise.
 ///
 /// The coefficients of slope and point contain the factor 1 / (1 - s). C is in half pitches and
-/// half rows: (2 i + j, 2 j) on a hexagonal grid, (2 i, 2 j) on a square grid. s has F + 11
-/// fraction bits, o = -s A has F + 2 fraction bits.
+/// half rows: (2 i + j, 2 j) on a hexagonal grid, (2 i, 2 j) on a square grid. The word s has F +
+/// 11 fraction bits, o = -s A has F + 2 fraction bits.
 ///
-/// The outputs have W + 2 bits, F of them fraction bits, in [-8, 8). beyond_o reports that x' or y'
-/// is outside that range. The latency is converge_latency(F) clocks.
+/// The outputs have W + 2 bits, F of them fraction bits, in [-8, 8). Output beyond_o reports that
+/// x' or y' is outside that range. The latency is converge_latency(F) clocks.
 module lipp_converge #(
   parameter int F = 23,
   parameter bit CrossCells = 1'b0,  // compute cross terms in multiplier cells

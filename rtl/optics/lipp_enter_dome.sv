@@ -5,7 +5,7 @@
 ///
 /// The direction in the glass is
 ///
-///   d' = e/n - (cos' - cos/n) N
+///   d' = e/n - (cos' - cos/n) N,
 ///
 /// where e is the direction in the air, n the refractive index, N the normal, and cos and cos' are
 /// the cosines in air and glass. Only d'_x and d'_y are computed; `lipp_leave_flat` computes d'_z
@@ -15,11 +15,11 @@
 ///   C'   = 2^(F+3) - (s i2 >> F)
 ///   cos' = sqrt(min(max(C', 0), M))
 ///   k    = (4 cos' - (cos i >> F-1) + 4) >> 3
-///   d'_x = saturate(((e_x i >> F-2) - (k N_x >> F-3) + 4) >> 3),  d'_y likewise
+///   d'_x = saturate(((e_x i >> F-2) - (k N_x >> F-3) + 4) >> 3),  d'_y likewise.
 ///
 /// The squared sine s = 1 - cos^2 and the squared cosine C' have F + 3 fraction bits, k is a wide
-/// word, i is 1/n and i2 is 1/n^2. beyond_o reports that C' is below 0 or above 1, or that the
-/// direction is outside [-1, 1], by more than rounding errors. The latency is dome_latency(F)
+/// word, i is 1/n and i2 is 1/n^2. Output beyond_o reports that C' is below 0 or above 1, or that
+/// the direction is outside [-1, 1], by more than rounding errors. The latency is dome_latency(F)
 /// clocks.
 module lipp_enter_dome #(
   parameter int F = 23,

@@ -6,20 +6,20 @@
 /// Refraction keeps the tangential part of n d. With e the direction in the air, the direction in
 /// the glass is (t_x, t_y, dz):
 ///
-///   t = e / n,   dz = sqrt(1 - t_x^2 - t_y^2)
+///   t = e / n,   dz = sqrt(1 - t_x^2 - t_y^2).
 ///
 /// With words as integers, a b >> k the product that `lipp_multiplier` truncates by k bits, and M =
 /// 2^(F+3) - 1, the steps are
 ///
 ///   t_x  = ((e_x i >> F-2) + 4) >> 3,  t_y likewise
 ///   g    = max((t_x t_x >> F-3+2E) + (t_y t_y >> F-3+2E), 0) >> 2
-///   dz   = sqrt(M - g)
+///   dz   = sqrt(M - g).
 ///
-/// i is 1/n; g has F + 3 fraction bits. The function max() is needed since a truncated product may
-/// be negative. Directions are near words with more fraction bits, because a long path to the dome
-/// magnifies their errors: e and t have E = extra_bits(F) more bits, dz has 3 E more bits. With n
-/// >= 1.16 and |e| < sqrt(3)/2, M - g is above 1/4. beyond_o reports that M - g is below 1/4. The
-/// latency is enter_flat_latency(F) clocks.
+/// Word i is 1/n; g has F + 3 fraction bits. The function max() is needed since a truncated product
+/// may be negative. Directions are near words with more fraction bits, because a long path to the
+/// dome magnifies their errors: e and t have E = extra_bits(F) more bits, dz has 3 E more bits.
+/// With n >= 1.16 and |e| < sqrt(3)/2, M - g is above 1/4. Output beyond_o reports that M - g is
+/// below 1/4. The latency is enter_flat_latency(F) clocks.
 module lipp_enter_flat #(
   parameter int F = 23,
   parameter bit CrossCells = 1'b0, // compute cross terms in multiplier cells

@@ -3,13 +3,14 @@
 
 /// Step 6 of a ray, plano side to the panel: selects the exit ray from `lipp_leave_dome`.
 ///
-/// n, cos and s are the results of `lipp_meet_dome`. e is the ray's direction in the air, given in
-/// the same clock as n. d is the ray's direction in the glass, given meet_dome_latency(F) clocks
-/// before n. A ray that is missed or totally reflected keeps its direction in the glass, rounded to
-/// near words. e and d have the widths of `lipp_enter_flat`. The origin of the exit ray is the
-/// point on the dome, measured from the lenslet's vertex:
+/// Inputs n, cos and s are the results of `lipp_meet_dome`. Input e is the ray's direction in the
+/// air, given in the same clock as n. Input d is the ray's direction in the glass, given
+/// meet_dome_latency(F) clocks before n. A ray that is missed or totally reflected keeps its
+/// direction in the glass, rounded to near words. Inputs e and d have the widths of
+/// `lipp_enter_flat`. The origin of the exit ray is the point on the dome, measured from the
+/// lenslet's vertex:
 ///
-///   x = n_x,   y = n_y,   z = n_z - 1
+///   x = n_x,   y = n_y,   z = n_z - 1.
 ///
 /// The latency is exit_latency(0, F) clocks after n.
 module lipp_exit_dome #(

@@ -2,13 +2,13 @@
 `default_nettype none
 
 /// Steps 4 and 6 of a ray, plano side to the viewer: refracts the ray into the glass at the dome
-/// and out of the glass at the flat face.
+/// and out of the glass at the flat face. The modules in order are:
 ///
-///   enter_dome -> leave_flat
+///   enter_dome -> leave_flat.
 ///
-/// n, cos and s are the results of `lipp_meet_dome`. e is the ray's direction in the air, given in
-/// the same clock as n. The words are those of `lipp_leave_flat`; exit_z is a register of the
-/// optics. The latency is exit_latency(1, F) clocks.
+/// Inputs n, cos and s are the results of `lipp_meet_dome`. Input e is the ray's direction in the
+/// air, given in the same clock as n. The words are those of `lipp_leave_flat`; exit_z is a
+/// register of the optics. The latency is exit_latency(1, F) clocks.
 module lipp_exit_flat #(
   parameter int F = 23,
   parameter bit CrossCells = 1'b0

@@ -6,7 +6,7 @@
 /// With c the distance from the array's centre along the rows, in half pitches, lenslet (i, j) is
 /// missing if
 ///
-///   |c| > along   or   |j| > across
+///   |c| > along   or   |j| > across.
 ///
 /// On a hexagonal grid c = 2 i + j, on a square grid c = 2 i. The module tests the signs of along -
 /// c, along + c, across - j and across + j. The latency is extent_latency() clocks.

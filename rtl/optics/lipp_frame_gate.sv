@@ -3,12 +3,13 @@
 
 /// Applies new optics and a new source of rays only between two frames.
 ///
-/// apply_i requests a change. take_o is high in the clock of the change: at once between two
-/// frames, otherwise after the frame's last ray was accepted. No ray is accepted in that clock.
-/// stream_o, the source in effect, equals stream_i from the next clock on. start_i requests a frame
-/// of the raster. While the raster runs, one start is remembered. Repeated requests of the same
-/// kind count as one request until it is served. abort_i ends the current frame and cancels the
-/// remembered start; the raster outside this module stops with the same pulse.
+/// Port apply_i requests a change. Port take_o is high in the clock of the change: at once between
+/// two frames, otherwise after the frame's last ray was accepted. No ray is accepted in the clock
+/// of the change. Port stream_o, the source in effect, equals stream_i from the next clock on. Port
+/// start_i requests a frame of the raster. While the raster runs, one start is remembered. Repeated
+/// requests of the same kind count as one request until that request is served. Port abort_i ends
+/// the current frame and cancels the remembered start; the raster outside this module stops with
+/// the same pulse.
 ///
 /// The raster offers the first ray of a frame 3 or more clocks after begin_o. So a frame uses every
 /// change that was requested before its start, or in the same clock.

@@ -5,7 +5,7 @@
 ///
 /// The direction in the air is
 ///
-///   d' = n d + (cos' - n cos) N
+///   d' = n d + (cos' - n cos) N,
 ///
 /// where d is the direction in the glass, n the refractive index, N the normal, and cos and cos'
 /// are the cosines in glass and air. The flat face keeps the tangential part, so n d_x = e_x and n
@@ -16,14 +16,14 @@
 ///   cos' = sqrt(min(max(C', 0), M))
 ///   k    = (4 cos' - (cos n >> F-2) + 4) >> 3
 ///   d'_x = saturate(((e_x << 3-E) + (k N_x >> F-3) + 4) >> 3),  d'_y likewise
-///   d'_z = saturate(((dz n >> F-3+3E) + (k N_z >> F-3) + 4) >> 3)
+///   d'_z = saturate(((dz n >> F-3+3E) + (k N_z >> F-3) + 4) >> 3).
 ///
-/// e_x and e_y have E = extra_bits(F) more fraction bits than near words; dz has 3 E more. The
-/// squared sine s = 1 - cos^2 and the squared cosine C' have F + 3 fraction bits, k is a wide word,
-/// and n2 is n^2 with F fraction bits. The exit direction is a near word. reflected_o reports total
-/// internal reflection, C' <= 0. beyond_o reports that C' is above 1, or that, for a ray that is
-/// not reflected, k does not fit its word or the direction is outside [-1, 1], by more than
-/// rounding errors. The latency is dome_latency(F) clocks.
+/// Words e_x and e_y have E = extra_bits(F) more fraction bits than near words; dz has 3 E more.
+/// The squared sine s = 1 - cos^2 and the squared cosine C' have F + 3 fraction bits, k is a wide
+/// word, and n2 is n^2 with F fraction bits. The exit direction is a near word. Output reflected_o
+/// reports total internal reflection, C' <= 0. Output beyond_o reports that C' is above 1, or that,
+/// for a ray that is not reflected, k does not fit its word or the direction is outside [-1, 1], by
+/// more than rounding errors. The latency is dome_latency(F) clocks.
 module lipp_leave_dome #(
   parameter int F = 23,
   parameter bit CrossCells = 1'b0, // compute cross terms in multiplier cells

@@ -17,16 +17,17 @@
 ///   X    = ((N_x << 3) + (l dx >> F-3) + 4) >> 3,  Y likewise
 ///   C'   = 2^(F+3) - (g n2 >> F)
 ///   d'_x = saturate(((dx n >> F-3) + 4) >> 3),  d'_y likewise
-///   d'_z = sqrt(min(max(C', 0), M)),  reflected ((y r >> F+1) + 1) >> 1
+///   d'_z = sqrt(min(max(C', 0), M)),  reflected ((y r >> F+1) + 1) >> 1.
 ///
-/// g is the squared sine and y the squared cosine in the glass; g, y and C' have F + 3 fraction
-/// bits. rsqrt reads the bits of y as 4 y, so r = 1 / (2 dz). u is the depth from the point to the
-/// flat face, zc = 1 - T/R, and l is the length of the path; u, zc and l are far words. n2 is n^2
-/// with F fraction bits. reflected_o reports total internal reflection, C' <= 0; such a ray keeps
-/// its direction in the glass. beyond_o reports that g is 1 or more, or that C' is above 1. For a
-/// ray that is not reflected, beyond_o also reports that y is below 1/4, which rsqrt does not
-/// accept, that u, l, X or Y does not fit its word, or that d'_x or d'_y is outside [-1, 1].
-/// Rounding errors do not set beyond_o. The latency is leave_flat_latency(F) clocks.
+/// Word g is the squared sine and y the squared cosine in the glass; g, y and C' have F + 3
+/// fraction bits. `lipp_rsqrt` reads the bits of y as 4 y, so r = 1 / (2 dz). Word u is the depth
+/// from the point to the flat face, zc = 1 - T/R, and l is the length of the path; u, zc and l are
+/// far words. Word n2 is n^2 with F fraction bits. Output reflected_o reports total internal
+/// reflection, C' <= 0; such a ray keeps its direction in the glass. Output beyond_o reports that g
+/// is 1 or more, or that C' is above 1. For a ray that is not reflected, beyond_o also reports that
+/// y is below 1/4, which rsqrt does not accept, that u, l, X or Y does not fit its word, or that
+/// d'_x or d'_y is outside [-1, 1]. Rounding errors do not set beyond_o. The latency is
+/// leave_flat_latency(F) clocks.
 module lipp_leave_flat #(
   parameter int F = 23,
   parameter bit CrossCells = 1'b0  // compute cross terms in multiplier cells

@@ -9,21 +9,21 @@
 /// parallelogram that contains the point, and fs and ft are their fractions. The bisectors between
 /// the four corners are the lines q = 1/2 and q = 1 along the cell's axes:
 ///
-///   q0 = fs + ft/2,   q1 = fs/2 + ft
+///   q0 = fs + ft/2,   q1 = fs/2 + ft.
 ///
 /// The lenslet (i, j) is
 ///
 ///   (i, j) - (i0, j0) = (0, 0)  where q0 < 1/2 and q1 < 1/2
 ///                       (1, 1)  where q0 >= 1 and q1 >= 1
 ///                       (1, 0)  elsewhere where ft < fs
-///                       (0, 1)  elsewhere
+///                       (0, 1)  elsewhere.
 ///
 /// The point measured from the lenslet's centre is exact:
 ///
-///   local x = x - i - j/2,   local t = t - j
+///   local x = x - i - j/2,   local t = t - j.
 ///
-/// The outputs are the indices, and the wide words x_o in pitches and y_o in rows. beyond_o reports
-/// that an index wraps. The latency is lenslet_latency(GridHex) clocks.
+/// The outputs are the indices, and the wide words x_o in pitches and y_o in rows. Output beyond_o
+/// reports that an index wraps. The latency is lenslet_latency(GridHex) clocks.
 module lipp_lenslet_hex #(
   parameter int F = 23
 ) (

@@ -6,11 +6,11 @@
 ///
 /// The index i and the local coordinate, in [-1/2, 1/2), are
 ///
-///   i = floor(x + 1/2),   local x = x - i
+///   i = floor(x + 1/2),   local x = x - i.
 ///
 /// The same formulas give j and local y from y. The inputs x_i and y_i are signed, in pitches, with
-/// F fraction bits. The outputs are the indices and wide words. beyond_o reports that an index
-/// wraps. The latency is lenslet_latency(GridSquare) clocks.
+/// F fraction bits. The outputs are the indices and wide words. Output beyond_o reports that an
+/// index wraps. The latency is lenslet_latency(GridSquare) clocks.
 module lipp_lenslet_square #(
   parameter int F = 23
 ) (

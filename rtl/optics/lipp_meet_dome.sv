@@ -7,7 +7,7 @@
 /// (hx, hy, zc) in the unit direction d = (dx, dy, +-dz). With b = V . d, the cosine between ray
 /// and normal at the intersection is
 ///
-///   cos = sqrt(1 - |V|^2 + b^2)
+///   cos = sqrt(1 - |V|^2 + b^2).
 ///
 /// The length from V to the intersection is cos - b for an upward ray, which leaves the glass, and
 /// -b - cos for a downward ray, which enters it. The intersection is also the unit normal N,
@@ -19,16 +19,16 @@
 ///   cos  = sqrt(min(max(C, 0), M)),  s = min(max(2^(F+3) - C, 0), M)
 ///   l    = (8 cos - b + 8) >> 4,  downward (-8 cos - b + 8) >> 4, missed (2^(F+3) - b + 8) >> 4
 ///   N_x  = saturate(((hx << 4) + (l dx >> F-3+E) + 4) >> 3),  N_y likewise
-///   N_z  = saturate(((zc << 4) + (l dz >> F-3+3E) + 4) >> 3)
+///   N_z  = saturate(((zc << 4) + (l dz >> F-3+3E) + 4) >> 3).
 ///
-/// dx and dy are near words with E = extra_bits(F) more fraction bits; dz has 3 E more. b has F + 4
-/// fraction bits, C and s have F + 3, and l has F. missed_o reports C < 0. beyond_o reports that b
-/// or l does not fit its word, that C is above 1, or that, for a ray that is not missed, a
-/// coordinate of N is outside [-1, 1], by more than rounding errors. A downward ray starts in the
-/// plane of the vertices (zc = 1) with dz = -dz_i; the products of dz_i are truncated before they
-/// are subtracted. A downward ray that misses the sphere continues for half a radius from its point
-/// nearest to the centre. The cell step from there leads to the dome that the ray meets next. The
-/// latency is meet_dome_latency(F) clocks.
+/// Words dx and dy are near words with E = extra_bits(F) more fraction bits; dz has 3 E more. Word
+/// b has F + 4 fraction bits, C and s have F + 3, and l has F. Output missed_o reports C < 0.
+/// Output beyond_o reports that b or l does not fit its word, that C is above 1, or that, for a ray
+/// that is not missed, a coordinate of N is outside [-1, 1], by more than rounding errors. A
+/// downward ray starts in the plane of the vertices (zc = 1) with dz = -dz_i; the products of dz_i
+/// are truncated before they are subtracted. A downward ray that misses the sphere continues for
+/// half a radius from its point nearest to the centre. The cell step from there leads to the dome
+/// that the ray meets next. The latency is meet_dome_latency(F) clocks.
 module lipp_meet_dome #(
   parameter int F = 23,
   parameter bit CrossCells = 1'b0,  // compute cross terms in multiplier cells

@@ -5,12 +5,12 @@
 ///
 /// The new coordinates are
 ///
-///   hx' = hx - di cx - dj rx,   hy' = hy - dj cy
+///   hx' = hx - di cx - dj rx,   hy' = hy - dj cy,
 ///
 /// where cx is the pitch along the rows, cy is the distance between rows, and rx is the shift along
 /// x from a lenslet to its neighbour in the next row. All are in radii. With Shear, rx is an input.
-/// Without Shear, rx is 0 on a square grid, and cx / 2 rounded down on a hexagonal grid. beyond_o
-/// reports that hx' or hy' is outside [-4, 4). The latency is 2 clocks.
+/// Without Shear, rx is 0 on a square grid, and cx / 2 rounded down on a hexagonal grid. Output
+/// beyond_o reports that hx' or hy' is outside [-4, 4). The latency is 2 clocks.
 module lipp_move_lenslet #(
   parameter int F = 23,
   parameter int Grid = lipp_optics_pkg::GridSquare,

@@ -5,8 +5,8 @@
 /// registers.
 ///
 /// The register `source` selects the source of the rays: the raster, or the stream at this block's
-/// port. Exit rays leave in the order of the rays. exit_first_o and exit_last_o mark the first and
-/// the last ray of a frame.
+/// port. Exit rays leave in the order of the rays. Ports exit_first_o and exit_last_o mark the
+/// first and the last ray of a frame.
 ///
 /// Software writes new optics into shadow registers. Writing `apply` requests that the new optics
 /// and the new source take effect. They take effect at once between two frames, otherwise after the
@@ -17,8 +17,8 @@
 /// Rays that were accepted still leave. A start in the same write as an abort begins a new frame.
 ///
 /// The register port is APB4. A write changes the bytes whose strobe is set. The block ignores the
-/// low two address bits and the protection signal. rtl/registers.rdl defines the registers;
-/// docs/reference/optics-block.md explains how software uses them.
+/// low two address bits and the protection signal. The file rtl/registers.rdl defines the
+/// registers; docs/reference/optics-block.md explains how software uses them.
 module lipp_optics_block #(
   parameter lipp_optics_pkg::build_t Build = lipp_optics_pkg::ExactSquare,
   localparam int F = int'(Build.fraction_bits)

@@ -7,7 +7,7 @@
 ///
 ///   near   signed, W bits,     F + 1 fraction bits, [-1, 1): directions, cosines, normals
 ///   wide   signed, W bits,     F     fraction bits, [-2, 2): lattice coordinates, slopes, ratios
-///   far    signed, W + 2 bits, F     fraction bits, [-8, 8): lengths along the ray, in radii
+///   far    signed, W + 2 bits, F     fraction bits, [-8, 8): lengths along the ray, in radii.
 ///
 /// Rounding always means floor(x + 1/2), in units of the last kept bit.
 package lipp_optics_pkg;
@@ -120,7 +120,7 @@ package lipp_optics_pkg;
 
   /// Width of unsigned column and row numbers of a panel.
   localparam int PanelBits = 14;
-  /// early_i leads by Early clocks
+  /// Number of entries of the jitter table, as a power of two.
   localparam int TableBits = 6;
 
   /// The raster's settings for a frame: window, panel size, and jitter of the rays.

@@ -8,16 +8,17 @@
 /// words as integers, the affine map for x is
 ///
 ///   hi = (u ah_u + v ah_v) + oh,   lo = (u al_u + v al_v) + ol
-///   x  = floor((hi + floor(lo / 2^17)) / 2^(23 - F))
+///   x  = floor((hi + floor(lo / 2^17)) / 2^(23 - F)).
 ///
 /// The map for y has the same formulas with its own coefficients. The map is exact up to the final
 /// floor. The offsets include 2^(39 - F), so that the final floor rounds.
 ///
 /// The inputs u_i (columns to the right) and v_i (rows upward) are measured from the panel's
-/// centre. They are signed with 4 fraction bits. Coefficients are signed with 36 fraction bits,
-/// offsets are signed with 40 fraction bits. The outputs x_o and y_o are signed and have IndexBits
-/// + F bits, F of them fraction bits. They are in pitches; on a hexagonal grid, y is in rows.
-/// beyond_o reports that x or y is outside [-2048, 2048). The latency is pixel_latency() clocks.
+/// centre. Pixel coordinates are signed with 4 fraction bits. Coefficients are signed with 36
+/// fraction bits, offsets are signed with 40 fraction bits. The outputs x_o and y_o are signed and
+/// have IndexBits + F bits, F of them fraction bits. The outputs are in pitches; on a hexagonal
+/// grid, y is in rows. Output beyond_o reports that x or y is outside [-2048, 2048). The latency is
+/// pixel_latency() clocks.
 module lipp_pixel_to_lattice #(
   parameter int F = 23
 ) (

@@ -4,19 +4,20 @@
 /// Steps 1 to 3 of a ray: finds the lenslet at which the ray aims, and measures the pixel and the
 /// aperture point from that lenslet's centre. Steps in parentheses depend on the build:
 ///
-///   pixel_to_lattice -> lenslet_{square,hex} -> (aim) -> (converge) -> (shear)
+///   pixel_to_lattice -> lenslet_{square,hex} -> (aim) -> (converge) -> (shear).
 ///
 /// The outputs (x, y) and (a, b) are the pixel and the aperture point, in pitches and rows from the
 /// centre of lenslet (i, j). Both have F fraction bits. (x, y) has local_bits(F, Converge, Shear)
 /// bits, (a, b) has local_bits(F, 0, Shear) bits.
 ///
-/// stray_o reports that (i, j) is not the pixel's own lenslet. beyond_o reports that a word
-/// wrapped. missing_o reports that the pixel's own lenslet does not exist; it is always 0 in builds
-/// whose rays cannot leave through another lenslet.
+/// Output stray_o reports that (i, j) is not the pixel's own lenslet. Output beyond_o reports that
+/// a word wrapped. Output missing_o reports that the pixel's own lenslet does not exist; it is
+/// always 0 in builds whose rays cannot leave through another lenslet.
 ///
 /// The latency of the outputs is lens_latency(F, Grid, Aims, Converge, Shear) clocks. The outputs
 /// own_i_o and own_j_o, the pixel's own lenslet, have a latency of pixel_latency() +
-/// lenslet_latency(Grid) clocks. missing_o comes extent_latency() clocks after the outputs (x, y).
+/// lenslet_latency(Grid) clocks. Port missing_o comes extent_latency() clocks after the outputs (x,
+/// y).
 module lipp_pixel_to_lens #(
   parameter lipp_optics_pkg::build_t Build = lipp_optics_pkg::ExactSquare,
   localparam int F = int'(Build.fraction_bits),

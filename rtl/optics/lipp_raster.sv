@@ -4,23 +4,23 @@
 /// Scans a window of the panel row by row from the top left, and produces one ray per clock. The
 /// output has a valid/ready handshake.
 ///
-/// start_i copies config_i and starts a frame with `samples` rays for each pixel. start_i is
-/// ignored while running_o is high. A window that is empty or extends beyond the panel is refused;
-/// refused_o is then high until the next start. running_o is high until the frame's last ray was
-/// accepted. abort_i ends the frame: no ray is offered from the next clock on, and a start in the
-/// same clock is lost.
+/// Port start_i copies config_i and starts a frame with `samples` rays for each pixel. Port start_i
+/// is ignored while running_o is high. A window that is empty or extends beyond the panel is
+/// refused; refused_o is then high until the next start. Port running_o is high until the frame's
+/// last ray was accepted. Port abort_i ends the frame: no ray is offered from the next clock on,
+/// and a start in the same clock is lost.
 ///
 /// The ray of pixel (c, r), counted from the panel's top left, has the coordinates
 ///
 ///   u = 8 (2 c + 1 - width) + du,  v = 8 (height - 2 r - 1) + dv
-///   a = 2^(F-10) ja,               b = 2^(F-10) jb
+///   a = 2^(F-10) ja,               b = 2^(F-10) jb,
 ///
 /// where u and v have 4 fraction bits. The mode selects the ray's jitter (du, dv, ja, jb):
 ///
 ///   JitterOff    0
 ///   JitterTable  entry (table_first + sample) mod 64
 ///   JitterLfsr   the ray's random word, read as an entry, with bits 11 and 10 of ja and of jb
-///                replaced by their bit 9: anywhere on the pixel, aims in [-1/2, 1/2)
+///                replaced by their bit 9: anywhere on the pixel, aims in [-1/2, 1/2).
 ///
 /// The random words are states of a Galois LFSR with the primitive polynomial x^32 + x^22 + x^2 + x
 /// + 1; bit k is the coefficient of x^k. The frame's first ray uses the seed; seed 0 counts as 1.

@@ -7,7 +7,7 @@
 ///
 ///   pinhole, paraxial:               none; the slope gives the exit ray
 ///   exact, plano side to the panel:  enter_flat -> walk_domes -> exit_dome
-///   exact, plano side to the viewer: walk_domes -> exit_flat
+///   exact, plano side to the viewer: walk_domes -> exit_flat.
 ///
 /// Inputs: the pixel (u_i to the right, v_i upward) is measured from the panel's centre, with 4
 /// fraction bits. The aperture point (a_i, b_i) is measured from the centre of the pixel's lenslet,
@@ -124,7 +124,7 @@ module lipp_ray_pipeline #(
 
   // ---- path through the lenslet ----
   localparam int Early = extent_latency() - 1;  // the exit's lenslet test ends a clock after OutAt
-  logic signed [IndexBits-1:0] early_i, early_j, out_i, out_j;  // early_i leads by Early clocks
+  logic signed [IndexBits-1:0] early_i, early_j, out_i, out_j;  // early_i leads out_i by Early
   logic signed [Wf-1:0] out_x, out_y, out_z;
   logic signed [W-1:0] out_dx, out_dy, out_dz;
   logic out_missed, out_beyond, out_reflected, out_crosstalk;

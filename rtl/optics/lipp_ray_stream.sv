@@ -4,10 +4,10 @@
 /// Wraps `lipp_ray_pipeline` in a stream: pixels enter, exit rays leave, one ray per clock, with a
 /// valid/ready handshake on both sides.
 ///
-/// Rays leave in the order in which they entered. The optics in use are a copy of config_i. apply_i
-/// requests a new copy, which is made as soon as all rays inside have left. Until then busy_o is
-/// high and the input is closed, so no frame is traced with two displays. Reset also requests a
-/// copy.
+/// Rays leave in the order in which they entered. The optics in use are a copy of config_i. Port
+/// apply_i requests a new copy, which is made as soon as all rays inside have left. Until then
+/// busy_o is high and the input is closed, so no frame is traced with two displays. Reset also
+/// requests a copy.
 ///
 /// The words are those of `lipp_ray_pipeline`. The latency is ray_latency(...) + 5 clocks if
 /// nothing stalls.

@@ -8,10 +8,10 @@
 /// right of that centre. Here g is s times the distance between rows / pitch. With words as
 /// integers, and y g >> k the product that `lipp_multiplier` truncates by k bits, the result is
 ///
-///   x'   = ((x << 3) + (y g >> F-3) + 4) >> 3
+///   x'   = ((x << 3) + (y g >> F-3) + 4) >> 3.
 ///
-/// All words have F fraction bits. The output has W + 2 bits, in [-8, 8). beyond_o reports that x'
-/// is outside that range. The latency is shear_latency(F) clocks.
+/// All words have F fraction bits. The output has W + 2 bits, in [-8, 8). Output beyond_o reports
+/// that x' is outside that range. The latency is shear_latency(F) clocks.
 module lipp_shear #(
   parameter int F = 23,
   parameter bit CrossCells = 1'b0,  // compute cross terms in multiplier cells

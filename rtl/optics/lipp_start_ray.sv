@@ -8,10 +8,11 @@
 /// has one coefficient for x and one for a.
 ///
 /// The point (hx_o, hy_o) is in radii with F fraction bits. Its latency is slope_latency(F,
-/// Converge, Shear) clocks, also that of flat_beyond_o, which reports that slope or point is out of
-/// range. The direction (ex_o, ey_o, ez_o) is in near words with air_bits(Build) more bits. It
-/// comes unit_latency(F) clocks after the point, together with steep_o, which reports a slope of 60
-/// degrees or more. difference_o reports that a - x is out of range, a clock after the input.
+/// Converge, Shear) clocks. With the point comes flat_beyond_o, which reports that slope or point
+/// is out of range. The direction (ex_o, ey_o, ez_o) is in near words with air_bits(Build) more
+/// bits. It comes unit_latency(F) clocks after the point, together with steep_o, which reports a
+/// slope of 60 degrees or more. Output difference_o reports that a - x is out of range, a clock
+/// after the input.
 module lipp_start_ray #(
   parameter lipp_optics_pkg::build_t Build = lipp_optics_pkg::ExactSquare,
   localparam int F = int'(Build.fraction_bits),

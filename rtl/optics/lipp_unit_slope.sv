@@ -3,18 +3,19 @@
 
 /// Step 3 of a ray: computes the unit direction e of a slope (m_x, m_y):
 ///
-///   e = (m_x, m_y, 1) / sqrt(1 + m_x^2 + m_y^2)
+///   e = (m_x, m_y, 1) / sqrt(1 + m_x^2 + m_y^2).
 ///
 /// With words as integers, and a b >> k the product that `lipp_multiplier` truncates by k bits, the
 /// steps are
 ///
 ///   x    = ((m_x m_x >> F-4+2E) + (m_y m_y >> F-4+2E) + 2^(F+4) + 4) >> 3
 ///   e_z  = min(rsqrt(x), 2^(F+1+E) - 1)
-///   e_x  = ((m_x e_z >> F-3+E) + 4) >> 3,  e_y likewise
+///   e_x  = ((m_x e_z >> F-3+E) + 4) >> 3,  e_y likewise.
 ///
-/// x, in [1, 4), has F + 1 fraction bits. The slope is in wide words and the direction in near
-/// words, all with E = Extra more fraction bits; Extra is 0 or extra_bits(F). beyond_o reports that
-/// x is 4 or more, a slope of 60 degrees or more. The latency is unit_latency(F) clocks.
+/// Word x, in [1, 4), has F + 1 fraction bits. The slope is in wide words and the direction in near
+/// words, all with E = Extra more fraction bits; Extra is 0 or extra_bits(F). Output beyond_o
+/// reports that x is 4 or more, a slope of 60 degrees or more. The latency is unit_latency(F)
+/// clocks.
 module lipp_unit_slope #(
   parameter int F = 23,
   parameter int Extra = 0,

@@ -2,9 +2,9 @@
 `default_nettype none
 
 /// Step 5 of a ray: intersects the ray with the dome of the lenslet at which it aims, or with
-/// further domes.
+/// further domes. The modules in order, those in parentheses only in some builds, are:
 ///
-///   meet_dome -> (cell_step -> move_lenslet -> meet_dome) x walk -> (cell_step)
+///   meet_dome -> (cell_step -> move_lenslet -> meet_dome) x walk -> (cell_step).
 ///
 /// If a ray meets a dome's sphere outside that dome's cell, the module tries the dome of the cell
 /// that contains the intersection, up to `walk` times. The words are those of `lipp_meet_dome`.
@@ -12,9 +12,9 @@
 /// The lenslet of the last dome, i_o and j_o, the ray's direction d there, and beyond_o, the
 /// collected flags, have a latency of walk x walk_latency(Grid, F, Shear) clocks. The results of
 /// the last dome, n, cos_o, s_o, missed_o and meet_beyond_o, come meet_dome_latency(F) clocks
-/// later. inside_o reports that the point is in the last dome's cell. Where rays can leave their
-/// cell, inside_o comes cell_step_latency(Grid, F, Shear) clocks after those results; elsewhere it
-/// is always 1.
+/// later. Output inside_o reports that the point is in the last dome's cell. Where rays can leave
+/// their cell, inside_o comes cell_step_latency(Grid, F, Shear) clocks after those results;
+/// elsewhere it is always 1.
 module lipp_walk_domes #(
   parameter lipp_optics_pkg::build_t Build = lipp_optics_pkg::ExactSquare,
   localparam int F = int'(Build.fraction_bits),

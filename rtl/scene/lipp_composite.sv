@@ -4,16 +4,16 @@
 /// Composites layers from front to back in linear light, with the background behind them.
 ///
 /// P_k is the premultiplied light of layer k, A_k is its opacity, and B_k is its brightness,
-/// limited to 256. C_k is the light of the layers in front of layer k. T_k is the fraction of the
-/// light behind them that passes, in units of 2^-16. With C_0 = 0 and T_0 = 65536, the steps are
+/// limited to 256. C_k is the light of the layers in front of layer k. T_k is the transmittance of
+/// these layers, in units of 2^-16. With C_0 = 0 and T_0 = 65536, the steps are
 ///
 ///   G_k     = (T_k B_k + 2^7) >> 8
 ///   C_(k+1) = C_k + ((P_k G_k + 2^15) >> 16)        for each of red, green and blue
 ///   T_(k+1) = T_k - ((T_k A_k + 2^15) >> 16)
-///   light_o = min(C_n + ((background T_n + 2^15) >> 16), 65535), or 0 where draws_i is low
+///   light_o = min(C_n + ((background T_n + 2^15) >> 16), 65535), or 0 where draws_i is low.
 ///
-/// where n is the number of layers. P_k must be at most A_k; then C_k fits into 17 bits. The
-/// latency is composite_latency(Layers) clocks.
+/// The number of layers is n. P_k must be at most A_k; then C_k fits into 17 bits. The latency is
+/// composite_latency(Layers) clocks.
 ///
 /// Products with a brightness are made in logic, because a board with four layers and bilinear
 /// filter has no multiplier left for them.

@@ -5,7 +5,7 @@
 ///
 /// With L the light of a channel, the byte is
 ///
-///   rgb_o = table[L < 4096 ? L : 4096 + (L >> 4)]        for each of red, green and blue
+///   rgb_o = table[L < 4096 ? L : 4096 + (L >> 4)]        for each of red, green and blue.
 ///
 /// Dark light, where the curve is steep, has a table entry for each value of L. Entries 4096 to
 /// 4351 are never read. Each channel has its own copy of the table. The latency is curve_latency()

@@ -11,10 +11,10 @@
 ///   r        = q q >> F+2                                    1 / dz, F + 4 fraction bits
 ///   slope_x  = ((dx r >> F+1) + 4) >> 3,  slope_y likewise    F + 1 fraction bits
 ///   x_o      = ((xi i >> 31-F) + (xj j >> 31-F) + (x >> 2) - (slope_x z >> F+3) + 2) >> 2
-///   y_o      = ((yj j >> 31-F) + (y >> 2) - (slope_y z >> F+3) + 2) >> 2
+///   y_o      = ((yj j >> 31-F) + (y >> 2) - (slope_y z >> F+3) + 2) >> 2.
 ///
-/// draws_o is high if the status is ok or crosstalk, dz is 1/4 or more (at most 75.5 degrees to the
-/// axis), and x_o and y_o are in [-2048, 2048).
+/// Output draws_o is high if the status is ok or crosstalk, dz is 1/4 or more (at most 75.5 degrees
+/// to the axis), and x_o and y_o are in [-2048, 2048).
 ///
 /// Errors are in units of the last bit. The error of a slope m is at most 0.8 + 1.25 |m|; its RMS
 /// is 0.35 where |m| < 1 (measured with 7 million rays). The error of a position is at most 1.5 +

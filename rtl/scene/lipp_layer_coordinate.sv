@@ -9,20 +9,20 @@
 ///   X'  = (2 (infinite ? 0 : x) + 1 + (depth slope_x >> F)) >> 1       F - 3 fraction bits
 ///   Y'  = (2 (infinite ? 0 : y) + 1 + (depth slope_y >> F)) >> 1
 ///   s_o = (s0 + h + (a X' >> A+F-19) + (b Y' >> A+F-19)) >> 8           8 fraction bits
-///   t_o = (t0 + h + (c X' >> A+F-19) + (d Y' >> A+F-19)) >> 8
+///   t_o = (t0 + h + (c X' >> A+F-19) + (d Y' >> A+F-19)) >> 8.
 ///
 /// A is coefficient_bits(F): a build reads A of the 24 fraction bits of a, b, c and d, and F - 3 of
 /// the 20 fraction bits of depth. With Bilinear, h = 2^7 - 2^15, which rounds s - 1/2 and t - 1/2.
-/// Without Bilinear, h = 0, so that the integer part is floor(s). beyond_o reports that X' or Y' is
-/// outside [-2048, 2048), or that s_o or t_o does not fit.
+/// Without Bilinear, h = 0, so that the integer part is floor(s). Output beyond_o reports that X'
+/// or Y' is outside [-2048, 2048), or that s_o or t_o does not fit.
 ///
 /// With the exact line and the registers' words, the error ds of s before its last truncation, in
 /// texels, is bounded by
 ///
-///   |ds| <= (|a| + |b|) (2^-(F-2) + |depth| 2^-(F+2)) + 2^-15 + [F < 20] 2^-A (|X'| + |Y'|)
+///   |ds| <= (|a| + |b|) (2^-(F-2) + |depth| 2^-(F+2)) + 2^-15 + [F < 20] 2^-A (|X'| + |Y'|).
 ///
 /// The last term is present only in builds with F < 20, which truncate a and b. So the error is at
-/// most 2^-12 at F = 23 where |a| + |b| <= 128, and (|a| + |b|) |depth| <= 4096 texels for a slope
+/// most 2^-12 at F = 23 where |a| + |b| <= 128 and (|a| + |b|) |depth| <= 4096 texels for a slope
 /// of 1. At F = 16, the last bit of a slope is half the optics' own direction error of 14 urad. The
 /// latency is layer_latency(F) clocks.
 module lipp_layer_coordinate #(

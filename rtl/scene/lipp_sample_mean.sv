@@ -3,13 +3,13 @@
 
 /// Computes the mean of a pixel's 2^SamplesBits samples, which arrive one after another:
 ///
-///   light_o = (sum of light_i + 2^(SamplesBits-1)) >> SamplesBits   for red, green and blue
+///   light_o = (sum of light_i + 2^(SamplesBits-1)) >> SamplesBits   for red, green and blue.
 ///
 /// Clocks without a sample may lie between samples. The first sample of a frame always begins a
-/// pixel, even if the pixel before it is incomplete. last_of_pixel_o reports that light_o is a
-/// complete pixel. first_o and last_o report that the pixel contains the frame's first or last
-/// sample. The outputs belong to the sample that came mean_latency(SamplesBits) clocks before. With
-/// one sample per pixel the module generates no logic.
+/// pixel, even if the pixel before it is incomplete. Output last_of_pixel_o reports that light_o is
+/// a complete pixel. Outputs first_o and last_o report that the pixel contains the frame's first or
+/// last sample. The outputs belong to the sample that came mean_latency(SamplesBits) clocks before.
+/// With one sample per pixel the module generates no logic.
 module lipp_sample_mean #(
   parameter int SamplesBits = 0  // log2 of the samples per pixel, 0 to 2
 ) (

@@ -5,16 +5,16 @@
 /// valid/ready handshake on both sides.
 ///
 /// Rays arrive in the order of the panel's pixels, 2^samples_bits rays for each pixel. One pixel
-/// leaves for each group of rays. The registers in use are a copy of config_i. take_i requests a
-/// new copy, which is made as soon as all rays inside have left as pixels. Until then busy_o is
+/// leaves for each group of rays. The registers in use are a copy of config_i. Port take_i requests
+/// a new copy, which is made as soon as all rays inside have left as pixels. Until then busy_o is
 /// high and the input is closed, so no frame is drawn with two sets of registers. Reset also
 /// requests a copy.
 ///
-/// write_i stores a byte in a slot, 0 to slots - 1. The bytes of a slot are the texels row by row,
-/// then the palette (r, g, b, a of each entry). The four bytes of a palette entry must come one
-/// after another, with no byte of another slot between them. Slot 15 is the panel's curve. A byte
-/// may come in every clock. A slot that is being drawn must not be written; the module does not
-/// check this.
+/// Port write_i stores a byte in a slot, 0 to slots - 1. The bytes of a slot are the texels row by
+/// row, then the palette (r, g, b, a of each entry). The four bytes of a palette entry must come
+/// one after another, with no byte of another slot between them. Slot 15 is the panel's curve. A
+/// byte may come in every clock. A slot that is being drawn must not be written; the module does
+/// not check this.
 ///
 /// The modules in order are `lipp_exit_line`, `lipp_layer_coordinate` for each layer,
 /// `lipp_texel_fetch`, `lipp_texel_blend` for each layer, `lipp_composite`, `lipp_sample_mean` and

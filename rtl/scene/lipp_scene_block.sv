@@ -3,16 +3,17 @@
 
 /// Contains the scene's registers; the scene takes their values between two frames.
 ///
-/// take_i is high in the clock in which the scene takes the values. Between a write and take_i,
-/// `status.waits` is set. slots_o has a bit for each slot that is shown or will be shown. A slot is
-/// shown if a visible layer selects it in the registers taken last, and the scene is on the panel
-/// (shown_i). A slot will be shown if a visible layer selects it in the registers as written, and
-/// the panel is to show the scene (source_o). Bit 15 is the panel's curve, which every scene needs.
+/// Port take_i is high in the clock in which the scene takes the values. Between a write and
+/// take_i, `status.waits` is set. Port slots_o has a bit for each slot that is shown or will be
+/// shown. A slot is shown if a visible layer selects it in the registers taken last, and the scene
+/// is on the panel (shown_i). A slot will be shown if a visible layer selects it in the registers
+/// as written, and the panel is to show the scene (source_o). Bit 15 is the panel's curve, which
+/// every scene needs.
 ///
 /// The register port is APB4; a write changes the bytes whose strobe is set. An access to a layer
 /// takes three clocks, because its word is selected in two steps: within each layer, then among the
-/// layers. rtl/registers.rdl defines the registers. Registers of layers that the build lacks do not
-/// exist.
+/// layers. The file rtl/registers.rdl defines the registers. Registers of layers that the build
+/// lacks do not exist.
 module lipp_scene_block #(
   parameter lipp_scene_pkg::scene_build_t Scene = lipp_scene_pkg::FourLayers
 ) (

@@ -9,7 +9,7 @@
 ///
 ///   share_n = (w_n A + 2^7) >> 8        16 fraction bits
 ///   light_o = (sum over n of (share_n r^2 >> 8) + 2^7) >> 8,  g and b likewise
-///   opacity_o = sum over n of share_n
+///   opacity_o = sum over n of share_n.
 ///
 /// If the sum of the weights is at most 65536, the opacity is at most 65536 and the light is at
 /// most 65025. With one tap, a weight is 65536 or 0. The latency is texel_blend_latency() clocks.

@@ -16,13 +16,14 @@
 ///   bilinear filter (four taps): texel (i,     j)      weight (256 - f) (256 - g)
 ///                                texel (i + 1, j)      weight  f        (256 - g)
 ///                                texel (i,     j + 1)  weight (256 - f)  g
-///                                texel (i + 1, j + 1)  weight  f         g
+///                                texel (i + 1, j + 1)  weight  f         g.
 ///
 /// Tap n = {row[0], column[0]} reads the texel whose row and column have these lowest bits. So the
 /// four taps always read four different memories.
 ///
-/// colour_o is {A, b, g, r}, the bytes of a palette entry. The opacity byte a is widened to A = a +
-/// [a >= 128], which is 0 to 256. The four bytes of an entry are written in consecutive writes.
+/// Port colour_o is {A, b, g, r}, the bytes of a palette entry. The opacity byte a is widened to A
+/// = a + [a >= 128], which is 0 to 256. The four bytes of an entry are written in consecutive
+/// writes.
 ///
 /// The weight is 0 for texels outside the texture, for a layer with hidden_i, and for a layer
 /// without a slot; the colour is then undefined. The latency is fetch_latency() clocks.

@@ -7,7 +7,7 @@
 /// It consists of memories whose depths are powers of two, the largest first, so that few bytes are
 /// wasted: a depth of 12288 bytes takes memories of 8192 and 4096 bytes. A remainder of less than
 /// 2048 bytes takes one more memory. In the third clock, the output of the addressed memory is
-/// selected. read_data_o is undefined for an address of Depth or more.
+/// selected. Port read_data_o is undefined for an address of Depth or more.
 module lipp_texel_memory #(
   parameter int Depth = 49152,
   localparam int AddressBits = $clog2(Depth)

@@ -11,8 +11,8 @@
 /// With Scene.bilinear the texels are in four banks, one for each parity of column and row. Texel
 /// (column, row) is in bank {row[0], column[0]} at the address row / 2 * (width / 2) + column / 2.
 /// Each bank has its own address and its own copy of the palette. Without Scene.bilinear there is
-/// one bank, with the address row * width + column. colour_o is the palette entry of each bank's
-/// texel, slot_latency() clocks after the address.
+/// one bank, with the address row * width + column. Port colour_o is the palette entry of each
+/// bank's texel, slot_latency() clocks after the address.
 module lipp_texel_slot #(
   parameter lipp_scene_pkg::scene_build_t Scene = lipp_scene_pkg::FourLayers,
   localparam int Taps = lipp_scene_pkg::taps(lipp_scene_pkg::built(Scene)),

@@ -56,7 +56,7 @@ def meet_dome(
         cos  = sqrt(min(max(C, 0), M)),  s = min(max(2^(F+3) - C, 0), M)
         l    = (8 cos - b + 8) >> 4,  downward (-8 cos - b + 8) >> 4, missed (2^(F+3) - b + 8) >> 4
         N_x  = saturate(((hx << 4) + (l dx >> F-3+E) + 4) >> 3),  N_y likewise
-        N_z  = saturate(((zc << 4) + (l dz >> F-3+3E) + 4) >> 3)
+        N_z  = saturate(((zc << 4) + (l dz >> F-3+3E) + 4) >> 3).
 
     b has F + 4 fraction bits, l has F. Missed: C < 0. Beyond: b or l does not fit, C is
     above 1 or, unless missed, a coordinate of N is outside [-1, 1].
@@ -109,7 +109,7 @@ def cell_step(
     |q| is ~q below 0:
 
         q0   = ((nx << 3) - (ny s >> F-3) + 4) >> 3
-        q1   = ((ny m >> F-2) + (nx << 2) + (n ny << 3) + 4) >> 3,  h = n 2^(F+1) + m
+        q1   = ((ny m >> F-2) + (nx << 2) + (n ny << 3) + 4) >> 3,  h = n 2^(F+1) + m.
 
     with 0 <= m < 2^(F+1).
     """
@@ -191,7 +191,7 @@ def enter_dome(
         C'   = 2^(F+3) - (s i2 >> F)
         cos' = sqrt(min(max(C', 0), M))
         k    = (4 cos' - (cos i >> F-1) + 4) >> 3
-        d'_x = saturate(((e_x i >> F-2) - (k N_x >> F-3) + 4) >> 3),  d'_y likewise
+        d'_x = saturate(((e_x i >> F-2) - (k N_x >> F-3) + 4) >> 3),  d'_y likewise.
 
     k is a wide word, i is 1/n, i2 is 1/n^2. Overflow: C' is below 0 or above 1, or the
     direction is outside [-1, 1].
@@ -218,7 +218,7 @@ def leave_dome(
         cos' = sqrt(min(max(C', 0), M))
         k    = (4 cos' - (cos n >> F-2) + 4) >> 3
         d'_x = saturate(((e_x << 3-E) + (k N_x >> F-3) + 4) >> 3),  d'_y likewise
-        d'_z = saturate(((dz n >> F-3+3E) + (k N_z >> F-3) + 4) >> 3)
+        d'_z = saturate(((dz n >> F-3+3E) + (k N_z >> F-3) + 4) >> 3).
 
     e is the direction in the glass, k a wide word, n2 is n^2. Reflected: C' <= 0.
     Overflow: C' is above 1 or, unless reflected, k does not fit or d' exceeds 1.
@@ -264,7 +264,7 @@ def leave_flat(met: Meeting, dx: Ints, dy: Ints, depth: int, index: int, index_s
         X    = ((N_x << 3) + (l dx >> F-3) + 4) >> 3,  Y likewise
         C'   = 2^(F+3) - (g n2 >> F)
         d'_x = saturate(((dx n >> F-3) + 4) >> 3),  d'_y likewise
-        d'_z = sqrt(min(max(C', 0), M)),  reflected ((y r >> F+1) + 1) >> 1
+        d'_z = sqrt(min(max(C', 0), M)),  reflected ((y r >> F+1) + 1) >> 1.
 
     y has F + 3 fraction bits, and rsqrt reads it as 4 y: r = 1 / (2 dz). u is the
     remaining depth and l the length, both far words; zc = 1 - T/R (`depth`), n2 is n^2.

@@ -111,7 +111,7 @@ def converge(
     C is the lenslet's centre, A the point in front of the eye. In half pitches and half
     rows C is (2 i + j, 2 j), on the square grid (2 i, 2 j):
 
-        t_x  = (x << 2) + (16 C_x s >> 14) + o_x + 2,   x' = t_x >> 2,   y' likewise
+        t_x  = (x << 2) + (16 C_x s >> 14) + o_x + 2,   x' = t_x >> 2,   y' likewise.
 
     s is `share`, F + 11 fraction bits; o = -s A has F + 2.
     """
@@ -131,7 +131,7 @@ def shear(x: Ints, y: Ints, g: int, f: int, bits: int) -> tuple[Ints, Bools]:
 
     g is a far word; x and y have `bits` bits.
 
-        x'   = ((x << 3) + (y g >> F-3) + 4) >> 3
+        x'   = ((x << 3) + (y g >> F-3) + 4) >> 3.
     """
     word = f + 4
     total = guarded((x << GUARD) + multiplier(y, g, bits, word, f - GUARD))
@@ -145,7 +145,7 @@ def blend(
 
     k, m and y have F + `extra` fraction bits, x and a have F; l is m:
 
-        y    = ((k x >> F-3) + (l a >> F-3) + 4) >> 3
+        y    = ((k x >> F-3) + (l a >> F-3) + 4) >> 3.
     """
     word = f + 2 + extra
     total = multiplier(x, k, x_bits, word, f - GUARD)
@@ -163,7 +163,7 @@ def unit_slope(mx: Ints, my: Ints, f: int, extra: int = 0) -> tuple[Ints, Ints, 
 
         x    = ((m_x m_x >> F-4+2E) + (m_y m_y >> F-4+2E) + 2^(F+4) + 4) >> 3
         e_z  = min(rsqrt(x), 2^(F+1+E) - 1)
-        e_x  = ((m_x e_z >> F-3+E) + 4) >> 3,  e_y likewise
+        e_x  = ((m_x e_z >> F-3+E) + 4) >> 3,  e_y likewise.
     """
     word, drop = f + 2 + extra, f - 4 + 2 * extra
     square = multiplier(mx, mx, word, word, drop) + multiplier(my, my, word, word, drop)

@@ -106,7 +106,7 @@ def exit_line(rays: FixedRays, xi: int, xj: int, yj: int, f: int) -> Lines:
         r        = q q >> F+2                                    1 / dz, F + 4 fraction bits
         slope_x  = ((dx r >> F+1) + 4) >> 3,  slope_y likewise    F + 1 fraction bits
         x_o      = ((xi i >> 31-F) + (xj j >> 31-F) + (x >> 2) - (slope_x z >> F+3) + 2) >> 2
-        y_o      = ((yj j >> 31-F) + (y >> 2) - (slope_y z >> F+3) + 2) >> 2
+        y_o      = ((yj j >> 31-F) + (y >> 2) - (slope_y z >> F+3) + 2) >> 2.
     """
     length, inverse = f + 4, f + 8
     q = quadratic((rays.dz & ((1 << (f + 1)) - 1)) << 2, "reciprocal", f)
@@ -148,7 +148,7 @@ def layer_coordinate(lines: Lines, layer: LayerWords, bilinear: bool, f: int) ->
         X'  = (2 (infinite ? 0 : x) + 1 + (depth slope_x >> F)) >> 1       F - 3 fraction bits
         Y'  = (2 (infinite ? 0 : y) + 1 + (depth slope_y >> F)) >> 1
         s_o = (s0 + h + (a X' >> A+F-19) + (b Y' >> A+F-19)) >> 8           8 fraction bits
-        t_o = (t0 + h + (c X' >> A+F-19) + (d Y' >> A+F-19)) >> 8
+        t_o = (t0 + h + (c X' >> A+F-19) + (d Y' >> A+F-19)) >> 8.
 
     depth is read with F - 3 fraction bits, a to d with A; h = 2^7 - 2^15 for bilinear.
     """
@@ -230,7 +230,7 @@ def composite(
         G_k     = (T_k B_k + 2^7) >> 8
         C_(k+1) = C_k + ((P_k G_k + 2^15) >> 16)        for each of red, green and blue
         T_(k+1) = T_k - ((T_k A_k + 2^15) >> 16)
-        light_o = min(C_n + ((background T_n + 2^15) >> 16), 65535), or 0 where draws_i is low
+        light_o = min(C_n + ((background T_n + 2^15) >> 16), 65535), or 0 where draws_i is low.
     """
     half, mask = 1 << 15, (1 << 17) - 1  # the sum has 17 bits
     total = np.zeros((len(draws), 3), np.int64)
@@ -248,7 +248,7 @@ def sample_mean(light: Ints, samples_bits: int) -> Ints:
 
     One sample is its own mean; otherwise
 
-        light_o = (sum of light_i + 2^(SamplesBits-1)) >> SamplesBits   for red, green and blue
+        light_o = (sum of light_i + 2^(SamplesBits-1)) >> SamplesBits   for red, green and blue.
     """
     count = 1 << samples_bits
     total: Ints = light.reshape(-1, count, 3).sum(axis=1)
@@ -267,7 +267,7 @@ def curve_table(light: Ints, table: Bytes) -> Bytes:
 
     With L a word of light
 
-        rgb_o = table[L < 4096 ? L : 4096 + (L >> 4)]        for each of red, green and blue
+        rgb_o = table[L < 4096 ? L : 4096 + (L >> 4)]        for each of red, green and blue.
     """
     return table[np.where(light < COARSE_FROM, light, COARSE_FROM + (light >> 4))]
 

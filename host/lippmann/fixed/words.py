@@ -181,7 +181,7 @@ def rsqrt(x: Ints, f: int, extra: int = 0) -> Ints:
 
     With K = `extra` and q from `quadratic`:
 
-        y    = (q + (4 >> K)) >> (3 - K)
+        y    = (q + (4 >> K)) >> (3 - K).
     """
     return guarded(quadratic(x, "reciprocal", f), extra)
 
@@ -192,7 +192,7 @@ def sqrt(x: Ints, f: int, normalise: bool = True, extra: int = 0) -> Ints:
     With K = `extra` and the root q (`quadratic`) of 4^k x in [1/4, 1), where k is at
     most 15, and 0 without `normalise`; 0 gives 0:
 
-        y    = min(((q >> k) + (4 >> K)) >> (3 - K), 2^(F+1+K) - 1)
+        y    = min(((q >> k) + (4 >> K)) >> (3 - K), 2^(F+1+K) - 1).
     """
     k = np.zeros_like(x)
     if normalise:
