@@ -57,7 +57,7 @@ def test_missing_data_do_not_stop_the_generator(tmp_path):
 @pytest.mark.parametrize(
     ("part", "instead", "message"),
     [
-        ('desc = "Number of further domes to try.";', "", "walk has no description"),
+        ('desc = "Maximum number of further domes that a ray tries.";', "", "walk has no description"),
         ("addrmap optics_registers {", "addrmap optics_registers { nonsense;", r"registers\.rdl is invalid"),
     ],
 )
