@@ -1,5 +1,5 @@
-"""The integer twin: the RTL's fixed point, bit for bit.
+"""The integer twin computes the results of the fixed-point RTL in Python, bit for bit.
 
-All arrays are int64. Each function follows the RTL module of its name, step by step;
-both state each rounding as the same formula. rtl/optics/lipp_optics_pkg.sv has formats.
+All arrays are int64. Each function follows the RTL module of the same name; both state
+each rounding as the same formula. rtl/optics/lipp_optics_pkg.sv defines the formats.
 """

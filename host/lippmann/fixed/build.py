@@ -1,4 +1,4 @@
-"""A build of the optics' RTL: the parameters that decide what hardware is made."""
+"""`Build`: the parameters with which the optics' RTL is generated, such as lens model and word length."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from lippmann.fixed.words import FRACTIONS, extra_bits
 from lippmann.optics.rays import Model
 from lippmann.optics.system import System
 
-#: Lens models of the RTL; `thin` runs on the paraxial hardware with other coefficients.
+#: Lens models of the RTL. Model `thin` runs on paraxial hardware with other coefficients.
 HardwareModel = Literal["pinhole", "paraxial", "exact"]
 
 
@@ -28,7 +28,7 @@ class Build:
     model: Annotated[HardwareModel, key("lens model")] = "exact"
     viewer: Annotated[bool, key("the plano side faces the viewer")] = False
     aims: Annotated[bool, key("rays aim at aperture points; without, all rays are chief rays")] = False
-    #: The RTL's parameter `Walk`.
+    #: The RTL calls this parameter `walk`.
     max_cell_steps: Annotated[
         int, key("cells that a ray may step to when it meets a dome outside its cell", low=0, high=4)
     ] = 0
@@ -37,13 +37,13 @@ class Build:
     shear: Annotated[bool, key("the lattice may be sheared")] = False
 
     def __post_init__(self) -> None:
-        """Refuse what the RTL's elaboration refuses."""
+        """Refuse parameters that the RTL's elaboration refuses."""
         check_fields(self)
         if self.max_cell_steps and (self.model != "exact" or not (self.aims or self.viewer or self.converge)):
             raise InputError("max_cell_steps must be 0 in a build whose rays cannot leave their cell")
         if self.viewer and self.model != "exact":
             raise InputError(
-                f"viewer belongs to exact builds; leave it out of a {self.model} build, whose registers hold the side"
+                f"viewer belongs to exact builds; leave it out of a {self.model} build, whose registers imply it"
             )
         if self.aims and self.model == "pinhole":
             raise InputError(
@@ -64,7 +64,7 @@ class Build:
         """Return the build that traces a display with a model.
 
         By default, `max_cell_steps` is 2 where rays can leave their cell, else 0;
-        `converge` and `shear` are what the display needs.
+        `converge` and `shear` are True where the display needs them.
         """
         viewer, exact = display.array.plano_side == "viewer", model == "exact"
         hardware: HardwareModel = "paraxial" if model == "thin" else model
@@ -80,45 +80,45 @@ class Build:
 
     @property
     def near(self) -> int:
-        """Bits of a near or wide word, W."""
+        """Number W of bits of a near or wide word."""
         return self.fraction_bits + 2
 
     @property
     def extra(self) -> int:
-        """Additional bits of slopes and directions in the air."""
+        """Number E of extra bits of slopes and directions in the air."""
         return extra_bits(self.fraction_bits) if self.model == "exact" and not self.viewer else 0
 
     @property
     def local(self) -> int:
-        """Bits of a pixel's point measured from its lenslet's centre."""
+        """Number of bits of a pixel's point measured from its lenslet's centre."""
         return self.fraction_bits + (4 if self.converge or self.shear else 2)
 
     @property
     def aim(self) -> int:
-        """Bits of an aperture point measured from its lenslet's centre."""
+        """Number of bits of an aperture point measured from its lenslet's centre."""
         return self.fraction_bits + (4 if self.shear else 2)
 
     @property
     def slope_aims(self) -> bool:
-        """Whether the slope takes a factor for the aperture point."""
+        """Whether the slope has a coefficient for the aperture point."""
         return self.aims and (self.converge or self.model == "paraxial")
 
     def as_dict(self) -> dict[str, int | str]:
-        """Return the parameters for JSON; until the next version also `walk`, the old name of `max_cell_steps`."""
+        """Return the parameters for JSON; until the next version, `walk` repeats `max_cell_steps` by its old name."""
         return {**dataclasses.asdict(self), "walk": self.max_cell_steps}
 
 
 def shift_mm(display: Display) -> float:
-    """Return how far, mm, pixels may lie outside their lenslets' cells where images converge on an eye."""
+    """Return the maximum distance, mm, of pixels outside their lenslets' cells, if images converge on an eye."""
     system = System.of(display)
     axis = system.convergence
     return axis.share * max(math.hypot(x - axis.axis_x, y - axis.axis_y) for x, y in system.frame.corners)
 
 
 def _chief_rays_stray(display: Display) -> bool:
-    """Tell whether a chief ray towards the eye may leave its lenslet's cell before the dome.
+    """Return whether a chief ray towards the eye may leave its lenslet's cell before the dome.
 
-    Snell's law refracts a steep ray less than the thin lens of the definition does.
+    Snell's law refracts a steep ray less than the thin lens that defines the display.
     With the plano side to the viewer, the ray meets the dome near its vertex.
     """
     array, shift = display.array, shift_mm(display)
@@ -128,6 +128,6 @@ def _chief_rays_stray(display: Display) -> bool:
     nearest_side = lattice.half_mm / max(math.hypot(*axis) for axis in lattice.axes)
     slope = (shift + array.half_diagonal_mm) / display.aperture_distance_mm
     sine = slope / math.hypot(1.0, slope) / array.index
-    # In the plane of the rims, where the ray is farthest from the axis.
+    # In the plane of the rims, the ray is farthest from the axis.
     depth = array.thickness_mm - array.sag_mm
     return slope * array.thickness_mm / array.index - depth * sine / math.sqrt(1.0 - sine**2) >= nearest_side

@@ -1,4 +1,4 @@
-"""Register values (`optics_config_t` of rtl/optics/lipp_optics_pkg.sv) with which the RTL traces one display."""
+"""Computes the optics' register values for one display (`optics_config_t` of rtl/optics/lipp_optics_pkg.sv)."""
 
 from __future__ import annotations
 
@@ -18,22 +18,22 @@ from lippmann.optics.models import ray_matrix
 from lippmann.optics.rays import Model
 from lippmann.optics.system import System
 
-#: Square of the largest slope, 60 degrees (`unit_slope`).
+#: Square of a ray's maximum slope, which is 60 degrees (`unit_slope`).
 MAX_SLOPE_SQUARE = 3.0
-#: Largest distance from the axis of a ray on the first face, radii.
+#: Maximum distance of a ray from the axis on the first face, radii.
 MAX_POINT = 4.0
-#: Largest distance, pitches or rows, of a pixel from its lenslet with `converge`.
+#: Maximum distance of a pixel from its lenslet with `converge`, pitches or rows.
 MAX_LOCAL = 8.0
-#: Range of the index: the bend at a dome stays below 2, and a ray in the glass steeper
-#: than 60 degrees is totally reflected at the flat face.
+#: Range of the index. In it, the normal's factor at a dome is below 2, and a ray in the
+#: glass steeper than 60 degrees is totally reflected at the flat face.
 INDEX_LIMITS = (1.16, 2.2)
-#: Least half of a cell, units of the last place. The measured error of an exit point
-#: where no ray grazes the dome is at most (5 + 1.2 (T/R)^2) R 2^-(F + 1): a thousandth
-#: of the pitch at T <= 1.5 R.
+#: Minimum half of a cell, in units of the last bit. The measured error of an exit point
+#: where no ray grazes the dome is at most (5 + 1.2 (T/R)^2) R 2^-(F + 1), which is a
+#: thousandth of the pitch at T <= 1.5 R.
 LEAST_HALF = 1 << 12
-#: Values of `extent_i` and `extent_j` with which the array has every lenslet.
+#: Values of `extent_i` and `extent_j` for an array without missing lenslets.
 EVERYWHERE = (1 << (words.INDEX_BITS + 1)) - 1, (1 << words.INDEX_BITS) - 1
-#: Lenslets between a ray's first and last one: aims of 1.5 pitches, four cell steps.
+#: Maximum steps from a pixel's lenslet to its exit's: aims of 1.5 pitches, 4 cell steps.
 MAX_ASTRAY = 8
 
 _PITCHES = "(array.pitch_mm, panel.pixel_pitch_mm)"
@@ -48,7 +48,7 @@ _INDEX = f"array.index must be {INDEX_LIMITS[0]} to {INDEX_LIMITS[1]}"
 
 @dataclass(frozen=True)
 class Configuration:
-    """One integer for each field of `optics_config_t`, under the same names."""
+    """Register values: an integer for each field of `optics_config_t`, with the name of that field."""
 
     x_from_u: int
     x_from_v: int
@@ -87,7 +87,7 @@ class Configuration:
 
 
 class _Format(NamedTuple):
-    """A register's bits and fraction bits, the remedy for a value that does not fit, whether the build reads it."""
+    """A register's bits and fraction bits, the remedy for a value that does not fit, and whether builds read it."""
 
     bits: int
     fraction: int
@@ -98,9 +98,9 @@ class _Format(NamedTuple):
 def nearest_word(
     value: float, bits: int, fraction: int, register: str, remedy: str, share: float = 1.0, unit: str = ""
 ) -> int:
-    """Return the nearest word of a value; refuse a value that does not fit the register.
+    """Return the word nearest to a value. Raises InputError if the value does not fit the register.
 
-    The error gives the value and the limits, both times `share`, in `unit`.
+    The message states the value and the limits, multiplied by `share`, in `unit`.
     """
     word = math.floor(math.ldexp(value, fraction) + 0.5)
     if not -(1 << (bits - 1)) <= word < 1 << (bits - 1):
@@ -111,7 +111,7 @@ def nearest_word(
 
 
 def _formats(build: Build) -> dict[str, _Format]:
-    """Return the format of each register of a build."""
+    """Return the format of each register of a build, keyed by name."""
     f, exact, aims, slope_aims = build.fraction_bits, build.model == "exact", build.aims, build.slope_aims
     near, far, share = f + 2, f + 4, words.share_bits(f)
     strays = exact and (aims or build.viewer or build.converge)
@@ -155,14 +155,14 @@ def _formats(build: Build) -> dict[str, _Format]:
 
 
 def in_words(config: Configuration, build: Build) -> tuple[Configuration, words.Bools | np.bool_]:
-    """Return registers cut to the words that a build reads, and whether one of these does not fit.
+    """Return registers truncated to the words that a build reads, and whether a register does not fit its word.
 
-    The registers of pixel_to_lattice are as wide as their words.
+    The affine coefficients and offsets are as wide as their words.
     """
     narrow = {name: form for name, form in _formats(build).items() if form.bits < words.SLOPE_BITS}
     read = {name: (form.bits, form.is_read) for name, form in narrow.items()}
     read |= {"extent_i": (words.INDEX_BITS + 2, True), "extent_j": (words.INDEX_BITS + 1, True)}
-    cut: dict[str, Any] = {}  # words, or arrays of them in tests
+    cut: dict[str, Any] = {}  # integers, or arrays in tests
     beyond: words.Bools | np.bool_ = np.False_
     for name, (bits, is_read) in read.items():
         value = getattr(config, name)
@@ -173,16 +173,16 @@ def in_words(config: Configuration, build: Build) -> tuple[Configuration, words.
 
 
 def configuration(display: Display, build: Build, model: Model, reach_mm: float | None = None) -> Configuration:
-    """Return the registers with which a build traces a display.
+    """Return the register values with which a build traces a display.
 
-    `reach_mm` is the largest distance of an aperture point from its lenslet's centre,
-    by default that of a cell's corner. Raises InputError when the build does not fit
-    this display, or a value does not fit its register.
+    `reach_mm` is the maximum distance of an aperture point from its lenslet's centre,
+    by default the distance of a cell's corner. Raises InputError if the build does not
+    fit this display, or a value does not fit its register.
     """
     _check_build(display, build, model)
     _check_panel(display)
     slope, point = _sums(display, build, model)
-    # The narrower ranges come first: their messages say more.
+    # Narrower ranges are checked first, as their messages are more specific.
     _check_lens(display, build)
     _check_reach(display, build, slope, point, reach_mm)
     numbers = _lattice_numbers(display) | _lens_numbers(display, build, model, slope, point)
@@ -190,7 +190,7 @@ def configuration(display: Display, build: Build, model: Model, reach_mm: float 
     for name, value in numbers.items():
         form = formats[name]
         registers[name] = nearest_word(value, form.bits, form.fraction, f"register {name}", form.remedy)
-    # Half a unit more: cutting the lattice coordinates then rounds them.
+    # Half a unit is added, so that truncation rounds the lattice coordinates.
     half = 1 << (words.OFFSET_FRACTION - 1 - build.fraction_bits)
     registers["x_offset"] += half
     registers["y_offset"] += half
@@ -201,7 +201,7 @@ def configuration(display: Display, build: Build, model: Model, reach_mm: float 
 
 
 def _lattice_numbers(display: Display) -> dict[str, float]:
-    """Return the registers from pixels (to the right, upward) to the lattice, as numbers."""
+    """Return the real values of the registers that map pixels (right, upward) to the lattice."""
     (p, _), row, lean = display.array.pitches_mm, display.array.row_pitch_mm, display.array.shear
     system = System.of(display)
     frame, convergence = system.frame, system.convergence
@@ -221,13 +221,13 @@ def _lattice_numbers(display: Display) -> dict[str, float]:
 def _lens_numbers(
     display: Display, build: Build, model: Model, slope: tuple[float, float], point: tuple[float, float]
 ) -> dict[str, float]:
-    """Return the registers of a ray in its lenslet, as numbers in pitches, rows or radii."""
+    """Return the real values of the registers for a ray in its lenslet, in pitches, rows or radii."""
     array, f, exact = display.array, build.fraction_bits, build.model == "exact"
     (p, tall), row, R, lean = array.pitches_mm, array.row_pitch_mm, array.radius_mm, array.shear
-    # Other models do not read these registers: any values that fit will do.
+    # Other models do not read these registers, so any values that fit are allowed.
     T, n = (array.thickness_mm, array.index) if exact else (R, 1.5)
     flat_exit, square = model in ("paraxial", "exact") and array.plano_side == "viewer", array.grid == "square"
-    # On a converged display the registers' local points are 1 - share of their length.
+    # On a converged display, the RTL multiplies local points by 1 - share.
     convergence = System.of(display).convergence
     share, shrink = convergence.share, 1.0 - convergence.share
     axis_x = convergence.axis_x - lean * convergence.axis_y
@@ -264,7 +264,7 @@ def _lens_numbers(
 
 
 def _sums(display: Display, build: Build, model: Model) -> tuple[tuple[float, float], tuple[float, float]]:
-    """Return (k, l) of the slope k x + l a, and of the point k x + l a (mm) in the plane of the first face.
+    """Return (k, l) of the slope k x + l a, and (k, l) of the point k x + l a, mm, on the first face.
 
     x is the pixel's point, a the aperture point. Without `converge` the slope of an
     exact ray is k (a - x).
@@ -309,9 +309,9 @@ def _check_panel(display: Display) -> None:
     if max(panel.width_px, panel.height_px) >= limit:
         raise InputError(
             f"register raster_panel: a panel of {panel.width_px} x {panel.height_px} is outside its range, 1 to "
-            f"{limit - 1} either way; lower panel.width_px and panel.height_px"
+            f"{limit - 1} in each direction; lower panel.width_px and panel.height_px"
         )
-    # The panel's corners in lenslets; hexagonal, i counts along an oblique axis.
+    # x and y are the panel's corners in lenslets; on a hexagonal grid, i has an oblique axis.
     system = System.of(display)
     x, y = system.convergence.towards_eye(*np.array(system.frame.corners).T)
     x, y = (x - array.shear * y) / array.pitches_mm[0], y / array.row_pitch_mm
@@ -329,14 +329,14 @@ def _check_panel(display: Display) -> None:
 def _check_reach(
     display: Display, build: Build, slope: tuple[float, float], point: tuple[float, float], reach_mm: float | None
 ) -> None:
-    """Refuse rays steeper than 60 degrees or too far out on the first face, and pixels too far from their lenslet."""
+    """Refuse rays steeper than 60 degrees or too far from the axis, and pixels too far from their lenslet."""
     array, exact = display.array, build.model == "exact"
     rho = array.half_diagonal_mm
     reach = rho if reach_mm is None else reach_mm
     # A ray aimed outside its cell belongs to another lenslet.
     pixel = rho if reach <= rho * (1.0 + 1e-9) else 2.0 * rho + reach
     aim = rho if build.aims else 0.0
-    # The lenslet alone may make rays too slanted, or its shift towards the eye.
+    # The lenslet's size, or its shift towards the eye, may make rays too steep.
     shift = shift_mm(display)
     distances = math.hypot(1.0, array.shear) / array.pitches_mm[0], 1.0 / array.row_pitch_mm
     local = (pixel + shift) * (1.0 - System.of(display).convergence.share) * max(distances)
@@ -373,8 +373,8 @@ def _check_reach(
 def _check_lens(display: Display, build: Build) -> None:
     """Refuse a dome so flat that its cell, in radii, has too few significant bits.
 
-    In exact builds, refuse an index out of range, and a substrate in which rays are too
-    long for a far word, 8 radii.
+    In exact builds, refuse an index out of range, and a substrate in which a ray's length
+    exceeds a far word, 8 radii.
     """
     array, f, widest = display.array, build.fraction_bits, words.FRACTIONS[-1]
     half, least = 0.5 * array.finest_mm / array.radius_mm, math.ldexp(LEAST_HALF, -f - 1)

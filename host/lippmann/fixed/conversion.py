@@ -1,4 +1,4 @@
-"""Conversion between fixed-point words and pixel coordinates, millimetres and rays."""
+"""Converts pixel coordinates, aperture points (mm) and rays to fixed-point words, and words back."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ def words_of_pixels(display: Display, pixels: Floats) -> tuple[Ints, Ints]:
     """Return pixel coordinates (N, 2) as words from the panel's centre, rounded to 1/16 pixel.
 
     Raises InputError for pixels that do not fit the words, and for pixels outside a
-    panel whose elemental images converge on an eye: their rays may be too slanted.
+    panel whose elemental images converge on an eye, as their rays may be too steep.
     """
     scale, half = 1 << PIXEL_FRACTION, 0.5 * np.array([display.panel.width_px, display.panel.height_px])
     words = np.floor((pixels - half) * (scale, -scale) + 0.5)
@@ -35,7 +35,7 @@ def words_of_pixels(display: Display, pixels: Floats) -> tuple[Ints, Ints]:
 
 
 def pixels_of_words(display: Display, u: Ints, v: Ints) -> Floats:
-    """Return the pixel coordinates (N, 2) of words."""
+    """Return the pixel coordinates (N, 2) of the words (u, v)."""
     panel, scale = display.panel, 1.0 / (1 << PIXEL_FRACTION)
     return np.stack([u * scale + 0.5 * panel.width_px, 0.5 * panel.height_px - v * scale], axis=1)
 
@@ -43,7 +43,7 @@ def pixels_of_words(display: Display, u: Ints, v: Ints) -> Floats:
 def words_of_aims(display: Display, aperture_mm: Floats, fraction_bits: int) -> tuple[Ints, Ints]:
     """Return aperture points (N, 2), lens-local mm, as wide words in pitches and rows along the lattice.
 
-    Raises InputError for points more than 1.5 pitches away, which may not fit.
+    Raises InputError for points more than 1.5 pitches from their lenslet's centre.
     """
     array = display.array
     x, y = aperture_mm.T
@@ -58,7 +58,7 @@ def words_of_aims(display: Display, aperture_mm: Floats, fraction_bits: int) -> 
 
 
 def aims_of_words(display: Display, a: Ints, b: Ints, fraction_bits: int) -> Floats:
-    """Return the aperture points (N, 2), mm, of words."""
+    """Return the aperture points (N, 2), mm, of the words (a, b)."""
     array = display.array
     x = np.ldexp(a * array.pitches_mm[0], -fraction_bits)
     y = np.ldexp(b * array.row_pitch_mm, -fraction_bits)
@@ -66,12 +66,12 @@ def aims_of_words(display: Display, a: Ints, b: Ints, fraction_bits: int) -> Flo
 
 
 def word_unit(fraction_bits: int) -> float:
-    """Return the unit in the last place of a direction, and of a point in radii."""
+    """Return the value of the last bit of a direction, and of a point in radii."""
     return 2.0 ** -(fraction_bits + 1)
 
 
 def rays_of_words(display: Display, pixel: Floats, rays: FixedRays, fraction_bits: int) -> Rays:
-    """Return the rays of words, mm, panel's axes; `pixel` (N, 2) are their pixels."""
+    """Return fixed-point rays as rays in mm along the panel's axes; `pixel` (N, 2) are their pixels."""
     system = System.of(display)
     frame = system.frame
     unit = word_unit(fraction_bits)

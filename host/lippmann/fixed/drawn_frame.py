@@ -1,4 +1,4 @@
-"""Draws a stack of layers on a display in integers, as an FPGA with two builds does."""
+"""Draws a stack of layers on a display in integers, as an FPGA with optics and drawing does."""
 
 from __future__ import annotations
 
@@ -22,15 +22,15 @@ if TYPE_CHECKING:
     from lippmann.layers.stack import LayerStack
 
 
-#: Places of a pixel's samples from its centre, right and upward, 1/16 pixel.
+#: Offsets of a pixel's samples from its centre, right and upward, 1/16 pixel.
 SAMPLE_OFFSETS: dict[int, tuple[tuple[int, int], ...]] = {
     1: ((0, 0),),
     2: ((-4, 4), (4, -4)),
     4: ((-4, 4), (4, 4), (-4, -4), (4, -4)),
 }
-#: Rays drawn at once.
+#: Maximum number of rays drawn at once.
 _CHUNK_RAYS = 1 << 16
-#: Draws exit rays, as `scene_pipeline.scene` does.
+#: A function that draws exit rays, called like `scene_pipeline.scene`.
 Scene = Callable[[FixedRays, SceneWords, Mapping[int, Bytes], Bytes, SceneBuild, int], Bytes]
 
 
@@ -45,12 +45,12 @@ def draw(
     threads: int = 1,
     rows: range | None = None,
 ) -> Bytes:
-    """Return the pixels (rows, width, 3) that a build of the optics and one of the drawing show of a stack.
+    """Return the pixels (rows, width, 3) of a stack, drawn by a build of the optics and a build of the drawing.
 
-    `model` is the lens model, by default the build's; `rows` are rows of the panel, by
-    default all. `pipeline` traces the rays and `shade` draws them, by default the twin;
-    several threads call them. Raises InputError when the display or the stack does not
-    fit the builds.
+    `model` is the lens model, by default the build's. `rows` are the panel's rows to draw,
+    by default all. `pipeline` traces the rays and `shade` draws them, by default with the
+    twin; several threads call both. Raises InputError if the display or the stack does
+    not fit the builds.
     """
     panel, f = display.panel, build.fraction_bits
     rows = range(panel.height_px) if rows is None else rows
@@ -66,7 +66,7 @@ def draw(
         return shade(rays, words, slots, table, scene_build, f)
 
     with ThreadPoolExecutor(threads) as pool:
-        # After an error, or Ctrl-C, `map` begins no other part.
+        # After an error or Ctrl-C, `map` starts no further part.
         bands = (rows[first : first + at_once] for first in range(0, len(rows), at_once))
         parts = list(pool.map(draw_rows, bands))
     return np.concatenate(parts).reshape(len(rows), panel.width_px, 3)

@@ -1,4 +1,4 @@
-"""A frame's rays and their jitter (rtl/optics/lipp_raster.sv); places in cells for test patterns."""
+"""A frame's rays and their jitter (rtl/optics/lipp_raster.sv), and positions in cells for test patterns."""
 
 from __future__ import annotations
 
@@ -18,21 +18,21 @@ from lippmann.fixed.words import MUL_BITS, PIXEL_BITS, PIXEL_FRACTION, SLOPE_BIT
 Jitter = Literal["off", "table", "lfsr"]
 
 TABLE_ENTRIES = 64
-#: Bits and fraction bits of an entry's aperture point.
+#: Bits and fraction bits of the aperture point in a jitter entry.
 AIM_BITS = 12
 AIM_FRACTION = 10
-#: Maximum of a panel's columns or rows, and of a pixel's rays.
+#: Maximum number of columns or rows of a panel, and of rays per pixel.
 MAX_PANEL = (1 << (PIXEL_BITS - PIXEL_FRACTION)) - 1
 MAX_SAMPLES = 1 << 16
 
-#: x^32 modulo the LFSR's polynomial x^32 + x^22 + x^2 + x + 1; bit k stands for x^k.
+#: x^32 modulo the LFSR's polynomial x^32 + x^22 + x^2 + x + 1; bit k is the coefficient of x^k.
 POLYNOMIAL = 0x00400007
 
 
 @documented
 @dataclass(frozen=True)
 class Raster:
-    """A frame's window on a panel, and its jitter; InputError for values that do not fit the registers."""
+    """A frame's window on a panel, and its jitter. Raises InputError if a value does not fit its register."""
 
     width: Annotated[int, key("columns of the panel", low=1, high=MAX_PANEL)]
     height: Annotated[int, key("rows of the panel", low=1, high=MAX_PANEL)]
@@ -61,7 +61,7 @@ class Raster:
 
 
 class RasterRays(NamedTuple):
-    """Rays (N,) in order: pixel words, aperture words, and flags of the frame's first and last ray."""
+    """Rays (N,) in order: words of pixel and aperture point, and flags of the frame's first and last ray."""
 
     u: Ints
     v: Ints
@@ -72,7 +72,7 @@ class RasterRays(NamedTuple):
 
 
 def raster(frame: Raster, table: Ints, f: int) -> RasterRays:
-    """Return a frame's rays; `table` (64,) holds the entries of jitter "table"."""
+    """Return a frame's rays; `table` (64,) contains the entries of the jitter table."""
     (first_column, last_column), (first_row, last_row) = frame.columns, frame.rows
     window = np.mgrid[first_row : last_row + 1, first_column : last_column + 1, : frame.samples]
     rows, columns, sample = window.reshape(3, -1)
@@ -92,7 +92,7 @@ def raster(frame: Raster, table: Ints, f: int) -> RasterRays:
 
 
 def fields(entry: Ints) -> tuple[Ints, Ints, Ints, Ints]:
-    """Return du, dv (pixels, 4 fraction bits) and ja, jb (pitches and rows, 10 fraction bits) of table entries."""
+    """Split jitter entries into du, dv (pixels, 4 fraction bits) and ja, jb (pitches, rows, 10 fraction bits)."""
     ja, jb = wrapped(entry >> 8, AIM_BITS), wrapped(entry >> 20, AIM_BITS)
     return wrapped(entry, 4), wrapped(entry >> 4, 4), ja, jb
 
@@ -100,7 +100,7 @@ def fields(entry: Ints) -> tuple[Ints, Ints, Ints, Ints]:
 def lfsr(seed: int, count: int) -> Ints:
     """Return the first random words (count,) of a seed: s_k = seed x^(32 k) modulo the polynomial.
 
-    Each round doubles their number: s_(k + n) = s_k x^(32 n).
+    Each iteration doubles the number of words: s_(k + n) = s_k x^(32 n).
     """
     states, leap = np.array([seed or 1], np.int64), POLYNOMIAL  # x^32
     while len(states) < count:
@@ -110,7 +110,7 @@ def lfsr(seed: int, count: int) -> Ints:
 
 
 def _times(states: Ints, factor: int) -> Ints:
-    """Multiply polynomials over GF(2) by another, modulo the LFSR's."""
+    """Multiply polynomials over GF(2) by the polynomial `factor`, modulo the LFSR's polynomial."""
     product = np.zeros_like(states)
     for bit in reversed(range(32)):
         product = (product << 1) ^ np.where(product >> 31, (1 << 32) | POLYNOMIAL, 0)
@@ -122,7 +122,7 @@ def _times(states: Ints, factor: int) -> Ints:
 def locate_pixels(
     config: Configuration, grid: Grid, f: int, width: int, height: int, columns: Ints, rows: Ints
 ) -> tuple[Ints, Ints, Ints, Ints]:
-    """Return lenslets i, j of pixels, and the points x (pitches), y (rows) from their centres, F fraction bits."""
+    """Return the pixels' lenslets (i, j), and the pixels (x in pitches, y in rows) from the lenslets' centres."""
     u, v = 8 * (2 * columns + 1 - width), 8 * (height - 1 - 2 * rows)
     x, _ = pixel_to_lattice(u, v, config.x_from_u, config.x_from_v, config.x_offset, f)
     y, _ = pixel_to_lattice(u, v, config.y_from_u, config.y_from_v, config.y_offset, f)
@@ -131,7 +131,7 @@ def locate_pixels(
 
 
 def holds_centre(config: Configuration, f: int, x: Ints, y: Ints) -> Bools:
-    """Tell whether a lenslet's centre, at (-x, -y) from a pixel, lies in it."""
+    """Return a mask of pixels that contain their lenslet's centre, (-x, -y) from the pixel."""
     cut = SLOPE_BITS - MUL_BITS
     xu, xv = config.x_from_u >> cut, config.x_from_v >> cut
     yu, yv = config.y_from_u >> cut, config.y_from_v >> cut
@@ -142,6 +142,6 @@ def holds_centre(config: Configuration, f: int, x: Ints, y: Ints) -> Bools:
 
 
 def places_in_cell(grid: Grid, f: int, x: Ints, y: Ints) -> tuple[Ints, Ints]:
-    """Return the places in the cell, to the right and upward, 0 to 255."""
+    """Return positions in the cell, to the right and upward, 0 to 255."""
     up = y - (y >> 2) if grid == "hex" else y
     return np.clip((256 * x + (128 << f)) >> f, 0, 255), np.clip((256 * up + (128 << f)) >> f, 0, 255)

@@ -34,7 +34,7 @@ from lippmann.optics.rays import Status
 
 
 class FixedRays(NamedTuple):
-    """Exit rays: lenslet, origin in radii (F + 1 fraction bits), direction (near words) and status."""
+    """Exit rays: lenslet (i, j), origin in radii (F + 1 fraction bits), direction (near words) and status."""
 
     i: Ints
     j: Ints
@@ -48,9 +48,9 @@ class FixedRays(NamedTuple):
 
 
 def ray_pipeline(u: Ints, v: Ints, a: Ints, b: Ints, config: Configuration, build: Build) -> FixedRays:
-    """Trace pixels (u, v), 4 fraction bits from the panel's centre, to aperture points (a, b), wide words.
+    """Trace rays from pixels (u, v), 4 fraction bits, through aperture points (a, b), wide words.
 
-    A ray counts as missed where one of its words or a register wraps or saturates.
+    A ray is missed if one of its words, or a register, wraps or saturates.
     """
     f, grid = build.fraction_bits, build.grid
     config, unfit = in_words(config, build)
@@ -107,7 +107,7 @@ def ray_pipeline(u: Ints, v: Ints, a: Ints, b: Ints, config: Configuration, buil
 def _sums(
     x: Ints, y: Ints, from_x: Ints, from_y: Ints, a: Ints, b: Ints, config: Configuration, build: Build
 ) -> tuple[Ints, Ints, Ints, Ints, Bools]:
-    """Return the rays' slopes and points on the first face, and where one does not fit its word."""
+    """Return the rays' slopes and points on the first face, and a mask of rays whose words overflow."""
     f, near, bits = build.fraction_bits, build.near, (build.local, build.aim)
     to_a, to_b = (a, b) if build.slope_aims else (None, None)
     slope = near + build.extra, *bits, build.extra
@@ -127,7 +127,7 @@ def _through_lenslet(
 ) -> tuple[FixedRays, Bools, Bools, Bools]:
     """Trace exact rays through both faces; `air` is their direction in the air.
 
-    Returns rays of status ok, and masks of missed, reflected and overflowing rays.
+    Returns the rays with status ok, and masks of missed, reflected and overflowing rays.
     """
     f, grid = build.fraction_bits, build.grid
     ex, ey, ez = air

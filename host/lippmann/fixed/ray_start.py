@@ -1,6 +1,6 @@
-"""Steps 1 to 3 (rtl/optics): the lenslet of a pixel, and its ray's point, slope and direction there.
+"""Steps 1 to 3 of a ray (rtl/optics): the lenslet of a pixel, and the point, slope and direction of its ray.
 
-The last mask that a function returns tells where a word does not fit and wraps.
+The last mask that a function returns marks rays with a word that does not fit and wraps.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ LOW_BITS = SLOPE_BITS - MUL_BITS
 
 
 def pixel_to_lattice(u: Ints, v: Ints, from_u: int, from_v: int, offset: int, f: int) -> tuple[Ints, Bools]:
-    """Return one lattice coordinate, F fraction bits, of pixels (u, v), words from the panel's centre.
+    """Return x or y in the lattice, F fraction bits, of pixels (u, v), which are words from the panel's centre.
 
     Each coefficient and offset is 2^17 ah + al, so that products fit a multiplier:
 
@@ -45,7 +45,7 @@ def pixel_to_lattice(u: Ints, v: Ints, from_u: int, from_v: int, offset: int, f:
 
 
 def lenslet_square(x: Ints, y: Ints, f: int) -> tuple[Ints, Ints, Ints, Ints, Bools]:
-    """Return indices i = floor(x + 1/2) and j, and the point from that centre: pitches and rows, F fraction bits."""
+    """Return the indices i = floor(x + 1/2), j of a point's lenslet, and the point from the lenslet's centre."""
     half = 1 << (f - 1)
     i, j = (x + half) >> f, (y + half) >> f
     beyond = ~fits(i, INDEX_BITS) | ~fits(j, INDEX_BITS)
@@ -53,7 +53,7 @@ def lenslet_square(x: Ints, y: Ints, f: int) -> tuple[Ints, Ints, Ints, Ints, Bo
 
 
 def lenslet_hex(x: Ints, y: Ints, f: int) -> tuple[Ints, Ints, Ints, Ints, Bools]:
-    """Return what `lenslet_square` does, on a hexagonal lattice."""
+    """Return the same values as `lenslet_square`, on a hexagonal lattice."""
     # q0 and q1 choose the nearest of the corners around (s, t) = (x - y / 2, y).
     s = 2 * x - y  # F + 1 fraction bits
     i, j = s >> (f + 1), y >> f
@@ -71,7 +71,7 @@ def lenslet_hex(x: Ints, y: Ints, f: int) -> tuple[Ints, Ints, Ints, Ints, Bools
 
 
 class Aimed(NamedTuple):
-    """Lenslet (i, j), pixel's and aperture point from its centre, and whether it is not the pixel's own."""
+    """Lenslet (i, j) aimed at, pixel (x, y) and aperture point (a, b) from its centre; stray: not the pixel's."""
 
     i: Ints
     j: Ints
@@ -84,7 +84,7 @@ class Aimed(NamedTuple):
 
 
 def aim(i: Ints, j: Ints, x: Ints, y: Ints, a: Ints, b: Ints, grid: Grid, f: int) -> Aimed:
-    """Make rays local to the lenslet whose cell their aperture point is in; all words are wide."""
+    """Measure rays from the centre of the lenslet whose cell contains their aperture point, in wide words."""
     locate = lenslet_hex if grid == "hex" else lenslet_square
     di, dj, a, b, _ = locate(a, b, f)
     i, j = i + di, j + dj
@@ -97,19 +97,18 @@ def aim(i: Ints, j: Ints, x: Ints, y: Ints, a: Ints, b: Ints, grid: Grid, f: int
 
 
 def extent(i: Ints, j: Ints, along: int, across: int, grid: Grid) -> Bools:
-    """Tell which lenslets are missing: |2 i + j| > along (square: |2 i|), or |j| > across."""
+    """Return a mask of missing lenslets: |2 i + j| > along (square: |2 i|), or |j| > across."""
     return (np.abs(2 * i + j if grid == "hex" else 2 * i) > along) | (np.abs(j) > across)
 
 
 def converge(
     i: Ints, j: Ints, x: Ints, y: Ints, share: int, offset_x: int, offset_y: int, grid: Grid, f: int
 ) -> tuple[Ints, Ints, Bools]:
-    """Return the pixels' points from their lenslets' centres, F + 4 bits, if images converge on an eye.
+    """Return 1 - s times the pixels' points from their lenslets' centres, F + 4 bits, if images converge.
 
-    (x, y) is where the line from pixel to eye crosses the lenslet's cell.
-
-    C is the lenslet's centre, A the point in front of the eye. In half pitches and half
-    rows C is (2 i + j, 2 j), on the square grid (2 i, 2 j):
+    (x, y) is the point where the line from pixel to eye crosses the lenslet's cell. A is
+    the point in front of the eye. C is the lenslet's centre in half pitches and half
+    rows: (2 i + j, 2 j), on the square grid (2 i, 2 j).
 
         t_x  = (x << 2) + (16 C_x s >> 14) + o_x + 2,   x' = t_x >> 2,   y' likewise.
 
@@ -143,7 +142,7 @@ def blend(
 ) -> tuple[Ints, Bools]:
     """Return y = k x + m a, or k x without `a`.
 
-    k, m and y have F + `extra` fraction bits, x and a have F; l is m:
+    k, m and y have F + `extra` fraction bits, x and a have F. The formula writes l for m:
 
         y    = ((k x >> F-3) + (l a >> F-3) + 4) >> 3.
     """
@@ -159,7 +158,7 @@ def unit_slope(mx: Ints, my: Ints, f: int, extra: int = 0) -> tuple[Ints, Ints, 
     """Return (m_x, m_y, 1) / sqrt(1 + m^2), near words, of a slope in wide words.
 
     Slopes of 60 degrees and more, m^2 >= 3, overflow: x and e_x keep their lowest bits,
-    as the registers do. All words have E = `extra` more fraction bits:
+    as the RTL does. All words have E = `extra` more fraction bits:
 
         x    = ((m_x m_x >> F-4+2E) + (m_y m_y >> F-4+2E) + 2^(F+4) + 4) >> 3
         e_z  = min(rsqrt(x), 2^(F+1+E) - 1)

@@ -1,6 +1,6 @@
-"""The registers of the optics block, the board and its scene, and the words that software writes.
+"""Register maps of the optics block, the board and its scene, and the words that software writes.
 
-`make registers` makes the maps, generated/*.json, from rtl/registers.rdl.
+`make registers` generates the maps, generated/*.json, from rtl/registers.rdl.
 """
 
 from __future__ import annotations
@@ -24,10 +24,10 @@ from lippmann.fixed.words import Ints
 
 @dataclass(frozen=True)
 class Field:
-    """Bits `low` to `low + width - 1` of a register; `reset` is None where the hardware drives the value.
+    """Bits `low` to `low + width - 1` of a register; `reset` is None if the hardware drives the value.
 
-    `fraction` is the number of fraction bits, or its formula in F, the build's. Where
-    only some values have a meaning, `names` holds them with their names.
+    `fraction` is the number of fraction bits, or a formula in the build's F. If only some
+    values have a meaning, `names` lists these values with their names.
     """
 
     low: int
@@ -39,12 +39,12 @@ class Field:
 
     @property
     def mask(self) -> int:
-        """The field's bits in the register's word."""
+        """Mask of the field's bits in the register's word."""
         return ((1 << self.width) - 1) << self.low
 
     @property
     def limits(self) -> tuple[int, int]:
-        """The minimum and the maximum value."""
+        """Minimum and maximum of the field's value."""
         low = -(1 << (self.width - 1)) if self.signed else 0
         return low, low + (1 << self.width) - 1
 
@@ -54,7 +54,7 @@ class Field:
         return value - (1 << self.width) if value > self.limits[1] else value
 
     def bits(self, value: int) -> int:
-        """Return the word that holds a value within the limits in this field, and 0 elsewhere."""
+        """Return the word with a value, within the limits, in this field and 0 elsewhere."""
         return value << self.low & self.mask
 
 
@@ -75,7 +75,7 @@ class Register:
         return {name: field.value(word) for name, field in self.fields.items()}
 
     def word(self, **values: int) -> int:
-        """Return the word that holds a value for each field."""
+        """Return the word that contains the given value of each field."""
         return sum(field.bits(values[name]) for name, field in self.fields.items())
 
 
@@ -84,12 +84,12 @@ def _load(name: str) -> dict[str, Register]:
     return msgspec.convert(items["registers"], dict[str, Register])
 
 
-#: Registers by name, the group's name in front; byte addresses from the block's base.
+#: Registers keyed by group and name (`group_name`), with byte addresses in their block.
 OPTICS_REGISTERS = _load("optics.json")
 BOARD_REGISTERS = _load("board.json")
 SCENE_REGISTERS = _load("scene.json")
 
-#: Fields of the register `build`, and parameters of `Build`, that are on or off.
+#: Boolean parameters of `Build`, which are also fields of the register `build`.
 _FLAGS = ("viewer", "aims", "cross_cells", "converge", "shear")
 
 
@@ -106,7 +106,7 @@ def write(name: str, **values: int) -> Write:
     Raises InputError for an unknown register or field, and for a value out of range.
     """
     if name not in OPTICS_REGISTERS:
-        raise InputError(f"there is no register '{name}'; docs/generated/registers.md lists them")
+        raise InputError(f"there is no register '{name}'; docs/generated/registers.md lists all registers")
     register = OPTICS_REGISTERS[name]
     if unknown := values.keys() - register.fields.keys():
         raise InputError(f"register {name} has no field {', '.join(sorted(unknown))}")
@@ -119,7 +119,7 @@ def write(name: str, **values: int) -> Write:
 
 
 def optics_writes(config: Configuration) -> list[Write]:
-    """Return the writes of a display's configuration, which the command `apply` takes over."""
+    """Return the writes of a display's configuration, which the command `apply` makes effective."""
     writes = []
     for field, value in dataclasses.asdict(config).items():
         name = f"optics_{field}"
@@ -144,9 +144,9 @@ def raster_writes(frame: Raster) -> list[Write]:
 
 
 def table_writes(table: Ints, first: int = 0) -> list[Write]:
-    """Return the writes of jitter entries (N,) from `first` on; InputError beyond the table's end."""
+    """Return the writes of jitter entries (N,) from index `first` on. Raises InputError beyond the table's end."""
     if not 0 <= first <= TABLE_ENTRIES - len(table):
-        raise InputError(f"jitter table: {len(table)} entries from {first} on do not fit into its {TABLE_ENTRIES}")
+        raise InputError(f"jitter table: {len(table)} entries from entry {first} on do not fit; it has {TABLE_ENTRIES}")
     start = OPTICS_REGISTERS["jitter_table"].address + 4 * first
     return [Write(start + 4 * k, int(word)) for k, word in enumerate(table)]
 
@@ -154,23 +154,23 @@ def table_writes(table: Ints, first: int = 0) -> list[Write]:
 def build_of(words: Mapping[str, int]) -> Build:
     """Return an optics block's build from the words of its registers `identity`, `version` and `build`.
 
-    Raises InputError when a word is missing or is that of an unsupported block.
+    Raises InputError if a word is missing, or if the block is unsupported.
     """
     if missing := [name for name in ("identity", "version", "build") if name not in words]:
-        raise InputError(f"register {', '.join(missing)} was not read; give identity, version and build")
+        raise InputError(f"register {', '.join(missing)} was not read; read identity, version and build")
     identity = OPTICS_REGISTERS["identity"].fields["letters"].reset
     if words["identity"] != identity:
-        raise InputError(f"no optics block answers: its identity is 0x{words['identity']:08X}, not 0x{identity:08X}")
+        raise InputError(f"no optics block answers: the identity is 0x{words['identity']:08X}, not 0x{identity:08X}")
     version = OPTICS_REGISTERS["version"].values(words["version"])["major"]
     version_here = OPTICS_REGISTERS["version"].fields["major"].reset
     if version != version_here:
         raise InputError(
-            f"the optics block has registers of version {version}, this host knows {version_here}; update one"
+            f"the optics block has register map {version}, this host supports {version_here}; update block or host"
         )
     fields = OPTICS_REGISTERS["build"].values(words["build"])
     models, model = get_args(HardwareModel), fields["model"]
     if model >= len(models):
-        known_models = f"this host, which knows 0 to {len(models) - 1}"
+        known_models = f"this host, which supports 0 to {len(models) - 1}"
         raise InputError(f"register build, field model: {model} is unknown to {known_models}; update the host")
     flags = {name: bool(fields[name]) for name in _FLAGS}
     grid = get_args(Grid)[fields["grid"]]
@@ -178,7 +178,7 @@ def build_of(words: Mapping[str, int]) -> Build:
 
 
 def build_word(build: Build) -> int:
-    """Return the word of an optics block's register `build`, also the RTL's parameter `Build`."""
+    """Return the word of an optics block's register `build`, which is also the RTL's parameter `Build`."""
     return OPTICS_REGISTERS["build"].word(
         fraction_bits=build.fraction_bits,
         grid=get_args(Grid).index(build.grid),

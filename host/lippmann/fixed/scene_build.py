@@ -1,4 +1,4 @@
-"""A build of the drawing's RTL (`scene_build_t`): the parameters that decide what hardware is made."""
+"""`SceneBuild`: the parameters with which the drawing's RTL is generated, such as layers and slots."""
 
 from __future__ import annotations
 
@@ -9,14 +9,14 @@ from lippmann.base.toml import check_fields, documented, key
 from lippmann.errors import InputError
 from lippmann.fixed.registers import SCENE_REGISTERS
 
-#: Maximum of layers and of slots; slot 15 is the panel's curve.
+#: Maximum numbers of layers and of slots; slot 15 is the panel's curve.
 MAX_LAYERS, MAX_SLOTS = 8, 15
 CURVE_SLOT = 15
-#: Bytes of a block: slots are loaded block by block.
+#: Bytes of a block, the unit in which slots are loaded.
 BLOCK_BYTES = 1024
 #: Bytes of a palette, the block after the texels.
 PALETTE_BYTES = 256 * 4
-#: Maximum of a slot's blocks of texels.
+#: Maximum number of blocks of texels in a slot.
 MAX_TEXEL_BLOCKS = 255
 
 
@@ -33,7 +33,7 @@ class SceneBuild:
     samples: Annotated[int, key("rays for each pixel: 1, 2 or 4")] = 1
 
     def __post_init__(self) -> None:
-        """Refuse what the RTL's elaboration refuses."""
+        """Refuse parameters that the RTL's elaboration refuses."""
         check_fields(self)
         if self.slots is None:
             object.__setattr__(self, "slots", self.layers + 1)
@@ -59,27 +59,27 @@ class SceneBuild:
 
     @property
     def texels(self) -> int:
-        """Texels of a slot."""
+        """Number of texels of a slot."""
         return self.width * self.height
 
     @property
     def slot_bytes(self) -> int:
-        """Bytes of a slot: its texels, then its palette."""
+        """Number of bytes of a slot: its texels, then its palette."""
         return self.texels + PALETTE_BYTES
 
     @property
     def blocks(self) -> int:
-        """Blocks of a slot."""
+        """Number of blocks of a slot."""
         return self.slot_bytes // BLOCK_BYTES
 
     @property
     def samples_bits(self) -> int:
-        """Binary logarithm of the samples."""
+        """Binary logarithm of the number of samples."""
         return self.samples.bit_length() - 1
 
     @property
     def word(self) -> int:
-        """The word of `scene_build_t`, 26 bits: the RTL's parameter and its register `build`."""
+        """Word of `scene_build_t`, 26 bits: the RTL's parameter `Scene` and its register `build`."""
         return SCENE_REGISTERS["build"].word(
             layers=self.layers,
             slots=self.slots_built,
@@ -91,7 +91,7 @@ class SceneBuild:
 
     @classmethod
     def of_word(cls, word: int) -> SceneBuild:
-        """Return the build of a register's word; InputError for one that cannot be built."""
+        """Return the build of a register's word. Raises InputError if the RTL refuses the build."""
         register = SCENE_REGISTERS["build"]
         values = register.values(word)
         if unknown := word - register.word(**values):

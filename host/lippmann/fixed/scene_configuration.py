@@ -1,4 +1,4 @@
-"""Register values (`scene_config_t` of rtl/scene/lipp_scene_pkg.sv) and slots with which the RTL draws layers."""
+"""Computes register values (`scene_config_t` of rtl/scene/lipp_scene_pkg.sv) and slot contents of a layer stack."""
 
 from __future__ import annotations
 
@@ -33,12 +33,12 @@ if TYPE_CHECKING:
     from lippmann.layers.stack import Layer, LayerStack
 
 
-#: Largest distance of a ray at z = 0, and of a texture, from the array's origin, radii.
+#: Maximum distance of a ray at z = 0, and of a texture, from the array's origin, radii.
 MAX_PLACE = 2048.0
-#: Factor of a sky's slopes: the largest power of two that keeps those below 4 in range.
+#: Factor of a sky's slopes: the maximum power of two that keeps slopes below 4 in range.
 SKY_DEPTH = 512.0
-#: Largest distance of an exit from its pixel along x or y, radii: 8 pitches of 2 radii
-#: to the lenslet, and 4 radii.
+#: Maximum distance of an exit from its pixel along x or y, radii: 8 pitches of 2 radii
+#: to the lenslet, and 4 radii on the lenslet.
 EXIT_RADII = 20.0
 
 
@@ -49,11 +49,11 @@ def scene_words(
     slots: tuple[int, ...] | None = None,
     names: Sequence[str] | None = None,
 ) -> SceneWords:
-    """Return the registers with which a build draws a stack on a display.
+    """Return the register values with which a build draws a stack on a display.
 
-    `slots` are the slots of the layers' textures; by default layer k is in slot k.
+    `slots` are the slots of the layers' textures; by default, slot k contains layer k.
     `names` are the layers' names in errors, by default their numbers. Raises InputError
-    when the build has fewer layers or slots, or a value does not fit its register.
+    if the build has too few layers or slots, or a value does not fit its register.
     """
     if len(stack.layers) > build.layers:
         raise InputError(
@@ -83,11 +83,11 @@ def scene_words(
 
 
 def layer_words(display: Display, layer: Layer, number: int | str, slot: int) -> LayerWords:
-    """Return the registers of a layer with its texture in a slot; `number` is its number or name in errors.
+    """Return a layer's register values, with its texture in a slot; `number` names the layer in errors.
 
     (X, Y) are in the array's frame, in radii: (x, y) = turn(X, Y) R + offset. At the
     layer's plane s = s0 + a X' + b Y', with (a, b) = R (m00, m01) turn and
-    s0 = m02 + (m00, m01) offset. A sky has slopes for x and y, and no offset.
+    s0 = m02 + (m00, m01) offset. For a sky, x and y are slopes, without offset.
     """
     frame = System.of(display).frame
     radius, (ox, oy) = display.array.radius_mm, frame.offset_mm
@@ -101,7 +101,7 @@ def layer_words(display: Display, layer: Layer, number: int | str, slot: int) ->
 
     name = f"layer {number}, register"
     nearer = "bring the layer nearer, or take a lenslet of larger array.radius_mm"
-    # Units in errors, as in the layers' file: mm, texels, texels per mm or slope of 1.
+    # Errors use the units of the layers file: mm, texels, texels per mm or slope of 1.
     share, unit = (SKY_DEPTH, " texels a slope of 1") if layer.sky else (1.0 / radius, " texels/mm")
     words = {"depth": nearest_word(depth, 32, DEPTH_FRACTION, f"{name} depth", nearer, radius, " mm")}
     for register, value in zip("abcd", linear.ravel().tolist(), strict=True):
@@ -131,7 +131,7 @@ def build_curve_table(display: Display) -> Bytes:
 
 
 def _check_place(display: Display) -> None:
-    """Refuse a display whose rays leave too far from the array's origin for their words."""
+    """Refuse a display whose rays exit so far from the array's origin that words overflow."""
     farthest = float(np.abs(System.of(display).frame.corners).max())
     radii = farthest / display.array.radius_mm + EXIT_RADII
     if radii >= MAX_PLACE:
@@ -145,9 +145,9 @@ def _check_place(display: Display) -> None:
 def _check_reach(
     layer: Layer, linear: npt.NDArray[np.float64], zero: npt.NDArray[np.float64], number: int | str, radius: float
 ) -> None:
-    """Refuse a texture with a corner too far from the array's origin for its word."""
+    """Refuse a texture with a corner so far from the array's origin that words overflow."""
     if np.linalg.det(linear) == 0.0:
-        return  # the texture does not change along one direction: no corners
+        return  # a texture that is constant in one direction has no corners
     corners = np.array([(s, t) for s in (0.0, layer.width) for t in (0.0, layer.height)])
     places = np.linalg.solve(linear, (corners - zero).T)
     farthest = float(np.abs(places).max())

@@ -1,4 +1,4 @@
-"""From exit rays to the bytes of pixels, in integers: the stages of rtl/scene/lipp_scene.sv in their order.
+"""Computes the bytes of pixels from exit rays, in integers: the stages of rtl/scene/lipp_scene.sv in order.
 
 Light, weights and opacities have 16 fraction bits; coordinates of texels have 8.
 """
@@ -17,9 +17,9 @@ from lippmann.fixed.scene_build import MAX_LAYERS, SceneBuild
 from lippmann.fixed.words import MUL_BITS, Bools, Bytes, Ints, fits, guarded, multiplier, quadratic, wrapped
 from lippmann.optics.rays import gets_through
 
-#: Fraction bits of the registers.
+#: Fraction bits of the registers s0 and t0, of depth, and of a to d.
 TEXEL_FRACTION, DEPTH_FRACTION, COEFFICIENT_FRACTION = 16, 20, 24
-#: Brightness of 1.
+#: Register value of a brightness of 1.
 FULL_BRIGHTNESS = 256
 _WORD = (1 << 32) - 1
 
@@ -64,7 +64,7 @@ class SceneWords:
 
     @property
     def slots(self) -> tuple[int | None, ...]:
-        """The slot of each layer, or `None`. The first visible layer that names a slot has it."""
+        """The slot that each layer reads, or `None`. Only the first visible layer with a slot reads it."""
         visible = [layer.slot if layer.visible else None for layer in self.layers]
         return tuple(None if slot in visible[:k] else slot for k, slot in enumerate(visible))
 
@@ -81,13 +81,13 @@ class SceneWords:
         return word
 
 
-#: Fraction bits of the lattice's words, and of a lenslet's index as a factor.
+#: Fraction bits of the lattice's words, and the shift of a lenslet's index as a factor.
 LATTICE_FRACTION = 30
 _INDEX_SHIFT = 6
 
 
 class Lines(NamedTuple):
-    """Lines (N,): points in the plane z = 0, radii (F - 3 fraction bits), slopes (F + 1), and which lines draw."""
+    """Lines (N,): points in the plane z = 0, radii (F - 3 fraction bits), slopes (F + 1), mask of lines that draw."""
 
     x: Ints
     y: Ints
@@ -131,9 +131,9 @@ def exit_line(rays: FixedRays, xi: int, xj: int, yj: int, f: int) -> Lines:
     return Lines(x, y, slope_x, slope_y, draws)
 
 
-#: Bits of a coordinate.
+#: Bits of a texture coordinate.
 COORDINATE_BITS = 20
-#: Shift of bilinear coordinates, 16 fraction bits: half their unit less half a texel.
+#: Offset of bilinear coordinates, 16 fraction bits: half a unit minus half a texel.
 _BILINEAR = (1 << 7) - (1 << 15)
 
 
@@ -143,7 +143,7 @@ def coefficient_bits(f: int) -> int:
 
 
 def layer_coordinate(lines: Lines, layer: LayerWords, bilinear: bool, f: int) -> tuple[Ints, Ints, Bools]:
-    """Return the coordinates s, t where lines meet a layer, and which do not fit their words.
+    """Return the coordinates s, t where lines meet a layer, and a mask of coordinates that overflow.
 
         X'  = (2 (infinite ? 0 : x) + 1 + (depth slope_x >> F)) >> 1       F - 3 fraction bits
         Y'  = (2 (infinite ? 0 : y) + 1 + (depth slope_y >> F)) >> 1
@@ -171,7 +171,7 @@ def layer_coordinate(lines: Lines, layer: LayerWords, bilinear: bool, f: int) ->
     return coordinates[0], coordinates[1], beyond
 
 
-#: Weight of a single texel, opacity of an opaque one, and transmission of no layer.
+#: The value 1 of a weight, an opacity or a transmittance.
 WHOLE = 1 << 16
 
 
@@ -225,7 +225,7 @@ def composite(
     """Return the light (N, 3) of rays through layers and background (3,); 0 for rays that do not draw.
 
     Layers from front to back have premultiplied light P (N, 3), opacity A (N,) and
-    brightness B, at most 256. From C_0 = 0, T_0 = 65536:
+    brightness B, at most 256. With C_0 = 0 and T_0 = 65536:
 
         G_k     = (T_k B_k + 2^7) >> 8
         C_(k+1) = C_k + ((P_k G_k + 2^15) >> 16)        for each of red, green and blue
@@ -255,17 +255,17 @@ def sample_mean(light: Ints, samples_bits: int) -> Ints:
     return (total + (count >> 1)) >> samples_bits
 
 
-#: Entries of the table, and the light from which an entry stands for 16 words.
+#: Number of curve table entries, and the light from which an entry covers 16 values.
 ENTRIES = 1 << 13
 COARSE_FROM = 1 << 12
-#: The word of white.
+#: Light of white.
 WHITE = 255 * 255
 
 
 def curve_table(light: Ints, table: Bytes) -> Bytes:
-    """Return the bytes of light by the panel's curve.
+    """Convert light to bytes with the table of the panel's curve.
 
-    With L a word of light
+    With L the light
 
         rgb_o = table[L < 4096 ? L : 4096 + (L >> 4)]        for each of red, green and blue.
     """
@@ -273,7 +273,7 @@ def curve_table(light: Ints, table: Bytes) -> Bytes:
 
 
 def entry_light() -> npt.NDArray[np.float64]:
-    """Return the light (8192,), 1 at white, in the middle of the words of each entry: word 7.5 of 16."""
+    """Return the light (8192,) in the middle of each table entry's values, 7.5 of 16; white is 1."""
     entry = np.arange(ENTRIES)
     return np.where(entry < COARSE_FROM, entry, 16 * (entry - COARSE_FROM) + 7.5) / WHITE
 
@@ -283,15 +283,15 @@ def scene(
 ) -> Bytes:
     """Return the pixels (N, 3) of exit rays of an optics build with F fraction bits.
 
-    The `build.samples` rays of a pixel follow each other. `slots` holds the contents of
-    slots (`slot_bytes`) by number; other slots hold zeros. `table` is the panel's
-    curve, 8192 bytes. Layers beyond those of the build are not read.
+    The `build.samples` rays of a pixel follow each other. `slots` maps slot numbers to
+    contents (`slot_bytes`); other slots contain zeros. `table` is the panel's curve,
+    8192 bytes. Layers that the build lacks are ignored.
     """
     return curve_table(sample_mean(scene_light(rays, words, slots, build, f), build.samples_bits), table)
 
 
 def scene_light(rays: FixedRays, words: SceneWords, slots: Mapping[int, Bytes], build: SceneBuild, f: int) -> Ints:
-    """Return the light (N, 3) of exit rays, before a pixel's mean; parameters as for `scene`."""
+    """Return the light (N, 3) of exit rays before the mean of samples; parameters are those of `scene`."""
     lines = exit_line(rays, words.lattice_xi, words.lattice_xj, words.lattice_yj, f)
     empty = np.zeros(build.slot_bytes, np.uint8)
     light, opacity = [], []

@@ -1,8 +1,8 @@
-"""Formats of fixed-point words, integer operations of all steps, and roots.
+"""Formats of fixed-point words, and the rounding, saturation, product and root functions of the twin.
 
 F is a build's number of fraction bits and W = F + 2 the bits of its words. `near` words
 have F + 1 fraction bits and span [-1, 1); `wide` words have F and span [-2, 2). `far`
-words have W + 2 bits, F of them fraction bits: [-8, 8).
+words have W + 2 bits, F of them fraction bits, and span [-8, 8).
 """
 
 from __future__ import annotations
@@ -19,82 +19,82 @@ Ints = npt.NDArray[np.int64]
 Bools = npt.NDArray[np.bool_]
 Bytes = npt.NDArray[np.uint8]
 
-#: Pixel coordinates: signed, 4 fraction bits, from the panel's centre.
+#: Bits and fraction bits of a signed pixel coordinate, from the panel's centre.
 PIXEL_BITS = 18
 PIXEL_FRACTION = 4
-#: Affine coefficients and offsets: signed, with 36 and 40 fraction bits.
+#: Bits and fraction bits of signed affine coefficients, and of signed affine offsets.
 SLOPE_BITS = 35
 SLOPE_FRACTION = 36
 OFFSET_BITS = 52
 OFFSET_FRACTION = 40
-#: Lenslet indices: signed.
+#: Bits of a signed lenslet index.
 INDEX_BITS = 12
-#: Operands of one hardware multiplier: signed.
+#: Bits of a signed operand of a hardware multiplier.
 MUL_BITS = 18
-#: Bits kept below the last place until a step's final rounding.
+#: Guard bits that a step keeps until its final rounding.
 GUARD = 3
-#: Units by which rounding may move a saturated word, a clamped square out of its range.
+#: Units by which rounding errors may exceed the range of a word, and of a square.
 SLACK, SQUARE_SLACK = 1 << 6, 1 << 9
-#: Fraction bits that the RTL can be built with.
+#: Numbers of fraction bits with which the RTL can be built.
 FRACTIONS = range(14, 24)
-#: Fraction bits of the widest and compact configurations.
+#: F of the widest configurations, and of the compact configurations.
 WIDEST, COMPACT = 23, 16
 
 
 def extra_bits(f: int) -> int:
-    """Return E, the additional bits of slopes and lateral directions if words exceed a multiplier's.
+    """Return E, the extra bits of slopes and lateral directions: 0 if words fit a multiplier, else 1.
 
-    Only exact builds with the plano side to the panel have them; there dz has 3 E.
+    Only exact builds with the plano side to the panel use E; their dz has 3 E extra bits.
     """
     return 1 if f + 2 > MUL_BITS else 0
 
 
 def share_bits(f: int) -> int:
-    """Return the bits of the words of `converge`: its share has F + 11 fraction bits, its offsets F + 2."""
+    """Return the bits of the register converge_share (F + 11 fraction bits), and of converge_x and _y (F + 2)."""
     return f + 9
 
 
 def guarded(x: Ints, more: int = 0) -> Ints:
-    """Round all guard bits but K = `more` away: (x + (4 >> K)) >> (3 - K)."""
+    """Round to K = `more` guard bits: (x + (4 >> K)) >> (3 - K)."""
     return (x + (1 << (GUARD - 1) >> more)) >> (GUARD - more)
 
 
 def halved(x: Ints) -> Ints:
-    """Round one bit away: floor((x + 1) / 2)."""
+    """Remove the lowest bit by rounding: floor((x + 1) / 2)."""
     return (x + 1) >> 1
 
 
 def wrapped(x: Ints, bits: int) -> Ints:
-    """Return the lowest bits of a word as a signed number."""
+    """Return the lowest `bits` bits of a word as a signed number."""
     half = 1 << (bits - 1)
     return ((x + half) & ((1 << bits) - 1)) - half
 
 
 def above_one(square: Ints, f: int) -> Bools:
-    """Tell which squared cosines, F + 3 fraction bits, are above 1 by more than rounding error."""
+    """Return a mask of squared cosines, F + 3 fraction bits, that exceed 1 by more than rounding errors."""
     return square >= (1 << (f + 3)) + SQUARE_SLACK
 
 
 def fits(x: Ints | npt.NDArray[np.float64], bits: int) -> Bools:
-    """Tell which numbers fit a signed word."""
+    """Return a mask of the numbers that fit a signed word of `bits` bits."""
     return (x >= -(1 << (bits - 1))) & (x < 1 << (bits - 1))
 
 
 def saturate(x: Ints, bits: int) -> Ints:
-    """Return the nearest numbers that fit a signed word."""
+    """Return the nearest numbers that fit a signed word of `bits` bits."""
     return np.clip(x, -(1 << (bits - 1)), (1 << (bits - 1)) - 1)
 
 
 def beyond(x: Ints, bits: int, slack: int = SLACK) -> Bools:
-    """Tell which numbers are more than `slack` units outside a signed word's range."""
+    """Return a mask of the numbers more than `slack` units outside a signed word's range."""
     top = 1 << (bits - 1)
     return (x < -top - slack) | (x >= top + slack)
 
 
 def multiplier(a: Ints, b: Ints | int, a_bits: int, b_bits: int, drop: int) -> Ints:
-    """Return the product of two words without its last `drop` bits, and without that of their lower parts.
+    """Return the product of two words, truncated by `drop` bits, without the product of their lower parts.
 
-    With a = ah 2^la + al, where la are a's bits beyond 18, and b likewise:
+    With a = ah 2^la + al, where la is the number of bits beyond 18, and b = bh 2^lb + bl:
 
         (ah bh >> drop-la-lb) + ((ah bl 2^la + al bh 2^lb) >> drop)
     """
@@ -114,10 +114,10 @@ Root = Literal["reciprocal", "square"]
 
 @dataclass(frozen=True)
 class RootTable:
-    """Coefficients of a root's segments in both octaves.
+    """Coefficients of the polynomial of each segment of a root, for both octaves.
 
-    c0 has F + 4 fraction bits, c1 `slope_fraction` and c2 two more; a place in a
-    segment has `place_bits` bits.
+    c0 has F + 4 fraction bits, c1 has `slope_fraction`, and c2 has two more than c1. A
+    position in a segment has `place_bits` bits.
     """
 
     segment_bits: int
@@ -130,7 +130,7 @@ class RootTable:
 
 @cache
 def root_table(root: Root, f: int) -> RootTable:
-    """Return the quadratics that equal a root at the Chebyshev nodes 0 and +-sqrt(3)/4 of each segment [-1/2, 1/2)."""
+    """Return the quadratics that interpolate a root at each segment's Chebyshev nodes, 0 and +-sqrt(3)/4."""
     a = f // 3
     place_bits = min(f + 2 - a, MUL_BITS)
     slope_fraction = min(a + 18, f + 4)
@@ -159,9 +159,9 @@ def root_table(root: Root, f: int) -> RootTable:
 
 
 def quadratic(x: Ints, root: Root, f: int) -> Ints:
-    """Return the root y, F + 4 fraction bits, of x in [1, 4), F + 1 fraction bits.
+    """Return the root y, with F + 4 fraction bits, of x in [1, 4), with F + 1 fraction bits.
 
-    c2 z has one bit below c1's last; z is the place in the segment:
+    z is the position in the segment; c2 z has one fraction bit more than c1:
 
         slope = c1 + ((floor(c2 z) + 1) >> 1),  y = c0 + floor(slope z)
     """
@@ -189,8 +189,8 @@ def rsqrt(x: Ints, f: int, extra: int = 0) -> Ints:
 def sqrt(x: Ints, f: int, normalise: bool = True, extra: int = 0) -> Ints:
     """Return sqrt(x), a near word with `extra` more bits (up to 3), of x in [0, 1) with F + 3 fraction bits.
 
-    With K = `extra` and the root q (`quadratic`) of 4^k x in [1/4, 1), where k is at
-    most 15, and 0 without `normalise`; 0 gives 0:
+    K is `extra`, and q is the root (`quadratic`) of 4^k x in [1/4, 1). k is at most 15,
+    and 0 without `normalise`. The root of 0 is 0; else
 
         y    = min(((q >> k) + (4 >> K)) >> (3 - K), 2^(F+1+K) - 1).
     """

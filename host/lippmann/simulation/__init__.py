@@ -1,1 +1,1 @@
-"""The RTL compiled by Verilator and run from Python, and the process of the virtual board."""
+"""Compiles the RTL with Verilator, runs it from Python, and starts virtual boards."""

@@ -1,6 +1,6 @@
-"""Verilator builds: RTL to a program or a library, compiled once and shared by all processes.
+"""Compiles RTL with Verilator to a program or a library, once for all processes.
 
-The compiler reads Verilator's C++ as one file: faster, and optimised as a whole.
+The compiler reads Verilator's C++ as one file, which is faster and optimises the whole.
 """
 
 from __future__ import annotations
@@ -18,25 +18,25 @@ from lippmann.base.programs import run_program
 from lippmann.errors import LippmannError, input_error, to_install
 from lippmann.simulation.toolchain import build_folder, hardware, verilator_environment, verilator_version
 
-#: Compiler flags for speed on this processor. Hidden names allow inlining the model.
+#: Compiler flags for speed on this processor. Hidden symbols allow inlining.
 FAST = ("-O3", "-march=native", "-fvisibility=hidden")
-#: Compiler flags for a simulation that is shorter than its compilation.
+#: Compiler flags for a simulation that takes less time than its compilation.
 SHORT = ("-O1",)
 #: Verilator's options for a fast model without assertions.
 UNCHECKED = ("--x-assign", "fast", "--x-initial", "fast", "--noassert")
-#: Verilator's options for a netlist: many short functions, which compile fast.
+#: Verilator's options for a netlist: short C++ functions, which compile fast.
 NETLIST = ("--output-split-cfuncs", "1000")
 
-#: Environment variables: folder of coverage (sim/coverage/); whether toggles count.
+#: Environment variables: the folder for coverage (sim/coverage/), whether toggles count.
 COVERAGE, TOGGLES = "LIPPMANN_COVERAGE", "LIPPMANN_TOGGLES"
 
-#: Includes of every model.
+#: C++ includes of every model.
 HEADERS = '#include "verilated.h"\n#include "verilated_vpi.h"\n'
 
 #: A compiler's message for a full disk.
 NO_SPACE = os.strerror(errno.ENOSPC)
 
-# Libraries that one process loads share no variable of their runtimes.
+# -fno-gnu-unique gives each library in a process its own runtime variables.
 _ALWAYS = ("-std=gnu++17", "-fPIC", "-fno-gnu-unique", "-DVM_SC=0")
 
 
@@ -47,10 +47,10 @@ class RtlError(LippmannError):
 
 
 def cached_file(path: Path, inputs: Iterable[Path | str], make: Callable[[Path], None], suffix: str = "") -> Path:
-    """Return a file made from inputs; `make` writes it, complete or not at all, unless it is there.
+    """Return a file made from inputs. If it is missing, `make` writes it, completely or not at all.
 
-    One process makes the file and the others wait. The name is that in `path`, a hash
-    of the inputs (texts, contents of files), processor and Verilator, and the suffix.
+    One process makes the file and the others wait. The file name is that of `path`, a
+    hash of the inputs (texts, file contents), processor and Verilator, and the suffix.
     """
     always = " ".join(sorted(features())) + verilator_version()
     key = hashlib.sha256(always.encode() + Path(__file__).read_bytes())
@@ -93,8 +93,8 @@ def verilated(
 
     `sources` are SystemVerilog files, packages first, and Verilator's control files.
     The C++ files `main` use the model's class `Vtop` of Vtop.h. `options`, `flags` and
-    `link` are for Verilator, the compiler and the linker. Raises MissingLibraryError
-    without a tool; RtlError, with the first error, if Verilator or the compiler fails.
+    `link` are for Verilator, the compiler and the linker. Raises MissingLibraryError if a
+    tool is missing, and RtlError with the first error if Verilator or the compiler fails.
     """
     with partial_folder(output) as work:
         if _counters():
@@ -131,7 +131,7 @@ def _counters() -> list[str]:
 
 
 def _runtime(source: Path, flags: Sequence[str]) -> Path:
-    """Return one compiled file of Verilator's runtime."""
+    """Return the object file of a source of Verilator's runtime."""
 
     def make(path: Path) -> None:
         _run(["g++", *flags, "-c", str(source), "-o", str(path)])
@@ -140,9 +140,9 @@ def _runtime(source: Path, flags: Sequence[str]) -> Path:
 
 
 def _precompiled(flags: Sequence[str]) -> Path:
-    """Return the file to include first: Verilator's headers, most of a small model's source.
+    """Return the path to include for Verilator's headers, most of a small model's source.
 
-    Only its precompiled form exists, which the compiler uses for the same flags.
+    Only the precompiled file exists, which the compiler uses for the same flags.
     """
 
     def make(path: Path) -> None:

