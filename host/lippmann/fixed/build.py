@@ -1,4 +1,4 @@
-"""`Build`: the parameters with which the optics' RTL is generated, such as lens model and word length."""
+"""`Build`: the parameters of the optics' RTL, such as lens model and word length."""
 
 from __future__ import annotations
 
@@ -37,13 +37,12 @@ class Build:
     shear: Annotated[bool, key("the lattice may be sheared")] = False
 
     def __post_init__(self) -> None:
-        """Refuse parameters that the RTL's elaboration refuses."""
         check_fields(self)
         if self.max_cell_steps and (self.model != "exact" or not (self.aims or self.viewer or self.converge)):
             raise InputError("max_cell_steps must be 0 in a build whose rays cannot leave their cell")
         if self.viewer and self.model != "exact":
             raise InputError(
-                f"viewer belongs to exact builds; leave it out of a {self.model} build, whose registers imply it"
+                f"viewer belongs to exact builds; leave it out of a {self.model} build, whose registers set the side"
             )
         if self.aims and self.model == "pinhole":
             raise InputError(
@@ -80,22 +79,22 @@ class Build:
 
     @property
     def near(self) -> int:
-        """Number W of bits of a near or wide word."""
+        """Bits of a near or wide word, W."""
         return self.fraction_bits + 2
 
     @property
     def extra(self) -> int:
-        """Number E of extra bits of slopes and directions in the air."""
+        """Extra bits E of slopes and directions in the air."""
         return extra_bits(self.fraction_bits) if self.model == "exact" and not self.viewer else 0
 
     @property
     def local(self) -> int:
-        """Number of bits of a pixel's point measured from its lenslet's centre."""
+        """Bits of a pixel's point measured from its lenslet's centre."""
         return self.fraction_bits + (4 if self.converge or self.shear else 2)
 
     @property
     def aim(self) -> int:
-        """Number of bits of an aperture point measured from its lenslet's centre."""
+        """Bits of an aperture point measured from its lenslet's centre."""
         return self.fraction_bits + (4 if self.shear else 2)
 
     @property
@@ -109,7 +108,7 @@ class Build:
 
 
 def shift_mm(display: Display) -> float:
-    """Return the maximum distance, mm, of pixels outside their lenslets' cells, if images converge on an eye."""
+    """Return the maximum distance, mm, of a pixel outside its lenslet's cell, if images converge."""
     system = System.of(display)
     axis = system.convergence
     return axis.share * max(math.hypot(x - axis.axis_x, y - axis.axis_y) for x, y in system.frame.corners)

@@ -1,4 +1,4 @@
-"""Computes the optics' register values for one display (`optics_config_t` of rtl/optics/lipp_optics_pkg.sv)."""
+"""Computes the optics' register values (`optics_config_t`) for one display."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ _INDEX = f"array.index must be {INDEX_LIMITS[0]} to {INDEX_LIMITS[1]}"
 
 @dataclass(frozen=True)
 class Configuration:
-    """Register values: an integer for each field of `optics_config_t`, with the name of that field."""
+    """Register values: an integer for each field of `optics_config_t`, with its name."""
 
     x_from_u: int
     x_from_v: int
@@ -111,7 +111,6 @@ def nearest_word(
 
 
 def _formats(build: Build) -> dict[str, _Format]:
-    """Return the format of each register of a build, keyed by name."""
     f, exact, aims, slope_aims = build.fraction_bits, build.model == "exact", build.aims, build.slope_aims
     near, far, share = f + 2, f + 4, words.share_bits(f)
     strays = exact and (aims or build.viewer or build.converge)
@@ -155,7 +154,7 @@ def _formats(build: Build) -> dict[str, _Format]:
 
 
 def in_words(config: Configuration, build: Build) -> tuple[Configuration, words.Bools | np.bool_]:
-    """Return registers truncated to the words that a build reads, and whether a register does not fit its word.
+    """Return registers truncated to a build's words, and whether a register does not fit its word.
 
     The affine coefficients and offsets are as wide as their words.
     """
@@ -311,7 +310,7 @@ def _check_panel(display: Display) -> None:
             f"register raster_panel: a panel of {panel.width_px} x {panel.height_px} is outside its range, 1 to "
             f"{limit - 1} in each direction; lower panel.width_px and panel.height_px"
         )
-    # x and y are the panel's corners in lenslets; on a hexagonal grid, i has an oblique axis.
+    # The panel's corners in lenslets; on a hexagonal grid, i has an oblique axis.
     system = System.of(display)
     x, y = system.convergence.towards_eye(*np.array(system.frame.corners).T)
     x, y = (x - array.shear * y) / array.pitches_mm[0], y / array.row_pitch_mm
@@ -329,7 +328,6 @@ def _check_panel(display: Display) -> None:
 def _check_reach(
     display: Display, build: Build, slope: tuple[float, float], point: tuple[float, float], reach_mm: float | None
 ) -> None:
-    """Refuse rays steeper than 60 degrees or too far from the axis, and pixels too far from their lenslet."""
     array, exact = display.array, build.model == "exact"
     rho = array.half_diagonal_mm
     reach = rho if reach_mm is None else reach_mm

@@ -1,4 +1,4 @@
-"""Converts pixel coordinates, aperture points (mm) and rays to fixed-point words, and words back."""
+"""Converts pixels, aperture points (mm) and rays to fixed-point words, and back."""
 
 from __future__ import annotations
 
@@ -71,7 +71,7 @@ def word_unit(fraction_bits: int) -> float:
 
 
 def rays_of_words(display: Display, pixel: Floats, rays: FixedRays, fraction_bits: int) -> Rays:
-    """Return fixed-point rays as rays in mm along the panel's axes; `pixel` (N, 2) are their pixels."""
+    """Return rays in mm along the panel's axes; `pixel` (N, 2) are their pixels."""
     system = System.of(display)
     frame = system.frame
     unit = word_unit(fraction_bits)

@@ -1,4 +1,4 @@
-"""Draws a stack of layers on a display in integers, as an FPGA with optics and drawing does."""
+"""Draws a stack of layers on a display in integers, as a board does."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ def draw(
     threads: int = 1,
     rows: range | None = None,
 ) -> Bytes:
-    """Return the pixels (rows, width, 3) of a stack, drawn by a build of the optics and a build of the drawing.
+    """Return the pixels (rows, width, 3) of a stack, drawn by builds of the optics and of the drawing.
 
     `model` is the lens model, by default the build's. `rows` are the panel's rows to draw,
     by default all. `pipeline` traces the rays and `shade` draws them, by default with the

@@ -31,7 +31,7 @@ from lippmann.fixed.words import (
 
 
 class Meeting(NamedTuple):
-    """Unit normal N where a ray meets the dome, its cosine and squared sine to N, flags of miss and overflow."""
+    """Unit normal N where a ray meets the dome, cosine to N, squared sine, flags of miss and overflow."""
 
     nx: Ints
     ny: Ints
@@ -137,7 +137,7 @@ def cell_step(
 def move_lenslet(
     hx: Ints, hy: Ints, di: Ints, dj: Ints, cx: int, cy: int, rx: int, grid: Grid, f: int, shear: bool
 ) -> tuple[Ints, Ints, Bools]:
-    """Return (hx - di cx - dj rx, hy - dj cy), F fraction bits, and a mask of points that do not fit."""
+    """Return (hx - di cx - dj rx, hy - dj cy), F fraction bits, and a mask of overflows."""
     if not shear:
         rx = cx >> 1 if grid == "hex" else 0
     word = f + 3
@@ -146,7 +146,7 @@ def move_lenslet(
 
 
 def enter_flat(ex: Ints, ey: Ints, index_inverse: int, f: int) -> tuple[Ints, Ints, Ints, Bools]:
-    """Return the direction in the glass from (ex, ey) in the air, and a mask of those steeper than 60 degrees.
+    """Return the direction in the glass from (ex, ey) in the air, and a mask of directions over 60 degrees.
 
         t_x  = ((e_x i >> F-2) + 4) >> 3,  t_y likewise
         g    = max((t_x t_x >> F-3+2E) + (t_y t_y >> F-3+2E), 0) >> 2
@@ -172,7 +172,7 @@ def axial_square(dx: Ints, dy: Ints, f: int, extra: int = 0) -> tuple[Ints, Bool
 
 
 def below_quarter(square: Ints, f: int) -> Bools:
-    """Return a mask of squares, F + 3 fraction bits, below 1/4, which the roots do not accept."""
+    """Mark squares, F + 3 fraction bits, below 1/4, which the roots do not accept."""
     return square < 1 << (f + 1)
 
 
@@ -221,8 +221,8 @@ def leave_dome(
         d'_z = saturate(((dz n >> F-3+3E) + (k N_z >> F-3) + 4) >> 3).
 
     e is the direction in the air before the flat face, k a wide word, n2 is n^2. A ray is
-    totally reflected if C' <= 0. It overflows if C' is above 1 or, unless reflected, if k
-    does not fit or d' exceeds 1.
+    reflected if C' <= 0. It overflows if C' > 1 or, unless reflected, if k does not fit or
+    d' exceeds 1.
     """
     near = f + 2
     c, cos_air = cosine_behind(met.s, index_square, f)
@@ -284,7 +284,7 @@ def leave_flat(met: Meeting, dx: Ints, dy: Ints, depth: int, index: int, index_s
         for n, d in ((met.nx, dx), (met.ny, dy))
     )
 
-    # g is the squared sine in the glass; Snell's law gives the direction in the air.
+    # g is the squared sine in the glass.
     g = ((1 << (f + 3)) - 1) - square
     c, dz_air = cosine_behind(g, index_square, f)
     dx_air, dy_air = (guarded(multiplier(d, index, near, near + 1, drop)) for d in (dx, dy))

@@ -32,7 +32,10 @@ POLYNOMIAL = 0x00400007
 @documented
 @dataclass(frozen=True)
 class Raster:
-    """A frame's window on a panel, and its jitter. Raises InputError if a value does not fit its register."""
+    """A frame's window on a panel, and its jitter.
+
+    Raises InputError if a value does not fit its register.
+    """
 
     width: Annotated[int, key("columns of the panel", low=1, high=MAX_PANEL)]
     height: Annotated[int, key("rows of the panel", low=1, high=MAX_PANEL)]
@@ -72,7 +75,7 @@ class RasterRays(NamedTuple):
 
 
 def raster(frame: Raster, table: Ints, f: int) -> RasterRays:
-    """Return a frame's rays; `table` (64,) contains the entries of the jitter table."""
+    """Return a frame's rays; `table` (64,) is the jitter table."""
     (first_column, last_column), (first_row, last_row) = frame.columns, frame.rows
     window = np.mgrid[first_row : last_row + 1, first_column : last_column + 1, : frame.samples]
     rows, columns, sample = window.reshape(3, -1)
@@ -110,7 +113,7 @@ def lfsr(seed: int, count: int) -> Ints:
 
 
 def _times(states: Ints, factor: int) -> Ints:
-    """Multiply polynomials over GF(2) by the polynomial `factor`, modulo the LFSR's polynomial."""
+    """Multiply polynomials over GF(2) by `factor`, modulo the LFSR's polynomial."""
     product = np.zeros_like(states)
     for bit in reversed(range(32)):
         product = (product << 1) ^ np.where(product >> 31, (1 << 32) | POLYNOMIAL, 0)
@@ -131,7 +134,7 @@ def locate_pixels(
 
 
 def holds_centre(config: Configuration, f: int, x: Ints, y: Ints) -> Bools:
-    """Return a mask of pixels that contain their lenslet's centre, (-x, -y) from the pixel."""
+    """Mark pixels that contain their lenslet's centre, (-x, -y) from the pixel."""
     cut = SLOPE_BITS - MUL_BITS
     xu, xv = config.x_from_u >> cut, config.x_from_v >> cut
     yu, yv = config.y_from_u >> cut, config.y_from_v >> cut

@@ -1,4 +1,4 @@
-"""Steps 1 to 3 of a ray (rtl/optics): the lenslet of a pixel, and the point, slope and direction of its ray.
+"""Steps 1 to 3 of a ray (rtl/optics): its pixel's lenslet, its point, slope and direction.
 
 The last mask that a function returns marks rays with a word that does not fit and wraps.
 """
@@ -30,7 +30,7 @@ LOW_BITS = SLOPE_BITS - MUL_BITS
 
 
 def pixel_to_lattice(u: Ints, v: Ints, from_u: int, from_v: int, offset: int, f: int) -> tuple[Ints, Bools]:
-    """Return x or y in the lattice, F fraction bits, of pixels (u, v), which are words from the panel's centre.
+    """Return one lattice coordinate, F fraction bits, of pixels (u, v), words from the panel's centre.
 
     Each coefficient and offset is 2^17 ah + al, so that products fit a multiplier:
 
@@ -97,7 +97,7 @@ def aim(i: Ints, j: Ints, x: Ints, y: Ints, a: Ints, b: Ints, grid: Grid, f: int
 
 
 def extent(i: Ints, j: Ints, along: int, across: int, grid: Grid) -> Bools:
-    """Return a mask of missing lenslets: |2 i + j| > along (square: |2 i|), or |j| > across."""
+    """Mark missing lenslets: |2 i + j| > along (square: |2 i|), or |j| > across."""
     return (np.abs(2 * i + j if grid == "hex" else 2 * i) > along) | (np.abs(j) > across)
 
 

@@ -89,7 +89,7 @@ OPTICS_REGISTERS = _load("optics.json")
 BOARD_REGISTERS = _load("board.json")
 SCENE_REGISTERS = _load("scene.json")
 
-#: Boolean parameters of `Build`, which are also fields of the register `build`.
+#: Boolean parameters of `Build`, also fields of the register `build`.
 _FLAGS = ("viewer", "aims", "cross_cells", "converge", "shear")
 
 
@@ -106,7 +106,7 @@ def write(name: str, **values: int) -> Write:
     Raises InputError for an unknown register or field, and for a value out of range.
     """
     if name not in OPTICS_REGISTERS:
-        raise InputError(f"there is no register '{name}'; docs/generated/registers.md lists all registers")
+        raise InputError(f"there is no register '{name}'; see docs/generated/registers.md")
     register = OPTICS_REGISTERS[name]
     if unknown := values.keys() - register.fields.keys():
         raise InputError(f"register {name} has no field {', '.join(sorted(unknown))}")
@@ -144,7 +144,10 @@ def raster_writes(frame: Raster) -> list[Write]:
 
 
 def table_writes(table: Ints, first: int = 0) -> list[Write]:
-    """Return the writes of jitter entries (N,) from index `first` on. Raises InputError beyond the table's end."""
+    """Return the writes of jitter entries (N,) from index `first` on.
+
+    Raises InputError if an entry is beyond the table's end.
+    """
     if not 0 <= first <= TABLE_ENTRIES - len(table):
         raise InputError(f"jitter table: {len(table)} entries from entry {first} on do not fit; it has {TABLE_ENTRIES}")
     start = OPTICS_REGISTERS["jitter_table"].address + 4 * first

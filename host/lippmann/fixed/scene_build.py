@@ -1,4 +1,4 @@
-"""`SceneBuild`: the parameters with which the drawing's RTL is generated, such as layers and slots."""
+"""`SceneBuild`: the parameters of the drawing's RTL, such as layers and slots."""
 
 from __future__ import annotations
 
@@ -33,7 +33,6 @@ class SceneBuild:
     samples: Annotated[int, key("rays for each pixel: 1, 2 or 4")] = 1
 
     def __post_init__(self) -> None:
-        """Refuse parameters that the RTL's elaboration refuses."""
         check_fields(self)
         if self.slots is None:
             object.__setattr__(self, "slots", self.layers + 1)
@@ -64,7 +63,7 @@ class SceneBuild:
 
     @property
     def slot_bytes(self) -> int:
-        """Number of bytes of a slot: its texels, then its palette."""
+        """Bytes of a slot: its texels, then its palette."""
         return self.texels + PALETTE_BYTES
 
     @property
@@ -91,7 +90,10 @@ class SceneBuild:
 
     @classmethod
     def of_word(cls, word: int) -> SceneBuild:
-        """Return the build of a register's word. Raises InputError if the RTL refuses the build."""
+        """Return the build of a register's word.
+
+        Raises InputError if the RTL refuses the build.
+        """
         register = SCENE_REGISTERS["build"]
         values = register.values(word)
         if unknown := word - register.word(**values):

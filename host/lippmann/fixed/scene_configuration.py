@@ -1,4 +1,4 @@
-"""Computes register values (`scene_config_t` of rtl/scene/lipp_scene_pkg.sv) and slot contents of a layer stack."""
+"""Computes a layer stack's register values (`scene_config_t`) and slot contents."""
 
 from __future__ import annotations
 
@@ -131,7 +131,6 @@ def build_curve_table(display: Display) -> Bytes:
 
 
 def _check_place(display: Display) -> None:
-    """Refuse a display whose rays exit so far from the array's origin that words overflow."""
     farthest = float(np.abs(System.of(display).frame.corners).max())
     radii = farthest / display.array.radius_mm + EXIT_RADII
     if radii >= MAX_PLACE:
@@ -145,7 +144,6 @@ def _check_place(display: Display) -> None:
 def _check_reach(
     layer: Layer, linear: npt.NDArray[np.float64], zero: npt.NDArray[np.float64], number: int | str, radius: float
 ) -> None:
-    """Refuse a texture with a corner so far from the array's origin that words overflow."""
     if np.linalg.det(linear) == 0.0:
         return  # a texture that is constant in one direction has no corners
     corners = np.array([(s, t) for s in (0.0, layer.width) for t in (0.0, layer.height)])

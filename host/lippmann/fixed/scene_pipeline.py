@@ -1,4 +1,4 @@
-"""Computes the bytes of pixels from exit rays, in integers: the stages of rtl/scene/lipp_scene.sv in order.
+"""Computes pixels from exit rays in integers, in the stages of rtl/scene/lipp_scene.sv.
 
 Light, weights and opacities have 16 fraction bits; coordinates of texels have 8.
 """
@@ -17,7 +17,7 @@ from lippmann.fixed.scene_build import MAX_LAYERS, SceneBuild
 from lippmann.fixed.words import MUL_BITS, Bools, Bytes, Ints, fits, guarded, multiplier, quadratic, wrapped
 from lippmann.optics.rays import gets_through
 
-#: Fraction bits of the registers s0 and t0, of depth, and of a to d.
+#: Fraction bits of s0 and t0, of depth, and of a to d.
 TEXEL_FRACTION, DEPTH_FRACTION, COEFFICIENT_FRACTION = 16, 20, 24
 #: Register value of a brightness of 1.
 FULL_BRIGHTNESS = 256
@@ -291,7 +291,7 @@ def scene(
 
 
 def scene_light(rays: FixedRays, words: SceneWords, slots: Mapping[int, Bytes], build: SceneBuild, f: int) -> Ints:
-    """Return the light (N, 3) of exit rays before the mean of samples; parameters are those of `scene`."""
+    """Return the light (N, 3) of exit rays before the mean of samples; parameters as in `scene`."""
     lines = exit_line(rays, words.lattice_xi, words.lattice_xj, words.lattice_yj, f)
     empty = np.zeros(build.slot_bytes, np.uint8)
     light, opacity = [], []

@@ -1,4 +1,4 @@
-"""Formats of fixed-point words, and the rounding, saturation, product and root functions of the twin.
+"""Fixed-point word formats, and the twin's rounding, saturation, products and roots.
 
 F is a build's number of fraction bits and W = F + 2 the bits of its words. `near` words
 have F + 1 fraction bits and span [-1, 1); `wide` words have F and span [-2, 2). `far`
@@ -31,13 +31,13 @@ OFFSET_FRACTION = 40
 INDEX_BITS = 12
 #: Bits of a signed operand of a hardware multiplier.
 MUL_BITS = 18
-#: Guard bits that a step keeps until its final rounding.
+#: Number of guard bits that a step keeps until its final rounding.
 GUARD = 3
 #: Units by which rounding errors may exceed the range of a word, and of a square.
 SLACK, SQUARE_SLACK = 1 << 6, 1 << 9
-#: Numbers of fraction bits with which the RTL can be built.
+#: Legal numbers of fraction bits.
 FRACTIONS = range(14, 24)
-#: F of the widest configurations, and of the compact configurations.
+#: F of the widest, and of the compact configurations.
 WIDEST, COMPACT = 23, 16
 
 
@@ -50,7 +50,7 @@ def extra_bits(f: int) -> int:
 
 
 def share_bits(f: int) -> int:
-    """Return the bits of the register converge_share (F + 11 fraction bits), and of converge_x and _y (F + 2)."""
+    """Return the bits of converge_share (F + 11 fraction bits), converge_x and converge_y (F + 2)."""
     return f + 9
 
 
@@ -65,28 +65,28 @@ def halved(x: Ints) -> Ints:
 
 
 def wrapped(x: Ints, bits: int) -> Ints:
-    """Return the lowest `bits` bits of a word as a signed number."""
+    """Return the lowest bits of a word as a signed number."""
     half = 1 << (bits - 1)
     return ((x + half) & ((1 << bits) - 1)) - half
 
 
 def above_one(square: Ints, f: int) -> Bools:
-    """Return a mask of squared cosines, F + 3 fraction bits, that exceed 1 by more than rounding errors."""
+    """Mark squared cosines, F + 3 fraction bits, that exceed 1 by more than rounding errors."""
     return square >= (1 << (f + 3)) + SQUARE_SLACK
 
 
 def fits(x: Ints | npt.NDArray[np.float64], bits: int) -> Bools:
-    """Return a mask of the numbers that fit a signed word of `bits` bits."""
+    """Mark the numbers that fit a signed word."""
     return (x >= -(1 << (bits - 1))) & (x < 1 << (bits - 1))
 
 
 def saturate(x: Ints, bits: int) -> Ints:
-    """Return the nearest numbers that fit a signed word of `bits` bits."""
+    """Return the nearest numbers that fit a signed word."""
     return np.clip(x, -(1 << (bits - 1)), (1 << (bits - 1)) - 1)
 
 
 def beyond(x: Ints, bits: int, slack: int = SLACK) -> Bools:
-    """Return a mask of the numbers more than `slack` units outside a signed word's range."""
+    """Mark the numbers more than `slack` units outside a signed word's range."""
     top = 1 << (bits - 1)
     return (x < -top - slack) | (x >= top + slack)
 
@@ -114,7 +114,7 @@ Root = Literal["reciprocal", "square"]
 
 @dataclass(frozen=True)
 class RootTable:
-    """Coefficients of the polynomial of each segment of a root, for both octaves.
+    """Coefficients of a root's polynomials, one per segment.
 
     c0 has F + 4 fraction bits, c1 has `slope_fraction`, and c2 has two more than c1. A
     position in a segment has `place_bits` bits.

@@ -124,15 +124,12 @@ def verilated(
 
 
 def _counters() -> list[str]:
-    """Return Verilator's options that measure coverage."""
     if not os.environ.get(COVERAGE):
         return []
     return ["--coverage-line", *(["--coverage-toggle"] if os.environ.get(TOGGLES) else [])]
 
 
 def _runtime(source: Path, flags: Sequence[str]) -> Path:
-    """Return the object file of a source of Verilator's runtime."""
-
     def make(path: Path) -> None:
         _run(["g++", *flags, "-c", str(source), "-o", str(path)])
 

@@ -184,7 +184,6 @@ def ray_library(build: Build, flags: Sequence[str]) -> Path:
 
 
 def _compiled(name: str, driver: str, module: str, values: Mapping[str, int | str], flags: list[str]) -> Path:
-    """Return the library of an RTL module and the C++ around it, compiled at first use."""
     top = hardware()
     sources, main = needed(module, rtl_sources(top)), top / "sim" / "batch" / driver
 
@@ -196,5 +195,5 @@ def _compiled(name: str, driver: str, module: str, values: Mapping[str, int | st
 
 
 def _in_256ths(*chances: float) -> list[int]:
-    """Return probabilities of a pause in units of 1/256, below 256, since at 256 no ray would pass."""
+    """Return probabilities of a pause in 1/256, at most 255: at 256 no ray would pass."""
     return [min(round(chance * 256.0), 255) for chance in chances]

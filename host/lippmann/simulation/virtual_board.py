@@ -43,7 +43,7 @@ Memory = Literal["block", "sdram"]
 CLOCK_HZ = 148_500_000
 #: Clock of the SDRAM, Hz: as on a ULX3S at 1280 x 720.
 MEMORY_HZ = 125_000_000
-#: Frame rate of a board with SDRAM, Hz, and its minimum clock, Hz, for 3 Mbaud.
+#: Frame rate of a board with SDRAM, and its minimum clock for 3 Mbaud, Hz.
 FRAMES_HZ, SLOWEST_HZ = 60, 24_000_000
 #: Maximum side of a panel, px, for the video timing's counters (lipp_board.sv).
 MAX_SIDE_PX = 16383
@@ -51,13 +51,13 @@ MAX_SIDE_PX = 16383
 CLOCKS_OF_A_BIT = 8
 #: Idle time after which a new program may replace a connected program, s.
 IDLE_S = 60
-#: Age of an incomplete captured frame from which its simulator counts as killed, s.
+#: Age at which an incomplete captured frame's simulator counts as killed, s.
 PART_S = 60.0
 #: Maximum length of a Unix socket's path, bytes (`sun_path` of unix(7), less its NUL).
 MOST_SOCKET_BYTES = 107
 #: State of a listening TCP socket in /proc/net/tcp.
 LISTENS = "0A"
-#: Maximum time until a simulator is ready, and maximum time until it has ended, s.
+#: Maximum time until a simulator is ready, and until its end, s.
 START_SECONDS, STOP_SECONDS = 20.0, 20.0
 
 #: Video timing: front porch, sync, back porch, in pixels and in lines; sync polarities.
@@ -114,7 +114,10 @@ class RunningBoard:
 
 
 def step_of(baud: int, clock_hz: int) -> int:
-    """Return a bit line's bits per clock, in 1/65536. Raises InputError if the rate does not fit the clock."""
+    """Return a bit line's bits per clock, in 1/65536.
+
+    Raises InputError if the rate does not fit the clock.
+    """
     step = round(baud / clock_hz * 65536)
     if not 1 <= step <= 65536 // CLOCKS_OF_A_BIT or abs(step * clock_hz / 65536 / baud - 1) > 0.01:
         fastest = min(18_000_000, clock_hz // CLOCKS_OF_A_BIT)
@@ -144,7 +147,7 @@ def board_build(display: Display, scene: SceneBuild | None = None, fraction_bits
 
 
 def usual_clock(display: Display, scene: SceneBuild | None, memory: Memory) -> int:
-    """Return a board's clock, Hz; with SDRAM, the minimum that the panel needs."""
+    """Return a board's clock, Hz; with SDRAM, what the panel needs."""
     if memory == "block":
         return CLOCK_HZ
     panel, timing = display.panel, timing_of(display)
@@ -277,7 +280,6 @@ def _remove_dead_lines(place: Path) -> None:
 
 
 def _wait(process: subprocess.Popen[str], ready: Path) -> str:
-    """Wait for the ready file; return the URL in it."""
     until = time.monotonic() + START_SECONDS
     with interrupts.hold_signals() as ended:
         while not ready.exists() and process.poll() is None and not ended and time.monotonic() < until:
@@ -389,7 +391,6 @@ def compiled(
         files, numbers = list(netlist), {}
         options += ["-Wno-lint", "-Wno-style", "-Wno-PINMISSING", *NETLIST]
     main = [part for part in parts if part.suffix == ".cpp"]
-    # The model takes less time than its waveforms, or than the compilation of a netlist.
     flags = [*(SHORT if trace or netlist else FAST), *defines]
 
     def make(path: Path) -> None:
