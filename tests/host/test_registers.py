@@ -195,7 +195,7 @@ def test_values_out_of_range_are_refused():
         write("optics_depth", value=1 << 31)
     with pytest.raises(InputError, match="no field"):
         write("raster_columns", second=1)
-    with pytest.raises(InputError, match=r"there is no register 'raster_colums'; docs/generated/registers\.md"):
+    with pytest.raises(InputError, match=r"there is no register 'raster_colums'; see docs/generated/registers\.md"):
         write("raster_colums", first=1)
     with pytest.raises(InputError, match="do not fit"):
         table_writes([0] * 3, 62)
@@ -218,9 +218,9 @@ def test_a_block_tells_its_build():
     with pytest.raises(InputError, match="0x4C495051"):
         build_of({**words, "identity": 0x4C495051})
     for major in (0, 1, 2, 4):
-        with pytest.raises(InputError, match=f"version {major}, this host knows 3"):
+        with pytest.raises(InputError, match=f"register map {major}, this host supports 3"):
             build_of({**words, "version": major << 16 | 7})
-    with pytest.raises(InputError, match="field model: 3 is unknown to this host, which knows 0 to 2"):
+    with pytest.raises(InputError, match="field model: 3 is unknown to this host, which supports 0 to 2"):
         build_of({**words, "build": words["build"] | 3 << 6})
     with pytest.raises(InputError, match="register version, build was not read"):
         build_of({"identity": words["identity"]})

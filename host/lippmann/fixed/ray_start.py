@@ -71,7 +71,7 @@ def lenslet_hex(x: Ints, y: Ints, f: int) -> tuple[Ints, Ints, Ints, Ints, Bools
 
 
 class Aimed(NamedTuple):
-    """Lenslet (i, j) aimed at, pixel (x, y) and aperture point (a, b) from its centre; stray: not the pixel's."""
+    """Lenslet (i, j), pixel (x, y) and aperture point (a, b) from its centre; stray if it is not the pixel's."""
 
     i: Ints
     j: Ints

@@ -273,7 +273,7 @@ def curve_table(light: Ints, table: Bytes) -> Bytes:
 
 
 def entry_light() -> npt.NDArray[np.float64]:
-    """Return the light (8192,) in the middle of each table entry's values, 7.5 of 16; white is 1."""
+    """Return the light (8192,) at the middle of each table entry, 7.5 of 16 values; white is 1."""
     entry = np.arange(ENTRIES)
     return np.where(entry < COARSE_FROM, entry, 16 * (entry - COARSE_FROM) + 7.5) / WHITE
 

@@ -47,7 +47,7 @@ class RtlError(LippmannError):
 
 
 def cached_file(path: Path, inputs: Iterable[Path | str], make: Callable[[Path], None], suffix: str = "") -> Path:
-    """Return a file made from inputs. If it is missing, `make` writes it, completely or not at all.
+    """Return a file made from inputs. If the file is missing, `make` writes it, complete or not at all.
 
     One process makes the file and the others wait. The file name is that of `path`, a
     hash of the inputs (texts, file contents), processor and Verilator, and the suffix.

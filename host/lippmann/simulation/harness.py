@@ -168,7 +168,7 @@ def packed(config: Configuration) -> bytes:
 
 
 def optics_parameters(build: Build) -> dict[str, int | str]:
-    """Return the RTL's parameter `Build` of a build, as a SystemVerilog number."""
+    """Return the RTL's parameter `Build` of a build, as SystemVerilog."""
     return {"Build": f"16'h{build_word(build):04x}"}
 
 

@@ -147,7 +147,7 @@ def board_build(display: Display, scene: SceneBuild | None = None, fraction_bits
 
 
 def usual_clock(display: Display, scene: SceneBuild | None, memory: Memory) -> int:
-    """Return a board's clock, Hz; with SDRAM, what the panel needs."""
+    """Return a board's clock, Hz; with SDRAM, the panel's minimum."""
     if memory == "block":
         return CLOCK_HZ
     panel, timing = display.panel, timing_of(display)
