@@ -149,7 +149,7 @@ def table_writes(table: Ints, first: int = 0) -> list[Write]:
     Raises InputError if an entry is beyond the table's end.
     """
     if not 0 <= first <= TABLE_ENTRIES - len(table):
-        raise InputError(f"jitter table: {len(table)} entries from {first} on do not fit; the table has {TABLE_ENTRIES}")
+        raise InputError(f"jitter table: {len(table)} entries from {first} do not fit; the table has {TABLE_ENTRIES}")
     start = OPTICS_REGISTERS["jitter_table"].address + 4 * first
     return [Write(start + 4 * k, int(word)) for k, word in enumerate(table)]
 
