@@ -26,7 +26,7 @@ module lipp_aim #(
   input  logic signed [lipp_optics_pkg::IndexBits-1:0] j_i,
   input  logic signed [F+1:0]                          x_i,  // pixel's point x, wide, in pitches
   input  logic signed [F+1:0]                          y_i,  // pixel's point y, wide, in rows
-  input  logic signed [F+1:0]                          a_i,  // aperture point (a, b), wide words
+  input  logic signed [F+1:0]                          a_i,  // aperture point (a, b), wide, pitches
   input  logic signed [F+1:0]                          b_i,
   output logic signed [lipp_optics_pkg::IndexBits-1:0] i_o,  // lenslet (i, j) aimed at
   output logic signed [lipp_optics_pkg::IndexBits-1:0] j_o,

@@ -134,7 +134,7 @@ REFUSED = [
     ),
     (
         {"viewing_distance_mm": 160.0, "gap_mm": 17.0}, {},  # (197.47 / 9 + 0.5774) 8 / 9 / 0.866
-        r"registers converge_share, converge_x and converge_y: .* up to 23\.1 rows .* \[0, 8\); the eye is too near",
+        r"registers converge_share, converge_x and converge_y .* up to 23\.1 rows .* \[0, 8\); the eye is too near",
     ),
     (
         {"viewing_distance_mm": 220.0}, {"radius_mm": 0.7, "thickness_mm": 4.0},  # (2.339 + 0.577) / 0.7

@@ -315,7 +315,7 @@ def layer(depth=20.0, scale=5.0, zero=(50.0, 50.0), **rest):
         ([layer(), layer(9000.0)], r"1, register depth: 9000 mm is outside its range \[-3379.2, 3379.2\) mm; bring"),
         ([layer(scale=90.0)], r"layer 0, register a: 90 texels/mm is outside its range \[-77.5758, 77.5758\) tex"),
         ([layer(zero=(0.0, 4e4))], r"register t0: 40000 texels is outside its range \[-32768, 32768\) texels; the"),
-        ([layer(scale=0.01)], r"layer 0, registers s0, t0 and a to d: they place a corner of the texture 20600 mm fr"),
+        ([layer(scale=0.01)], r"layer 0, registers s0, t0 and a to d place a corner of the texture 20600 mm fr"),
         (
             [layer(math.inf, 7e4)],
             r"layer 0, register a: 70000 texels a slope of 1 is outside its range \[-65536, 65536\) texels a slope",
@@ -338,7 +338,7 @@ def test_a_panel_is_as_large_as_places_reach(side, other):
         return scene_words(display, LayerStack((layer(),)), SceneBuild(4))
 
     assert words(4054).layers
-    with pytest.raises(InputError, match="they place the panel's corner 2049 radii"):
+    with pytest.raises(InputError, match="place the panel's corner 2049 radii"):
         words(4058)
 
 

@@ -319,7 +319,7 @@ def _check_panel(display: Display) -> None:
     limit = (1 << (words.INDEX_BITS - 1)) - MAX_ASTRAY
     if lenslets >= limit:
         raise InputError(
-            f"registers x_from_u, x_from_v and x_offset, and those of y: they place the panel's corner {lenslets:.6g} "
+            f"registers x_from_u, x_from_v, x_offset and those for y place the panel's corner {lenslets:.6g} "
             f"lenslets from the axis, outside the range (-{limit}, {limit}) of their sum; raise array.pitch_mm, take a "
             "smaller panel, or bring array.offset_mm nearer to it"
         )
@@ -341,7 +341,7 @@ def _check_reach(
     if build.converge and local >= MAX_LOCAL:
         unit = "pitches" if distances[0] > distances[1] else "rows"
         raise InputError(
-            f"registers converge_share, converge_x and converge_y: they place pixels up to {local:.3g} {unit} from the "
+            f"registers converge_share, converge_x and converge_y place pixels up to {local:.3g} {unit} from the "
             f"centres of their lenslets, outside the range [0, {MAX_LOCAL:g}); {_FARTHER}"
         )
 

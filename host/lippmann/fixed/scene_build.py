@@ -97,6 +97,6 @@ class SceneBuild:
         register = SCENE_REGISTERS["build"]
         values = register.values(word)
         if unknown := word - register.word(**values):
-            raise InputError(f"the register of the scene's build has unknown bits {unknown:#x}")
+            raise InputError(f"the register of the scene's build has unknown bits {unknown:#x}; update the host")
         width, samples = 1 << values["width_bits"], 1 << values["samples_bits"]
         return cls(values["layers"], values["slots"], width, values["height"], bool(values["bilinear"]), samples)

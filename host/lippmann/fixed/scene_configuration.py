@@ -135,7 +135,7 @@ def _check_place(display: Display) -> None:
     radii = farthest / display.array.radius_mm + EXIT_RADII
     if radii >= MAX_PLACE:
         raise InputError(
-            f"registers lattice_xi, lattice_xj and lattice_yj: they place the panel's corner {radii:.6g} radii from "
+            f"registers lattice_xi, lattice_xj and lattice_yj place the panel's corner {radii:.6g} radii from "
             f"the array's origin, outside the range [0, {MAX_PLACE:g}); raise array.radius_mm, take a smaller panel, "
             "or bring array.offset_mm nearer to it"
         )
@@ -151,7 +151,7 @@ def _check_reach(
     farthest = float(np.abs(places).max())
     if farthest >= MAX_PLACE:
         raise InputError(
-            f"layer {number}, registers s0, t0 and a to d: they place a corner of the texture {farthest * radius:.6g} "
+            f"layer {number}, registers s0, t0 and a to d place a corner of the texture {farthest * radius:.6g} "
             f"mm from the array's origin, outside the range [0, {MAX_PLACE * radius:g}) mm; make the texture smaller, "
-            "or a sky"
+            "or make it a sky"
         )

@@ -145,7 +145,7 @@ def rtl_folders(top: Path, *, devices: bool = False) -> dict[str, list[Path]]:
             for what, some in (("lacks", there - listed), ("names no file", listed - there))
             for path in sorted(some)
         ]
-        raise LippmannError(f"rtl/sources.toml {', '.join(faults)}; mend the list, then make manifests")
+        raise LippmannError(f"rtl/sources.toml {', '.join(faults)}; mend the list, then run make manifests")
     return {folder: both[folder] for folder in (cells if devices else names)}
 
 
