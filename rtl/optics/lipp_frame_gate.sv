@@ -31,7 +31,7 @@ module lipp_frame_gate (
 
   input  logic raster_valid_i,
   output logic raster_ready_o,
-  input  logic raster_last_i,     // the ray is the last of its frame
+  input  logic raster_last_i,     // 1: last ray of its frame
   input  logic stream_valid_i,
   output logic stream_ready_o,
   input  logic stream_last_i,

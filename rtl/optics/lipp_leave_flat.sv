@@ -93,7 +93,7 @@ module lipp_leave_flat #(
   localparam int PathDrop = F - 2 + 1;
   localparam int Wl = Wf + W - PathDrop;
   logic [F+1:0] inverse;
-  logic signed [W-1:0] half_inverse;  // r; a near word cannot represent 1
+  logic signed [W-1:0] half_inverse;  // r, limited because a near word cannot represent 1
   logic signed [Wf-1:0] depth_early_q, depth, path_q;
   logic signed [Wl-1:0] path;
   logic signed [Wl-2:0] path_d;

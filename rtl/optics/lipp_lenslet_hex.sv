@@ -4,10 +4,10 @@
 /// Step 2 of a ray, hexagonal grid: finds the lenslet whose cell contains a point, and measures the
 /// point from that lenslet's centre.
 ///
-/// The point is x in pitches and t = y in rows; a row is sqrt(3)/2 pitches high. Its oblique
-/// coordinates are s = x - t/2 and t. Their integer parts are the corner (i0, j0) of the
-/// parallelogram that contains the point, and fs and ft are their fractions. The bisectors between
-/// the four corners are the lines q = 1/2 and q = 1 along the cell's axes:
+/// The point is x in pitches and t = y in rows; a row is sqrt(3)/2 pitches high. The point's
+/// oblique coordinates are s = x - t/2 and t. The integer parts of s and t are the corner (i0, j0)
+/// of the parallelogram that contains the point; the fractions of s and t are fs and ft. The
+/// bisectors between the four corners are the lines q = 1/2 and q = 1 along the cell's axes:
 ///
 ///   q0 = fs + ft/2,   q1 = fs/2 + ft.
 ///

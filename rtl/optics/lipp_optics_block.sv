@@ -43,8 +43,8 @@ module lipp_optics_block #(
   input  logic signed [lipp_optics_pkg::PixelBits-1:0] ray_v_i,  // pixel v, up, 4 fraction bits
   input  logic signed [F+1:0]                          ray_a_i,  // aperture point a, wide, pitches
   input  logic signed [F+1:0]                          ray_b_i,  // aperture point b, wide, rows
-  input  logic                                         ray_first_i,  // first ray of its frame
-  input  logic                                         ray_last_i,  // last ray of its frame
+  input  logic                                         ray_first_i,  // 1: first ray of its frame
+  input  logic                                         ray_last_i,  // 1: last ray of its frame
 
   output logic                                         exit_valid_o,
   input  logic                                         exit_ready_i,
@@ -57,8 +57,8 @@ module lipp_optics_block #(
   output logic signed [F+1:0]                          exit_dy_o,
   output logic signed [F+1:0]                          exit_dz_o,  // +z points to the viewer
   output lipp_optics_pkg::ray_status_e                 exit_status_o,  // status of the ray
-  output logic                                         exit_first_o,  // first ray of its frame
-  output logic                                         exit_last_o,  // last ray of its frame
+  output logic                                         exit_first_o,  // 1: first ray of its frame
+  output logic                                         exit_last_o,  // 1: last ray of its frame
 
   output lipp_optics_pkg::optics_config_t              optics_o  // optics as last written
 );

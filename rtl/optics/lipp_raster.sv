@@ -47,8 +47,8 @@ module lipp_raster #(
   output logic signed [lipp_optics_pkg::PixelBits-1:0] ray_v_o,  // pixel v, up, 4 fraction bits
   output logic signed [F+1:0]                          ray_a_o,  // aperture point a, wide, pitches
   output logic signed [F+1:0]                          ray_b_o,  // aperture point b, wide, rows
-  output logic                                         ray_first_o,  // first ray of its frame
-  output logic                                         ray_last_o  // last ray of its frame
+  output logic                                         ray_first_o,  // 1: first ray of its frame
+  output logic                                         ray_last_o  // 1: last ray of its frame
 );
   import lipp_optics_pkg::*;
 

@@ -5,7 +5,7 @@
 ///
 /// P_k is the premultiplied light of layer k, A_k is its opacity, and B_k is its brightness,
 /// limited to 256. C_k is the light of the layers in front of layer k. T_k is the transmittance of
-/// these layers, in units of 2^-16. With C_0 = 0 and T_0 = 65536, the steps are
+/// the layers in front of layer k, in units of 2^-16. With C_0 = 0 and T_0 = 65536, the steps are
 ///
 ///   G_k     = (T_k B_k + 2^7) >> 8
 ///   C_(k+1) = C_k + ((P_k G_k + 2^15) >> 16)        for each of red, green and blue

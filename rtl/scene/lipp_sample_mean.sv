@@ -16,7 +16,7 @@ module lipp_sample_mean #(
   input  logic                                      clk_i,
   input  logic                                      rst_ni,
   input  logic                                      valid_i,
-  input  logic                                      first_i,  // first sample of its frame
+  input  logic                                      first_i,  // 1: first sample of its frame
   input  logic                                      last_i,
   input  logic [2:0][lipp_scene_pkg::LightBits-1:0] light_i,
   output logic                                      last_of_pixel_o,
