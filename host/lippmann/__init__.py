@@ -62,7 +62,7 @@ _HOMES = {
 
 
 class _Missing:
-    """A public name whose library is missing; raises the error when it is used."""
+    """A public name whose library is missing; any use of it raises the error."""
 
     def __init__(self, error: MissingLibraryError) -> None:
         self._error = error
@@ -86,5 +86,5 @@ def __getattr__(name: str) -> Any:
 
 
 def __dir__() -> list[str]:
-    """Return the public names, for completion in a notebook."""
+    """Return the public names, so that notebooks can complete them."""
     return [*__all__, "__version__"]

@@ -1,4 +1,4 @@
-"""The program `lippmann`, also `python -m lippmann`; Ctrl-C and SIGTERM end it with one line."""
+"""Runs the program `lippmann` or `python -m lippmann`; Ctrl-C and SIGTERM end it with one message line."""
 
 from __future__ import annotations
 
@@ -20,18 +20,18 @@ def main(arguments: list[str] | None = None) -> None:
         print("lippmann: interrupted; nothing half-written is left", file=sys.stderr)
         code = interrupts.exit_code()
     if interrupts.received:
-        # Libraries interrupted while loading may crash when Python closes them.
+        # A library whose loading was interrupted may crash when Python closes it.
         interrupts.leave(code)
     interrupts.ignore()  # the work is done
     sys.exit(code)
 
 
 def program() -> None:
-    """Run `main`, then end the process without closing its libraries, which takes long."""
+    """Run `main`, then end the process without closing its libraries, to save time."""
     try:
         main()
     except SystemExit as end:
-        # Running threads, debuggers and profilers need Python's own end.
+        # Running threads, debuggers and profilers need Python's normal shutdown.
         has_tracer = sys.gettrace() is not None or sys.getprofile() is not None
         if isinstance(end.code, int) and threading.active_count() == 1 and not has_tracer:
             atexit._run_exitfuncs()  # removes temporary folders

@@ -1,6 +1,6 @@
 """The public Python functions, which the command line calls too.
 
-Each sets Mitsuba's variant for its device, and then restores the user's.
+Each function sets Mitsuba's variant for its device, then restores the user's variant.
 """
 
 from __future__ import annotations
@@ -46,24 +46,23 @@ from lippmann.scenes.placement import Arrange, Placement
 from lippmann.scenes.scene import Scene, check_scene_file
 from lippmann.scenes.scene import load_scene as load_scene_file
 
-#: Width of a view, pixels.
 VIEW_PX = 600
-#: Losses of a capture above this cause a warning, per cent.
+#: Maximum percentage of lost rays in a capture without a warning.
 WARNING_PERCENT = 1.0
 PAGE_SUFFIXES = (".html", ".htm")
 
 
 def load_scene(path: str | Path, placement: Placement | None = None, device: str = "auto") -> Scene:
-    """Read a scene once, for several calls of `render`, `capture` or `view`; InputError for a bad file.
+    """Read a scene once for several calls of `render`, `capture` or `view`; raises InputError for an invalid file.
 
     Parameters
     ----------
     path
         Mitsuba XML, or another tool's file (`lippmann.scenes.formats`).
     placement
-        Position of the scene relative to the display. None: as in the file beside the
-        scene; without such a file a scene unit is 1 mm, and another tool's scene is
-        placed by the display.
+        Position of the scene relative to the display. `None` uses the file beside the
+        scene. Without such a file, a scene unit is 1 mm, and a render arranges another
+        tool's scene for its display.
     device
         "llvm" (CPU), "cuda" (GPU) or "auto".
     """
@@ -96,28 +95,29 @@ def render(
 ) -> IntegralImage:
     """Render the integral image of a scene for a display; the logger "lippmann" reports the choices of "auto" (INFO).
 
-    Raises InputError for a bad file or value, or an image that exceeds the memory
-    limit; DeviceError when the scheduler or all workers are lost; MissingLibraryError
-    when Mitsuba, Dask or a tool of the engine is missing.
+    Raises InputError for an invalid file or value, or an image that exceeds the memory
+    limit; DeviceError if the scheduler or all workers are lost; MissingLibraryError
+    if Mitsuba, Dask or a tool of the engine is missing.
 
     Parameters
     ----------
     scene, display, placement
-        A scene's path and its placement (see `load_scene`), what `load_scene` returned,
-        a `mitsuba.Scene`, or a dictionary of `mitsuba.load_dict`. A display file, or
-        what `load_display` returned.
+        Scene: a path with its placement (see `load_scene`), a result of `load_scene`,
+        a `mitsuba.Scene`, or a dictionary for `mitsuba.load_dict`. Display: a file or
+        a result of `load_display`.
     samples, aperture, integrator, max_depth, seed, memory_mb, shading
         See `lippmann.rendering.options.Settings`.
     model, tolerance, engine, fraction_bits
         See `lippmann.rendering.options.RenderOptions`.
     arrange
-        "fit": the scene is scaled and moved into the display's depth range. "camera":
-        the eye is at the camera of the scene's file. None: the placement holds.
+        "fit" scales and moves the scene into the display's depth range. "camera" puts
+        the eye at the camera of the scene's file. `None` uses the placement.
     device, progress
-        "llvm" (CPU), "cuda" (GPU) or "auto"; called with (rows done, rows in all).
+        Device: "llvm" (CPU), "cuda" (GPU) or "auto". The function `progress` is called
+        with (finished rows, all rows).
     kept
-        Folder for the finished bands: an interrupted render continues from them. A
-        different render removes them.
+        Folder for finished bands, with which an interrupted render continues. Another
+        render removes the bands.
     workers, scheduler
         Number of local processes, or a Dask scheduler's address ("tcp://127.0.0.1:8786").
     """
@@ -136,7 +136,7 @@ def render(
 def load_layers(path: str | Path) -> LayerStack:
     """Read a folder of layers that `lippmann layers` wrote, or its `layers.toml`.
 
-    Raises InputError for bad keys, and for pictures that are not PNGs with a palette.
+    Raises InputError for invalid keys, and for pictures that are not palette PNGs.
     """
     return load_named_layers(path)[0]
 
@@ -156,19 +156,19 @@ def draw(
 ) -> IntegralImage:
     """Draw layers for a display, as an FPGA does without a frame memory.
 
-    The light of twin and rtl is rounded to the panel's values, that of golden only in a
-    PNG. Raises InputError for bad files or values, and layers at or behind the eyes.
+    Twin and rtl round the light to panel values; golden's light is rounded only in a
+    PNG. Raises InputError for invalid files or values, and layers at or behind the eyes.
 
     Parameters
     ----------
     layers, display
-        A folder of layers, or what `load_layers` returned. A display file, or what
-        `load_display` returned.
+        Layers: a folder or a result of `load_layers`. Display: a file or a result of
+        `load_display`.
     filter, samples
-        "nearest" texel, or "bilinear" between four; 1, 2 or 4 samples for each pixel.
+        Texture filter, "nearest" or "bilinear"; 1, 2 or 4 samples for each pixel.
     model, engine, fraction_bits
-        Lens model. "golden": float64; "twin": the RTL's integers; "rtl": the RTL,
-        simulated. Word length of the optics, for twin and rtl; `None` means the longest.
+        Lens model. Engine: "golden" (float64), "twin" (the RTL's integers) or "rtl" (a
+        simulation). Word length of twin's and rtl's optics; `None` means the maximum.
     kept, workers, scheduler
         See `render`.
     """
@@ -197,23 +197,23 @@ def capture(
     """Render the image that an imaging lens, a microlens array and a camera capture of a scene.
 
     The result is for the set-up's display; `measured` contains `vignetting_percent` and
-    `array_loss_percent`. Raises InputError for a bad file or value, a scene that cannot
-    be captured, or an image that exceeds the memory limit.
+    `array_loss_percent`. Raises InputError for an invalid file or value, a scene that
+    cannot be captured, or an image that exceeds the memory limit.
 
     Parameters
     ----------
     scene, setup
-        Mitsuba XML, or a scene that was loaded with
-        `lippmann.capturing.capture.placement_before`. A set-up file, or what
-        `load_setup` returned.
+        Scene: Mitsuba XML, or a scene loaded with the placement of
+        `lippmann.capturing.capture.placement_before`. Set-up: a file or a result of
+        `load_setup`.
     samples, integrator, max_depth, seed, memory_mb, shading
         See `lippmann.rendering.options.Settings`.
     rotate
-        Whether each elemental image is rotated by 180 degrees, which gives the display
-        the right depth. None: yes, except for concave lenslets.
+        Whether each elemental image is rotated by 180 degrees, which makes the depth on
+        the display correct. `None` means yes, except for concave lenslets.
     aperture
-        For a pickup: "full" (default), rays over the whole lenslet, or "chief", rays
-        through its centre.
+        Rays of a pickup: "full" (default) covers the whole lenslet, "chief" only the
+        lenslet's centre.
     device, progress
         See `render`.
     """
@@ -240,7 +240,7 @@ def capture(
 
 
 def _losses(lens_percent: float, array_percent: float) -> dict[str, float]:
-    """Return the lost rays of a capture by name, per cent; warn of many."""
+    """Return the percentages of lost rays in a capture by name; warn if they are high."""
     if lens_percent > WARNING_PERCENT:
         text = f"the lens's aperture cuts off {lens_percent:.1f} % of the rays (black in the image)"
         warn_user(f"{text}; a larger lens.aperture_mm lets them in")
@@ -265,25 +265,25 @@ def observe(
     seed: int = 0,
     device: str = "auto",
 ) -> View:
-    """Return the view of an eye on a display that shows an image; InputError for an eye or value out of range.
+    """Return an eye's view of a display that shows an image; raises InputError for an eye or value out of range.
 
     Parameters
     ----------
     image, eye
-        The image. Centre of the pupil, mm; the display is at z = 0, x right, y up, z
-        towards the viewer.
+        The image, and the centre of the pupil: x right, y up, z towards the viewer, mm.
+        The display is at z = 0.
     pupil_mm, focus_z_mm
-        Diameter of the pupil (0: a pinhole), and the depth z in focus.
+        Diameter of the pupil (0 is a pinhole), and the depth z in focus.
     width_px, samples
-        Width of the view, and rays for each of its pixels.
+        Width of the view, and number of rays per pixel of the view.
     display
-        The display as built, such as `image.display.misaligned(rotation_deg=0.1)`;
-        None: the image's.
+        The display as built, such as `image.display.misaligned(rotation_deg=0.1)`.
+        `None` means the image's display.
     window
         The part of the plane z = 0 in the view; `None` means the whole panel, `width_px` pixels wide.
     model, crosstalk, seed
-        Lens model; whether neighbouring elemental images are visible or black; random
-        seed.
+        Lens model, whether neighbouring elemental images are visible or black, and
+        random seed.
     device
         "llvm" (CPU), "cuda" (GPU) or "auto".
     """
@@ -313,22 +313,22 @@ def view(
 ) -> Path:
     """Write the page that shows an image through its lenslets in any browser with WebGL 2; return its path.
 
-    Raises InputError when the page cannot be written, or for a bad scene.
+    Raises InputError if the page cannot be written or the scene is invalid.
 
     Parameters
     ----------
     image, title
         The image, and the heading of the page.
     path
-        The page, .html; None: a temporary file, which a browser opens.
+        Path of the page (.html). `None` writes a temporary file and opens a browser.
     scene
-        Mitsuba XML, or what `load_scene` returned, for direct views in the page.
+        Mitsuba XML or a result of `load_scene`; the page shows direct views of it.
     later, frames_per_second
-        The further frames of a film whose first frame is `image`; the page plays them.
+        Further frames of a film that begins with `image`, and the film's frame rate.
     placement, arrange
         See `render`.
     seed, device
-        Seed of the direct views' random numbers, and their device (see `render`).
+        Random seed and device (see `render`) of the direct views.
     """
     target = Path(tempfile.mkdtemp(prefix="lippmann-")) / "view.html" if path is None else path
     target = check_output(target, PAGE_SUFFIXES)
@@ -360,9 +360,9 @@ def widget(
     seed: int = 0,
     device: str = "auto",
 ) -> Widget:
-    """Return the page that `view` writes, as a notebook shows it below its cell, `height_px` high.
+    """Return the page that `view` writes as a widget for a notebook, `height_px` pixels high.
 
-    Parameters and errors as for `view`.
+    The parameters and errors are those of `view`.
     """
     page = view_page(image, scene, title=title, placement=placement, arrange=arrange, seed=seed, device=device)
     return Widget(page.decode("utf-8"), whole_number("height_px", height_px, 1, MAX_SIDE_PX))
@@ -377,7 +377,7 @@ def sweep(
 ) -> Sweep:
     """Return `count` views of an eye that moves from `start` to `end` (x, y, z; mm) in equal steps.
 
-    `options` are further parameters of `observe`, whose errors this raises too.
+    `options` are further parameters of `observe`. Raises the errors of `observe`.
     """
     count = whole_number("count", count, 2, 1000)
     for name, place in (("start", start), ("end", end)):

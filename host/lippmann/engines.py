@@ -1,4 +1,4 @@
-"""The four engines of `trace`: golden and fast share `optics.trace`, twin and RTL `trace_fixed`."""
+"""The four engines of `trace`: golden and fast use `optics.trace`; twin and rtl use `trace_fixed`."""
 
 from __future__ import annotations
 
@@ -17,9 +17,9 @@ from lippmann.fixed.words import WIDEST, Ints
 from lippmann.optics.rays import Engine, Floats, Model, Rays, check_fraction_bits
 from lippmann.optics.trace import check_engine_device, checked_rays, trace_optics
 
-#: Words of pixels u, v and of aperture points a, b, (N,) each.
+#: Fixed-point words of pixels (u, v) and of aperture points (a, b), (N,) each.
 Words = tuple[Ints, Ints, Ints, Ints]
-#: Traces words of pixels and aperture points through a build.
+#: Function that traces the words of pixels and aperture points through a build.
 Pipeline = Callable[[Ints, Ints, Ints, Ints, Configuration, Build], FixedRays]
 
 
@@ -35,28 +35,28 @@ def trace(
     """Trace rays from the panel through the lenslets.
 
     Raises InputError for wrong shapes, values that are not finite or beyond
-    `FARTHEST_LENSLETS`, an unknown model, engine or device, or a display that the
-    formats of twin and rtl cannot hold; MissingLibraryError when a library or tool of
-    an engine is missing.
+    `FARTHEST_LENSLETS`, an unknown model, engine or device, or a display outside the
+    number formats of twin and rtl; MissingLibraryError if an engine's library or tool
+    is missing.
 
     Parameters
     ----------
     display, pixels
-        A display file, or what `load_display` returned. (N, 2) pixel coordinates, also
-        beyond the panel; (c + 0.5, r + 0.5) is the centre of pixel (c, r).
+        A display file or a result of `load_display`; (N, 2) pixel coordinates, which
+        may be outside the panel. The centre of pixel (c, r) is (c + 0.5, r + 0.5).
     aperture
-        (N, 2) aperture points that the rays aim at, lens-local, mm, array's axes; None:
-        chief rays.
+        (N, 2) points at which the rays aim, from the lenslet's centre, mm, array's
+        axes. `None` selects chief rays.
     model, engine
-        "pinhole", "thin", "paraxial" or "exact". "golden", "fast", "twin" (the RTL's
-        fixed point in integers) or "rtl" (the RTL itself, simulated).
+        Model: "pinhole", "thin", "paraxial" or "exact". Engine: "golden", "fast",
+        "twin" (the RTL's arithmetic in Python) or "rtl" (a simulation of the RTL).
     device, fraction_bits
-        For fast: "llvm" (CPU), "cuda" (GPU) or "auto", the GPU if there is one. For
-        twin and rtl: F, 14 to 23; None: the widest.
+        Device of fast: "llvm" (CPU), "cuda" (GPU) or "auto" (the GPU if there is one).
+        Fraction bits F of twin and rtl: 14 to 23; `None` selects the maximum.
     """
     check_engine_device(engine, device)
     if engine in ("twin", "rtl"):
-        from lippmann.simulation.harness import rtl_pipeline  # not at the top: a render without it starts sooner
+        from lippmann.simulation.harness import rtl_pipeline  # imported here, so that a render starts faster
 
         display, pixel, points = checked_rays(display, pixels, aperture, model)
         pipeline = ray_pipeline if engine == "twin" else rtl_pipeline
@@ -75,9 +75,9 @@ def trace_fixed(
     pipeline: Pipeline = ray_pipeline,
     max_cell_steps: int | None = None,
 ) -> Rays:
-    """Trace rays through a fixed-point pipeline; `pixel` of the result is rounded to 1/16 pixel.
+    """Trace rays through a fixed-point pipeline; the result's `pixel` is rounded to 1/16 pixel.
 
-    Parameters as in `trace`. Raises InputError for values that the formats cannot hold.
+    The parameters are those of `trace`. Raises InputError for values outside the formats.
     """
     build = Build.of(display, model, fraction_bits, aperture is not None, max_cell_steps)
     words, registers = words_of_rays(display, build, model, pixels, aperture)
@@ -88,7 +88,7 @@ def trace_fixed(
 def words_of_rays(
     display: Display, build: Build, model: Model, pixels: Floats, aperture: Floats | None = None
 ) -> tuple[Words, Configuration]:
-    """Return the words u, v, a, b of rays, and the registers of a build; errors as for `trace_fixed`."""
+    """Return the words u, v, a, b of rays, and the registers of a build; errors as in `trace_fixed`."""
     reach = None if aperture is None or not len(aperture) else float(np.hypot(*aperture.T).max())
     registers = configuration(display, build, model, reach)
     u, v = words_of_pixels(display, pixels)

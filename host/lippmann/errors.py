@@ -17,7 +17,7 @@ CONTROLS = re.compile("[\\x00-\\x08\\x0b-\\x1f\\x7f-\\x9f\\u200e\\u200f\\u2028-\
 
 
 class LippmannError(Exception):
-    """Base of all errors that a user can correct, with one line of place, fault and remedy."""
+    """Base class of the errors that a user can correct; one line gives place, fault and remedy."""
 
     exit_code = 2
 
@@ -56,19 +56,19 @@ class NoSpaceError(LippmannError):
 class LippmannWarning(UserWarning):
     """A warning of a valid but perhaps unwanted result; the command line shows it as "note: text".
 
-    Reports of what a command does go to `logging.getLogger("lippmann")`, level INFO.
+    Commands log their progress to `logging.getLogger("lippmann")` at level INFO.
     """
 
 
 def warn_user(text: str) -> None:
-    """Give a LippmannWarning for the line of the user's program that called Lippmann."""
+    """Issue a LippmannWarning for the line of the user's program that called Lippmann."""
     level, frame = 1, sys._getframe()
     while frame.f_back is not None and frame.f_globals.get("__name__", "").partition(".")[0] == "lippmann":
         level, frame = level + 1, frame.f_back
     warnings.warn(text, LippmannWarning, stacklevel=level)
 
 
-#: Errors of the form `where: what; remedy`.
+#: Functions that return an error of the form `where: what; remedy`.
 input_error, device_error, no_board_error = InputError.at, DeviceError.at, NoBoardError.at
 
 
@@ -76,7 +76,7 @@ def reason(error: Exception) -> str:
     """Return why a file could not be read, without errno and path."""
     if isinstance(error, UnicodeDecodeError):
         return "it is not text in UTF-8"
-    if "pickle" in str(error):  # numpy refuses Python's own objects so
+    if "pickle" in str(error):  # numpy refuses Python objects
         return "it holds no array of numbers"
     return str((isinstance(error, OSError) and error.strerror) or error)
 
@@ -90,7 +90,7 @@ def path_of(value: object, what: str) -> Path:
     return Path(value)
 
 
-#: Modules of each extra of the package (pyproject.toml).
+#: Modules that each extra of the package installs (pyproject.toml).
 EXTRA_MODULES = {
     "render": ("mitsuba", "drjit", "OpenImageIO", "trimesh", "plyfile", "imageio_ffmpeg"),
     "board": ("serial", "cobs", "qoi"),
@@ -101,7 +101,7 @@ EXTRA_MODULES = {
 
 
 def to_install(extra: str = "") -> str:
-    """Return the remedy for a missing package: make in a checkout, else pip, with the extra."""
+    """Return the remedy for a missing package: make in a checkout, else pip with the extra's name."""
     top = Path(__file__).resolve().parents[2]
     if (top / "Makefile").is_file() and (top / "pyproject.toml").is_file():
         return "run make setup"
@@ -109,7 +109,7 @@ def to_install(extra: str = "") -> str:
 
 
 def missing_library(error: ImportError) -> MissingLibraryError:
-    """Return the error of a missing library, with the command that installs it."""
+    """Return the error for a missing library, with the command that installs the library."""
     module = (error.name or "").partition(".")[0]
     extra = "".join(name for name, modules in EXTRA_MODULES.items() if module in modules)
     what = f"{module} cannot be imported ({error})" if module else str(error)
@@ -117,7 +117,7 @@ def missing_library(error: ImportError) -> MissingLibraryError:
 
 
 def whole_number(name: str, value: object, low: int, high: int) -> int:
-    """Return a value as an int; refuse all but whole numbers from `low` to `high`."""
+    """Return a value as an int; refuse values other than whole numbers from `low` to `high`."""
     if not isinstance(value, Integral) or isinstance(value, bool):
         raise InputError(f"{name} {value!r} is not a whole number; give {low} to {high}")
     if not low <= int(value) <= high:
@@ -126,7 +126,7 @@ def whole_number(name: str, value: object, low: int, high: int) -> int:
 
 
 def as_number(value: object) -> float:
-    """Return a real number as a float, NaN for anything else."""
+    """Return a real number as a float, and any other value as NaN."""
     if not isinstance(value, Real) or isinstance(value, bool):
         return math.nan
     is_huge = isinstance(value, int) and value.bit_length() > 1023
@@ -134,33 +134,33 @@ def as_number(value: object) -> float:
 
 
 def check_type(name: str, value: object, kinds: type | tuple[type, ...], what: str) -> None:
-    """Refuse an argument of other types; `what` says in words what it must be."""
+    """Refuse an argument that is not of the types `kinds`; `what` describes these types."""
     if not isinstance(value, kinds):
         raise InputError(f"{name} must be {what}, not {str(value)[:80]!r}")
 
 
 def check_flags(**flags: object) -> None:
-    """Refuse arguments other than True and False, also numpy's."""
+    """Refuse arguments other than Python's and numpy's True and False."""
     for name, value in flags.items():
         if type(value).__name__ not in ("bool", "bool_"):
             raise InputError(f"{name} must be True or False, not {str(value)[:80]!r}")
 
 
 def check_choice(name: str, value: object, choices: Collection[str]) -> None:
-    """Refuse an argument that is none of some words."""
+    """Refuse an argument that is not one of `choices`."""
     if not (isinstance(value, str) and value in choices):
         raise InputError(f"unknown {name} '{value}'; choose from {', '.join(choices)}")
 
 
 def did_you_mean(name: str, choices: Iterable[str]) -> str:
-    """Return the remedy with the likeliest choice, or "" without one."""
+    """Return a remedy that names the most similar choice, or "" if no choice is similar."""
     names = {one.casefold(): one for one in choices}
     matches = difflib.get_close_matches(name.casefold(), names, 1)
     return "".join(f"did you mean {names[likely]}?" for likely in matches)
 
 
 def likely_file(path: Path, suffixes: Iterable[str]) -> str:
-    """Return the remedy with the likeliest file in a missing one's folder, or "" without one."""
+    """Return a remedy that names the most similar file in the folder, or "" if no file is similar."""
     others = sorted(path.parent.glob("*"))
     files = {one.stem: one for one in others if one.suffix.lower() in suffixes and one.is_file()}
     matches = difflib.get_close_matches(path.stem, files, 1)

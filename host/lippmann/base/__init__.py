@@ -1,1 +1,1 @@
-"""Foundations: files, images, TOML, limits, memory, programs, Mitsuba's variant."""
+"""Basic functions for files, images, TOML, limits, memory, programs and Mitsuba."""

@@ -1,4 +1,4 @@
-"""PNG files in memory, animations and contact sheets of views."""
+"""Writes animations and contact sheets of views, and encodes PNG files in memory."""
 
 from __future__ import annotations
 
@@ -15,9 +15,8 @@ if TYPE_CHECKING:
     import PIL.Image
 
 ANIMATION_SUFFIXES = (".gif", ".png", ".apng")
-#: Duration of a frame, ms.
 FRAME_MS = 80
-#: Memory for each pixel of each frame, bytes (measured).
+#: Measured memory per pixel and frame, bytes.
 FRAME_BYTES = 13
 
 
@@ -35,8 +34,8 @@ def write_animation(
 ) -> None:
     """Write views, (height, width, 3) linear radiance, as an endless GIF or animated PNG.
 
-    With `there_and_back`, the views play to and fro. Raises InputError when the file
-    cannot be written.
+    With `there_and_back`, the views play forwards, then backwards. Raises InputError
+    if the file cannot be written.
     """
     path = check_output(path, ANIMATION_SUFFIXES)
     kind = "GIF" if path.suffix.lower() == ".gif" else "PNG"
@@ -46,12 +45,12 @@ def write_animation(
 def animation_bytes(
     views: Iterable[Radiance], kind: str, there_and_back: bool = True, frame_ms: float = FRAME_MS
 ) -> bytes:
-    """Return the file that `write_animation` writes; `kind` is "GIF" or "PNG"."""
+    """Return an animation as the bytes of a file; `kind` is "GIF" or "PNG"."""
     from PIL import Image
 
     frames = [Image.fromarray(encoded_values(view, "srgb", 8)) for view in views]
     if kind == "GIF":
-        # One palette and no dither: still parts take no space and do not flicker.
+        # With one palette and no dither, static areas compress well and do not flicker.
         palette = _common_palette(frames)
         frames = [frame.quantize(palette=palette, dither=Image.Dither.NONE) for frame in frames]
     if there_and_back:
@@ -68,7 +67,6 @@ def animation_mb(frames: int, width_px: int, height_px: int) -> float:
 
 
 def _common_palette(frames: Sequence[PIL.Image.Image]) -> PIL.Image.Image:
-    """Return an image whose palette of 256 colours fits all frames."""
     from PIL import Image
 
     side = 96
@@ -79,7 +77,7 @@ def _common_palette(frames: Sequence[PIL.Image.Image]) -> PIL.Image.Image:
 
 
 def write_contact_sheet(path: str | Path, views: Sequence[Radiance], captions: Sequence[str], columns: int = 3) -> None:
-    """Write views in rows, with captions, as a PNG; InputError if that fails."""
+    """Write rows of views with captions as one PNG; raises InputError if that fails."""
     from PIL import Image, ImageDraw
 
     path = check_output(path, (".png",))

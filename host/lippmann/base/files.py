@@ -1,7 +1,7 @@
-"""Files and folders that appear complete or not at all, even after a signal, full disk or power cut.
+"""Writes files and folders completely or not at all, even after a signal, full disk or power cut.
 
 A file is written under a temporary name in the same folder, synced and renamed. The
-temporary name holds its process: the next command removes a killed one's partial files.
+temporary name identifies the process: later commands remove a killed process's files.
 """
 
 from __future__ import annotations
@@ -27,35 +27,35 @@ from typing import BinaryIO
 from lippmann.base import interrupts
 from lippmann.errors import LippmannError, NoSpaceError, input_error
 
-#: Only Unix locks folders.
+#: Whether the system can lock folders; only Unix can.
 HAS_LOCKS = importlib.util.find_spec("fcntl") is not None
-#: Folders that `make_folder` made.
+#: Folders that `make_folder` has created.
 new_folders: list[Path] = []
 
-#: Errors of a full disk, an exhausted quota, and a file larger than the user's limit.
+#: Error numbers for a full disk, an exhausted quota, and a file above its size limit.
 FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
-#: A disk that refuses so many bytes more is full.
+#: Size of a test write, bytes; a disk that refuses it is full.
 PROBE_BYTES = 1 << 20
-#: Age, s, at which a partial file of another machine or container is removed.
+#: Age at which partial files of another machine or container are removed, s.
 FOREIGN_S = 86_400.0
-#: Maximum bytes of a file's stem in the name of its partial file.
+#: Maximum length of the file's stem in a temporary name, bytes.
 STEM_BYTES = 180
-#: Flags of `os.open` for files that others must not redirect or inherit.
+#: Flags of `os.open`: follow no link, and do not pass the file to child processes.
 OWN_FLAGS = getattr(os, "O_NOFOLLOW", 0) | getattr(os, "O_CLOEXEC", 0)
-#: Numbers of partial files: threads that write the same file use different ones.
+#: Counter in temporary names, because two threads may write the same file.
 numbers = itertools.count()
-#: Name of a partial file: stem, number, machine, process, hash of its start, suffix.
+#: Temporary name: stem, counter, machine hash, process, hash of its start, suffix.
 PARTIAL = re.compile(r"\..*\.([0-9a-f]{8})-([0-9]+)-([0-9a-f]{8})\.partial(\.[^.]*)?", re.DOTALL)
 
 
 def owner() -> str:
-    """Return the name of this process in partial files."""
+    """Return the text that identifies this process in temporary names."""
     return f"{_machine()}-{os.getpid()}-{_life(os.getpid())}"
 
 
 @functools.cache
 def _machine() -> str:
-    """Return a hash of the machine and its container."""
+    """Return a hash that identifies the machine and its container."""
     container = ""
     with contextlib.suppress(OSError):
         container = str(os.stat("/proc/self/ns/pid").st_ino)
@@ -63,7 +63,7 @@ def _machine() -> str:
 
 
 def _life(pid: int) -> str:
-    """Return a hash of a process's start, "" without such a process, a constant without /proc."""
+    """Return a hash of a process's start time; "" if it has ended, a constant without /proc."""
     if not Path("/proc/self/stat").exists():
         return "0" * 8
     try:
@@ -71,7 +71,7 @@ def _life(pid: int) -> str:
         boot = Path("/proc/sys/kernel/random/boot_id").read_bytes()
     except OSError:
         return ""
-    return _short(boot + fields[19])  # its start, in ticks since the boot
+    return _short(boot + fields[19])  # start time, in ticks since boot
 
 
 def _short(text: bytes) -> str:
@@ -79,7 +79,7 @@ def _short(text: bytes) -> str:
 
 
 def partial_name(name: str) -> str:
-    """Return a new temporary name with the same suffix."""
+    """Return a new temporary name for a file, with the file's suffix."""
     stem, suffix = os.path.splitext(name)
     stem = stem.encode(errors="surrogateescape")[:STEM_BYTES].decode(errors="ignore")
     return f".{stem}.{next(numbers)}.{owner()}.partial{suffix}"
@@ -101,13 +101,12 @@ def remove_stale(folder: Path) -> None:
                 _remove(Path(entry.path))
 
 
-#: The same, once for each absolute path.
+#: Runs `remove_stale` once for each absolute path.
 remove_stale_once = functools.cache(remove_stale)
 
 
 def _remove(path: Path) -> None:
-    """Remove a file, or a folder with its content, if it exists."""
-    # A second signal waits: an exception would stop the removal.
+    # Signals are delayed, because an exception would stop the removal.
     with interrupts.hold_signals():
         if path.is_dir() and not path.is_symlink():
             shutil.rmtree(path, ignore_errors=True)
@@ -116,14 +115,14 @@ def _remove(path: Path) -> None:
 
 
 def is_full(error: BaseException) -> bool:
-    """Tell whether a full disk caused an error."""
-    if isinstance(error, RuntimeError):  # Mitsuba's
+    """Return whether a full disk caused an error."""
+    if isinstance(error, RuntimeError):  # raised by Mitsuba
         return any(os.strerror(number) in str(error) for number in FULL)
     return isinstance(error, OSError) and error.errno in FULL
 
 
 def no_space(where: object, why: str | None = None) -> NoSpaceError:
-    """Return the error of a full disk."""
+    """Return the error for a full disk."""
     what = f"cannot be written ({why or 'no space left on the device'})"
     return NoSpaceError.at(where, what, "free space or choose another place")
 
@@ -141,7 +140,7 @@ def on_full_disk(path: Path) -> str | None:
 
 
 def not_written(path: Path, why: OSError | str = "", partial: Path | None = None) -> LippmannError:
-    """Return the error of an unwritten file or folder; without an errno, test `partial` for a full disk."""
+    """Return the error for a failed write; if `why` has no errno, test with `partial` whether the disk is full."""
     reason = why if isinstance(why, str) else why.strerror or str(why)
     if isinstance(why, OSError) and (why.errno is not None or partial is None):
         full = reason if is_full(why) else None
@@ -153,14 +152,14 @@ def not_written(path: Path, why: OSError | str = "", partial: Path | None = None
 
 
 def sync(path: Path) -> None:
-    """Wait until a file's content, or a folder's names, are on the disk."""
-    if os.name == "nt" and path.is_dir():  # Windows opens no folders
+    """Wait until a file's content, or a folder's list of files, is stored on the disk."""
+    if os.name == "nt" and path.is_dir():  # Windows cannot open folders
         return
     handle = os.open(path, os.O_RDWR if os.name == "nt" else os.O_RDONLY)
     try:
         os.fsync(handle)
     except OSError as error:
-        # Some file systems do not sync folders.
+        # Some file systems cannot sync folders.
         if error.errno not in (errno.EINVAL, errno.ENOTSUP, errno.EROFS):
             raise
     finally:
@@ -171,8 +170,8 @@ def sync(path: Path) -> None:
 def replacing(path: Path) -> Iterator[Path]:
     """Provide a temporary file name; rename the file to `path` on success, remove it on failure.
 
-    A power cut leaves the old file or the new one. Raises NoSpaceError for a full disk,
-    InputError for another refusal.
+    A power cut leaves either the old or the new file. Raises NoSpaceError if the disk
+    is full, InputError if the write fails for another reason.
     """
     remove_stale_once(path.parent.absolute())
     partial = path.with_name(partial_name(path.name))
@@ -189,24 +188,24 @@ def replacing(path: Path) -> Iterator[Path]:
 
 
 def write_file(path: Path, content: str | bytes) -> None:
-    """Write a file, text in UTF-8, as `replacing` does."""
+    """Write a file completely or not at all (see `replacing`), text in UTF-8."""
     with replacing(path) as partial:
         partial.write_bytes(content.encode() if isinstance(content, str) else content)
 
 
 def new_file(path: Path) -> BinaryIO:
-    """Open a new empty file in place of another; a link there is not followed."""
+    """Create and open an empty file; remove an old file or link at its path."""
     _remove(path)
     return os.fdopen(os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL | OWN_FLAGS, 0o666), "wb")
 
 
 def user_id() -> int:
-    """Return the user's number; 0 where the system has none."""
+    """Return the user's ID, or 0 on a system without user IDs."""
     return os.getuid() if hasattr(os, "getuid") else 0
 
 
 def own_text(path: Path) -> str:
-    """Return the text of this user's plain file; OSError for a link, a pipe or another user's file."""
+    """Return the text of this user's regular file; raises OSError for a link, pipe or another user's file."""
     handle = os.open(path, os.O_RDONLY | getattr(os, "O_NONBLOCK", 0) | OWN_FLAGS)
     with os.fdopen(handle, encoding="utf-8", errors="replace") as stream:
         status = os.fstat(handle)
@@ -217,7 +216,7 @@ def own_text(path: Path) -> str:
 
 @contextlib.contextmanager
 def partial_folder(target: Path) -> Iterator[Path]:
-    """Provide an empty folder beside a target for its parts (see `moved`), removed at the end; raises OSError."""
+    """Provide a temporary folder beside `target` (see `moved`); remove it at the end. Raises OSError."""
     remove_stale_once(target.parent.absolute())
     folder = target.with_name(partial_name(target.name))
     _remove(folder)
@@ -229,7 +228,7 @@ def partial_folder(target: Path) -> Iterator[Path]:
 
 
 def moved(source: Path, target: Path) -> None:
-    """Sync a finished file or folder with its content, then give it its final name."""
+    """Sync a finished file, or a folder with its content; then rename it to `target`."""
     for below in sorted(source.rglob("*")) if source.is_dir() else ():
         if not below.is_symlink():
             sync(below)
@@ -239,7 +238,7 @@ def moved(source: Path, target: Path) -> None:
 
 
 def make_folder(folder: Path, remedy: str = "choose another folder") -> None:
-    """Make a folder and its parents (see `remove_empty`); NoSpaceError or InputError if that fails."""
+    """Make a folder and its parents (see `remove_empty`); raises NoSpaceError or InputError if that fails."""
     new_folders.extend(place for place in (*reversed(folder.parents), folder) if not place.exists())
     try:
         folder.mkdir(parents=True, exist_ok=True)
@@ -250,11 +249,10 @@ def make_folder(folder: Path, remedy: str = "choose another folder") -> None:
 
 
 class FolderLock:
-    """A lock on a folder until it is closed or the process ends, if the file system has locks."""
+    """A lock on a folder until `close` or the process's end; no effect if the file system has no locks."""
 
     def __init__(self, folder: Path, remedy: str) -> None:
-        """Make and lock the folder; InputError when another command has the lock, or as `make_folder`."""
-        #: Releases the lock.
+        """Make and lock the folder; raises InputError if another command has locked it, or as `make_folder`."""
         self.close: Callable[[], object] = lambda: None
         make_folder(folder, remedy)
         if HAS_LOCKS:
@@ -264,7 +262,7 @@ class FolderLock:
 
 
 def _locked(folder: Path, remedy: str) -> int | None:
-    """Lock a folder and return its handle; None when its owner has removed it meanwhile."""
+    """Lock a folder and return its file descriptor; `None` if the folder no longer exists."""
     import fcntl
 
     try:
@@ -277,7 +275,7 @@ def _locked(folder: Path, remedy: str) -> int | None:
         os.close(handle)
         what = "belongs to another command that is at work"
         raise input_error(folder, what, f"wait until it has ended, or {remedy}") from None
-    except OSError:  # there are no locks
+    except OSError:  # the file system has no locks
         return handle
     with contextlib.suppress(FileNotFoundError):
         if os.path.samestat(os.fstat(handle), folder.stat()):
@@ -287,21 +285,21 @@ def _locked(folder: Path, remedy: str) -> int | None:
 
 
 def remove_empty() -> None:
-    """Remove the folders of `make_folder` that are empty."""
+    """Remove the folders that `make_folder` created and that are empty."""
     while new_folders:
         with contextlib.suppress(OSError):
             new_folders.pop().rmdir()
 
 
 def private_path() -> Path:
-    """Return the path of this user's own folder."""
+    """Return the path of this user's private temporary folder."""
     return Path(tempfile.gettempdir()) / f"lippmann-{user_id()}"
 
 
 def private_folder() -> Path:
-    """Return this user's own folder for sockets and scratch files, made if missing.
+    """Return this user's private folder for sockets and scratch files; create it if it is missing.
 
-    Raises InputError when it belongs to another user, or others may enter it.
+    Raises InputError if the folder belongs to another user or others have access.
     """
     folder = private_path()
     with contextlib.suppress(FileExistsError):
@@ -314,7 +312,7 @@ def private_folder() -> Path:
 
 
 def listening() -> set[str]:
-    """Return the paths of Unix sockets on which programs listen, on Linux."""
+    """Return the paths of Unix sockets on which programs listen (only on Linux)."""
     table = Path("/proc/net/unix")
     rows = table.read_text(errors="replace").splitlines() if table.exists() else []
     return {row.split(maxsplit=7)[-1] for row in rows}  # a path may have spaces

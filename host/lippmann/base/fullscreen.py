@@ -1,4 +1,4 @@
-"""Images on the host's screens (SDL): unscaled on a monitor, or in a window."""
+"""Shows images with SDL, unscaled on a full monitor or in a window."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 Pixels = npt.NDArray[np.uint8]
 
-#: SDL drivers without a visible screen, which SDL chooses without a desktop.
+#: SDL drivers without a visible screen; SDL selects one if there is no desktop.
 BLIND_DRIVERS = ("dummy", "evdev", "offscreen")
 #: Pause between two queries of the keyboard, s.
 LOOK_S = 0.05
@@ -31,13 +31,13 @@ WINDOW_SHARE = 0.9
 
 
 def monitors() -> list[tuple[int, int]]:
-    """Return the width and height of each monitor, px; DeviceError without a desktop."""
+    """Return the width and height of each monitor, px; raises DeviceError without a desktop."""
     with desktop("its sizes") as pygame:
         return list(pygame.display.get_desktop_sizes())
 
 
 def check_monitor(sizes: Sequence[tuple[int, int]], monitor: int, size: tuple[int, int]) -> None:
-    """Refuse a monitor that does not exist or has another size than the picture."""
+    """Refuse a monitor that does not exist or whose size differs from the picture's."""
     if not 0 <= monitor < len(sizes):
         listed = ", ".join(f"{k}: {width} x {height}" for k, (width, height) in enumerate(sizes))
         raise InputError(f"no monitor {monitor}; choose from {listed}")
@@ -48,7 +48,7 @@ def check_monitor(sizes: Sequence[tuple[int, int]], monitor: int, size: tuple[in
 
 
 def window_size(size: tuple[int, int], desktop: tuple[int, int]) -> tuple[int, int]:
-    """Return the size of a window for a picture, scaled down to a smaller desktop."""
+    """Return the window size for a picture, scaled down if the desktop is smaller."""
     scale = min(1.0, *(WINDOW_SHARE * full / side for full, side in zip(desktop, size, strict=True)))
     width, height = (max(1, round(scale * side)) for side in size)
     return width, height
@@ -56,12 +56,12 @@ def window_size(size: tuple[int, int], desktop: tuple[int, int]) -> tuple[int, i
 
 @contextmanager
 def full_screen(size: tuple[int, int], monitor: int) -> Iterator[Callable[..., Pixels]]:
-    """Provide a function that shows an image (height, width, 3) uint8 on a full monitor, counted from 0.
+    """Provide a function that shows an image (height, width, 3) uint8 on monitor number `monitor`, from 0.
 
-    It takes the image and a duration, s (None: until Escape or q), and returns the
-    screen's pixels. Raises InputError for a missing monitor or one of another size,
-    whose scaled pixels would not match the lenslets; DeviceError without a desktop or
-    full screen.
+    The function takes the image and a duration in s, and returns the screen's pixels.
+    The duration `None` ends with Escape or q. Raises InputError for a missing monitor
+    and for another image size, because scaled pixels would not match the lenslets;
+    DeviceError without a desktop or full screen.
     """
     check_monitor(monitors(), monitor, size)
     width, height = size
@@ -82,7 +82,7 @@ def full_screen(size: tuple[int, int], monitor: int) -> Iterator[Callable[..., P
 def show_frames(frames: Sequence[Pixels], seconds: float | None, frame_s: float = LOOK_S) -> None:
     """Repeat frames (height, width, 3) uint8 in a window, for some seconds or until Escape, q or the close button.
 
-    Larger frames are scaled down to the desktop. Raises DeviceError without a desktop.
+    Frames larger than the desktop are scaled down. Raises DeviceError without a desktop.
     """
     if seconds is not None and not as_number(seconds) >= 0.0:
         raise InputError(f"seconds {seconds} is no length of time; give 0 or more, or None: until Escape")
@@ -100,7 +100,7 @@ def show_frames(frames: Sequence[Pixels], seconds: float | None, frame_s: float 
 
 
 def _put_up(pygame: ModuleType, screen: pygame.Surface, picture: pygame.Surface, seconds: float | None) -> bool:
-    """Show a picture for some seconds, or until Escape, q or the close button; tell whether the user ended it."""
+    """Show a picture for some seconds, or until Escape, q or the close button; return whether the user ended it."""
     screen.blit(picture, (0, 0))
     pygame.display.flip()
     until = math.inf if seconds is None else time.monotonic() + seconds
@@ -116,9 +116,9 @@ def _put_up(pygame: ModuleType, screen: pygame.Surface, picture: pygame.Surface,
 
 @contextmanager
 def desktop(request: str) -> Iterator[ModuleType]:
-    """Provide pygame with its display; an error of SDL becomes "the desktop refuses `request`"."""
+    """Provide pygame with an open display; an SDL error becomes "the desktop refuses `request`"."""
     os.environ.setdefault("PYGAME_HIDE_SUPPORT_PROMPT", "1")
-    # The window stays when another one gets the keyboard.
+    # Do not minimize the window when it loses the keyboard focus.
     os.environ.setdefault("SDL_VIDEO_MINIMIZE_ON_FOCUS_LOSS", "0")
     try:
         import pygame

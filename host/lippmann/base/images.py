@@ -1,4 +1,4 @@
-"""Image files: linear radiance in EXR and TIFF, panel values in PNG, with metadata."""
+"""Reads and writes image files: linear radiance in EXR and TIFF, panel values in PNG, and metadata."""
 
 from __future__ import annotations
 
@@ -27,28 +27,28 @@ from lippmann.errors import InputError, input_error, likely_file, missing_librar
 if TYPE_CHECKING:
     import OpenImageIO
 
-#: Formats with linear radiance, and with panel values.
+#: Extensions of files with linear radiance.
 LINEAR_SUFFIXES = (".exr", ".tif", ".tiff")
+#: Extensions of files with panel values.
 ENCODED_SUFFIXES = (".png",)
 SUFFIXES = LINEAR_SUFFIXES + ENCODED_SUFFIXES
-#: Longest file name, bytes: file systems allow 255, and the temporary name is longer.
+#: Maximum file name, bytes: file systems allow 255, and the temporary name is longer.
 MAX_NAME_BYTES = 220
-#: Largest half float.
 HALF_MAX = 65504.0
-#: Maximum of channels: colours and alpha.
+#: Maximum number of channels: three colours and alpha.
 MAX_CHANNELS = 4
-#: Maximum bytes of compressed texts in a PNG, which may expand a thousandfold.
+#: Maximum size of a PNG's compressed texts, bytes; they may expand a thousandfold.
 MAX_TEXT_BYTES = 1 << 18
-#: OpenImageIO's names of the transfer curves; it writes a gamma chunk for each.
+#: OpenImageIO's name for each transfer curve; it makes OpenImageIO write a gamma chunk.
 COLOUR_SPACES = {"srgb": "sRGB", "gamma2.2": "Gamma2.2", "linear": "Linear"}
-#: Without row filters, integral images are as small, and written in a third of time.
+#: Without row filters, PNG files are written three times as fast, and are not larger.
 PNG_SETTINGS = {"png:filter": 0x08, "png:compressionLevel": 2}
-#: Prefix of our metadata keys in a file.
+#: Prefix of Lippmann's metadata keys in a file.
 PREFIX = "lippmann:"
 
 #: Linear radiance, (height, width, 3).
 Radiance = npt.NDArray[np.float32]
-#: Takes a file's metadata; raises to refuse the file.
+#: Function that checks a file's metadata, and raises an error to refuse the file.
 Accept = Callable[[Mapping[str, str]], None]
 
 
@@ -62,8 +62,8 @@ class Picture(NamedTuple):
 def check_output(path: str | Path, suffixes: tuple[str, ...] = SUFFIXES) -> Path:
     """Check that a file can be written, and return its path.
 
-    Raises InputError for an unknown extension, a missing or read-only folder, or a
-    folder as path; NoSpaceError.
+    Raises InputError for an unknown extension, a missing or read-only folder, or a path
+    that is a folder; NoSpaceError if the disk is full.
     """
     path = path_of(path, "an image file")
     if len(os.fsencode(path.name)) > MAX_NAME_BYTES:
@@ -71,7 +71,7 @@ def check_output(path: str | Path, suffixes: tuple[str, ...] = SUFFIXES) -> Path
     if path.suffix.lower() not in suffixes:
         raise input_error(path, f"unknown extension '{path.suffix}'", f"choose from {', '.join(suffixes)}")
     if path.suffix.lower() in SUFFIXES:
-        openimageio()  # raises now, not after the render, when the library is missing
+        openimageio()  # report a missing library now, not after the render
     if path.is_dir():
         raise input_error(path, "is a folder", "give a file name")
     folder = path.parent
@@ -80,7 +80,7 @@ def check_output(path: str | Path, suffixes: tuple[str, ...] = SUFFIXES) -> Path
     if not os.access(folder, os.W_OK) or (path.exists() and not os.access(path, os.W_OK)):
         raise input_error(path, "cannot be written", "choose another place or change permissions")
     try:
-        with tempfile.TemporaryFile(dir=folder):  # /proc has write permission, but refuses files
+        with tempfile.TemporaryFile(dir=folder):  # /proc permits writing, but refuses new files
             pass
     except OSError as error:
         raise not_written(path, error) from None
@@ -89,7 +89,7 @@ def check_output(path: str | Path, suffixes: tuple[str, ...] = SUFFIXES) -> Path
 
 
 def check_input(path: str | Path) -> Path:
-    """Return an image's path; InputError when there is no such file."""
+    """Return the path of an image; raises InputError if the file does not exist."""
     path = path_of(path, "an image file")
     if not path.is_file():
         missing = likely_file(path, SUFFIXES) or "render it first: lippmann render"
@@ -102,10 +102,10 @@ class Rows(Protocol):
 
     @property
     def shape(self) -> tuple[int, ...]:
-        """Height, width and 3."""
+        """The image's height, width and 3 channels."""
 
     def __getitem__(self, rows: slice, /) -> Numbers:
-        """Return at most `BAND_ROWS` rows; the first is a multiple of `BAND_ROWS`."""
+        """Return at most `BAND_ROWS` rows; `rows` starts at a multiple of `BAND_ROWS`."""
 
 
 def write_picture(
@@ -113,20 +113,19 @@ def write_picture(
 ) -> None:
     """Write linear radiance (height, width, 3) and metadata (keys without prefix) as an image file.
 
-    .exr (half float) and .tif (float) are linear; .png has panel values
-    (`encoded_values`). Raises InputError when the file cannot be written.
+    EXR (half float) and TIFF (float) files are linear. PNG files contain panel values
+    (see `encoded_values`). Raises InputError if the file cannot be written.
     """
     path = check_output(path)
     suffix = path.suffix.lower()
     firsts = range(0, radiance.shape[0], BAND_ROWS)
     for first in firsts:
         rows = np.asarray(radiance[first : first + BAND_ROWS])
-        # Infinite light becomes the largest value in the other formats.
+        # The other formats store infinite light as their largest value.
         if np.isnan(rows).any() or (suffix in (".tif", ".tiff") and np.isinf(rows).any()):
             raise input_error(path, "the image has pixels that are not finite", "replace them (numpy.nan_to_num)")
 
     def file_values(first: int) -> Numbers:
-        """Return the file's values of a band."""
         rows: Numbers = np.asarray(radiance[first : first + BAND_ROWS], np.float32)
         if suffix == ".png":
             rows = encoded_values(rows, transfer, bits)
@@ -149,7 +148,7 @@ def write_picture(
 
 
 def describe_not_finite(radiance: Rows) -> str:
-    """Return how many values of an image are NaN or infinite, and where the first is; "" for none."""
+    """Describe the number of NaN and infinite values in an image, and the first's position; "" if all are finite."""
     count, place = 0, ""
     for first in range(0, radiance.shape[0], BAND_ROWS):
         wrong = ~np.isfinite(radiance[first : first + BAND_ROWS])
@@ -163,10 +162,9 @@ def describe_not_finite(radiance: Rows) -> str:
 def _file_spec(
     suffix: str, shape: tuple[int, ...], metadata: Mapping[str, str], transfer: Transfer, bits: int
 ) -> OpenImageIO.ImageSpec:
-    """Return the header of a file."""
     oiio = openimageio()
     entries, kind = dict(metadata), oiio.FLOAT
-    # Level 1 writes in three quarters of the time; the file is 2 % larger.
+    # Compression level 1 saves a quarter of the time; the file is 2 % larger.
     settings: dict[str, str | int] = {"compression": "zip:1" if suffix == ".exr" else "zip"}
     if suffix == ".png":
         entries["transfer"] = transfer_text(transfer)
@@ -175,7 +173,7 @@ def _file_spec(
     elif suffix == ".exr":
         kind = oiio.HALF
     if suffix in (".tif", ".tiff"):
-        # In TIFF each entry is a line of the description; a tab continues a value.
+        # In TIFF, each entry is a line of the description; a tab continues an entry.
         lines = [f"{PREFIX}{key}={value}".replace("\n", "\n\t") for key, value in entries.items()]
         settings["ImageDescription"] = "\n".join(lines)
     else:
@@ -187,7 +185,7 @@ def _file_spec(
 
 
 def _write_bands(out: OpenImageIO.ImageOutput, firsts: range, file_values: Callable[[int], Numbers]) -> bool:
-    """Write the bands, encoding one ahead; tell whether that succeeded."""
+    """Write each band while a thread encodes the next one; return whether the write succeeded."""
     with ThreadPoolExecutor(1) as encoder:
         ahead = encoder.submit(file_values, 0)
         for first in firsts:
@@ -199,11 +197,11 @@ def _write_bands(out: OpenImageIO.ImageOutput, firsts: range, file_values: Calla
 
 
 def read_picture(path: str | Path, limit: tuple[int, int] | None = None, accept: Accept | None = None) -> Picture:
-    """Read an image file as linear radiance; a PNG by the transfer curve in its metadata, or as sRGB.
+    """Read an image file as linear radiance; decode a PNG by the transfer curve in its metadata, or else as sRGB.
 
     `limit` is the required (width, height); `accept` is called before the pixels are
-    read. Raises InputError when the file is missing, broken, of another size, or not a
-    flat image.
+    read. Raises InputError if the file is missing or broken, has another size, or is
+    not a flat image.
     """
     with StoredRows(path, limit, accept) as rows:
         return Picture(np.array(rows, copy=None), rows.metadata)
@@ -211,18 +209,17 @@ def read_picture(path: str | Path, limit: tuple[int, int] | None = None, accept:
 
 @contextlib.contextmanager
 def _quiet(path: Path) -> Iterator[None]:
-    """Suppress errors that OpenImageIO prints besides returning them."""
+    """Suppress the messages that OpenImageIO prints; it also returns its errors."""
     try:
         with silent_stderr():
             yield
-    except UnicodeDecodeError:  # OpenImageIO quotes a broken header
+    except UnicodeDecodeError:  # OpenImageIO's message quotes a broken header
         raise input_error(path, "is broken", "render it again") from None
 
 
 def _opened(
     path: Path, limit: tuple[int, int] | None, accept: Accept | None
 ) -> tuple[OpenImageIO.ImageInput, dict[str, str]]:
-    """Open an image file; return OpenImageIO's input and our metadata."""
     try:
         _check_texts(path)
     except OSError as error:
@@ -231,7 +228,7 @@ def _opened(
     source = oiio.ImageInput.open(str(path))
     if source is None:
         trouble = oiio.geterror()
-        # OpenImageIO gives the size of a very large image only in its error.
+        # OpenImageIO gives the size of a very large image only in its error message.
         if limit is not None and (claim := re.search(r"claimed to be (\d+)x(\d+)", trouble)):
             _check_size(path, (int(claim[1]), int(claim[2])), limit)
         raise input_error(path, f"is not an image ({_first_line(trouble, path)})", "give an EXR, TIFF or PNG file")
@@ -251,10 +248,10 @@ def _opened(
 
 
 def _decode_rows(path: Path, rows: Radiance, metadata: Mapping[str, str]) -> None:
-    """Make a file's values linear in place; refuse values that are not finite."""
+    """Convert a file's values to linear light in place; refuse values that are not finite."""
     if not np.isfinite(rows).all():
         raise input_error(path, "contains pixels that are not finite", "render it again")
-    # In a linear file's metadata, the transfer curve is the panel's.
+    # A linear file's metadata contains the panel's transfer curve, not the file's.
     linear = path.suffix.lower() in LINEAR_SUFFIXES
     try:
         rows[:] = decode(rows, "linear" if linear else metadata.get("transfer", "srgb"))
@@ -263,7 +260,6 @@ def _decode_rows(path: Path, rows: Radiance, metadata: Mapping[str, str]) -> Non
 
 
 def _check_size(path: Path, size: tuple[int, int], limit: tuple[int, int]) -> None:
-    """Refuse an image of another size than the panel's."""
     if size != limit:
         what = f"is {size[0]} x {size[1]} pixels, the panel {limit[0]} x {limit[1]}"
         raise input_error(path, what, "render it for this display")
@@ -279,12 +275,10 @@ def _check_texts(path: Path) -> None:
 
 
 def _first_line(trouble: str, path: Path) -> str:
-    """Return the first line of an error message, without the file's name."""
     return next(iter(trouble.replace(f" ({path})", "").strip().splitlines()), "no reason given")
 
 
 def _metadata_of(spec: OpenImageIO.ImageSpec) -> dict[str, str]:
-    """Return our keys from a file's header."""
     metadata: dict[str, str] = {}
     for attribute in spec.extra_attribs:
         if attribute.name.startswith(PREFIX):
@@ -298,7 +292,7 @@ def _metadata_of(spec: OpenImageIO.ImageSpec) -> dict[str, str]:
 
 
 def openimageio() -> ModuleType:
-    """Return the library; MissingLibraryError without it."""
+    """Return the library OpenImageIO; raises MissingLibraryError if it is not installed."""
     try:
         with interrupts.hold_signals():  # an exception while its types load aborts the process
             import OpenImageIO
@@ -308,7 +302,7 @@ def openimageio() -> ModuleType:
 
 
 class StoredRows:
-    """Linear radiance (height, width, 3) float32 in a file; an index reads only its rows.
+    """Linear radiance (height, width, 3) float32 in a file; indexing reads only the requested rows.
 
     The returned arrays are read-only. `numpy.asarray` reads all rows.
     """
@@ -316,7 +310,7 @@ class StoredRows:
     dtype, ndim = np.dtype(np.float32), 3
 
     def __init__(self, path: str | Path, limit: tuple[int, int] | None = None, accept: Accept | None = None) -> None:
-        """Open an image file; arguments and errors as for `read_picture`."""
+        """Open an image file; the arguments and errors are those of `read_picture`."""
         self._path = check_input(path)
         with _quiet(self._path):
             self._source, self.metadata = _opened(self._path, limit, accept)
@@ -340,11 +334,11 @@ class StoredRows:
         return self.shape[0]
 
     def __getitem__(self, index: Any, /) -> Radiance:
-        """Return a part, reading only the requested row or range of rows."""
+        """Return a part of the image; read only the requested rows."""
         rows, *columns = index if isinstance(index, tuple) else (index,)
         own: int | slice = slice(None)
         if isinstance(rows, int | np.integer):
-            first, own = range(self.shape[0])[rows], 0  # or IndexError
+            first, own = range(self.shape[0])[rows], 0  # raises IndexError
             last = first + 1
         elif isinstance(rows, slice) and rows.step in (None, 1):
             first, last, _ = rows.indices(self.shape[0])
@@ -353,7 +347,7 @@ class StoredRows:
         return np.asarray(self._read(first, max(first, last))[(own, *columns)], np.float32)
 
     def _read(self, first: int, last: int) -> Radiance:
-        """Return rows; rows of the last call are not read again."""
+        """Return the rows `first` to `last` - 1; reuse rows that the previous call read."""
         if self._closed:
             raise ValueError(f"{self._path} is closed")
         cached = self._rows[:0]
@@ -363,7 +357,7 @@ class StoredRows:
         rows[: len(cached)] = cached
         spec, kind = self._spec, openimageio().FLOAT
         channels = 3 if spec.nchannels >= 3 else 1
-        # From a tiled file, OpenImageIO reads complete rows of tiles only.
+        # OpenImageIO reads a tiled file only in complete rows of tiles.
         tile = spec.tile_height if spec.tile_width else 1
         with _quiet(self._path):
             for low in range(first + len(cached), last, BAND_ROWS):
@@ -385,7 +379,7 @@ class StoredRows:
         return rows
 
     def __array__(self, dtype: npt.DTypeLike | None = None, copy: bool | None = None) -> Numbers:
-        """Return all rows."""
+        """Return all rows as one array."""
         height, width, _ = self.shape
         check_expanded(str(self._path), f"{width} x {height} pixels", 2 * 12 * width * height, "take a smaller image")
         rows = self._read(0, height)
@@ -394,20 +388,20 @@ class StoredRows:
         return np.array(rows, dtype, copy=copy)
 
 
-#: Accepted formats, by Pillow's names: `_claimed_size` checks no others.
+#: Pillow's names of the accepted formats.
 FORMATS = ("PNG", "JPEG", "TIFF", "BMP")
 
 
 def read_numbers(path: Path, max_pixels: int, what: str, remedy: str) -> Numbers:
-    """Return an image, (height, width) or (height, width, BGR or BGRA), in the file's type of numbers.
+    """Return an image, (height, width) or (height, width, BGR or BGRA), in the file's number type.
 
-    Raises InputError for more than `max_pixels` pixels, and, with `what` and `remedy`,
-    for a broken file or one not of `FORMATS`.
+    Raises InputError for more than `max_pixels` pixels. The error for a broken file or
+    a format outside `FORMATS` contains `what` and `remedy`.
     """
     import cv2
 
     refused = input_error(path, what, remedy)
-    # OpenCV allocates the claimed size before it reads the pixels.
+    # OpenCV allocates the size in the header before it reads the pixels.
     if _claimed_size(path, refused) > max_pixels:
         raise input_error(path, f"has more than {max_pixels / 1e6:g} megapixels", "give a smaller one")
     try:
@@ -421,16 +415,16 @@ def read_numbers(path: Path, max_pixels: int, what: str, remedy: str) -> Numbers
 
 
 def _claimed_size(path: Path, refused: InputError) -> float:
-    """Return the number of pixels in a file's header."""
+    """Return the number of pixels that a file's header claims."""
     from PIL import Image, UnidentifiedImageError
 
     if not path.is_file():
         raise input_error(path, not_there(path), "give a PNG, JPEG or TIFF file")
     try:
         with warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # about large pictures and unusual metadata
+            warnings.simplefilter("ignore")  # warnings of large pictures and unusual metadata
             with Image.open(path, formats=FORMATS) as picture:
-                if picture.format == "PNG" and not png_is_complete(path):  # up to 4 GB are claimed for a chunk
+                if picture.format == "PNG" and not png_is_complete(path):  # a chunk may claim 4 GB
                     raise refused
                 return picture.width * picture.height
     except Image.DecompressionBombError:

@@ -1,4 +1,4 @@
-"""Ctrl-C and SIGTERM, recorded because some libraries drop the exception: long work calls `check`."""
+"""Records Ctrl-C and SIGTERM, because some libraries drop the exception; long computations call `check`."""
 
 from __future__ import annotations
 
@@ -10,12 +10,12 @@ import threading
 from collections.abc import Iterator
 from types import FrameType
 
-#: The signal of a closed terminal; Windows has none.
+#: Signal that a closed terminal sends; `None` on Windows.
 HANGUP = getattr(signal, "SIGHUP", None)
 #: Signals that end a command.
 ENDING = (signal.SIGINT, signal.SIGTERM, *([HANGUP] if HANGUP else []))
 
-#: Signals received.
+#: Numbers of the signals received so far.
 received: list[int] = []
 
 
@@ -27,7 +27,7 @@ def install() -> None:
 
 
 def ignore() -> None:
-    """Ignore the signals of `ENDING` while Python ends."""
+    """Ignore the signals of `ENDING` while Python shuts down."""
     for number in ENDING:
         signal.signal(number, signal.SIG_IGN)
 
@@ -50,24 +50,24 @@ def exit_code() -> int:
 
 
 def leave(code: int) -> None:
-    """End the process without closing its libraries; return if the output cannot be flushed."""
+    """End the process without closing its libraries; return only if the output cannot be flushed."""
     with contextlib.suppress(OSError, ValueError):
         for stream in (sys.stdout, sys.stderr):
-            if stream is not None:  # closed by the parent process
+            if stream is not None:  # the parent process may have closed it
                 stream.flush()
         os._exit(code)
 
 
 @contextlib.contextmanager
 def hold_signals() -> Iterator[list[int]]:
-    """Hold the signals of `ENDING` until the block ends; provide a list of those received.
+    """Delay the signals of `ENDING` until the block ends; provide a list of the received signals.
 
-    For code that an exception would break: C++ that loads, and subprocess with its
-    lock. A signal mask would not help: other libraries' threads take the signals.
+    An exception would break C++ libraries while they load, and subprocess while it has
+    its lock. A signal mask would not help: other threads would receive the signals.
     """
     came: list[int] = []
     before = {number: signal.getsignal(number) for number in ENDING}
-    # Only the main thread can set handlers, and only Python's can be restored.
+    # Only the main thread can set handlers, and only Python handlers can be restored.
     if threading.current_thread() is not threading.main_thread() or None in before.values():
         yield came
         return
@@ -85,7 +85,7 @@ def hold_signals() -> Iterator[list[int]]:
 
 @contextlib.contextmanager
 def blocked_in_children() -> Iterator[None]:
-    """Block the signals of `ENDING` in new processes of multiprocessing, which this process ends; not on Windows."""
+    """Block the signals of `ENDING` in new child processes, which this process ends itself; no effect on Windows."""
     if not hasattr(signal, "pthread_sigmask"):
         yield
         return
@@ -93,7 +93,7 @@ def blocked_in_children() -> Iterator[None]:
 
     before = signal.pthread_sigmask(signal.SIG_BLOCK, ENDING)
     try:
-        resource_tracker.ensure_running()  # it unblocks some signals, so it starts first
+        resource_tracker.ensure_running()  # starts first, because it unblocks some signals
         signal.pthread_sigmask(signal.SIG_BLOCK, ENDING)
         yield
     finally:

@@ -1,4 +1,4 @@
-"""Limits of files and of the memory for their content, checked before it is allocated."""
+"""Checks the size of files, and the memory for their content before it is allocated."""
 
 from __future__ import annotations
 
@@ -20,24 +20,23 @@ from lippmann.base.machine import free_memory_mb
 from lippmann.base.tones import Numbers
 from lippmann.errors import InputError, input_error, reason
 
-#: Maximum bytes of a TOML file, a scene's XML, and a text table of pixels or words.
+#: Maximum size of a TOML file, a scene's XML file and a text table, bytes.
 MAX_TOML_BYTES, MAX_XML_BYTES, MAX_TABLE_BYTES = 1 << 20, 1 << 26, 1 << 28
-#: Maximum bytes of a bitstream: three times the largest ECP5's.
+#: Maximum size of a bitstream, bytes: three times that of the largest ECP5.
 MAX_BITSTREAM_BYTES = 1 << 23
-#: Maximum bytes of the header of an array's file, as in numpy.
+#: Maximum size of the header of a numpy file, bytes; numpy has the same limit.
 MAX_HEADER_BYTES = 10_000
-#: Maximum of rays in a file, and for --pixels.
+#: Maximum number of rays in a file and in --pixels.
 MAX_RAYS = 100_000_000
-#: Maximum depth of an XML file's elements: Mitsuba uses stack for each level.
+#: Maximum nesting depth of XML elements, because Mitsuba's parser is recursive.
 MAX_XML_DEPTH = 500
-#: Bytes of one read, which allocates as much.
 PART_BYTES = 1 << 20
 #: Fraction of the free memory that a file's content may take.
 SHARE = 0.8
 
 
 def read_limited(path: Path, max_bytes: int, remedy: str) -> bytes:
-    """Return a file's bytes; InputError for more than `max_bytes`, as from an endless device."""
+    """Return a file's bytes; raises InputError above `max_bytes`, such as for an endless device."""
     data = bytearray()
     with path.open("rb") as stream:
         while part := stream.read(min(PART_BYTES, max_bytes + 1 - len(data))):
@@ -49,7 +48,7 @@ def read_limited(path: Path, max_bytes: int, remedy: str) -> bytes:
 
 
 def check_expanded(where: str, what: str, needed_bytes: int, remedy: str) -> None:
-    """Refuse content that needs more memory than is free."""
+    """Refuse file content that needs more than the fraction `SHARE` of the free memory."""
     limit = SHARE * free_memory_mb()
     if needed_bytes / 1e6 > limit:
         raise input_error(where, f"{what}: needs {needed_bytes / 1e6:.0f} MB, the limit is {limit:.0f} MB", remedy)
@@ -58,11 +57,12 @@ def check_expanded(where: str, what: str, needed_bytes: int, remedy: str) -> Non
 def load_arrays(
     path: Path, names: Collection[str] | None, remedy: str, bytes_a_ray: int = 0
 ) -> tuple[dict[str, Numbers], set[str]]:
-    """Return the arrays of an .npz file that are in `names`, and all its names; for None, of an .npy file.
+    """Return the arrays of an .npz file whose names are in `names`, and the names of all its arrays.
 
-    The array of an .npy file is called "". `bytes_a_ray` is the caller's memory for
-    each row. Raises InputError for a broken file, arrays not of real numbers, more than
-    `MAX_RAYS` rows, or too little free memory.
+    If `names` is None, the file is an .npy file; its array gets the name "".
+    `bytes_a_ray` is the memory that the caller needs per row. Raises InputError for a
+    broken file, values that are not real numbers, more than `MAX_RAYS` rows, or too
+    little free memory.
     """
     try:
         if names is None:
@@ -84,8 +84,8 @@ def load_arrays(
             return arrays, set(members)
     except InputError:
         raise
-    except Exception as error:  # broken files raise errors of any class
-        # Too large, encrypted, or of an unknown coding.
+    except Exception as error:  # broken files raise errors of many classes
+        # The file is too large, encrypted, or compressed by an unknown method.
         if isinstance(error, MemoryError | NotImplementedError | RuntimeError):
             error = ValueError(str(error) or "it is too large")
         usual = ValueError | OSError | KeyError | EOFError | TypeError | zipfile.BadZipFile | zlib.error
@@ -97,8 +97,7 @@ Header = tuple[tuple[int, ...], np.dtype[np.generic]]
 
 
 def _header(stream: IO[bytes]) -> Header:
-    """Return the shape and type in the header of an array's file."""
-    head = io.BytesIO(stream.read(MAX_HEADER_BYTES))  # a file may claim 4 GB of header
+    head = io.BytesIO(stream.read(MAX_HEADER_BYTES))  # a file may claim a header of 4 GB
     version = np.lib.format.read_magic(head)
     if version == (1, 0):
         shape, _, kind = np.lib.format.read_array_header_1_0(head)
@@ -110,7 +109,7 @@ def _header(stream: IO[bytes]) -> Header:
 
 
 def _check_arrays(path: Path, headers: dict[str, Header], remedy: str, bytes_a_ray: int) -> None:
-    """Refuse arrays that are too large or not of real numbers, by their headers."""
+    """Refuse arrays whose headers describe too much data or other values than real numbers."""
     rows = total = 0
     for name, (shape, kind) in headers.items():
         called = f"{name} is" if name else "is"
@@ -127,7 +126,7 @@ def _check_arrays(path: Path, headers: dict[str, Header], remedy: str, bytes_a_r
 
 
 def png_chunks(path: Path) -> Iterator[tuple[bytes, int, bool]]:
-    """Yield kind, claimed bytes and completeness of each chunk of a PNG; nothing for other files."""
+    """Yield type, claimed size and completeness of each chunk of a PNG; nothing for other files."""
     with path.open("rb") as stream:
         if stream.read(8) != b"\x89PNG\r\n\x1a\n":
             return
@@ -139,7 +138,7 @@ def png_chunks(path: Path) -> Iterator[tuple[bytes, int, bool]]:
 
 
 def png_is_complete(path: Path) -> bool:
-    """Tell whether a PNG has all chunks up to its last one."""
+    """Return whether a PNG has all chunks up to its last one."""
     for kind, _, complete in png_chunks(path):
         if kind == b"IEND" or not complete:
             return complete
@@ -147,12 +146,12 @@ def png_is_complete(path: Path) -> bool:
 
 
 def lines_of(text: str) -> Iterator[str]:
-    """Yield a text's lines without a list of all lines."""
+    """Yield the lines of a text one by one, without building a list."""
     return (line[0].rstrip("\r\n") for line in re.finditer(r"[^\n]*\n|[^\n]+", text))
 
 
 def check_xml(path: Path, remedy: str) -> list[str]:
-    """Refuse an XML file that is too large or too deep; return the files that it includes."""
+    """Refuse an XML file that is too large or too deeply nested; return the files that it includes."""
     data = read_limited(path, MAX_XML_BYTES, remedy)
     depth, included = 0, list[str]()
 
@@ -173,7 +172,7 @@ def check_xml(path: Path, remedy: str) -> list[str]:
     parser.StartElementHandler, parser.EndElementHandler = start, end
     try:
         parser.Parse(data, True)
-    except (expat.ExpatError, ValueError) as error:  # the caller's parser reports it, unless too deep
+    except (expat.ExpatError, ValueError) as error:  # the caller's parser reports it, except too deep nesting
         if data.count(b"<") > MAX_XML_DEPTH:
             raise input_error(path, f"is not XML ({error})", remedy) from None
     return included

@@ -1,4 +1,4 @@
-"""The machine's processor, and the memory that this process may still use."""
+"""Reports the machine's processor, and the memory that this process can still allocate."""
 
 from __future__ import annotations
 
@@ -10,28 +10,28 @@ import time
 from collections.abc import Iterator
 from pathlib import Path
 
-#: For each version of control groups: folders below the root; files of the limit and
-#: the use, bytes; entries of memory.stat for pages of files, which the kernel can drop.
+#: For each version of control groups: folders below the root, the file of the memory
+#: limit, the file of the memory use, and a pattern of cache sizes in memory.stat.
 VERSIONS = {
     1: (("memory",), "memory.limit_in_bytes", "memory.usage_in_bytes", r"total_(?:in)?active_file"),
     2: (("", "unified"), "memory.max", "memory.current", r"(?:in)?active_file"),
 }
-#: A limit of this size or more means no limit: version 1 writes nearly 2^63 for it.
+#: A value of this size or more means no limit; version 1 then writes nearly 2^63.
 UNLIMITED = 1 << 62
 #: Assumed free memory on a system that does not report it, MB.
 DEFAULT_FREE_MB = 4000.0
 
 
 def free_memory_mb() -> float:
-    """Return the free memory, MB, with releasable caches: the machine's or, if less, a control group's."""
+    """Return the free memory of the machine or, if less, of a control group, MB; caches count as free."""
     return min([proc_mb("meminfo", "MemAvailable") or DEFAULT_FREE_MB, *group_memory_mb()])
 
 
 def group_memory_mb(root: Path = Path("/sys/fs/cgroup"), own: Path = Path("/proc/self/cgroup")) -> Iterator[float]:
     """Yield the free memory, MB, of each limited control group of this process (cgroups(7)).
 
-    Containers and batch systems set these limits; /proc/meminfo ignores them. `own`
-    lists the groups below `root`.
+    Containers and batch systems set limits that /proc/meminfo ignores. The file `own`
+    lists the process's groups, whose folders are below `root`.
     """
     for line in _text(own).splitlines():
         _, controllers, path = line.split(":", 2)
@@ -39,7 +39,7 @@ def group_memory_mb(root: Path = Path("/sys/fs/cgroup"), own: Path = Path("/proc
             continue
         names, limit, used, dropped = VERSIONS[1 if controllers else 2]
         for top in (root / name for name in names):
-            # In a container the path may be that outside; then its group is the top.
+            # In a container, the path may be the host's; the group is then the top folder.
             group = top / path.lstrip("/")
             for folder in [top] if ".." in group.parts else [group, *group.parents]:
                 if folder.is_relative_to(top):
@@ -51,7 +51,6 @@ def group_memory_mb(root: Path = Path("/sys/fs/cgroup"), own: Path = Path("/proc
 
 
 def _text(file: Path) -> str:
-    """Return a file's text; "" if it cannot be read."""
     try:
         return file.read_text(errors="replace")
     except OSError:
@@ -59,19 +58,19 @@ def _text(file: Path) -> str:
 
 
 def proc_mb(file: str, entry: str) -> float | None:
-    """Return an entry of a file below /proc, MB, or None."""
+    """Return an entry of a file below /proc, MB; `None` if it is missing."""
     match = re.search(rf"^{entry}:\s*(\d+) kB", _text(Path("/proc", file)), re.M)
-    # Linux writes kB for KiB.
+    # Linux writes kB but means KiB.
     return None if match is None else int(match[1]) * 1024 / 1e6
 
 
 def peak_memory_mb() -> float:
     """Return the peak memory of this process so far, MB; 0 if the system does not report it."""
-    # /proc first: a process inherits the resource usage of its parent.
+    # /proc is preferred, because `getrusage` includes the parent's peak.
     if (peak := proc_mb("self/status", "VmHWM")) is not None:
         return peak
     try:
-        import resource  # only Unix has it
+        import resource  # Windows does not have it
     except ImportError:
         return 0.0
     return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024 / 1e6
@@ -82,13 +81,13 @@ def process_seconds() -> float:
     status = _text(Path("/proc/self/stat"))
     if not status or not hasattr(os, "sysconf"):
         return 0.0
-    # The 22nd field; the second, the name in brackets, may hold spaces.
+    # The start time is field 22. Field 2, the name in brackets, may contain spaces.
     ticks = int(status.rpartition(")")[2].split()[19])
     return time.clock_gettime(time.CLOCK_BOOTTIME) - ticks / os.sysconf("SC_CLK_TCK")
 
 
 def processor_name() -> str:
-    """Return the processor's name, on Linux with its vectors, such as "AMD EPYC with AVX2"."""
+    """Return the processor's name and, on Linux, vector extension, such as "AMD EPYC with AVX2"."""
     match = re.search(r"^model name\s*:(.*)$", _information(), re.MULTILINE)
     name = match[1].strip() if match else platform.processor() or "unknown processor"
     vectors = " with AVX-512" if has_avx512() else " with AVX2" if "avx2" in features() else ""
@@ -96,12 +95,12 @@ def processor_name() -> str:
 
 
 def has_avx512() -> bool:
-    """Tell whether Dr.Jit computes 16 floats at once (AVX-512VL)."""
+    """Return whether Dr.Jit computes 16 floats at once (AVX-512VL)."""
     return "avx512vl" in features()
 
 
 def features() -> frozenset[str]:
-    """Return the flags in /proc/cpuinfo, on Linux and x86."""
+    """Return the processor's flags in /proc/cpuinfo (only on Linux and x86)."""
     lines = re.findall(r"^flags\s*:(.*)$", _information(), re.MULTILINE)
     return frozenset(" ".join(lines).split())
 
@@ -112,10 +111,10 @@ def _information() -> str:
 
 
 def machine_name() -> str:
-    """Return processor and cores, such as "AMD EPYC with AVX-512, 2 cores, Linux x86_64"."""
+    """Return the machine's description, such as "AMD EPYC with AVX-512, 2 cores, Linux x86_64"."""
     return f"{processor_name()}, {processor_count()} cores, {platform.system()} {platform.machine()}"
 
 
 def processor_count() -> int:
-    """Return the number of processors for this process."""
+    """Return the number of processors that this process may use."""
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1

@@ -1,4 +1,4 @@
-"""Programs that a command runs, and libraries that print to stderr."""
+"""Runs other programs, and silences libraries that print to stderr."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ GRACE_S = 5.0
 
 @contextlib.contextmanager
 def starting_python() -> Iterator[None]:
-    """Let new processes of multiprocessing neither import from the current folder nor warn of semaphores."""
+    """Prevent new child processes from importing from the current folder and from warning of semaphores."""
     quiet = ",".join(filter(None, [os.environ.get("PYTHONWARNINGS"), "ignore:resource_tracker:UserWarning"]))
     before = dict(os.environ)
     os.environ |= {"PYTHONSAFEPATH": "1", "PYTHONWARNINGS": quiet}
@@ -42,8 +42,8 @@ def run_program(
 ) -> subprocess.CompletedProcess[str]:
     """Run a program without input; return its exit code and output, with undecodable bytes replaced.
 
-    A signal ends the program's process group first. Raises OSError when it cannot be
-    run, subprocess.TimeoutExpired after `timeout_s`.
+    A signal to this process first ends the program's process group. Raises OSError if
+    the program cannot be run, subprocess.TimeoutExpired after `timeout_s`.
     """
     until = None if timeout_s is None else time.monotonic() + timeout_s
     with interrupts.hold_signals() as came:
@@ -65,7 +65,7 @@ def run_program(
                     break
                 except subprocess.TimeoutExpired:
                     late = until is not None and time.monotonic() > until
-                    # A thread other than the main one sees the signals in `received`.
+                    # Outside the main thread, signals appear only in `received`.
                     if came or interrupts.received or late:
                         out, err = _end(process)
                         if late and timeout_s is not None:
@@ -79,12 +79,11 @@ def run_program(
 
 
 def _end(process: subprocess.Popen[str]) -> tuple[str, str]:
-    """End a program's process group; return its output."""
     for name in ("SIGTERM", "SIGKILL"):
         with contextlib.suppress(ProcessLookupError):
             if hasattr(os, "killpg"):
                 os.killpg(process.pid, signal.Signals[name])
-            else:  # Windows has no groups of processes
+            else:  # Windows has no process groups
                 process.kill()
         with contextlib.suppress(subprocess.TimeoutExpired):
             return process.communicate(timeout=GRACE_S)
@@ -94,7 +93,7 @@ def _end(process: subprocess.Popen[str]) -> tuple[str, str]:
 @contextlib.contextmanager
 def silent_stderr() -> Iterator[None]:
     """Redirect the process's stderr to /dev/null."""
-    if sys.stderr is None:  # closed; descriptor 2 may be another file
+    if sys.stderr is None:  # stderr is closed, and descriptor 2 may be another file
         yield
         return
     sys.stderr.flush()

@@ -1,4 +1,4 @@
-"""Progress of a long computation."""
+"""Reports the progress of a long computation."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ Item = TypeVar("Item")
 
 
 class Progress(Protocol):
-    """A callback of a long computation; its first call may report the steps of an earlier run."""
+    """A progress callback; its first call may report the finished steps of an earlier run."""
 
     def __call__(self, steps: int, total: int, /) -> None:
         """Report that `steps` of `total` steps are done."""
@@ -24,7 +24,7 @@ def check_progress(progress: Progress | None) -> None:
 
 
 def report_each(items: Collection[Item], progress: Progress | None) -> Iterator[Item]:
-    """Yield the items; after each, report their number."""
+    """Yield the items; after each item, report the number of finished items."""
     for steps, item in enumerate(items, 1):
         yield item
         if progress is not None:
@@ -32,18 +32,18 @@ def report_each(items: Collection[Item], progress: Progress | None) -> Iterator[
 
 
 class RowProgress:
-    """Reports the finished rows of a picture, with those of the band in work."""
+    """Reports the finished rows of a picture, including rows of the unfinished band."""
 
     def __init__(self, progress: Progress | None, total: int) -> None:
         check_progress(progress)
         self.done, self._total, self._progress = 0, total, progress
 
     def __call__(self, band_rows: int) -> None:
-        """Report rows of the band in work."""
+        """Report the finished rows; `band_rows` of them are in the unfinished band."""
         if self._progress is not None:
             self._progress(self.done + band_rows, self._total)
 
     def add(self, rows: int) -> None:
-        """Count the rows of a finished band, and report."""
+        """Add the rows of a finished band, and report the progress."""
         self.done += rows
         self(0)

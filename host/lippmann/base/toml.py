@@ -1,7 +1,7 @@
-"""TOML files from declarations: a dataclass declares a table, `key` describes its keys.
+"""Reads TOML files by declarations: a dataclass declares a table, `key` describes each key.
 
-The declaration gives the reader (`read`), the JSON Schema for editors (`schema`), the
-reference pages' key tables (`tools.generate_tables`), and checks (`check_fields`).
+The reader (`read`), the JSON Schema for editors (`schema`), the reference pages' tables
+(`tools.generate_tables`) and the checks (`check_fields`) follow from the declarations.
 """
 
 from __future__ import annotations
@@ -25,18 +25,18 @@ import tomli_w
 from lippmann.base.limits import MAX_TOML_BYTES, read_limited
 from lippmann.errors import InputError, check_type, input_error, likely_file, reason
 
-#: Maximum parts of a dotted key: Python's parser takes time with their square.
+#: Maximum number of parts of a dotted key; the parser's time grows with its square.
 MAX_KEY_PARTS = 32
-#: Maximum bytes of a part of a path, and characters of a path.
+#: Maximum length of one part of a path in bytes, and of a path in characters.
 MAX_NAME_BYTES, MAX_PATH = 255, 4000
 DEEP_KEY = re.compile(rf"""(?<![\w-])(?:(?>[\w-]+|"[^"\n]*"|'[^'\n]*')[ \t]*+\.[ \t]*+){{{MAX_KEY_PARTS}}}""", re.ASCII)
 
 Form = TypeVar("Form")
 Schema = dict[str, Any]
-#: A table, or any other value, of TOML, a declaration or a schema.
+#: A table of a TOML file, a declaration or a schema; a value in such a table.
 Table = dict[str, Any]
 Value = Any
-#: Keys at the top of a file that tell its kind.
+#: Top-level keys, and the kind of file that each key indicates.
 KINDS = {
     "placement": "placement",
     "display": "set-up",
@@ -51,9 +51,9 @@ KINDS = {
     "picture": "pictures",
     "depth_picture": "depth picture",
 }
-#: Unit at the end of a key's name.
+#: Pattern of the unit at the end of a key's name.
 UNITS = r"_(deg|rad|nm|um|mm|cm|m|in|px|percent|cd_m2)$"
-#: Keys, and the first words of wrong keys that may mean them.
+#: For each key, beginnings of wrong key names that may mean this key.
 SYNONYMS = {
     "shear": ("skew", "slant"),
     "rotation_deg": ("angle", "tilt", "turn"),
@@ -79,10 +79,11 @@ def key(
 ) -> msgspec.Meta:
     """Describe a key: `name: Annotated[type, key(...)]`.
 
-    `above` is an open lower bound, `low` and `high` are closed bounds. `default` is the
-    default in words. This key replaces the key `instead_of`: a file has exactly one of
-    them, at most one if that key has a `default`. `shape` is a list in words, "a list
-    of ..."; `lengths` are the minimum and maximum number of its entries.
+    `above` is an exclusive lower bound; `low` and `high` are inclusive bounds. `default`
+    describes the default in words. This key is an alternative to the key `instead_of`:
+    a file has exactly one of the two keys, or at most one if `instead_of` has a
+    `default`. `shape` describes a list in words, "a list of ..."; `lengths` are the
+    minimum and maximum number of its entries.
     """
     texts = ("x-default", default), ("x-instead-of", instead_of), ("x-shape", shape)
     extra = {name: text for name, text in texts if text}
@@ -102,7 +103,7 @@ def documented(form: type[Form]) -> type[Form]:
 
 
 def variant(form: type, optional: tuple[str, ...], **changes: object) -> Value:
-    """Return the dataclass `form` with a file's keys: `changes`, and `optional` ones, None if missing."""
+    """Return the dataclass `form` with the keys `changes` added or replaced, and `optional` keys None by default."""
     hints = {**get_type_hints(form, include_extras=True), **changes}
     defaults = {field.name: field.default for field in dataclasses.fields(form)} | dict.fromkeys(optional)
     fields = []
@@ -113,13 +114,13 @@ def variant(form: type, optional: tuple[str, ...], **changes: object) -> Value:
 
 
 def values(keys: Value) -> Table:
-    """Return the keys of a table that was read, with their defaults."""
+    """Return the keys and values of a table that was read, defaults included."""
     return {field.name: getattr(keys, field.name) for field in dataclasses.fields(keys)}
 
 
 @cache
 def schema(form: Value) -> Schema:
-    """Return the JSON Schema of a file; a class with `other_tables = True` accepts other keys at the top."""
+    """Return the JSON Schema of a file; a class with `other_tables = True` accepts unknown top-level keys."""
     complete = msgspec.json.schema(form, schema_hook=lambda _: {"type": "string"})  # a path
 
     def plain(node: Value) -> Value:
@@ -127,14 +128,14 @@ def schema(form: Value) -> Schema:
             return [plain(item) for item in node]
         if not isinstance(node, dict):
             return node
-        # TOML has no null: a key of None is left out.
+        # TOML has no null; a missing key means None.
         options = [option for option in node.get("anyOf", ()) if option != {"type": "null"}]
         if options:
             only = options[0] if len(options) == 1 else {"anyOf": options}
             node = {**only, **node, "anyOf": only.get("anyOf")}
         if "enum" in node:
             node["enum"] = [option for option in node["enum"] if option is not None]
-        if node.get("$ref"):  # without the class's docstring
+        if node.get("$ref"):  # leave out the class's docstring
             table = complete["$defs"][node["$ref"].rpartition("/")[2]]
             node = {**table, "title": None, "description": None, **node, "$ref": None}
         node = {name: plain(value) for name, value in node.items() if value is not None}
@@ -152,7 +153,7 @@ def schema(form: Value) -> Schema:
 
 
 def rivals(table: Schema) -> list[tuple[list[str], bool]]:
-    """Return the groups of alternative keys of a table, and whether one is required."""
+    """Return each group of alternative keys of a table, and whether the group is required."""
     groups: dict[str, list[str]] = {}
     for name, node in table["properties"].items():
         if "x-instead-of" in node:
@@ -161,7 +162,7 @@ def rivals(table: Schema) -> list[tuple[list[str], bool]]:
 
 
 def tables(node: Schema, name: str = "") -> Iterator[tuple[str, Schema]]:
-    """Yield a table and its inner tables, each with its name ("" for the top)."""
+    """Yield name and schema of a table and its inner tables; the top table's name is ""."""
     for option in node.get("anyOf", [node]):
         if "properties" in option:
             yield name, option
@@ -172,13 +173,13 @@ def tables(node: Schema, name: str = "") -> Iterator[tuple[str, Schema]]:
 
 
 def parse(text: str, source: str, remedy: str = MEND) -> Table:
-    """Return the tables of TOML text; errors name `source`, and `remedy` for bad syntax."""
+    """Return the tables of a TOML text; errors contain `source`, and `remedy` for invalid syntax."""
     if (deep := DEEP_KEY.search(text)) is not None:
         place = text.count("\n", 0, deep.start()) + 1
         raise input_error(source, f"a key of more than {MAX_KEY_PARTS} parts in line {place}", remedy)
     try:
         return tomllib.loads(text)
-    except (ValueError, RecursionError) as error:  # bad syntax, very long numbers, too many levels
+    except (ValueError, RecursionError) as error:  # invalid syntax, very long numbers, too deep nesting
         line = re.search(r"(?:twice|overwrite).*line (\d+)", str(error))
         if line:
             name = text.splitlines()[int(line[1]) - 1].partition("=")[0].strip()
@@ -189,25 +190,25 @@ def parse(text: str, source: str, remedy: str = MEND) -> Table:
 
 
 def load(path: Path, what: str) -> Table:
-    """Return the tables of a TOML file; errors name its kind `what`."""
+    """Return the tables of a TOML file; `what` is the kind of file in errors."""
     remedy = f"give a {what} file (.toml)"
     try:
         text = read_limited(path, MAX_TOML_BYTES, remedy).decode("utf-8-sig")
     except FileNotFoundError:
         likely = likely_file(path, (".toml",)) or f"give the path of a {what} file (.toml)"
         raise input_error(path, "no such file", likely) from None
-    except (OSError, ValueError) as error:  # not UTF-8, or an impossible name
+    except (OSError, ValueError) as error:  # not UTF-8, or an invalid file name
         raise input_error(path, f"cannot be read ({reason(error)})", remedy) from None
     return parse(text, str(path), MEND if path.suffix.lower() == ".toml" else remedy)
 
 
 def read(form: Callable[..., Form], raw: Mapping[str, Value], source: str) -> Form:
-    """Return parsed TOML as the declared table; InputError for unknown keys, then for other faults."""
+    """Return parsed TOML as the dataclass `form`; raises InputError for unknown keys, then for other faults."""
     top = schema(form)
     nodes = {name: (value, node) for name, value, node in _walk(raw, top, "")}
     for name, (value, node) in nodes.items():
         keys = value if isinstance(value, dict) and "properties" in node else ()
-        # Keys of another kind of file come first.
+        # Keys of another kind of file are reported first.
         for unknown in sorted(keys, key=lambda one: bool(name) or one not in KINDS):
             if unknown not in node["properties"] and not node["additionalProperties"]:
                 hint = _hint(top, node, value, unknown)
@@ -228,7 +229,7 @@ def read(form: Callable[..., Form], raw: Mapping[str, Value], source: str) -> Fo
     try:
         read: Form = msgspec.convert(raw, form, dec_hook=_path)
         return read
-    except InputError as error:  # from a __post_init__
+    except InputError as error:  # raised by a __post_init__
         raise InputError(f"{source}: {error}") from None
     except msgspec.ValidationError as error:
         # msgspec's messages end with the place: "at `$.object[0].keys[1].frame`".
@@ -237,13 +238,13 @@ def read(form: Callable[..., Form], raw: Mapping[str, Value], source: str) -> Fo
         missing = re.match(r"Object missing required field `(.*?)`", str(error))
         if missing:
             raise input_error(f"{source}: {_join(name, missing[1])}", "the key is missing", "add it") from None
-        while name not in nodes:  # a number of a vector, or of a list of them
+        while name not in nodes:  # an element of a vector or of a list of vectors
             name = name.rpartition("[")[0]
         raise _wrong(source, name, *nodes[name]) from None
 
 
 def check_fields(table: object) -> None:
-    """Check and store the fields of a declared dataclass as `read` does; InputError (class, key, fault, remedy)."""
+    """Check and convert a declared dataclass's fields like `read`; raises InputError (class, key, fault, remedy)."""
     form: Value = type(table)
     source, (plain, parts) = form.__name__, _plain_form(form)
     for name, part in parts.items():
@@ -262,7 +263,7 @@ def check_fields(table: object) -> None:
 
 
 class Checked:
-    """Base of declared dataclasses that check their fields when Python code makes them."""
+    """Base class of declared dataclasses that check their fields when Python code creates them."""
 
     def __post_init__(self) -> None:
         """Check the fields."""
@@ -271,7 +272,7 @@ class Checked:
 
 @cache
 def _plain_form(form: Value) -> tuple[Value, Table]:
-    """Return a dataclass of the simple fields, and the fields that are dataclasses."""
+    """Return a dataclass of the simple fields, and a dictionary of the fields that are dataclasses."""
     hints = get_type_hints(form, include_extras=True)
     parts = {name: kind for name, kind in hints.items() if dataclasses.is_dataclass(kind)}
     fields = [(name, kind) for name, kind in hints.items() if name not in parts]
@@ -279,7 +280,6 @@ def _plain_form(form: Value) -> tuple[Value, Table]:
 
 
 def _builtin(value: Value) -> Value:
-    """Return a value without numpy's types."""
     if isinstance(value, list | tuple):
         return tuple(map(_builtin, value))
     return value.tolist() if hasattr(value, "tolist") else value
@@ -292,7 +292,7 @@ def _is_finite(value: object) -> bool:
 
 
 def toml_text(table: Mapping[str, object], *, one_line: bool = True) -> str:
-    """Return the text of a TOML file, with each list in one line, or each entry in its own."""
+    """Return the text of a TOML file; each list is on one line, or else each entry is on its own line."""
     text = tomli_w.dumps(table, indent=2)
     if not one_line:
         return text
@@ -301,7 +301,6 @@ def toml_text(table: Mapping[str, object], *, one_line: bool = True) -> str:
 
 
 def _path(kind: Callable[[str], Path], text: str) -> Path:
-    """Return the path in a file; ValueError for an impossible name."""
     parts = [os.fsencode(part) for part in Path(text).parts]
     if b"\0" in b"".join(parts) or max(map(len, parts), default=0) > MAX_NAME_BYTES or len(text) > MAX_PATH:
         raise ValueError(text)
@@ -313,7 +312,7 @@ def _join(table: str, name: str) -> str:
 
 
 def _walk(value: Value, node: Schema, name: str) -> Iterator[tuple[str, Value, Schema]]:
-    """Yield name, value and schema of each declared key and entry."""
+    """Yield the name, value and schema of each declared key and list entry."""
     if isinstance(value, dict):  # a key that takes text or a table
         node = next((option for option in node.get("anyOf", ()) if "properties" in option), node)
     yield name, value, node
@@ -334,7 +333,6 @@ def _walk(value: Value, node: Schema, name: str) -> Iterator[tuple[str, Value, S
 
 
 def _hint(top: Schema, table: Schema, keys: Mapping[str, object], unknown: str) -> str:
-    """Return the remedy for an unknown key: the key that it may mean."""
     missing = {*table.get("required", ())}.difference(keys)
     for group, needed in rivals(table):
         if needed and not set(group) & set(keys):
@@ -345,7 +343,7 @@ def _hint(top: Schema, table: Schema, keys: Mapping[str, object], unknown: str) 
         part, first = name in unknown.lower() or unknown.lower() in name, name[0] == unknown[:1].lower()
         node = table["properties"][name]
         options = [one for choice in node.get("anyOf", [node]) for one in choice.get("enum", ())]
-        # A value in place of the key's name; one or two letters are in too many values.
+        # The user may give a value in place of a key; short texts match too many values.
         value = len(unknown) > 2 and any(unknown.lower() in str(one) for one in options)
         return alike + 0.25 * (name in missing) + 0.3 * part + 0.1 * first + 0.6 * value
 
@@ -357,7 +355,7 @@ def _hint(top: Schema, table: Schema, keys: Mapping[str, object], unknown: str) 
     everywhere = [_join(home, other) for home, node in tables(top) for other in node["properties"]]
     last = {other.rpartition(".")[2]: other for other in reversed(everywhere)}
     synonyms = [key for key, words in SYNONYMS.items() if unknown.lower().startswith(words)]
-    # A key of the same table comes first.
+    # A key of the same table is preferred.
     likely = [key for key in synonyms if key in table["properties"]]
     likely += [last[key] for key in synonyms if key in last]
     if likely and not places:
@@ -374,12 +372,11 @@ def _hint(top: Schema, table: Schema, keys: Mapping[str, object], unknown: str) 
 
 
 def _short(value: object) -> str:
-    """Return a value as a short text for errors."""
     if isinstance(value, float):
         return f"{value:g}"
     try:
         return reprlib.repr(value).replace("'", '"')
-    except ValueError:  # Python writes no such number
+    except ValueError:  # Python cannot print so long a number
         return ENDLESS
 
 
@@ -402,7 +399,7 @@ def _wrong(source: str, name: str, value: object, node: Schema) -> InputError:
 
 
 def remedy(node: Schema, name: str) -> str:
-    """Return the remedy for a wrong value: what the key takes."""
+    """Return the remedy for a wrong value: a description of the valid values."""
     if "anyOf" in node:
         return " or ".join(remedy(option, name) for option in node["anyOf"])
     if "enum" in node:

@@ -12,21 +12,20 @@ import numpy.typing as npt
 
 from lippmann.errors import InputError
 
-#: An array of numbers of any type.
 Numbers = npt.NDArray[Any]
-#: Pairs (panel value, light), both rising from 0 to 1, with linear interpolation.
+#: Pairs (panel value, light) that rise from 0 to 1, interpolated linearly.
 Curve = tuple[tuple[float, float], ...]
 #: A curve's name, a measured curve, or a measured curve's text in an image's metadata.
 Transfer = str | Curve
 
-#: Rows of a band of a file: a multiple of 16, the rows of an EXR block.
+#: Number of rows per band of a file: a multiple of 16, the height of an EXR block.
 BAND_ROWS = 64
-#: Maximum of pairs in a curve: one for each level of 12 bits.
+#: Maximum number of pairs in a curve: one for each level of 12 bits.
 MAX_PAIRS = 4096
 
 
 def curve_of(transfer: Transfer) -> npt.NDArray[np.float64] | None:
-    """Return a measured curve or its text as an array (pairs, 2), None for a name; InputError if invalid."""
+    """Return a measured curve as an array (pairs, 2), None for a named curve; raises InputError if invalid."""
     if not isinstance(transfer, str):
         return _check_curve(transfer)
     if not transfer.startswith("["):
@@ -48,7 +47,7 @@ def _check_curve(pairs: Sequence[Sequence[float]]) -> npt.NDArray[np.float64]:
         curve = np.empty(0)
     if curve.ndim != 2 or curve.shape[1] != 2 or not 2 <= len(curve) <= MAX_PAIRS:
         raise InputError(f"is not a curve of 2 to {MAX_PAIRS} pairs; {remedy}")
-    # "Not greater" is also true for NaN.
+    # "Not greater" also finds NaN.
     falls = np.flatnonzero(~(np.diff(curve, axis=0) > 0.0).all(axis=1))
     if len(falls):
         before, after = curve[falls[0]].tolist(), curve[falls[0] + 1].tolist()
@@ -72,7 +71,7 @@ def transfer_text(transfer: Transfer) -> str:
 
 
 def transfer_name(transfer: Transfer) -> str:
-    """Return a transfer curve's name for messages; for a measured one, length and checksum."""
+    """Return a transfer curve's name for messages, or a measured curve's length and checksum."""
     text = transfer_text(transfer)
     if not text.startswith("["):
         return text
@@ -105,20 +104,20 @@ def decode(values: Numbers, transfer: Transfer) -> npt.NDArray[np.float32]:
 
 
 def encoded_values(radiance: Numbers, transfer: Transfer, bits: int) -> npt.NDArray[np.unsignedinteger[Any]]:
-    """Encode and quantise linear radiance to 2^bits levels over the range of uint8, or uint16 above 8 bits."""
+    """Encode linear radiance and quantise it to 2^bits levels in the full range of uint8, or uint16 above 8 bits."""
     levels = (1 << bits) - 1
     kind = np.uint8 if bits <= 8 else np.uint16
     values = np.empty(radiance.shape, kind)
     for first in range(0, len(values), BAND_ROWS):
         rows = slice(first, first + BAND_ROWS)
         level = np.rint(encode(radiance[rows], transfer) * levels)
-        # In double precision: float32 would round the levels of 9 to 15 bits twice.
+        # Double precision, because float32 would round the levels of 9 to 15 bits twice.
         values[rows] = np.rint(level * np.float64(np.iinfo(kind).max / levels))
     return values
 
 
 def psnr_db(a: Numbers, b: Numbers, mask: npt.NDArray[np.bool_] | None = None) -> float:
-    """Return the peak signal-to-noise ratio of two linear images as sRGB values, dB."""
+    """Return the peak signal-to-noise ratio of two linear images after sRGB encoding, dB."""
     difference = (encode(a, "srgb").astype(np.float64) - encode(b, "srgb").astype(np.float64)) ** 2
     mean = difference.mean() if mask is None else difference[mask].mean()
     return float("inf") if mean == 0.0 else float(-10.0 * np.log10(mean))

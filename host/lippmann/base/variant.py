@@ -1,4 +1,4 @@
-"""Mitsuba and Dr.Jit on the CPU (LLVM) or on an NVIDIA GPU (CUDA)."""
+"""Runs Mitsuba and Dr.Jit on the CPU (LLVM) or on an NVIDIA GPU (CUDA)."""
 
 from __future__ import annotations
 
@@ -18,12 +18,12 @@ VARIANTS = {"llvm": "llvm_ad_rgb", "cuda": "cuda_ad_rgb"}
 
 
 def check_device(device: str) -> None:
-    """Raise InputError for a device that does not exist."""
+    """Raise InputError for an unknown device name."""
     check_choice("device", device, ("auto", *VARIANTS))
 
 
 def available_device(device: str = "auto") -> str:
-    """Return "llvm" or "cuda" for a device; "auto" is the GPU if there is one.
+    """Return "llvm" or "cuda" for a device; "auto" selects the GPU if there is one.
 
     Raises InputError for an unknown device; MissingLibraryError without Dr.Jit, libLLVM
     or the CUDA driver.
@@ -45,8 +45,8 @@ def available_device(device: str = "auto") -> str:
 def start_mitsuba(device: str = "auto") -> str:
     """Set Mitsuba's variant for a device, and return "llvm" or "cuda".
 
-    A scene works only with the variant that it was made with. Raises as
-    `available_device`, and MissingLibraryError without Mitsuba.
+    A scene works only with the variant that was set when it was loaded. Raises the
+    errors of `available_device`, and MissingLibraryError without Mitsuba.
     """
     check_device(device)
     mi = _loaded()
@@ -58,7 +58,7 @@ def start_mitsuba(device: str = "auto") -> str:
 
 @contextlib.contextmanager
 def own_variant(device: str = "auto") -> Iterator[str]:
-    """Run a block with our variant, then restore variant and log level; errors as `start_mitsuba`."""
+    """Run a block with a device's variant, then restore variant and log level; errors as in `start_mitsuba`."""
     mi = _loaded()
     variant = mi.variant()
     level = mi.log_level() if variant else None
@@ -74,7 +74,7 @@ def own_variant(device: str = "auto") -> Iterator[str]:
 def mitsuba() -> ModuleType:
     """Return the module `mitsuba`, with the variant for "auto" if none is set.
 
-    Raises InputError for a variant that is not ours; else as `start_mitsuba`.
+    Raises InputError if another variant is set, and the errors of `start_mitsuba`.
     """
     mi = _loaded()
     variant = mi.variant()
@@ -100,20 +100,19 @@ class _Lazy:
         self._load = load
 
     def __getattr__(self, name: str) -> Jit:
-        if name.startswith("__"):  # inspection of the object loads nothing
+        if name.startswith("__"):  # inspecting the object loads nothing
             raise AttributeError(name)
         return getattr(self._load(), name)
 
 
-#: Dr.Jit, and Mitsuba as `mitsuba` returns it.
+#: The modules `drjit` and `mitsuba`, loaded at their first use.
 dr: Jit = _Lazy(drjit)
 mi: Jit = _Lazy(mitsuba)
 
 
 def _loaded() -> ModuleType:
-    """Import and return Mitsuba."""
     loaded = sys.modules.get("mitsuba")
-    if loaded is not None and hasattr(loaded, "variant"):  # not while another thread still imports it
+    if loaded is not None and hasattr(loaded, "variant"):  # false while another thread imports it
         return loaded
     try:
         with interrupts.hold_signals():
@@ -124,6 +123,6 @@ def _loaded() -> ModuleType:
 
 
 def current_device() -> str:
-    """Return "llvm" or "cuda", the device of the variant that is set."""
+    """Return the device of Mitsuba's current variant, "llvm" or "cuda"."""
     variant: str = mitsuba().variant()
     return variant.split("_", maxsplit=1)[0]

@@ -1,1 +1,1 @@
-"""What a display file describes: panel, lens array, sub-pixels and glass."""
+"""The display in a display file: panel, lens array, sub-pixels and glass."""

@@ -1,4 +1,4 @@
-"""The display: a panel behind a microlens array (docs/reference/display-file.md, optics.md)."""
+"""Describes a display: a panel behind a microlens array (docs/reference/display-file.md, optics.md)."""
 
 from __future__ import annotations
 
@@ -29,23 +29,23 @@ Pair = tuple[float, float]
 Pitch = float | tuple[float, ...]
 
 MM_PER_INCH = 25.4
-#: Minimum viewing distance, in the longer of focal length and distance D to the panel.
+#: Minimum viewing distance divided by the longer of focal length and panel distance D.
 NEAREST_EYE = 4.0
-#: Maximum ratio of an array's pitches; beyond it cells are slits, not lenslets.
+#: Maximum ratio of an array's two pitches; a higher ratio gives slits, not lenslets.
 MAX_PITCH_RATIO = 4.0
-#: Maximum extent of an array, in diagonals of the panel.
+#: Maximum extent of an array divided by the panel's diagonal.
 MAX_EXTENT = 100.0
-#: Keys of a panel that affect no ray.
+#: Keys of a panel that do not affect the rays.
 TONES = ("bits", "transfer", "white_cd_m2", "black_cd_m2")
-#: Maximum side of a panel, px: the limit of picture files and 16-bit indices.
+#: Maximum width or height of a panel, px, because picture files have this limit.
 MAX_SIDE_PX = 65535
-#: Minimum and maximum length in a file, mm: squares and quotients do not overflow.
+#: Range of lengths in a file, mm, in which squares and quotients do not overflow.
 MIN_LENGTH_MM, MAX_LENGTH_MM = 1e-9, 1e12
 Length = Annotated[float, key("", low=MIN_LENGTH_MM, high=MAX_LENGTH_MM)]
 Gap = Annotated[float, key("", low=0.0, high=MAX_LENGTH_MM)]
-#: Not tuple[Length, Length]: msgspec breaks on a union of that with a bounded number.
+#: msgspec would fail on the union of tuple[Length, Length] with a bounded number.
 LengthPair = Annotated[tuple[Length, ...], key("", shape="[x, y], numbers more than 0", lengths=(2, 2))]
-Shear = Annotated[float, key("shift of the rows along x, as a share of their height", low=-1.0, high=1.0)]
+Shear = Annotated[float, key("shift of the rows along x, as a fraction of their height", low=-1.0, high=1.0)]
 _EXTENT = "width along the rows and height across them of the area with lenslets, about `offset_mm`"
 Extent = Annotated[LengthPair | None, key(_EXTENT, default="none: lenslets everywhere")]
 Side = Annotated[int, key("number of pixels", low=1, high=MAX_SIDE_PX)]
@@ -55,7 +55,7 @@ MeasuredCurve = Annotated[Curve, key("", shape="a list of [panel value, light]",
 Subpixels = Annotated[tuple[Subpixel, ...], key("", shape="a list of [colour, x, y, width, height]", lengths=(1, 1024))]
 Luminance = Annotated[float, key("", above=0.0, high=MAX_LENGTH_MM)] | None
 Darkness = Annotated[float, key("", low=0.0, high=MAX_LENGTH_MM)] | None
-#: From just above air up to the densest optical materials.
+#: Refractive index between that of air and that of the densest optical materials.
 Index = Annotated[float, key("refractive index, the same for all colours", above=1.0, high=4.0)]
 Glass = Annotated[str, key(f"glass that gives the index: {', '.join(SELLMEIER)}", instead_of="index")]
 
@@ -81,12 +81,12 @@ class Panel(Checked):
 
     @property
     def keys(self) -> dict[str, object]:
-        """The keys and their values, without those that have no value."""
+        """Return the keys and values, without empty keys."""
         return {name: value for name, value in dataclasses.asdict(self).items() if value is not None}
 
     @property
     def black(self) -> float:
-        """Light of a black pixel, as a fraction of white's."""
+        """Light of a black pixel, as a fraction of a white pixel's light."""
         return (self.black_cd_m2 or 0.0) / (self.white_cd_m2 or 1.0)
 
     @property
@@ -110,7 +110,7 @@ class Panel(Checked):
         return self.height_px * self.pitches_mm[1]
 
     def with_columns(self, width_px: int) -> Panel:
-        """Return a panel of the same size in mm with other columns, and rows to match."""
+        """Return a panel of the same size in mm with `width_px` columns and matching rows."""
         height_px = max(1, round(width_px * self.height_px / self.width_px))
         x, y = (self.width_px * side / width_px for side in self.pitches_mm)
         pitch = (x, y) if isinstance(self.pixel_pitch_mm, tuple) else x
@@ -143,28 +143,28 @@ class Array(Checked):
 
     @property
     def keys(self) -> dict[str, object]:
-        """The keys and their values, without a default `shear` or `extent_mm`."""
+        """Return the keys and values, without a default `shear` or `extent_mm`."""
         defaults = {"shear": 0.0, "extent_mm": None}
         fields = dataclasses.asdict(self).items()
         return {name: value for name, value in fields if name not in defaults or value != defaults[name]}
 
     @property
     def pitches_mm(self) -> Pair:
-        """Pitch px along a row, and the pitch py that gives the distance of rows, mm."""
+        """Pitch px along a row, and pitch py, which determines the row distance, mm."""
         return both_pitches(self.pitch_mm)
 
     @property
     def finest_mm(self) -> float:
-        """The smaller of the pitches, mm."""
+        """The smaller of the two lenslet pitches, mm."""
         return min(self.pitches_mm)
 
     @property
     def coarsest_mm(self) -> float:
-        """The larger of the pitches, mm."""
+        """The larger of the two lenslet pitches, mm."""
         return max(self.pitches_mm)
 
     def pitch_of(self, along_mm: float) -> Pitch:
-        """Return the key `pitch_mm`, scaled to a pitch of `along_mm` along a row."""
+        """Return `pitch_mm`, scaled so that the pitch along a row is `along_mm`."""
         pitch = self.pitch_mm
         return (along_mm, pitch[1] * (along_mm / pitch[0])) if isinstance(pitch, tuple) else along_mm
 
@@ -187,15 +187,15 @@ class Array(Checked):
 
     @property
     def row_pitch_mm(self) -> float:
-        """Distance of neighbouring rows of lenslets, mm."""
+        """Distance between neighbouring rows of lenslets, mm."""
         return self.pitches_mm[1] * (0.5 * math.sqrt(3.0) if self.grid == "hex" else 1.0)
 
     @property
     def half_steps(self) -> tuple[int, int] | None:
-        """The maximum half steps of lenslets within the extent, or None.
+        """Maximum half steps of a lenslet within the extent, or None without an extent.
 
-        Those of lenslet (i, j) are 2 i, hexagonal 2 i + j, along the rows and 2 j
-        across them. A centre on the extent's end, within rounding error, is included.
+        Lenslet (i, j) has 2 i half steps along the rows (hexagonal: 2 i + j) and 2 j
+        across. A centre at the extent's end, within rounding error, is included.
         """
         if self.extent_mm is None:
             return None
@@ -206,14 +206,14 @@ class Array(Checked):
     @property
     def flat_distance_mm(self) -> float:
         """Distance d from the sphere's centre to the rims' plane, mm (paper, equations 3 and 4)."""
-        # Factored: R^2 - rho^2 loses digits where a lenslet is nearly a hemisphere.
+        # Factored, because R^2 - rho^2 loses digits for nearly hemispherical lenslets.
         rho = self.half_diagonal_mm
         return math.sqrt((self.radius_mm - rho) * (self.radius_mm + rho))
 
     @property
     def sag_mm(self) -> float:
         """Depth of the dome from its vertex to the cell's corners, mm."""
-        # R - d, without the cancellation for a nearly flat lens.
+        # Equal to R - d, but without cancellation for a nearly flat lens.
         return self.half_diagonal_mm**2 / (self.radius_mm + self.flat_distance_mm)
 
     @property
@@ -236,7 +236,7 @@ class Display(Checked):
 
     @property
     def convergence(self) -> float:
-        """D / E: elemental images have 1 + D / E times the pitch of lenslets; 0 without a viewing distance."""
+        """Ratio D / E, 0 without a viewing distance; elemental images have 1 + D / E times the lenslet pitch."""
         distance = self.viewing_distance_mm
         return 0.0 if distance is None else self.aperture_distance_mm / distance
 
@@ -247,14 +247,14 @@ class Display(Checked):
 
     @property
     def aperture_distance_mm(self) -> float:
-        """Distance D from the panel to the aperture plane that rays aim at, mm."""
+        """Distance D from the panel to the aperture plane, mm; rays aim at this plane."""
         if self.array.plano_side == "panel":
             return self.gap_mm + self.array.thickness_mm / self.array.index
         return max(self.gap_mm, self.array.sag_mm)
 
     @cached_property
     def identity(self) -> str:
-        """Hash of the optical part, 16 hexadecimal digits; an image carries that of its display."""
+        """Hash of the optical keys, 16 hexadecimal digits; an image stores its display's hash."""
         array = self.array.keys
         panel = {key: value for key, value in self.panel.keys.items() if key not in TONES}
         if self.array.glass is not None:
@@ -267,7 +267,7 @@ class Display(Checked):
         return hashlib.sha256(text.encode()).hexdigest()[:16]
 
     def at_wavelength(self, wavelength_nm: float) -> Display:
-        """Return this display at a wavelength (nm); InputError without a glass or for a wavelength out of range."""
+        """Return the display at a wavelength (nm); raises InputError without a glass or for a value out of range."""
         if self.array.glass is None:
             what = f"display '{self.name}' has an index without dispersion"
             raise InputError(f"{what}; give array.glass in place of array.index")
@@ -280,7 +280,7 @@ class Display(Checked):
         gap_mm: float = 0.0,
         pitch_scale: float = 1.0,
     ) -> Display:
-        """Return the display as built: the array rotated, moved, lifted and scaled; InputError if it cannot be."""
+        """Return the display with the array rotated, moved, lifted and scaled; raises InputError if impossible."""
         errors = Misalignment(rotation_deg, offset_mm, gap_mm, pitch_scale)
         array, extent, where = self.array, self.array.extent_mm, f"display '{self.name}', misaligned: "
         (x, y), (dx, dy), scale = array.offset_mm, errors.offset_mm, errors.pitch_scale
@@ -314,19 +314,19 @@ class Misalignment(Checked):
 
 
 def load_display(path: str | Path) -> Display:
-    """Read a display file; InputError (file, key, remedy) for a wrong key or value."""
+    """Read a display file; raises InputError (file, key, remedy) for a wrong key or value."""
     return _read(toml.load(path_of(path, "a display file"), "display"), str(path))
 
 
 def display_at(display: str | Path | Display) -> Display:
-    """Return a display, read from its file when a path is given."""
+    """Return a display; read it from its file if `display` is a path."""
     if isinstance(display, Display):
         return display
     return load_display(display)
 
 
 def parse_display(text: str, source: str = "display") -> Display:
-    """Read a display from TOML text; `source` names it in errors (see `load_display`)."""
+    """Read a display from TOML text; `source` is the text's name in errors (see `load_display`)."""
     for name, value in (("text", text), ("source", source)):
         check_type(name, value, str, "text")
     return _read(toml.parse(text, source), source)
@@ -345,7 +345,7 @@ DisplayFile = variant(Display, ("name",), panel=_PanelFile, array=_ArrayFile)
 
 
 def display_of(keys: Any, name: str, where: str) -> Display:
-    """Return the display of a `DisplayFile`'s keys; `name` is the default name, `where` begins errors."""
+    """Return the display for a `DisplayFile`'s keys; `name` is the default name; errors begin with `where`."""
     panel, array = toml.values(keys.panel), toml.values(keys.array)
     dpi, focal_mm = panel.pop("dpi"), array.pop("focal_length_mm")
     if dpi is not None:
@@ -384,12 +384,12 @@ def display_of(keys: Any, name: str, where: str) -> Display:
 
 
 def both_pitches(pitch_mm: Pitch) -> Pair:
-    """Return the pitches in x and y of a pitch key."""
+    """Return a pitch key's pitches in x and y."""
     return (pitch_mm[0], pitch_mm[1]) if isinstance(pitch_mm, tuple) else (pitch_mm, pitch_mm)
 
 
 def plain_pitch(pitch_mm: Pitch) -> Pitch:
-    """Return two equal pitches as one number, so that both have the same identity."""
+    """Return two equal pitches as one number, so that both forms have the same identity."""
     return pitch_mm[0] if isinstance(pitch_mm, tuple) and len(set(pitch_mm)) == 1 else pitch_mm
 
 
@@ -414,7 +414,7 @@ def display_text(display: Display) -> str:
 
 
 def check_radius(array: Array, where: str) -> None:
-    """Refuse domes that do not span their cells; `where` is the key in errors."""
+    """Refuse domes that do not cover their cells; `where` is the key in errors."""
     rho = array.half_diagonal_mm
     if not array.radius_mm >= rho:
         what = f"radius {array.radius_mm:g} mm is too small to span its cell, whose half diagonal is {rho:g} mm"
@@ -422,7 +422,6 @@ def check_radius(array: Array, where: str) -> None:
 
 
 def _check(display: Display, where: str) -> None:
-    """Refuse keys that do not fit together."""
     array, pixel_mm = display.array, display.panel.coarsest_mm
     check_array(array, f"{where}array.")
     if array.finest_mm < 0.1 * pixel_mm and 0.001 * pixel_mm <= array.finest_mm:
@@ -445,17 +444,17 @@ def _check(display: Display, where: str) -> None:
         inside = f"within the lenslets' focal zone, which ends at {nearest:.4g} mm"
         farther = f"a viewing_distance_mm such as {float(f'{1.01 * nearest:.3g}'):g}"
         in_focus = array.focal_length_mm - (display.aperture_distance_mm - gap)
-        # With the panel in focus, the eye would be outside: the gap is wrong.
+        # The gap is wrong if the eye would be far enough with the panel in focus.
         if 0.0 <= in_focus < gap and eye >= NEAREST_EYE * array.focal_length_mm:
             what = f"{gap:g} mm puts the eye at {eye:g} mm {inside}"
             raise input_error(f"{where}gap_mm", what, f"give {in_focus:.4g}, in focus, or {farther}")
-        if 0.1 <= eye <= 10.0 and 1000.0 * eye >= nearest:  # metres, not millimetres
+        if 0.1 <= eye <= 10.0 and 1000.0 * eye >= nearest:  # probably metres
             farther = f"{1000.0 * eye:g}, if {eye:g} m are meant, or {farther}"
         raise input_error(f"{where}viewing_distance_mm", f"{eye:g} mm is {inside}", f"give {farther}")
 
 
 def _check_extent(display: Display, where: str) -> None:
-    """Refuse an extent with no lenslet in front of the panel, or far larger than it."""
+    """Refuse an extent with no lenslet before the panel, or far larger than the panel."""
     array, panel = display.array, display.panel
     width, height = array.extent_mm or (0.0, 0.0)
     size, column_mm, row_mm = f"{width:g} x {height:g} mm", array.pitches_mm[0], array.row_pitch_mm
@@ -465,7 +464,7 @@ def _check_extent(display: Display, where: str) -> None:
     if max(width, height) > MAX_EXTENT * math.hypot(panel.width_mm, panel.height_mm):
         what = f"{size} is over {MAX_EXTENT:g} times the panel, {panel.width_mm:.4g} x {panel.height_mm:.4g} mm"
         raise input_error(where, what, "give it in mm, or leave it out for lenslets everywhere")
-    # Two parallelograms are apart when one of their four directions separates them.
+    # Two parallelograms are disjoint if one of their four directions separates them.
     turn = math.radians(array.rotation_deg)
     c, s = math.cos(turn), math.sin(turn)
     rows = (c, s)
@@ -483,7 +482,7 @@ def _check_extent(display: Display, where: str) -> None:
 def check_array(array: Array, where: str) -> None:
     """Refuse lenslets that cannot be built; `where` precedes the key in errors."""
     check_radius(array, f"{where}radius_mm")
-    # Allows for the rounding of a sag with 15 digits.
+    # The factor allows for a sag rounded to 15 digits.
     if array.thickness_mm < array.sag_mm * (1.0 - 1e-12):
         what = f"{array.thickness_mm:g} mm is below the sag of the dome, {array.sag_mm:.6g} mm"
         remedy = "make it at least the sag, or leave it out for the thinnest lenslet"

@@ -1,4 +1,4 @@
-"""Sub-pixels: where a pixel emits each colour, or a neighbour that has the colour."""
+"""Describes where a pixel, or a neighbour that has the colour, emits each colour."""
 
 from __future__ import annotations
 
@@ -11,10 +11,10 @@ from typing import Any, Literal, NamedTuple
 from lippmann.errors import InputError
 
 Colour = Literal["red", "green", "blue", "white"]
-#: An array of numpy or Dr.Jit, or that library.
+#: An array of numpy or Dr.Jit, or one of these libraries.
 Numbers = Any
 COLOURS: tuple[Colour, ...] = ("red", "green", "blue", "white")
-#: Colour; centre, right and upward from the first pixel's; width, height; in pixels.
+#: Colour, centre (x, y upwards, from the first pixel's centre), width, height; pixels.
 Subpixel = tuple[Colour, float, float, float, float]
 #: Maximum period of a layout along x and y, pixels.
 MAX_PERIOD = 16
@@ -30,7 +30,7 @@ def _row(order: str, column: int = 0, row: int = 0) -> tuple[Subpixel, ...]:
     return tuple((names[letter], x, -float(row), 1.0 / n, 1.0) for letter, x in stripes)
 
 
-#: Layouts by name. In pentile, pixels of red and green alternate with blue and green.
+#: Layouts by name. In pentile, red-green pixels alternate with blue-green pixels.
 LAYOUTS: dict[str, tuple[Subpixel, ...]] = {
     **{order: _row(order) for order in ("rgb", "bgr", "rgbw")},
     "pentile": (*_row("rg"), *_row("bg", 1), *_row("bg", 0, 1), *_row("rg", 1, 1)),
@@ -38,7 +38,7 @@ LAYOUTS: dict[str, tuple[Subpixel, ...]] = {
 
 
 class Box(NamedTuple):
-    """A rectangle in pixels: centre from a pixel's centre (u right, v down), width and height."""
+    """A rectangle in pixels: its centre from a pixel's centre (u right, v down), its width and height."""
 
     u: float
     v: float
@@ -48,19 +48,19 @@ class Box(NamedTuple):
 
 @dataclass(frozen=True)
 class Layout:
-    """The sub-pixels of a panel, with a period of some columns and rows of pixels."""
+    """The sub-pixel layout of a panel, which repeats every `columns` by `rows` pixels."""
 
     subpixels: tuple[Subpixel, ...]
     columns: int
     rows: int
 
     def gain(self, colour: Colour) -> float:
-        """Return a sub-pixel's brightness over its pixel's: the panel's area over that of the colour."""
+        """Return a sub-pixel's brightness over its pixel's: the panel's area divided by the colour's area."""
         area = sum(w * h for name, _, _, w, h in self.subpixels if name == colour)
         return self.columns * self.rows / area
 
     def emitters(self, b: Numbers, u: Numbers, v: Numbers) -> Iterator[tuple[int, float, Numbers]]:
-        """Yield each sub-pixel's colour (index of `COLOURS`), gain, and which pixel coordinates are inside."""
+        """Yield each sub-pixel's colour (index in `COLOURS`), gain, and a mask of the coordinates (u, v) inside it."""
         tile_u = u - self.columns * b.floor(u / self.columns)
         tile_v = v - self.rows * b.floor(v / self.rows)
         for colour, u_min, v_min, u_max, v_max in self.edges():
@@ -68,7 +68,7 @@ class Layout:
             yield COLOURS.index(colour), self.gain(colour), inside
 
     def edges(self) -> Iterator[tuple[Colour, float, float, float, float]]:
-        """Yield each sub-pixel's colour, left, top, right and bottom, pixels from the first one's top left."""
+        """Yield each sub-pixel's colour and left, top, right and bottom edge, in pixels from the layout's top left."""
         for colour, x, y, w, h in self.subpixels:
             # Rounded, so that neighbours share an edge.
             u_min, u_max = (round(0.5 + x + side * w, 12) for side in (-0.5, 0.5))
@@ -76,13 +76,13 @@ class Layout:
             yield colour, u_min, v_min, u_max, v_max
 
     def split_light(self, light: Sequence[Numbers], darkest: Numbers) -> list[Numbers]:
-        """Return the light of red, green, blue and white sub-pixels: white emits `darkest`, the others the rest."""
+        """Return the light of red, green, blue and white sub-pixels; white emits the light `darkest` for all."""
         if "white" not in (colour for colour, *_ in self.subpixels):
             return list(light)
         return [*(colour - darkest for colour in light), darkest]
 
     def boxes(self, colour: Colour) -> list[Box]:
-        """Return each pixel's place of a colour, row by row: its own sub-pixel, else the nearest."""
+        """Return the sub-pixel of a colour for each pixel, row by row: the pixel's own or the nearest."""
         own = [sub for sub in self.subpixels if sub[0] == colour]
         boxes = []
         for number in range(self.columns * self.rows):
@@ -94,18 +94,17 @@ class Layout:
 
     @property
     def borrows(self) -> bool:
-        """Whether a pixel lacks one of the three colours."""
+        """Whether some pixels lack one of the three colours."""
         boxes = (box for colour in COLOURS[:3] for box in self.boxes(colour))
         return any(max(abs(box.u), abs(box.v)) > 0.5 + ROUNDING for box in boxes)
 
 
 def _pixel_of(subpixel: Subpixel) -> tuple[int, int]:
-    """Return column and row of the pixel that a sub-pixel belongs to."""
     return math.floor(subpixel[1] + 0.5), math.floor(-subpixel[2] + 0.5)
 
 
 def layout_of(subpixels: str | tuple[Subpixel, ...]) -> Layout | None:
-    """Return the layout for a name or a table, None for "none"; InputError for a table that cannot be built."""
+    """Return the layout for a name or a table, None for "none"; raises InputError for an invalid table."""
     if subpixels == "none":
         return None
     table = LAYOUTS[subpixels] if isinstance(subpixels, str) else subpixels

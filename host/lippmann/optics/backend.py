@@ -1,8 +1,8 @@
 """The array operations of the optics, for numpy (golden) and Dr.Jit (fast).
 
-Coordinates across the panel are `double`; lens-local numbers are `real`, in the fast
-engine float32, which resolves 0.05 nm inside a lenslet but only 30 nm across a 700 mm
-panel. Rays behind a capture's imaging lens are `real`, with errors below 1 um at 1 m.
+Coordinates across the panel are `double`; lens-local numbers are `real`. In the fast
+engine, `real` is float32, which resolves 0.05 nm inside a lenslet but only 30 nm across
+a 700 mm panel. Rays behind a capture's lens are `real`: errors are below 1 um at 1 m.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-#: An array of the backend. All arrays of a call have one length.
+#: An array of the backend. All arrays of a call have equal lengths.
 Arr = Any
 State = tuple[Arr, ...]
 #: The two coordinates of points or vectors.
@@ -23,32 +23,32 @@ Trace = Callable[..., State]
 
 
 class Backend:
-    """The operations of an array library, on arrays of one length."""
+    """The operations of an array library on arrays of equal length."""
 
-    #: Cast to the engine's floating-point format, to float64, and to signed integers.
+    #: Casts to the engine's floating-point format, to float64, and to signed integers.
     real: Operation
     double: Operation
     integer: Operation
-    #: Largest whole number <= x, in x's format.
+    #: Largest whole number not above x, in x's number format.
     floor: Operation
     sqrt: Operation
     absolute: Operation
     maximum: Operation
     minimum: Operation
-    #: Choose by element: where(condition, yes, no).
+    #: Selects elements: where(condition, value if true, value if false).
     where: Operation
 
     def loop(self, active: Operation, body: Trace, state: State) -> State:
-        """Repeat `state = body(*state)` for the elements where `active(*state)` is true, until none is."""
+        """Repeat `state = body(*state)` for the elements where `active(*state)` is true, until it is nowhere true."""
         raise NotImplementedError
 
     def refine(self, mask: Arr, trace: Trace, inputs: State, coarse: State) -> State:
-        """Return `coarse`, with the elements under `mask` from `trace(backend, *inputs)` in double precision."""
+        """Return `coarse`, but trace the elements in `mask` again (`trace(backend, *inputs)`) in double precision."""
         return coarse
 
 
 class NumpyBackend(Backend):
-    """float64 throughout."""
+    """The numpy backend, which computes in float64."""
 
     def __init__(self) -> None:
         self.real = self.double = lambda x: np.asarray(x, np.float64)
@@ -57,7 +57,7 @@ class NumpyBackend(Backend):
         self.maximum, self.minimum, self.where = np.maximum, np.minimum, np.where
 
     def loop(self, active: Operation, body: Trace, state: State) -> State:
-        # Only the active elements, which are few, may change.
+        # Only the active elements can change, and few elements are active.
         index = np.flatnonzero(active(*state))
         if index.size:
             state = tuple(np.array(x) for x in state)
@@ -70,10 +70,10 @@ class NumpyBackend(Backend):
 
 
 class DrJitBackend(Backend):
-    """float32, or float64 on request, on CPU threads ("llvm") or on an NVIDIA GPU ("cuda")."""
+    """The Dr.Jit backend: float32, or float64 if `precise`, on CPU threads ("llvm") or an NVIDIA GPU ("cuda")."""
 
     def __init__(self, device: str = "llvm", precise: bool = False) -> None:
-        import drjit as dr  # soft: the golden engine must run without it
+        import drjit as dr  # imported here: the golden engine must run without it
 
         module = getattr(dr, device).ad
         self._dr, self._device, self._precise = dr, device, precise

@@ -1,4 +1,4 @@
-"""The numbers that follow from a display file; `lippmann inspect` prints them."""
+"""Computes the properties of a display, which `lippmann inspect` prints."""
 
 from __future__ import annotations
 
@@ -16,15 +16,15 @@ from lippmann.optics.lattice import HALF_SQRT3
 from lippmann.optics.system import PanelFrame, System
 from lippmann.optics.zones import Zone, middle_eye, remedy, sees_all, status_share, viewing_distance, zones
 
-#: Distances of the eyes in the table of views, in viewing distances.
+#: Eye distances in the table of views, as multiples of the viewing distance.
 DISTANCES = (0.5, 0.75, 1.0, 1.5, 2.0, 3.0)
-#: A beat of lenslets and pixels is visible as moire if it is longer, in lenslets, ...
+#: Minimum period of visible moire, the beat of lenslets and pixels, in lenslets.
 MOIRE_FROM_LENSLETS = 4.0
-#: ... and an elemental image has fewer pixels than this, for enough contrast.
+#: Moire has visible contrast if an elemental image has fewer pixels than this number.
 MOIRE_BELOW_PIXELS = 60.0
 #: Maximum rotation of a lattice that counts as parallel to the pixels, degrees.
 PARALLEL_DEG = 0.05
-#: A viewing distance beyond this is probably not in millimetres, or has no effect.
+#: Maximum plausible viewing distance, mm; a longer one has no effect or another unit.
 FAR_MM = 100_000.0
 
 Lenslets = tuple[int, int, int]
@@ -38,7 +38,7 @@ _DEPTHS = (
 @documented
 @dataclass(frozen=True)
 class DisplayProperties:
-    """The numbers that follow from a display file; radius to focal length by equations 2 to 4 of the paper."""
+    """The properties of a display; equations 2 to 4 of the paper give the numbers from radius to focal length."""
 
     radius_mm: float
     sag_mm: float
@@ -53,7 +53,7 @@ class DisplayProperties:
     elemental_image_px: Annotated[float, key("pixels across an elemental image: its pitch over pixel pitch")]
     viewing_angle_deg: Annotated[float, key(f"full angle of an elemental image, {_MIDDLE}: 2 atan(pitch / 2D)")]
     crosstalk_angle_deg: Annotated[
-        float, key("half of it: farther off its axis, a lenslet shows its neighbour's image")
+        float, key("half of `viewing_angle_deg`: farther off its axis, a lenslet shows its neighbour's image")
     ]
     viewing_zone_mm: Annotated[float, key(_ZONE)]
     central_depth_plane_mm: Annotated[float, key("z of the panel's image: 1/l = 1/f - 1/D; infinite when in focus")]
@@ -70,20 +70,20 @@ _RANGE = "depths whose rays from neighbouring pixels are, as the eye sees them, 
 @documented
 @dataclass(frozen=True)
 class EyeView:
-    """What an eye sees of a display."""
+    """The view of a display from one eye position."""
 
-    eye_mm: Annotated[tuple[float, float, float], key("where the eye is")]
-    status_share: Annotated[dict[str, float], key("share of the eye's rays to the panel by status, as of `observe`")]
-    sees_all: Annotated[bool, key("whether it sees the whole panel without crosstalk")]
-    zone_mm: Annotated[Zone | None, key("zone of eyes at this distance that see no crosstalk; None without")]
+    eye_mm: Annotated[tuple[float, float, float], key("position of the eye")]
+    status_share: Annotated[dict[str, float], key("fraction of the eye's rays with each status, as in `observe`")]
+    sees_all: Annotated[bool, key("whether the eye sees the whole panel without crosstalk")]
+    zone_mm: Annotated[Zone | None, key("zone of eyes at this distance that see no crosstalk, or None")]
     depth_range_mm: Annotated[Pair, key(f"(far, near): {_RANGE}")]
-    view_step_mm: Annotated[float, key("distance of eyes that see neighbouring pixels: pixel pitch z / D")]
+    view_step_mm: Annotated[float, key("distance between eyes that see neighbouring pixels: pixel pitch z / D")]
     lenslet_arcmin: Annotated[float, key("angle of a lenslet, the pixel of the view: pitch / z")]
-    moire_lenslets: Annotated[float | None, key("period of the moire that is visible from there; None without")]
+    moire_lenslets: Annotated[float | None, key("period of the visible moire in lenslets, or None")]
 
 
 def eye_views(display: Display, eyes_mm: Sequence[tuple[float, float, float]]) -> list[EyeView]:
-    """Return what each eye sees of a display; InputError for an eye that is not in front of it."""
+    """Return each eye's view of a display; raises InputError for an eye that is not in front of the display."""
     pitch, distance = display.array.finest_mm, display.aperture_distance_mm
     shares = [status_share(display, eye) for eye in eyes_mm]
     reach, step = pitch * distance / display.panel.coarsest_mm, display.panel.coarsest_mm / distance
@@ -99,7 +99,7 @@ def eye_views(display: Display, eyes_mm: Sequence[tuple[float, float, float]]) -
 
 
 def axis_text(display: Display) -> str:
-    """Return the axis of the viewing and crosstalk angles in words."""
+    """Describe the axis from which viewing and crosstalk angles are measured."""
     if display.viewing_distance_mm is None:
         return "a lenslet's axis"
     x, y = display.viewing_axis_mm
@@ -107,25 +107,25 @@ def axis_text(display: Display) -> str:
 
 
 def percent(share: float, sampled: bool = False) -> str:
-    """Return a fraction in per cent; "< 0.1 %" for a small positive one, or a `sampled` 0."""
+    """Return a fraction in per cent; "< 0.1 %" for a small positive value, or for 0 if `sampled`."""
     return "< 0.1 %" if (sampled or share > 0.0) and share < 5e-4 else f"{100.0 * share:.1f} %"
 
 
 def table_of_views(display: Display) -> list[EyeView]:
-    """Return what the middle eyes see at several distances."""
+    """Return the middle eye's view at each of `DISTANCES`."""
     usual = viewing_distance(display)
     return eye_views(display, [middle_eye(display, factor * usual) for factor in DISTANCES])
 
 
 def display_properties(display: Display) -> DisplayProperties:
-    """Compute the numbers that follow from a display file."""
+    """Compute the properties of a display."""
     panel, array = display.panel, display.array
     pitch, distance = array.finest_mm, display.aperture_distance_mm
     image = pitch * (1.0 + display.convergence)
     half_field_deg = math.degrees(math.atan2(0.5 * image, distance))
     (zone,) = zones(display, [viewing_distance(display)])
     vergence = 1.0 / array.focal_length_mm - 1.0 / distance
-    # In focus, within rounding error: the image is at infinity.
+    # If the panel is in focus, within rounding error, its image is at infinity.
     in_focus = abs(vergence) * distance < 1e-12
     in_glass = array.thickness_mm / array.index if array.plano_side == "panel" else 0.0
     return DisplayProperties(
@@ -161,36 +161,35 @@ def depth_reach_mm(display: Display) -> Pair:
 def _lenslets(display: Display) -> Lenslets:
     """Return the lenslets across, down and in all, in front of the panel and within the extent."""
     panel, array = display.panel, display.array
-    # 1e-9 allows for rounding on a panel of a whole number of lenslets.
+    # 1e-9 allows for rounding error if the panel is a whole number of lenslets wide.
     across = math.ceil(panel.width_mm / array.pitches_mm[0] - 1e-9)
     down = math.ceil(panel.height_mm / array.row_pitch_mm - 1e-9)
     if array.half_steps is None:
         return across, down, across * down
     along, rows = array.half_steps
     down = min(down, 2 * (rows // 2) + 1)
-    # The middle row has a lenslet in the middle; hexagonal, the next have none there.
+    # The middle row has a lenslet at its middle; hexagonal neighbouring rows do not.
     own, other = (min(across, count) for count in (2 * (along // 2) + 1, 2 * ((along + 1) // 2)))
     others = (down + 1) // 4 * 2 if array.grid == "hex" else 0
     return max(own, other) if others else own, down, own * (down - others) + other * others
 
 
 def beats_in_lenslets(display: Display, distance_mm: float = math.inf) -> Pair:
-    """Return the periods of the beats of pixel columns and rows with the lenslets, in lenslet pitches.
+    """Return the beat periods of pixel columns and of pixel rows with the lenslets, in lenslet pitches.
 
     An eye at a distance z looks through neighbouring lenslets at points 1 + D/z pitches
-    apart. The phase of the pixel columns, of frequency k = (1/p, 0), advances by k . a
-    cycles along a lattice vector a. The eye sees the longest wave whose frequency f
-    satisfies f . a = k . a modulo 1 for both lattice vectors; its length is the distance of
-    k from the reciprocal lattice. The period is infinite if all lenslets agree in phase.
+    apart. The pixel columns have the frequency k = (1/p, 0); their phase advances by
+    k . a cycles along a lattice vector a. The eye sees the longest wave whose frequency
+    f satisfies f . a = k . a modulo 1 for both lattice vectors; |f| is the distance of
+    k from the reciprocal lattice. If all lenslets have equal phase, the period is infinite.
     """
     lattice, frame = System.of(display).lattice, PanelFrame.of(display)
     pitch_mm = lattice.pitches_mm[0]
-    # The lattice vectors in lenslet pitches, and the area between them.
+    # Lattice vectors in lenslet pitches, and the area of their parallelogram.
     step, row = (tuple(c / pitch_mm for c in lattice.centre(*lenslet)) for lenslet in ((1, 0), (0, 1)))
     area = step[0] * row[1]
 
     def period(axis: int, pixel_mm: float) -> float:
-        """Return the period of a beat with the pixel lines across an axis."""
         ratio = pitch_mm * (1.0 + display.aperture_distance_mm / distance_mm) / pixel_mm
         phases = [math.remainder(ratio * frame.turn(*vector)[axis], 1.0) for vector in (step, row)]
         lengths = []
@@ -204,7 +203,7 @@ def beats_in_lenslets(display: Display, distance_mm: float = math.inf) -> Pair:
 
 
 def visible_moire(display: Display, distance_mm: float) -> float | None:
-    """Return the longest period of a visible beat in lenslets, or None."""
+    """Return the longest period of visible moire in lenslets, or None."""
     panel, pitch = display.panel, display.array.pitches_mm[0]
     widest = max(panel.width_mm, panel.height_mm) / pitch
     beats = [beat for beat in beats_in_lenslets(display, distance_mm) if MOIRE_FROM_LENSLETS < beat < widest]
@@ -234,7 +233,7 @@ def _warnings(display: Display, half_field_deg: float, zone: Zone | None) -> lis
             f"moire: to an eye at {distance:g} mm, pixels and lenslets beat every {moire * px:.3g} mm; change the "
             "pitch of either, or the angle of the array by some degrees"
         )
-    # Stripes are along or across lenslet rows every 90 degrees, hexagonal every 30.
+    # Stripes align with a square lattice every 90 degrees, a hexagonal one every 30.
     symmetry_deg = 30.0 if array.grid == "hex" else 90.0
     if panel.subpixels != "none" and abs(math.remainder(array.rotation_deg, symmetry_deg)) <= PARALLEL_DEG:
         kind = "stripes" if panel.subpixels in ("rgb", "bgr") else "sub-pixels"
@@ -257,7 +256,6 @@ def _warnings(display: Display, half_field_deg: float, zone: Zone | None) -> lis
 
 
 def _eye_warnings(display: Display, zone: Zone | None) -> list[str]:
-    """Return warnings of the eye's position and view; `zone` is that at its distance."""
     panel, distance, texts = display.panel, viewing_distance(display), []
     x, y = display.viewing_axis_mm
     if abs(x) > 0.5 * panel.width_mm or abs(y) > 0.5 * panel.height_mm:

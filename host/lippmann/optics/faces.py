@@ -1,20 +1,21 @@
 """Steps 4 and 5 of a ray: refraction at the flat face and at the domes.
 
 Snell's law at a plane keeps the tangential part of n d: with k = d_tangential n1/n2 the
-new direction is (k, sqrt(1 - |k|^2)); |k| > 1 is total internal reflection.
+new direction is (k, sqrt(1 - |k|^2)); |k| > 1 means total internal reflection.
 
-**Domes** are lens-local, vertex at the origin, bulging to +z, glass below: curvature
-c = 1/R, sphere c (x^2 + y^2 + z^2) + 2 z = 0.
+**Domes** are in lens-local coordinates: the vertex is the origin, the dome bulges to
++z, and the glass is below. With curvature c = 1/R, the dome is part of the sphere
+c (x^2 + y^2 + z^2) + 2 z = 0.
 
 **Perpendicular-foot form.** The ray's point is first moved to the foot Q of the
 perpendicular from the vertex: Q . d = 0. With F = c |Q|^2 + 2 Q_z, the ray meets the
 sphere where c t^2 + 2 d_z t + F = 0; its cosine to the normal is sqrt(d_z^2 - c F). No
-term grows with the ray's distance or with R; a flat face is c = 0.
+term grows with the ray's distance or with R; a flat face has c = 0.
 
 **The height field.** The array's face has a cap over each cell. A ray meets the cap of
 its cell, or steps to the next cell. Neighbouring caps have equal heights at their
-common side, so no ray passes between them. On a sheared lattice, and on a hexagonal one
-of two pitches, there is a wall between them; a ray that meets it is lost.
+common side, so no ray passes between two caps. On a sheared lattice, and on a hexagonal
+lattice with two pitches, there are walls between caps; a ray that meets a wall is lost.
 """
 
 from __future__ import annotations
@@ -27,7 +28,7 @@ from lippmann.optics.lattice import Lattice
 
 
 class Ray(NamedTuple):
-    """Point (mm) and unit direction, six arrays of one length."""
+    """Rays as point (mm) and unit direction: six arrays of equal length."""
 
     x: Arr
     y: Arr
@@ -44,7 +45,7 @@ def unit(b: Backend, x: Arr, y: Arr, z: Arr) -> tuple[Arr, Arr, Arr]:
 
 
 def transported(ray: Ray, z: float) -> Ray:
-    """Return the ray with its point at the height z, mm, which the ray must reach."""
+    """Return the ray with its point moved to the height z, mm; the ray must reach z."""
     t = (z - ray.z) / ray.dz
     return ray._replace(x=ray.x + t * ray.dx, y=ray.y + t * ray.dy, z=z + 0.0 * ray.z)
 
@@ -57,22 +58,22 @@ def mirrored(ray: Ray) -> Ray:
 def refract_flat(b: Backend, ray: Ray, ratio: float) -> tuple[Ray, Arr]:
     """Refract rays at the planes z = constant through their points; `ratio` is n1 / n2.
 
-    Return the rays and the squared cosine behind the face, not positive if reflected.
+    Return the rays and the squared cosine behind the face, not positive for reflected rays.
     """
     kx, ky = ray.dx * ratio, ray.dy * ratio
     k = b.sqrt(kx * kx + ky * ky)
     square = (1.0 - k) * (1.0 + k)
     cosine = b.sqrt(b.maximum(square, 0.0))
-    return _turned(b, ray, (kx, ky, b.where(ray.dz < 0.0, -cosine, cosine)), square)
+    return _redirect(b, ray, (kx, ky, b.where(ray.dz < 0.0, -cosine, cosine)), square)
 
 
-def _turned(b: Backend, ray: Ray, direction: State, square: Arr) -> tuple[Ray, Arr]:
-    """Return rays with new directions, but the old ones where `square` is not positive; and `square`."""
+def _redirect(b: Backend, ray: Ray, direction: State, square: Arr) -> tuple[Ray, Arr]:
+    """Return rays with new directions where `square` is positive, else the old directions; and `square`."""
     pairs = zip(ray[3:], direction, strict=True)
     return Ray(*ray[:3], *(b.where(square <= 0.0, old, new) for old, new in pairs)), square
 
 
-#: Maximum number of cells of a ray; beyond, it has missed.
+#: Maximum number of cells that a ray visits; then the ray has missed.
 MAX_CELLS = 16
 
 
@@ -86,7 +87,7 @@ class Dome:
 
     @property
     def curvature(self) -> float:
-        """1 / R, 1/mm."""
+        """Curvature 1 / R, 1/mm."""
         return 1.0 / self.radius_mm
 
     def height(self, x: Arr, y: Arr, z: Arr) -> Arr:
@@ -95,7 +96,7 @@ class Dome:
 
 
 class Crossing(NamedTuple):
-    """Where a ray meets a face, relative to that lenslet; the steps (di, dj) to the lenslet; the cosine |d . N|."""
+    """A ray at the point where it meets a lenslet's face, the steps (di, dj) to that lenslet, the cosine |d . N|."""
 
     ray: Ray
     di: Arr
@@ -114,10 +115,10 @@ def cap(b: Backend, dome: Dome, ray: Ray, upward: bool) -> tuple[Arr, Arr, Ray, 
     hit = square >= 0.0
     cosine = b.sqrt(b.maximum(square, 0.0))
     if upward:
-        # Out of the sphere: the root (cosine - d_z) / c, precise where d_z > 0.
+        # A ray out of the sphere: the root (cosine - d_z) / c, precise where d_z > 0.
         t = -f / b.maximum(ray.dz + cosine, 1e-30)
     else:
-        # Into the sphere: the root (-d_z - cosine) / c, precise where d_z < 0.
+        # A ray into the sphere: the root (-d_z - cosine) / c, precise where d_z < 0.
         t = f / b.maximum(cosine - ray.dz, 1e-30)
     on_dome = ray._replace(x=qx + t * ray.dx, y=qy + t * ray.dy, z=qz + t * ray.dz)
     return hit, t - s, on_dome, cosine
@@ -126,8 +127,8 @@ def cap(b: Backend, dome: Dome, ray: Ray, upward: bool) -> tuple[Arr, Arr, Ray, 
 def meet(b: Backend, dome: Dome, ray: Ray, upward: bool) -> Crossing:
     """Find where rays first meet the height field, upward through the glass or downward through air.
 
-    A ray is local to the lenslet of its point's cell. It starts in glass at the rims'
-    plane or lower, in air at the vertices' plane or higher.
+    A ray is local to the lenslet whose cell contains its point. A ray in glass starts
+    at the rims' plane or lower, a ray in air at the vertices' plane or higher.
     """
     hit, _, at, cosine = cap(b, dome, ray, upward)
     zero = 0.0 * ray.x
@@ -137,13 +138,13 @@ def meet(b: Backend, dome: Dome, ray: Ray, upward: bool) -> Crossing:
         return ~state[0] & (state[1] < MAX_CELLS)
 
     def step(settled: Arr, steps: Arr, di: Arr, dj: Arr, *tail: Arr) -> State:
-        # `tail`: the ray in its present cell, then point and cosine on the dome.
+        # `tail` is the ray in its present cell, then point and cosine on the dome.
         local = Ray(*tail[:6])
         hit, t, at, cosine = cap(b, dome, local, upward)
         t_flat, (step_i, step_j), (to_x, to_y) = dome.lattice.leave(b, local.x, local.y, local.dx, local.dy)
         settled = hit & (t <= t_flat)
         if dome.lattice.stepped:
-            # At the wall between two domes the glass ends, or begins.
+            # The glass ends or begins at the wall between two domes.
             x, y, z = (p + t_flat * d for p, d in zip(local[:3], local[3:], strict=True))
             depth = dome.height(x - to_x, y - to_y, z) * (1.0 if upward else -1.0)
             steps = b.where(settled | (depth <= 0.0), steps, MAX_CELLS)
@@ -168,9 +169,9 @@ def meet(b: Backend, dome: Dome, ray: Ray, upward: bool) -> Crossing:
 
 
 def refract_dome(b: Backend, dome: Dome, ray: Ray, cosine: Arr, ratio: float, upward: bool) -> tuple[Ray, Arr]:
-    """Refract rays at the sphere through their points; the result is as for `refract_flat`.
+    """Refract rays at the sphere through their points; return the same results as `refract_flat`.
 
-    Vector form of Snell's law: d' = r d + (cos t - r cos i) N, with r = n1/n2 and
+    Snell's law in vector form is d' = r d + (cos t - r cos i) N, with r = n1/n2 and
     cos^2 t = 1 - r^2 (1 - cos^2 i).
     """
     c = dome.curvature
@@ -182,42 +183,42 @@ def refract_dome(b: Backend, dome: Dome, ray: Ray, cosine: Arr, ratio: float, up
     dx = ratio * ray.dx + bend * (c * ray.x)
     dy = ratio * ray.dy + bend * (c * ray.y)
     dz = ratio * ray.dz + bend * (1.0 + c * ray.z)
-    # The ratio magnifies the rounding error of the normal.
-    return _turned(b, ray, unit(b, dx, dy, dz), square)
+    # Normalized, because the ratio magnifies the rounding error of the normal.
+    return _redirect(b, ray, unit(b, dx, dy, dz), square)
 
 
 def blocked_above(b: Backend, dome: Dome, ray: Ray, suspect: Arr) -> Arr:
-    """Tell which `suspect` rays, leaving their dome upward into the air, meet a neighbour's dome."""
+    """Return which `suspect` rays meet a neighbour's dome after they leave their own dome upward."""
 
     def meets_cap(steps: Arr, local: Ray, t: Arr, t_flat: Arr, t_top: Arr) -> Arr:
-        # A cap met from the side: both roots are behind the vertex's foot, without
-        # cancellation. Step 0 is the dome just left, which cannot be met again.
+        # A ray from the side meets a cap at the root before the vertex's foot, a sum
+        # without cancellation. It cannot meet the dome of step 0 again, its own.
         hit, _, _, cosine = cap(b, dome, local, upward=True)
         foot = local.x * local.dx + local.y * local.dy + local.z * local.dz
         t_cap = -(local.dz + cosine) * dome.radius_mm - foot
         return (steps > 0) & hit & (t_cap > t) & (t_cap <= b.minimum(t_flat, t_top))
 
-    # Clear if above its own cell at the vertices' plane: no ray meets a dome twice.
+    # A ray above its own cell at the vertices' plane is clear: it meets no dome twice.
     return _blocked(b, dome, ray, suspect, 0.0, 1.0, meets_cap)
 
 
 def blocked_below(b: Backend, dome: Dome, ray: Ray, suspect: Arr) -> Arr:
-    """Tell which `suspect` rays, entering the glass downward, leave it again in the valley between domes."""
+    """Return which `suspect` rays enter the glass downward, but leave it again in the valley between domes."""
 
     def leaves_glass(_steps: Arr, local: Ray, _t: Arr, t_flat: Arr, t_rim: Arr) -> Arr:
         x, y, z = local.x + t_flat * local.dx, local.y + t_flat * local.dy, local.z + t_flat * local.dz
         return (t_flat < t_rim) & (dome.height(x, y, z) > 0.0)
 
-    # Clear if inside its own cell at the rims' plane: chords of a sphere are in glass.
+    # A ray inside its own cell at the rims' plane is clear: sphere chords are in glass.
     return _blocked(b, dome, ray, suspect, -dome.sag_mm, -1.0, leaves_glass)
 
 
 def _blocked(b: Backend, dome: Dome, ray: Ray, suspect: Arr, plane: float, up: float, meets: Operation) -> Arr:
-    """Tell which rays are blocked on the way to the height `plane`, above (`up` = 1) or below (-1).
+    """Return which rays are blocked before they reach the height `plane`, above (`up` = 1) or below (-1).
 
-    A ray that reaches the plane in its own cell is clear, one that goes away from it is
-    blocked. The others step from cell to cell until `meets(steps, ray, t of the cell's
-    near side, t of its far side, t of the plane)`.
+    A ray that reaches the plane in its own cell is clear; a ray that moves away from
+    the plane is blocked. Other rays step from cell to cell until `meets(steps, ray, t
+    of the cell's near side, t of its far side, t of the plane)` is true.
     """
     away = up * ray.dz <= 0.0
     t_plane = (plane - ray.z) / (up * b.maximum(up * ray.dz, 1e-30))
@@ -232,7 +233,7 @@ def _blocked(b: Backend, dome: Dome, ray: Ray, suspect: Arr, plane: float, up: f
         t_plane = (plane - local.z) / local.dz
         met = meets(steps, local, t, t_flat, t_plane)
         if dome.lattice.stepped:
-            # The wall where the ray enters this cell.
+            # The ray may meet the wall where it enters this cell.
             x, y, z = local.x + t * local.dx, local.y + t * local.dy, local.z + t * local.dz
             met = met | ((steps > 0) & (up * dome.height(x, y, z) < 0.0))
         searching = ~met & (t_flat < t_plane)

@@ -1,9 +1,9 @@
-"""Step 2 of a ray: the lenslet of a point, and the point's position inside it.
+"""Step 2 of a ray: the lenslet of a point, and the point's position inside the lenslet.
 
 On the regular lattice of pitch 1, the centre of lenslet (i, j) is at (X, Y) = (i, j),
-hexagonal (i + j/2, j sqrt(3)/2). A cell is half-open, -1/2 <= q < 1/2 along each of its
-axes, so that each point belongs to exactly one lenslet. The array's lattice is an
-affine image of it, cells included:
+or at (i + j/2, j sqrt(3)/2) if hexagonal. A cell is half-open, -1/2 <= q < 1/2 along
+each of its axes, so that each point belongs to exactly one lenslet. The array's lattice
+is an affine image of the regular lattice, cells included:
 
     y = py Y,   x = px X + shear y.
 """
@@ -30,7 +30,7 @@ STEPS: dict[Grid, tuple[tuple[int, int], ...]] = {
 
 @dataclass(frozen=True)
 class Lattice:
-    """A lattice, in mm; `half_sqrt3` is sqrt(3)/2 in the coordinates' precision, `half_steps` as in `Array`."""
+    """A lattice in mm; `half_sqrt3` is sqrt(3)/2 in the coordinates' precision; see `Array` for `half_steps`."""
 
     grid: Grid
     pitch_mm: Pitch
@@ -55,13 +55,13 @@ class Lattice:
 
     @property
     def stepped(self) -> bool:
-        """Whether domes have steps between them: cells' sides are not midway between centres."""
+        """Whether walls separate the domes, because cells' sides are not midway between centres."""
         px, py = self.pitches_mm
         return bool(self.shear != 0.0 or (self.grid == "hex" and px != py))
 
     @property
     def axes(self) -> tuple[Pair, ...]:
-        """Vectors a perpendicular to the sides of a cell, of length 1 for a regular lattice.
+        """Vectors a, perpendicular to the sides of a cell, with length 1 in a regular lattice.
 
         A point q from the centre is in the cell if each a . q is in [-px/2, px/2).
         """
@@ -82,7 +82,7 @@ class Lattice:
         return tuple(self.sheared(x, y * (py / px)) for x, y in regular)
 
     def sheared(self, x: Arr, y: Arr) -> Point:
-        """Return the sheared position of a point of the lattice without shear, mm."""
+        """Return the position, mm, to which the shear moves a point."""
         return (x + self.shear * y, y) if self.shear else (x, y)
 
     def centre(self, i: Arr, j: Arr) -> Point:
@@ -93,39 +93,39 @@ class Lattice:
         return self.sheared((i + 0.5 * j) * px, j * (self.half_sqrt3 * py))
 
     def present(self, b: Backend, i: Arr, j: Arr) -> Arr:
-        """Tell whether lenslet (i, j) is within the array's extent (see `Array.half_steps`)."""
+        """Return whether lenslet (i, j) is within the array's extent (see `Array.half_steps`)."""
         if self.half_steps is None:
             return i < math.inf
         along = 2.0 * i + j if self.grid == "hex" else 2.0 * i
         return (b.absolute(along) <= self.half_steps[0]) & (b.absolute(2.0 * j) <= self.half_steps[1])
 
     def nearest_within(self, x: Arr, y: Arr) -> Point:
-        """Return the nearest points within the extent, along and across the rows; numpy arrays, mm."""
+        """Return the nearest points within the extent, clipped along and across the rows; numpy arrays, mm."""
         if self.half_steps is None:
             return x, y
         px, py = self.pitches_mm
         row = self.half_sqrt3 * py if self.grid == "hex" else py
-        # Limits: the middles of the last rows, and of their last lenslets.
+        # The limits are the middles of the last rows and of the last lenslets in them.
         along, across = 0.5 * (self.half_steps[0] - 1) * px, (self.half_steps[1] // 2) * row
         y = np.clip(y, -across, across)
         return self.sheared(np.clip(x - self.shear * y, -along, along), y)
 
     def locate(self, b: Backend, x: Arr, y: Arr) -> tuple[Arr, Arr, Arr, Arr]:
-        """Return the lenslet (i, j) of a point, in x's format, and the point from its centre, mm."""
+        """Return a point's lenslet (i, j) in x's number format, and the point from the lenslet's centre, mm."""
         px, py = self.pitches_mm
         along = x - self.shear * y if self.shear else x
         if self.grid == "square":
             i = b.floor(along * (1.0 / px) + 0.5)
             j = b.floor(y * (1.0 / py) + 0.5)
         else:
-            # First a corner of the point's lattice parallelogram, then the nearest of
-            # the four, whose bisectors are q = 1/2 and q = 1 along the cell's axes.
+            # Find a corner of the point's lattice parallelogram, then the nearest of its
+            # four corners; the bisectors are q = 1/2 and q = 1 along the cell's axes.
             t = y * (1.0 / (self.half_sqrt3 * py))
             u = along * (1.0 / px)
             s = u - 0.5 * t
             i, j = b.floor(s), b.floor(t)
             s, t = s - i, t - j
-            # q0 from u, not s + t/2: pixels on an upright edge stay in one lenslet.
+            # q0 uses u, not s + t/2, to keep pixels on an upright edge in one lenslet.
             q0, q1 = u - (i + 0.5 * j), 0.5 * s + t
             near = (q0 < 0.5) & (q1 < 0.5)
             far = (q0 >= 1.0) & (q1 >= 1.0)
@@ -140,7 +140,7 @@ class Lattice:
         return [ax * x + ay * y for ax, ay in self.axes]
 
     def holds(self, x: Arr, y: Arr) -> Arr:
-        """Tell whether a point, measured from a lenslet's centre, lies in its cell."""
+        """Return whether a point, measured from a lenslet's centre, is in the lenslet's cell."""
         inside: Arr = True
         for q in self.across(x, y):
             inside = inside & (q >= -self.half_mm) & (q < self.half_mm)
@@ -150,7 +150,7 @@ class Lattice:
         """Follow the line (x, y) + t (dx, dy) out of the cell around the origin.
 
         Return t at the cell's side (infinite if dx = dy = 0), the step (di, dj) to the
-        neighbour there, in x's format, and the neighbour's centre from this one's, mm.
+        neighbour at this side, in x's format, and the vector to its centre, mm.
         """
         nearest: State = ()
         for q, v, (si, sj) in zip(self.across(x, y), self.across(dx, dy), STEPS[self.grid], strict=True):
@@ -167,7 +167,7 @@ class Lattice:
 
 
 def number_lenslets(index: Indices) -> tuple[Indices, Indices]:
-    """Return the distinct ones of lenslets (N, 2), ascending (M, 2), and the index of each lenslet (N,)."""
+    """Return the distinct lenslets, ascending (M, 2), of lenslets (N, 2), and each lenslet's index in them (N,)."""
     low = index.min(axis=0)
     span = int(np.ptp(index[:, 1])) + 1
     flat = (index[:, 0] - low[0]) * span + (index[:, 1] - low[1])

@@ -1,10 +1,10 @@
-"""A ray through a lenslet by one of the four models.
+"""Traces a ray through a lenslet by one of the four models.
 
-The models `pinhole`, `thin` and `paraxial` have slopes (tangents of angles in the x and
+The models `pinhole`, `thin` and `paraxial` use slopes (tangents of angles in the x and
 y sections) and lens-local heights, mm. The model `exact` obeys Snell's law at both
-faces. Rays are mirrored where needed so that domes bulge to +z: they pass upward out of
-the glass through a dome, or downward into it. In plano-concave lenslets they pass
-downward with glass and air exchanged.
+faces. Rays are mirrored if necessary, so that domes bulge to +z: rays pass a dome
+upward out of the glass or downward into the glass. In plano-concave lenslets, rays pass
+downward, and glass and air are exchanged.
 """
 
 from __future__ import annotations
@@ -18,15 +18,16 @@ from lippmann.optics.rays import Floats, Model, Status, gets_through
 from lippmann.optics.system import Exit, Landing, System
 
 #: Squared cosine below which the fast engine traces a ray in double precision: float32
-#: rotates it by about 0.2 microradian over its cosine to the normal, so by less than 1
-#: microradian above this limit.
+#: rotates a ray by about 0.2 microradian divided by its cosine to the normal, so by
+#: less than 1 microradian above this limit.
 GRAZING_SQUARE = 0.15
 
 
 def ray_matrix(system: System) -> Floats:
     """Return the ABCD matrix (2, 2) from the panel to the last face's vertex plane, for (height mm, slope in air).
 
-    Translations by gap and thickness / n, power 1/f at the dome (Hecht, Optics, 6.2).
+    It combines translations by gap and thickness / n with the dome's power 1/f (Hecht,
+    Optics, 6.2).
     """
     gap = np.array([[1.0, system.gap_mm], [0.0, 1.0]])
     glass = np.array([[1.0, system.thickness_mm / system.index], [0.0, 1.0]])
@@ -36,10 +37,10 @@ def ray_matrix(system: System) -> Floats:
 
 
 def leave_panel(b: Backend, system: System, x: Arr, y: Arr, aperture: Point | None, model: Model) -> Exit:
-    """Trace rays from the panel to the world; rays that graze a face, in double precision.
+    """Trace rays from the panel to the world; rays that graze a face are traced in double precision.
 
-    The panel points (x, y; double) and the aperture points (None: chief rays) are local
-    to the pixel's lenslet, array's axes, mm.
+    The panel points (x, y; double) and the aperture points (None for chief rays) are in
+    mm from the centre of the pixel's lenslet, in the array's axes.
     """
 
     def traced(b: Backend, x: Arr, y: Arr, *aim: Arr) -> State:
@@ -86,8 +87,8 @@ def _leave(b: Backend, system: System, x: Arr, y: Arr, aperture: Point | None, m
 def reach_panel(b: Backend, system: System, ray: Ray, model: Model) -> Landing:
     """Trace rays from the world to the panel.
 
-    `ray` is local to the lenslet of its point's cell, array's axes. The point lies in
-    the vertices' plane for `pinhole` and `thin`, else in `System.last_face_mm`.
+    `ray` is local to the lenslet whose cell contains its point, in the array's axes. The
+    point is in the vertices' plane for `pinhole` and `thin`, else at `System.last_face_mm`.
     """
     if model == "exact":
         return _reach_exact(b, system, ray)
@@ -105,27 +106,26 @@ def reach_panel(b: Backend, system: System, ray: Ray, model: Model) -> Landing:
 
 
 def _leave_exact(b: Backend, system: System, x: Arr, y: Arr, aperture: Point | None) -> Exit:
-    """Trace rays from the panel to the world by Snell's law."""
     zero = 0.0 * x
     aim_x, aim_y = (zero, zero) if aperture is None else aperture
     towards_x, towards_y = aim_x - x, aim_y - y
     depth = system.aperture_distance_mm
     dx, dy, dz = unit(b, towards_x, towards_y, depth)
-    # Point on the array's near plane, the flat face or the domes' vertices. With a near
-    # eye, a pixel may be far aside: the nearer end gives the smaller rounding error.
-    # Other displays keep their results to the last bit.
+    # The ray's point on the array's near plane: the flat face or the domes' vertices.
+    # For a near eye, a pixel may be far off the axis; the nearer end of the ray gives
+    # the smaller rounding error. Other displays keep their results to the last bit.
     share, other = system.gap_mm / depth, (depth - system.gap_mm) / depth
     if system.convergence.share == 0.0 or share < 0.5:
         near_x, near_y = x + share * towards_x, y + share * towards_y
     else:
         near_x, near_y = aim_x - other * towards_x, aim_y - other * towards_y
-    # An elemental image that converges on the eye may lie under a neighbour.
+    # An elemental image that converges on the eye may be under another lenslet.
     strays = aperture is not None or system.convergence.share > 0.0
     if system.plano_to_panel:
         ray = Ray(near_x, near_y, zero - system.thickness_mm, dx, dy, dz)
         ray, _ = refract_flat(b, ray, 1.0 / system.index)
         if system.concave:
-            # Mirrored, the domes bulge to +z, with the glass above and the air below.
+            # After mirroring, the domes bulge to +z, with glass above and air below.
             exit_ = _out_of_glass(b, system, mirrored(ray), 0.0, upward=False)
             exit_ = exit_._replace(ray=mirrored(exit_.ray))
         else:
@@ -138,7 +138,6 @@ def _leave_exact(b: Backend, system: System, x: Arr, y: Arr, aperture: Point | N
 
 
 def _reach_exact(b: Backend, system: System, ray: Ray) -> Landing:
-    """Trace rays from the world to the panel by Snell's law."""
     if system.plano_to_panel:
         exit_ = _downward(b, system, ray, strays=False)
         panel_z = -(system.thickness_mm + system.gap_mm)
@@ -154,7 +153,7 @@ def _reach_exact(b: Backend, system: System, ray: Ray) -> Landing:
 
 
 def _out_of_glass(b: Backend, system: System, ray: Ray, plane: float | None, upward: bool = True) -> Exit:
-    """Trace rays from the flat face through a dome; `plane` is the height where they find their lenslet."""
+    """Trace rays from the flat face through a dome; `plane` is the height where each ray's lenslet is found."""
     start = (0.0, 0.0)
     if plane is not None:
         ray, start = _relocated(b, system, transported(ray, plane))
@@ -167,7 +166,6 @@ def _out_of_glass(b: Backend, system: System, ray: Ray, plane: float | None, upw
 
 
 def _downward(b: Backend, system: System, ray: Ray, strays: bool) -> Exit:
-    """Trace rays from the vertices' plane through a dome and the flat face."""
     start = (0.0, 0.0)
     if strays:
         ray, start = _relocated(b, system, ray)
@@ -179,7 +177,7 @@ def _downward(b: Backend, system: System, ray: Ray, strays: bool) -> Exit:
     at_flat = at_flat._replace(dz=inside.dz)
     out, square = refract_flat(b, at_flat, system.index)
     out = Ray(*(b.where(passes, new, old) for new, old in zip(out, inside, strict=True)))
-    # A ray may graze the dome or the flat face: the effect of rounding is the same.
+    # A ray may graze the dome or the flat face; rounding has the same effect at both.
     grazing = b.minimum(square, crossing.cosine * crossing.cosine)
     return _exit(b, out, start, crossing, passes & (square <= 0.0), blocked, grazing)
 
@@ -194,13 +192,13 @@ def _through_dome(b: Backend, system: System, crossing: Crossing, ratio: float, 
 
 
 def _relocated(b: Backend, system: System, ray: Ray) -> tuple[Ray, Point]:
-    """Make rays local to the lenslet of their points' cell; return the step to it, too."""
+    """Make rays local to the lenslet whose cell contains their point; return the step to it, too."""
     i, j, x, y = system.lattice.locate(b, ray.x, ray.y)
     return ray._replace(x=x, y=y), (i, j)
 
 
 def _exit(b: Backend, ray: Ray, start: Point, crossing: Crossing, reflected: Arr, blocked: Arr, grazing: Arr) -> Exit:
-    """Return the result of a passage; `start` is the step of the relocation before it."""
+    """Return the result of a passage; `start` is the step of the relocation before the passage."""
     di, dj = start[0] + crossing.di, start[1] + crossing.dj
     other = (di != 0.0) | (dj != 0.0)
     status = b.where(other, int(Status.CROSSTALK), int(Status.OK))

@@ -15,7 +15,7 @@ from lippmann.optics.backend import Arr
 
 Model = Literal["pinhole", "thin", "paraxial", "exact"]
 Engine = Literal["golden", "fast", "twin", "rtl"]
-#: From the cheapest to the most expensive.
+#: The models, from the cheapest to the most expensive.
 MODELS: tuple[Model, ...] = get_args(Model)
 ENGINES: tuple[Engine, ...] = get_args(Engine)
 
@@ -35,22 +35,22 @@ class Status(IntEnum):
 
 
 def check_fraction_bits(fraction_bits: int | None, engine: str) -> None:
-    """Refuse a word length for golden and fast."""
+    """Refuse a word length for the engines golden and fast."""
     if fraction_bits is not None and engine in ("golden", "fast"):
         what = "fraction_bits (--fraction-bits) belongs to the engines twin and rtl"
         raise InputError(f"{what}; leave it out with {engine}")
 
 
 def gets_through(status: Arr) -> Arr:
-    """Tell which rays pass the lenslets; `status` is an array of any backend."""
-    # Integers, because Dr.Jit does not compare with an IntEnum.
+    """Return which rays pass the lenslets; `status` is an array of any backend."""
+    # Dr.Jit can compare with integers, but not with an IntEnum.
     return (status == int(Status.OK)) | (status == int(Status.CROSSTALK))
 
 
 @documented
 @dataclass(frozen=True)
 class Rays:
-    """Rays that leave a display, N of them."""
+    """N rays that leave a display."""
 
     pixel: Annotated[Floats, key("(N, 2) float64, pixel coordinates (column, row; continuous) of their start")]
     lenslet: Annotated[Indices, key("(N, 2) int64, (i, j) of the lenslet that they leave through")]

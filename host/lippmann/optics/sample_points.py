@@ -1,6 +1,7 @@
 """Low-discrepancy sample points in a pixel, a lenslet's cell and a pupil.
 
-They depend on the numbers of pixel and sample and the seed, not on a render's chunks.
+The points depend on the indices of pixel and sample and on the seed, not on a render's
+chunks.
 """
 
 from __future__ import annotations
@@ -9,39 +10,39 @@ from lippmann.base.variant import dr, mi
 from lippmann.optics.backend import Arr, Backend, Point
 from lippmann.optics.lattice import Lattice
 
-#: Steps 1/g and 1/g^2 of the R2 sequence, g the real root of g^3 = g + 1 (M. Roberts,
+#: Steps 1/g and 1/g^2 of the R2 sequence, where g^3 = g + 1 (M. Roberts,
 #: "The unreasonable effectiveness of quasirandom sequences", 2018).
 R2_STEPS = (0.7548776662466927, 0.5698402909980532)
 #: Fractional part of the golden ratio, in units of 2^-32.
 GOLDEN_STEP = 0x9E3779B9
-#: Rounds of the Tiny Encryption Algorithm; after Mitsuba's four, neighbours correlate.
+#: Rounds of the Tiny Encryption Algorithm; with Mitsuba's four, neighbours correlate.
 HASH_ROUNDS = 6
 
 
 def pixel_steps(samples: int) -> tuple[tuple[int, int], tuple[int, int]]:
-    """Return (first, step) of a pixel's samples along each side, in units of 2^-32, modulo 1.
+    """Return the start and step of a pixel's samples along each side, in units of 2^-32, modulo 1.
 
-    Sample k of N is at 1/2 + c (1/N, (sqrt(5) - 1) / 2) with c = k - (N - 1) / 2:
-    Hammersley's points with golden steps instead of van der Corput's sequence.
+    Sample k of N is at 1/2 + c (1/N, (sqrt(5) - 1) / 2) with c = k - (N - 1) / 2. These
+    are Hammersley's points with golden steps instead of van der Corput's sequence.
     """
     across = (1 << 32) // samples & 0xFFFFFFFF
     return (across >> 1, across), ((1 << 31) - (samples - 1) * GOLDEN_STEP // 2 & 0xFFFFFFFF, GOLDEN_STEP)
 
 
 def points_in_pixel(pixel: Arr, sample: Arr, samples: int, seed: Arr, number: Arr = 0) -> Point:
-    """Return points in the unit square for numbers of pixels and samples (UInt32), see `pixel_steps`.
+    """Return points in the unit square for indices of pixels and samples (UInt32); see `pixel_steps`.
 
-    A hash of pixel and seed mirrors a pixel's points or exchanges their axes: errors
-    differ between pixels, and partly between seeds. A random shift would enlarge the
-    error at a straight edge 1.1 to 1.4 times. In further passes over a picture
-    (`number`) the golden steps continue, and each point moves by golden steps within
-    its N-th part of the width.
+    A hash of pixel and seed mirrors a pixel's points or exchanges their axes, so that
+    errors differ between pixels, and partly between seeds. A random shift would enlarge
+    the error at a straight edge 1.1 to 1.4 times. In pass `number` over a picture, the
+    golden steps continue, and each point moves by golden steps within the fraction 1/N
+    of the width.
     """
     if samples == 1:
         return mi.Float(0.5), mi.Float(0.5)
-    # Opaque: another seed needs no compilation.
+    # Opaque, so that another seed needs no compilation.
     own = dr.opaque(mi.UInt32, seed) if isinstance(seed, int) else seed
-    turn, _ = mi.sample_tea_32(pixel, own, HASH_ROUNDS)
+    flips, _ = mi.sample_tea_32(pixel, own, HASH_ROUNDS)
 
     number = mi.UInt32(number)
     moves = mi.UInt32(mi.Int32(number * GOLDEN_STEP) // samples), number * (samples * GOLDEN_STEP & 0xFFFFFFFF)
@@ -49,16 +50,16 @@ def points_in_pixel(pixel: Arr, sample: Arr, samples: int, seed: Arr, number: Ar
     def along(axis: int, mirrored: Arr) -> Arr:
         first, step = pixel_steps(samples)[axis]
         place = (first + sample * step + moves[axis]) ^ dr.select(mirrored, mi.UInt32(0xFFFFFFFF), 0)
-        # 24 bits: rounding must not move a point onto the far edge, the next pixel's.
+        # With 24 bits, rounding cannot move a point onto the next pixel's edge.
         return mi.Float(place >> 8) * 2.0**-24
 
-    x, y = along(0, (turn & 1) != 0), along(1, (turn & 2) != 0)
-    exchanged = (turn & 4) != 0
+    x, y = along(0, (flips & 1) != 0), along(1, (flips & 2) != 0)
+    exchanged = (flips & 4) != 0
     return dr.select(exchanged, y, x), dr.select(exchanged, x, y)
 
 
 def points_in_square(pixel: Arr, sample: Arr, seed: Arr, stream: int = 1) -> Point:
-    """Return points (s, t) in the unit square for a cell or pupil, by numbers of pixel and sample (UInt32).
+    """Return points (s, t) in the unit square of a cell or pupil for indices of pixels and samples (UInt32).
 
     They are the R2 sequence, shifted modulo 1 by a hash of pixel and seed. Stream 0,
     independent of stream 1, is for an eye's view, as in viewer/shaders/sampling.glsl.
@@ -77,11 +78,11 @@ def points_in_square(pixel: Arr, sample: Arr, seed: Arr, stream: int = 1) -> Poi
 
 
 def square_to_cell(b: Backend, s: Arr, t: Arr, lattice: Lattice) -> Point:
-    """Map points (s, t) of the unit square to a lenslet's cell, lens-local mm; equal areas stay equal."""
+    """Map points (s, t) of the unit square to a lenslet's cell, lens-local mm; preserve ratios of areas."""
     px, py = lattice.pitches_mm
     if lattice.grid == "square":
         return lattice.sheared((s - 0.5) * px, (t - 0.5) * py)
-    # A hexagon is three rhombi around its centre, each between two corner vectors.
+    # A hexagon has three rhombi around its centre, each between two corner vectors.
     corners = lattice.corners[::2]
     rhombus = b.minimum(b.floor(3.0 * s), 2.0)
     s = 3.0 * s - rhombus

@@ -1,4 +1,4 @@
-"""The optical system of a display. Step 1 of a ray: from pixels to the array's frame, and back.
+"""The optical system of a display. Step 1 of a ray maps pixels to the array's frame, and back.
 
 A pixel belongs to the lenslet through which the eye sees it. The eye is in front of the
 axis point a, at the distance E from the aperture plane, which is at the distance D from
@@ -25,7 +25,7 @@ from lippmann.optics.rays import Status
 
 
 def exact_rotation(degrees: float) -> Pair:
-    """Return (cos, sin) of an angle in degrees, exact at whole quarter turns."""
+    """Return (cos, sin) of an angle in degrees, exact for multiples of 90."""
     quarter = round(degrees / 90.0)
     angle = math.radians(degrees - 90.0 * quarter)
     c, s = math.cos(angle), math.sin(angle)
@@ -95,13 +95,13 @@ class Convergence:
     axis_y: float = 0.0
 
     def towards_eye(self, x: Arr, y: Arr) -> Point:
-        """Return where the line from a panel point to the eye crosses the aperture plane, mm."""
+        """Return the point where the line from a panel point to the eye crosses the aperture plane, mm."""
         if self.share == 0.0:
             return x, y
         return x - (x - self.axis_x) * self.share, y - (y - self.axis_y) * self.share
 
     def within_cell(self, x: Arr, y: Arr, cx: Arr, cy: Arr) -> Point:
-        """Return the same as `towards_eye`, both points measured from the lenslet's centre (cx, cy)."""
+        """Return the point of `towards_eye`; both points are measured from the lenslet's centre (cx, cy)."""
         if self.share == 0.0:
             return x, y
         shrink = 1.0 - self.share
@@ -119,8 +119,8 @@ class Convergence:
 class System:
     """The optical system of a display.
 
-    `concave`: plano-concave lenslets of a capture, flat face to the panel,
-    `thickness_mm` thick at the vertex; only for `exact` rays from the panel.
+    `concave` means a capture's plano-concave lenslets, with the flat face to the panel
+    and `thickness_mm` at the vertex; only `exact` rays from the panel can be traced.
     """
 
     frame: PanelFrame
@@ -156,11 +156,11 @@ class System:
 
     @property
     def last_face_mm(self) -> float:
-        """Height z of the last plane of a ray to the viewer: dome vertices or flat face."""
+        """Height z of the array's plane nearest to the viewer: dome vertices or flat face."""
         return 0.0 if self.plano_to_panel else self.thickness_mm
 
     def locate(self, b: Backend, u: Arr, v: Arr) -> tuple[Arr, Arr, Arr, Arr]:
-        """Return the lenslet (i, j) of pixel coordinates, and their point from its centre, array's axes, mm."""
+        """Return a pixel position's lenslet (i, j), and its point from the lenslet's centre, array's axes, mm."""
         x, y = self.frame.array_from_panel(*self.frame.panel_from_pixel(u, v))
         i, j, qx, qy = self.lattice.locate(b, *self.convergence.towards_eye(x, y))
         if self.convergence.share == 0.0:
@@ -169,7 +169,7 @@ class System:
         return i, j, x - cx, y - cy  # not from q, whose rounding error would grow by 1 / (1 - s)
 
     def through_mount(self, b: Backend, status: Arr, passed: Point, own: Point | None = None) -> Arr:
-        """Return statuses: blocked, unless missed, where the lenslet of a ray or pixel does not exist."""
+        """Return statuses; a ray that has not missed is blocked if its or its pixel's lenslet does not exist."""
         if self.lattice.half_steps is None:
             return status
         there = self.lattice.present(b, *passed) | (status == int(Status.MISSED))
@@ -183,10 +183,10 @@ class System:
 
 
 class Exit(NamedTuple):
-    """A ray after the lenslet, in the array's axes, local to the lenslet (di, dj) steps from the pixel's own.
+    """A ray after the array, in the array's axes, local to the lenslet (di, dj) steps from the pixel's lenslet.
 
-    `grazing` is the minimum squared cosine to a face's normal, in air: rounding rotates
-    the ray by about epsilon over its root.
+    `grazing` is the minimum squared cosine to a face's normal, in air. Rounding rotates
+    the ray by about epsilon divided by the square root of `grazing`.
     """
 
     ray: Ray
@@ -197,9 +197,9 @@ class Exit(NamedTuple):
 
 
 class Landing(NamedTuple):
-    """A ray from the world on the panel plane: point local to the lenslet passed, in the array's axes, mm.
+    """The point where a ray meets the panel plane, local to the passed lenslet, in the array's axes, mm.
 
-    The status does not tell whether the point belongs to that lenslet.
+    The status does not depend on whether the point belongs to that lenslet.
     """
 
     x: Arr

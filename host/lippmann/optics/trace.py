@@ -1,4 +1,4 @@
-"""Golden and fast: from pixel coordinates to rays in the panel's frame, and back."""
+"""The engines golden and fast, which trace pixel coordinates to rays in the panel's frame, and back."""
 
 from __future__ import annotations
 
@@ -18,14 +18,14 @@ from lippmann.optics.models import leave_panel, reach_panel
 from lippmann.optics.rays import ENGINES, MODELS, Engine, Floats, Hits, Model, Rays, Status, gets_through
 from lippmann.optics.system import System
 
-#: Maximum distance of rays from the array's centre, lenslets: indices fit into 32 bits.
+#: Maximum distance of rays from the array's centre, lenslets; indices fit into 32 bits.
 FARTHEST_LENSLETS = 1 << 28
-#: Minimum |dz| of a ray that can reach the array; less may be 0 in float32.
+#: Minimum |dz| of a ray that can reach the array; a smaller |dz| may be 0 in float32.
 FLATTEST = 1e-30
 
 
 class LocalRays(NamedTuple):
-    """Rays in panel's axes: lens-local point and direction (real), lenslet's centre (double)."""
+    """Rays in the panel's axes: lens-local point and direction (real), and the lenslet's centre (double)."""
 
     ray: Ray
     centre_x: Arr
@@ -47,7 +47,7 @@ def rays_from_pixels(b: Backend, system: System, u: Arr, v: Arr, aperture: Point
 
 
 class PixelHits(NamedTuple):
-    """Hits on the panel: pixel coordinates (double), lenslet passed, status."""
+    """Hits on the panel: pixel coordinates (double), passed lenslet, status."""
 
     u: Arr
     v: Arr
@@ -68,7 +68,7 @@ def pixels_from_rays(
     safe_z = b.where(heads_there, dz, -1.0)
     t = b.where(heads_there, (z - oz) / safe_z, 0.0)
     x, y = frame.array_from_panel(ox + t * dx, oy + t * dy)
-    # A ray too far out at the array has missed; safe numbers replace its own.
+    # A ray too far out at the array has missed; safe values replace its coordinates.
     farthest = FARTHEST_LENSLETS * min(system.lattice.pitches_mm)
     heads_there = heads_there & (b.maximum(b.absolute(x), b.absolute(y)) < farthest)
     x, y = b.where(heads_there, x, 0.0), b.where(heads_there, y, 0.0)
@@ -91,14 +91,14 @@ def pixels_from_rays(
     return PixelHits(u, v, b.integer(i), b.integer(j), b.integer(status))
 
 
-#: Maximum error of a direction's length: accepts unit vectors with a step, not slopes.
+#: Maximum error of a direction's length; it allows small steps, but refuses slopes.
 UNIT_ERROR = 1e-3
 
 
 def backend_of(engine: Engine, device: str = "auto", rays: int = 1) -> Backend:
-    """Return an engine's backend; numpy's when there are no rays, because Dr.Jit has no empty arrays.
+    """Return an engine's backend, or numpy's if there are no rays, because Dr.Jit has no empty arrays.
 
-    Raises InputError for another engine or device; else as `available_device`.
+    Raises InputError for another engine or device, and the errors of `available_device`.
     """
     check_engine_device(engine, device)
     if engine not in ("golden", "fast"):
@@ -115,7 +115,7 @@ def check_engine_device(engine: str, device: str) -> None:
 
 
 def columns(name: str, values: npt.ArrayLike, width: int, limit: float) -> Floats:
-    """Return values as (N, width) float64; refuse other shapes, and values not finite or beyond `limit`."""
+    """Return values as (N, width) float64; refuse other shapes, and values that are not finite or beyond `limit`."""
     try:
         array = np.asarray(values, np.float64)
     except (TypeError, ValueError, OverflowError):
@@ -137,7 +137,7 @@ def trace_optics(
     engine: Engine = "golden",
     device: str = "auto",
 ) -> Rays:
-    """Trace rays from the panel by golden or fast (parameters and errors as for `engines.trace`)."""
+    """Trace rays from the panel by golden or fast; parameters and errors are those of `engines.trace`."""
     display, pixel, points = checked_rays(display, pixels, aperture, model)
     b = backend_of(engine, device, len(pixel))
     aims = None if points is None else (b.double(points[:, 0]), b.double(points[:, 1]))
@@ -173,7 +173,7 @@ def trace_to_panel(
     """Trace rays from the world, (N, 3) origins in mm and (N, 3) unit directions, to the panel.
 
     A ray flatter than `FLATTEST`, or beyond `FARTHEST_LENSLETS` at the array, has
-    missed. Errors as for `trace`; InputError for directions of another length than 1.
+    missed. Raises the errors of `trace`, and InputError if a direction's length is not 1.
     """
     check_choice("model", model, MODELS)
     origins = columns("origin_mm", origin_mm, 3, MAX_LENGTH_MM)
@@ -202,13 +202,12 @@ def rays_of(pixel: Floats, out: LocalRays, number: npt.DTypeLike = np.float64) -
 
 
 def hits_of(n: int, hits: PixelHits, number: npt.DTypeLike = np.float64) -> Hits:
-    """Return the hits of n rays, as `rays_of` does."""
+    """Return the hits of n rays as numpy arrays (see `rays_of`)."""
     status = _stack(n, np.uint8, hits.status)[:, 0]
     return Hits(_stack(n, number, hits.u, hits.v), _stack(n, np.int64, hits.i, hits.j), status)
 
 
 def _stack(n: int, number: npt.DTypeLike, *columns: Arr) -> Arr:
-    """Return a backend's arrays or constants as the columns of an array (n, k)."""
     gathered = np.empty((n, len(columns)), number)
     for k, column in enumerate(columns):
         gathered[:, k] = np.asarray(column)

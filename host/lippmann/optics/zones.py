@@ -1,8 +1,8 @@
-"""The crosstalk that eyes see, and the zone without it, from rays through exact lenslets.
+"""Computes the crosstalk that eyes see, and the zone without crosstalk, from rays through exact lenslets.
 
-With k = D/E, the paraxial zone at the distance z is as wide as a cell's image,
-(1 + k) p z / D, less the panel's width times |1 - z/E|. The real zone, found by
-bisection, is narrower: thick lenslets refract steep rays differently.
+With k = D/E, the width of the paraxial zone at the distance z is that of a cell's image,
+(1 + k) p z / D, minus the panel's width times |1 - z/E|. The real zone, found by
+bisection, is narrower, because thick lenslets refract steep rays differently.
 """
 
 from __future__ import annotations
@@ -29,20 +29,20 @@ FARTHEST_EYE_MM = 1e9
 TOO_FAR = f"eye: is farther away than {FARTHEST_EYE_MM:g} mm; give its place in mm, such as 0,0,600"
 #: Number of rays from an eye that measure its crosstalk.
 SHARE_RAYS = 1 << 13
-#: Lenslets across and down that are tested for crosstalk, and the rays' points in each:
-#: fractions of the way to the cell's corners and sides, and of the rims' height.
+#: Numbers of lenslets across and down that are tested for crosstalk.
 LENSLETS = (5, 3)
+#: Points of rays: fraction of the way to a cell's rim, fraction of the rims' height.
 POINTS = ((0.6, 0.0), (0.95, 0.0), (0.95, 1.0), (0.99, 0.0), (0.99, 1.0))
-#: The search for an end of a zone: range in paraxial half widths, and bisections.
+#: Search for a zone's end: range in paraxial half widths, and number of bisections.
 FARTHEST, BISECTIONS = 2.0, 11
-#: The search for a better display: factor on distance, focal length or pitch; steps.
+#: Search for a better display: factor on a length, and maximum number of steps.
 FACTOR, STEPS = 1.1, 24
-#: A better display has no crosstalk up to this fraction of a lenslet's zone, each side.
+#: Fraction of a lenslet's zone, each side, in which a better display has no crosstalk.
 WORTH = 0.25
 
 
 class Zone(NamedTuple):
-    """Ends of a horizontal and a vertical line of eyes without crosstalk, through the middle eye, mm."""
+    """Ends of the horizontal and vertical line of eyes without crosstalk through the middle eye, mm."""
 
     left_mm: float
     right_mm: float
@@ -56,19 +56,19 @@ def viewing_distance(display: Display) -> float:
 
 
 def middle_eye(display: Display, distance_mm: float) -> tuple[float, float, float]:
-    """Return the middle eye at a distance, mm, which sees opposite sides of the panel alike."""
+    """Return the position of the middle eye at a distance, mm; it sees opposite sides of the panel equally."""
     share = 0.0 if display.viewing_distance_mm is None else distance_mm / display.viewing_distance_mm
     return share * display.viewing_axis_mm[0], share * display.viewing_axis_mm[1], distance_mm
 
 
 def status_share(display: Display, eye_mm: tuple[float, float, float]) -> dict[str, float]:
-    """Return the fraction of an eye's rays by status; InputError for an eye behind the display or too far."""
+    """Return the fraction of an eye's rays per status; raises InputError for an eye behind the display or too far."""
     (shares,) = status_shares(display, np.array([eye_mm]), SHARE_RAYS)
     return {one.name.lower(): float(shares[one]) for one in Status}
 
 
 def status_shares(display: Display, eyes_mm: Floats, rays: int) -> Floats:
-    """Return `status_share` of eyes (N, 3) from `rays` rays each, as (N, statuses) float64."""
+    """Return `status_share` for eyes (N, 3), with `rays` rays per eye, as (N, statuses) float64."""
     front, nearest = System.of(display).last_face_mm, eyes_mm[:, 2].min()
     if not nearest > front:
         what = f"z {nearest:g} mm is not in front of the display, whose front is at z = {front:.4g} mm"
@@ -82,12 +82,12 @@ def status_shares(display: Display, eyes_mm: Floats, rays: int) -> Floats:
 
 
 def sees_all(display: Display, eyes_mm: Floats) -> npt.NDArray[np.bool_]:
-    """Tell which eyes, (N, 3) float64 mm, see the whole panel without crosstalk."""
+    """Return which eyes, (N, 3) float64 mm, see the whole panel without crosstalk."""
     system, panel = System.of(display), display.panel
     across, down = (np.linspace(-0.5, 0.5, count) for count in LENSLETS)
     grid = np.stack(np.meshgrid(across * panel.width_mm, down * panel.height_mm), axis=-1).reshape(-1, 2)
-    # The lenslets through which each eye sees the points of this grid. The panel has no
-    # edges here: crosstalk beyond an edge appears inside it in the next lenslet.
+    # Find the lenslets through which each eye sees the grid's points. The panel has no
+    # edges here: crosstalk beyond an edge appears in the next lenslet inside the edge.
     lift = display.aperture_distance_mm / eyes_mm[:, None, 2:]
     x, y = np.moveaxis((grid + lift * eyes_mm[:, None, :2]) / (1.0 + lift), -1, 0)
     place = system.lattice.nearest_within(*system.frame.array_from_panel(x, y))
@@ -101,7 +101,7 @@ def sees_all(display: Display, eyes_mm: Floats) -> npt.NDArray[np.bool_]:
     cell = np.concatenate(list(rings))
     points = (np.pad(centres, ((0, 0), (0, 0), (0, 1)))[:, :, None] + cell).reshape(len(eyes_mm), -1, 3)
     x, y = panel.pitches_mm
-    wide = replace(panel, pixel_pitch_mm=(4.0 * x, 4.0 * y))  # not more pixels, whose number is limited
+    wide = replace(panel, pixel_pitch_mm=(4.0 * x, 4.0 * y))  # larger pixels, because their number is limited
     status = _statuses(replace(display, panel=wide), eyes_mm, points)
     mostly = (status == Status.OK).mean(axis=1) >= 0.5
     return np.asarray(mostly & ~(status == Status.CROSSTALK).any(axis=1))
@@ -160,7 +160,6 @@ class _Change(NamedTuple):
 
 
 def _changes(display: Display, old: _Change) -> Iterator[_Change]:
-    """Yield changes to try, the smallest first."""
     usual = viewing_distance(display)
     array = display.array
     in_glass = array.thickness_mm / array.index if array.plano_side == "panel" else 0.0
@@ -185,7 +184,7 @@ def _rounded(value: float, digits: int) -> float:
 def _statuses(display: Display, eyes_mm: Floats, points_mm: Floats, inside: bool = True) -> npt.NDArray[np.uint8]:
     """Return the status (N, M) of rays from eyes (N, 3) to points, (N, M, 3) or (M, 3), mm.
 
-    Rays reach points `inside` the glass after refraction at a flat front face.
+    If `inside`, the points are in the glass behind a flat front face, which refracts.
     """
     place, z = eyes_mm[:, None, :2], eyes_mm[:, None, 2:]
     slope = (points_mm[..., :2] - place) / (z - points_mm[..., 2:])

@@ -1,4 +1,4 @@
-"""A picture and its depths (RGB-D), named by a TOML file, as one surface of a Mitsuba scene."""
+"""Converts a picture and its depths (RGB-D), named in a TOML file, to a surface of a Mitsuba scene."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from lippmann.scenes.meshes import write_surface
 from lippmann.scenes.mitsuba_xml import new_scene, plugin, to_world, value, write
 from lippmann.scenes.window_views import Views, read_light
 
-#: Maximum pixels of the depths, and maximum size of the file, bytes.
+#: Maximum number of depth pixels, and maximum size of the TOML file in bytes.
 MAX_PIXELS, MAX_BYTES = 1 << 23, 1 << 28
 
 
@@ -46,12 +46,12 @@ class DepthPictureFile:
 
 
 def is_depth_picture(path: Path) -> bool:
-    """Tell whether a file describes a picture with depths."""
+    """Return whether a file describes a picture with depths."""
     return path.suffix.lower() == ".toml" and b"[depth_picture]" in read_limited(path, MAX_BYTES, "give another file")
 
 
 def write_scene(path: Path, folder: Path, notes: list[str]) -> Path:
-    """Write the scene into a folder, and filled holes into `notes`; return its path, or raise InputError."""
+    """Write the scene into a folder and return its path, or raise InputError; `notes` gets a line on filled holes."""
     form = toml.read(DepthPictureFile, toml.load(path, "depth picture"), str(path)).depth_picture
     for name in ("colour", "depth"):
         file = path.parent / getattr(form, name)
@@ -86,7 +86,6 @@ def write_scene(path: Path, folder: Path, notes: list[str]) -> Path:
 
 
 def _depths(path: Path) -> Floats:
-    """Return the numbers in a file of depths (height, width)."""
     if path.suffix.lower() == ".exr":
         return np.asarray(read_light(path)[0][..., 0], np.float64)
     numbers = read_numbers(path, MAX_PIXELS, "cannot be read as a picture", "give .png, .tif or .exr")
@@ -96,7 +95,6 @@ def _depths(path: Path) -> Floats:
 
 
 def _write_points(path: Path, depth: Floats, focal_px: float) -> None:
-    """Write the surface through all pixels' points; its front is towards the camera."""
     height, width = depth.shape
     row, column = np.mgrid[:height, :width]
     x, y = column + 0.5 - 0.5 * width, 0.5 * height - row - 0.5

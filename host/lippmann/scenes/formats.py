@@ -1,4 +1,4 @@
-"""The formats of scenes, and their conversion to Mitsuba scenes."""
+"""Recognizes the formats of scenes, and converts them to Mitsuba scenes."""
 
 from __future__ import annotations
 
@@ -13,18 +13,18 @@ from lippmann.optics.rays import Floats
 from lippmann.scenes import depth_picture, meshes, splats, window_views
 
 Kind = Literal["mitsuba", "mesh", "splats", "quilt", "views", "depth picture"]
-#: Maximum header of a PLY file, bytes.
+#: Maximum size of a PLY file's header, bytes.
 PLY_HEAD = 1 << 16
 FORMATS = (
     f"give a Mitsuba scene (.xml), a mesh or splats ({', '.join(meshes.SUFFIXES)}), a quilt (NAME_qs8x6a0.75.png), "
     f"a folder with {window_views.EYES}, or a .toml with [depth_picture]"
 )
-#: Suffixes of files proposed for a misspelt name.
+#: Suffixes of the files that are suggested for a misspelt name.
 SUFFIXES = (".xml", *meshes.SUFFIXES)
 
 
 def kind_of(path: Path) -> Kind | None:
-    """Return the kind of a scene's file or folder; None if it is unknown."""
+    """Return the kind of a scene's file or folder, or None for an unknown format."""
     suffix = path.suffix.lower()
     if path.is_dir():
         return "views" if (path / window_views.EYES).is_file() else None
@@ -48,8 +48,8 @@ def usual_rotation(path: Path) -> tuple[float, float, float]:
 
 @contextmanager
 def as_mitsuba(path: Path, scene_from_display: Floats, notes: list[str]) -> Iterator[Path]:
-    """Yield the path of a Mitsuba scene, converted for the block, or raise InputError."""
-    # `scene_from_display` (3, 3) rotates added lights; `notes` get lines for the user.
+    """Yield the path of a scene, converted to Mitsuba's format, or raise InputError."""
+    # `scene_from_display` (3, 3) rotates added lights; `notes` gets lines for the user.
     kind = kind_of(path)
     if kind == "mitsuba":
         yield path

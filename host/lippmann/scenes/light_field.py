@@ -1,8 +1,8 @@
-"""Emitter `light_field`: a surface that shows each eye another picture, and lights nothing.
+"""Emitter `light_field`: a surface that shows each eye a different picture, and lights no other surface.
 
-Each view is a picture of the surface. A point's radiance is its colour in the view from
-where the line of sight meets the plane of the eyes: linear between the two or four
-nearest eyes, constant beyond them.
+Each view is a picture of the surface from one eye. The radiance of a point is its
+colour in the view from the place where the line of sight meets the plane of the eyes.
+Between eyes, the colour is interpolated linearly; beyond the last eye, it is constant.
 """
 
 from __future__ import annotations
@@ -22,10 +22,10 @@ if TYPE_CHECKING:
 def register_light_field() -> None:
     """Register the emitter plugin `light_field` for Mitsuba's current variant.
 
-    Parameter of the plugin: `filename`, of an .npz with `views` (rows, columns, height,
-    width, 3), linear, the lowest row and the leftmost column first; `x_mm` (columns,),
-    `y_mm` (rows,) and `distance_mm`, the eyes' places before the window's centre; and
-    `size_mm`, the window's width and height; all in one unit, for quilts not mm.
+    The plugin's parameter `filename` is an .npz file. It contains the linear `views`
+    (rows, columns, height, width, 3), lowest row and leftmost column first; the eyes'
+    positions `x_mm` (columns,), `y_mm` (rows,) and `distance_mm` from the window's
+    centre; and the window's `size_mm` (width, height). A quilt's lengths are not in mm.
     """
 
     class LightField(mi.Emitter):  # type: ignore[misc]
@@ -41,7 +41,7 @@ def register_light_field() -> None:
             self.m_flags = mi.EmitterFlags.Surface
 
         def eval(self, si: SurfaceInteraction3f, active: Arr = True) -> Arr:
-            u, v = si.uv.x, 1.0 - si.uv.y  # rows of pictures go down
+            u, v = si.uv.x, 1.0 - si.uv.y  # picture rows count downwards
             slope = self.distance / si.wi.z
             columns = _neighbours(self.x, (u - 0.5) * self.size[0] + si.wi.x * slope)
             rows = _neighbours(self.y, (0.5 - v) * self.size[1] + si.wi.y * slope)
@@ -67,7 +67,7 @@ def register_light_field() -> None:
 
 
 def _view_colour(views: Arr, shape: tuple[int, int], view: Arr, u: Arr, v: Arr, active: Arr) -> Arr:
-    """Return the colour of a view, `shape` pixels, at u, v: bilinear."""
+    """Return the bilinearly interpolated colour of a view of `shape` pixels at (u, v)."""
     height, width = shape
     x, y = u * width - 0.5, v * height - 0.5
     x0, y0 = dr.floor(x), dr.floor(y)
@@ -83,7 +83,7 @@ def _view_colour(views: Arr, shape: tuple[int, int], view: Arr, u: Arr, v: Arr, 
 
 
 def _neighbours(places: list[float], at: Arr) -> list[tuple[Arr, Arr]]:
-    """Return the indices of the two places around a coordinate, and their weights."""
+    """Return the indices and weights of the two `places` around a coordinate."""
     if len(places) == 1:
         return [(mi.Int32(0), mi.Float(1.0))]
     table = mi.Float(places)

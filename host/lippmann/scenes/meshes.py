@@ -1,8 +1,8 @@
-"""Meshes with materials and textures (GLB, glTF, OBJ, PLY, STL; read by trimesh) as a Mitsuba scene.
+"""Converts meshes with materials and textures (GLB, glTF, OBJ, PLY, STL; read by trimesh) to a Mitsuba scene.
 
-`mitsuba_xml.LIGHTS` are added. Materials of glTF become Mitsuba's `principled`, others
-`diffuse`. Colours of textures and vertices are sRGB, except glTF's of vertices; numbers
-of materials are linear.
+The lights `mitsuba_xml.LIGHTS` are added. Materials of glTF become Mitsuba's
+`principled`, other materials `diffuse`. Colours of textures and vertices are sRGB,
+except glTF's vertex colours; colours that materials give as numbers are linear.
 """
 
 from __future__ import annotations
@@ -34,18 +34,18 @@ if TYPE_CHECKING:
     from trimesh import Trimesh
     from trimesh.visual.material import Material
 
-#: trimesh's `visual` of a mesh (colours or a texture), which has no common interface.
+#: A mesh's `visual` in trimesh: colours or a texture, without a common interface.
 Visual = Any
 SUFFIXES = (".glb", ".gltf", ".obj", ".ply", ".stl")
-#: Maximum bytes of a file, and maximum corners of its instances' faces.
+#: Maximum size of a file in bytes, and maximum number of face corners in a scene.
 MAX_BYTES, MAX_CORNERS = 1 << 30, 100_000_000
-#: Maximum pixels of a texture; rows of it whose colours are multiplied at once.
+#: Maximum number of a texture's pixels, and number of rows that are multiplied at once.
 MAX_PIXELS, PART_ROWS = 1 << 25, 256
 #: Albedo of a surface without a material.
 PLAIN = (0.6, 0.6, 0.6)
-#: glTF's default of metallic and roughness.
+#: glTF's default value of metallic and roughness.
 DEFAULT_FACTOR = 1.0
-#: glTF's number of float32; prefix of material extensions; the ignored ones.
+#: glTF's code of the number type float32, and prefix of material extensions.
 FLOAT32, MATERIALS = 5126, "KHR_materials_"
 LEFT_OUT = (
     "KHR_texture_transform",
@@ -60,10 +60,10 @@ LEFT_OUT = (
 )
 #: Options before a texture's name in an MTL file, such as -s 1 1 1 or -clamp on.
 MTL_OPTIONS = re.compile(r"^(?:-\w+(?:\s+(?:on|off|[rgbml]|[-+.\deE]+))+\s+)+")
-#: Suffixes of the files that a mesh may name: no other file of this machine is read.
+#: Suffixes of files that a mesh may refer to; other files of this machine are not read.
 BUFFER_SUFFIXES = (".bin", ".mtl")
 IMAGE_SUFFIXES = (".png", ".jpg", ".jpeg", ".tif", ".tiff", ".bmp", ".tga", ".gif", ".webp", ".dds", ".jp2", ".ppm")
-#: Words of trimesh's messages on what it ignores.
+#: Words in trimesh's messages about textures and materials that it ignores.
 LOSSES = ("image", "materials from")
 REMEDY = "export it again, or as .glb"
 
@@ -71,13 +71,13 @@ REMEDY = "export it again, or as .glb"
 def write_scene(path: Path, folder: Path, scene_from_display: Floats, notes: list[str]) -> Path:
     """Write a file's scene, meshes and textures into an empty folder; return its path, or raise InputError.
 
-    `scene_from_display` (3, 3) rotates the lights; `notes` get lines on what is not
-    shown.
+    `scene_from_display` (3, 3) rotates the lights; `notes` gets lines on features that
+    are not shown.
     """
     scene = new_scene()
     add_lights(scene, scene_from_display)
     textures = _Textures(folder, path)
-    with np.errstate(all="ignore"):  # overflows are refused below
+    with np.errstate(all="ignore"):  # values that overflow are refused below
         instances = list(_instances(path, notes))
     names = unique(name for name, _, _ in instances)
     for number, (name, (_, mesh, matrix)) in enumerate(zip(names, instances, strict=True)):
@@ -89,10 +89,9 @@ def write_scene(path: Path, folder: Path, scene_from_display: Floats, notes: lis
 
 
 def _instances(path: Path, notes: list[str]) -> Iterator[tuple[str, Trimesh, Floats]]:
-    """Yield the name, the mesh and the matrix (4, 4) of each instance in a file."""
     loaded = _load(path, notes)
     nodes = [(str(node), *loaded.graph[node]) for node in loaded.graph.nodes_geometry]
-    if not nodes:  # a glTF may leave out its scene
+    if not nodes:  # a glTF may contain no scene
         nodes = [(str(name), np.eye(4), name) for name in loaded.geometry]
     corners, area = 0, 0.0
     for node, matrix, name in nodes:
@@ -115,7 +114,7 @@ def _load(path: Path, notes: list[str]) -> trimesh.Scene:
     from trimesh.resolvers import FilePathResolver
 
     class Files(FilePathResolver):
-        """Finds the files that a file names: with URL escapes, with backslashes, and after MTL's options."""
+        """Finds the files that a mesh file names, also with URL escapes, backslashes or MTL options."""
 
         def get(self, name: str) -> bytes:
             plain = MTL_OPTIONS.sub("", name.strip())
@@ -135,7 +134,7 @@ def _load(path: Path, notes: list[str]) -> trimesh.Scene:
             loaded = trimesh.load_scene(path, process=False, resolver=Files(str(path)))
         except MemoryError:
             raise
-        except Exception as error:  # trimesh's errors have no common base
+        except Exception as error:  # trimesh's errors have no common base class
             reason = _brief(str(error)) or type(error).__name__
             raise input_error(path, f"cannot be read as {kind[1:]} ({reason})", REMEDY) from None
     if losses:
@@ -145,19 +144,18 @@ def _load(path: Path, notes: list[str]) -> trimesh.Scene:
 
 
 def _brief(text: str) -> str:
-    """Return a library's message on one line, without addresses of objects."""
     return " ".join(re.sub(r"<(\w+\.)*(\w+) object at 0x\w+>", "its data", text).split())[:200]
 
 
 @contextmanager
 def _recorded_losses() -> Iterator[list[str]]:
-    """Yield a list that gets trimesh's messages on ignored textures and materials."""
+    """Yield a list that collects trimesh's messages about ignored textures and materials."""
     losses: list[str] = []
 
     def record_loss(record: logging.LogRecord) -> bool:
         if any(word in record.getMessage() for word in LOSSES):
             losses.append(str((record.exc_info and record.exc_info[1]) or record.getMessage()))
-        return False  # nothing of trimesh's log is shown
+        return False  # hide trimesh's log from the user
 
     logger, handler = logging.getLogger("trimesh"), logging.Handler()
     handler.addFilter(record_loss)
@@ -174,8 +172,8 @@ def _recorded_losses() -> Iterator[list[str]]:
 
 
 def _check_gltf(path: Path, kind: str, data: bytes, notes: list[str]) -> None:
-    """Refuse a glTF that is too large or requires unknown extensions; note ignored ones."""
-    # Before trimesh expands accessors, some of which have no bytes in the file.
+    """Refuse a glTF that is too large or requires unknown extensions; add ignored extensions to `notes`."""
+    # Done before trimesh allocates accessors, which may have no bytes in the file.
     try:
         head = data if kind == ".gltf" else data[20 : 20 + struct.unpack_from("<I", data, 12)[0]]
         header = json.loads(head)
@@ -211,11 +209,11 @@ class _Textures:
 
     def __init__(self, folder: Path, source: Path) -> None:
         self._folder, self.source = folder, source
-        #: With the pictures, so that their ids are not used again.
+        #: File name by picture id; the picture is stored so that its id is not reused.
         self._written: dict[tuple[int, str, tuple[float, ...]], tuple[str, Image]] = {}
 
     def write(self, picture: Image, part: str, factor: Floats) -> str:
-        """Write the colour, alpha or a channel of a picture times a factor; return the file's name."""
+        """Write a picture's colour, alpha or one channel, multiplied by a factor; return the file's name."""
         import PIL.Image
 
         key = id(picture), part, tuple(factor.tolist())
@@ -242,7 +240,7 @@ class _Textures:
 
 
 def _add_shape(scene: Element, name: str, mesh: Trimesh, matrix: Floats, textures: _Textures, file: Path) -> list[str]:
-    """Add a mesh to a scene, and write its files; return lines on what is not shown."""
+    """Add a mesh to a scene, and write its files; return lines on features that are not shown."""
     visual: Visual = mesh.visual
     source = textures.source
     if visual.kind == "face":
@@ -271,7 +269,7 @@ def _add_shape(scene: Element, name: str, mesh: Trimesh, matrix: Floats, texture
 
 
 def _with_faces_apart(mesh: Trimesh, colours: npt.NDArray[np.uint8], source: Path) -> Trimesh:
-    """Return a mesh whose faces share no vertices, to have a colour each."""
+    """Return a mesh whose faces share no vertices, so that each face can have its own colour."""
     import trimesh
 
     if len(colours) != len(mesh.faces):
@@ -283,12 +281,11 @@ def _with_faces_apart(mesh: Trimesh, colours: npt.NDArray[np.uint8], source: Pat
 
 
 def _has_normals(mesh: Trimesh) -> bool:
-    """Tell whether the file has normals; `mesh.vertex_normals` would compute them."""
+    """Return whether the file has normals; `mesh.vertex_normals` would compute missing ones."""
     return "vertex_normals" in mesh._cache
 
 
 def _vertex_colours(mesh: Trimesh, linear: bool) -> Floats | None:
-    """Return the vertices' linear colours (N, 3), or None."""
     visual: Visual = mesh.visual
     colours = _wide_colours(mesh)
     if colours is None and visual.kind == "vertex":
@@ -303,11 +300,11 @@ def _vertex_colours(mesh: Trimesh, linear: bool) -> Floats | None:
 
 
 def _wide_colours(mesh: Trimesh) -> npt.NDArray[np.number] | None:
-    """Return a PLY's colours (N, 3) of more than 8 bits, which trimesh cuts, or None."""
+    """Return a PLY's colours (N, 3) if they have more than 8 bits, which trimesh truncates; else None."""
     raw = mesh.metadata.get("_ply_raw", {}).get("vertex", {}).get("data")
     try:
         columns = [np.asarray(raw[name]).ravel() for name in ("red", "green", "blue")]
-    except (KeyError, ValueError, IndexError, TypeError):  # no data, none of these, or a list of rows
+    except (KeyError, ValueError, IndexError, TypeError):  # no data, no colours, or a list of rows
         return None
     # Numbers of a wider type that are all below 256 count as 8 bits.
     wide = np.stack(columns, axis=1)
@@ -334,13 +331,12 @@ def _write_mesh(path: Path, mesh: Trimesh, matrix: Floats, uv: Floats | None, co
 
 
 def _add_material(shape: Element, material: Material | None, textures: _Textures, has_uv: bool) -> None:
-    """Add trimesh's material to a shape: a BSDF and an emitter."""
     from trimesh.visual.material import PBRMaterial
 
     def add(
         parent: Element, parameter: str, texture: str, part: str, factor: Floats | Sequence[float], raw: bool = False
     ) -> None:
-        """Add a parameter: a texture times a factor, or the factor; `raw` is no colour."""
+        """Add a parameter: a texture times a factor, or the factor; `raw` values are not colours."""
         image = getattr(material, texture, None) if has_uv else None
         if image is not None:
             bitmap = plugin(parent, "texture", "bitmap", name=parameter)
@@ -386,7 +382,7 @@ def write_surface(
     uv: Floats | None = None,
     colours: Floats | None = None,
 ) -> None:
-    """Write points (N, 3), faces (M, 3), and per point normals (N, 3), uv (N, 2) and colours (N, 3)."""
+    """Write a PLY of points (N, 3), faces (M, 3), and the points' normals (N, 3), uv (N, 2) and colours (N, 3)."""
     # A texture's first row is at v = 0; linear colours become Mitsuba's `vertex_color`.
     mesh = mi.Mesh(
         "mesh", len(points), len(faces), has_vertex_normals=normals is not None, has_vertex_texcoords=uv is not None
@@ -408,7 +404,7 @@ MAX_HEADER_BYTES = 1 << 20
 
 
 def check_faces(path: Path) -> None:
-    """Raise InputError for a file that is not PLY, or faces of missing vertices."""
+    """Raise InputError for a file that is not PLY, or for faces with missing vertices."""
     import plyfile
 
     try:
@@ -416,11 +412,11 @@ def check_faces(path: Path) -> None:
             head, end, _ = stream.read(MAX_HEADER_BYTES).partition(b"end_header")
         if not end:
             raise ValueError("it has no header")
-        if re.search(rb"\belement\s+\S+\s+-", head):  # without properties, numpy divides by 0 and crashes
+        if re.search(rb"\belement\s+\S+\s+-", head):  # numpy would divide by 0 and crash
             raise ValueError("an element has a negative count")
         try:
             data = plyfile.PlyData.read(str(path), known_list_len={"face": dict.fromkeys(LISTS, 3)})
-        except plyfile.PlyParseError:  # not only triangles: the lists are read one by one
+        except plyfile.PlyParseError:  # not only triangles: read the lists one by one
             data = plyfile.PlyData.read(str(path), mmap=False)
         vertices = data["vertex"].count if "vertex" in data else 0
         faces = [data["face"][name] for name in LISTS if "face" in data and name in data["face"]]

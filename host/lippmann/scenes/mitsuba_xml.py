@@ -1,4 +1,4 @@
-"""XML elements of a Mitsuba scene."""
+"""Builds the XML elements of a Mitsuba scene."""
 
 from __future__ import annotations
 
@@ -31,14 +31,14 @@ def value(parent: Element, tag: str, name: str, content: npt.ArrayLike) -> None:
     SubElement(parent, tag, {"name": name, **values})
 
 
-#: Directions towards the lights, in the display's frame, and the fraction of the light
-#: that each gives a surface that faces the viewer: one at the viewer's head, so that
-#: nothing visible is black; the key light; a weak one.
+#: For each light, its direction in the display's frame, and its fraction of the light
+#: on a surface that faces the viewer. The first light is at the viewer's head, so that
+#: nothing visible is black; the others are the key light and a weak light.
 LIGHTS = (((0.0, 0.0, 1.0), 0.35), ((-0.5, 0.7, 1.0), 0.5), ((0.8, -0.3, 0.5), 0.15))
 
 
 def add_lights(scene: Element, scene_from_display: Floats) -> None:
-    """Add `LIGHTS`, rotated by `scene_from_display` (3, 3); to the viewer, a surface shows its albedo."""
+    """Add `LIGHTS`, rotated by `scene_from_display` (3, 3); a surface that faces the viewer shows its albedo."""
     for direction, fraction in LIGHTS:
         towards = np.array(direction) / np.linalg.norm(direction)
         light = plugin(scene, "emitter", "directional")
@@ -54,21 +54,21 @@ def to_world(parent: Element, step: str, **numbers: float) -> None:
 
 
 def write(scene: Element, path: Path) -> Path:
-    """Write a scene; return its path."""
+    """Write a scene to a file; return the file's path."""
     indent(scene)
     ElementTree(scene).write(path, encoding="utf-8")
     return path
 
 
 def new_scene() -> Element:
-    """Return an empty scene, in which no ray slips through between two triangles."""
+    """Return an empty scene in which no ray passes between two adjacent triangles."""
     scene = Element("scene", {"version": "3.0.0"})
     value(scene, "boolean", "embree_use_robust_intersections", True)
     return scene
 
 
 def unique(names: Iterable[str]) -> list[str]:
-    """Return different file names, also without case: a second `leaf` is `leaf-2`."""
+    """Return file names that differ even if case is ignored; a second `leaf` becomes `leaf-2`."""
     used: dict[str, str] = {}
     for name in names:
         plain = re.sub(r"[^\w.-]", "_", name) or "shape"

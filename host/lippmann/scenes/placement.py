@@ -1,4 +1,4 @@
-"""The placement of a scene before the display: scale, rotation, offset, and depths of interest."""
+"""The placement of a scene in front of the display: scale, rotation, offset, and depths of interest."""
 
 from __future__ import annotations
 
@@ -17,12 +17,12 @@ from lippmann.optics.system import exact_rotation
 from lippmann.scenes.formats import Kind, kind_of, usual_rotation
 
 Matrix = npt.NDArray[np.float64]
-#: Range of lengths and angles in which float32 scenes and cubic paths are exact enough.
+#: Number in the range in which float32 scenes and cubic paths are exact enough.
 Number = Annotated[float, key("", low=-1e9, high=1e9)]
 Triple = tuple[Number, Number, Number]
 ORIGIN = (0.0, 0.0, 0.0)
-#: "fit": scaled and moved into the depth range; "camera": as the camera in the scene's
-#: file sees it; "fill": a picture in the panel's plane, as large as the panel.
+#: "fit" scales and moves a scene into the depth range; "camera" shows it from the camera
+#: in its file; "fill" puts a picture into the panel's plane, as large as the panel.
 Arrange = Literal["fit", "camera", "fill"]
 #: Range of scales for float32 scenes.
 SCALE_RANGE = (1e-9, 1e9)
@@ -53,7 +53,7 @@ class Placement:
             )
 
     def __str__(self) -> str:
-        """The command-line options of this placement."""
+        """Return this placement as command-line options."""
         rotate, offset = (
             ",".join(f"{round(x, 9) + 0.0:.6g}" for x in triple) for triple in (self.rotation_deg, self.offset_mm)
         )
@@ -80,8 +80,8 @@ class Placement:
         return np.asarray(np.linalg.inv(self.display_from_scene), np.float64)
 
     def keeping_depths(self, before: Placement) -> Placement:
-        """Return this placement with an earlier one's depths, moved with the scene."""
-        # Not if the scene is tilted in between: then the bounding box tells the depths.
+        """Return this placement with the depths of an earlier placement, moved with the scene."""
+        # If the scene is tilted in between, the bounding box gives the depths instead.
         step = self.display_from_scene @ before.scene_from_display
         if np.abs(step[2, :2]).max() > 1e-9 * step[2, 2]:
             return self
@@ -92,7 +92,7 @@ class Placement:
         return replace(self, near_mm=near, far_mm=far)
 
     def then(self, other: Placement) -> Placement:
-        """Return this placement followed by another, which also moves the depths."""
+        """Return this placement followed by another placement, which also moves the depths."""
         placed = Placement.of(other.display_from_scene @ self.display_from_scene, self.scale * other.scale)
         return placed.keeping_depths(self)
 
@@ -114,25 +114,25 @@ class Placement:
 
 @dataclass(frozen=True)
 class PlacementFile:
-    """The file beside a scene; it may have other programs' tables."""
+    """The file beside a scene; it may contain tables of other programs."""
 
     other_tables: ClassVar = True
     placement: Placement
 
 
 def load_placement(path: Path) -> Placement:
-    """Read `[placement]` of a TOML file; InputError names file, key and remedy."""
+    """Read `[placement]` of a TOML file; raises InputError with file, key and remedy."""
     return toml.read(PlacementFile, toml.load(path, "placement"), str(path)).placement
 
 
 def placement_beside(path: Path) -> Placement:
-    """Return the placement in NAME.toml beside a scene, or 1 mm per unit and `usual_rotation`."""
+    """Return the placement in NAME.toml beside a scene; the default is 1 mm per unit and `usual_rotation`."""
     file = _placement_file(path)
     return Placement(rotation_deg=usual_rotation(path)) if file is None else load_placement(file)
 
 
 def usual_arrange(path: Path) -> Arrange | None:
-    """Return the arrangement of another tool's scene without a placement, or None."""
+    """Return the default arrangement of another tool's scene without a placement; else None."""
     usual: dict[Kind | None, Arrange] = {"quilt": "fill", "views": "fill", "mesh": "fit", "splats": "fit"}
     usual["depth picture"] = "camera"
     return usual.get(kind_of(path)) if _placement_file(path) is None else None
@@ -146,7 +146,7 @@ def warn_if_unplaced(path: Path) -> None:
 
 
 def _placement_file(path: Path) -> Path | None:
-    """Return NAME.toml beside a scene, unless it is only a film, display or depth picture."""
+    """Return the path of NAME.toml beside a scene, unless it describes only a film, display or depth picture."""
     file = path.with_suffix(".toml")
     keys = toml.load(file, "placement").keys() if file.exists() else {"panel"}
     return None if "placement" not in keys and {"depth_picture", "frames", "panel"} & keys else file

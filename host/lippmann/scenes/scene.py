@@ -30,20 +30,20 @@ from lippmann.scenes.placement import SCALE_RANGE, Arrange, Matrix, Placement, p
 if TYPE_CHECKING:
     import mitsuba as mts
 
-#: The lowest and the highest corner (3,).
+#: A bounding box: its lowest and its highest corner, (3,) each.
 Box = tuple[Matrix, Matrix]
-#: A shape so many times larger than all others, each way, is their surroundings.
+#: A shape this many times larger than the other shapes surrounds them.
 SURROUNDS = 3.0
-#: Percentiles of splats, a margin relative to their distance, and a splat's sigmas.
+#: Box of most splats: percentiles of centres, relative margin, and sigmas of a splat.
 STRAY_PERCENT, STRAY_REACH, SIGMAS = (5.0, 95.0), 0.25, 3.0
 LISTED_IDS = 8
-#: Maximum numbers of a lamp's property; larger ones are pictures.
+#: Maximum number of values in a lamp's property; a property with more is a picture.
 LAMP_NUMBERS = 16
 
 
 @dataclass(frozen=True)
 class Move:
-    """A similarity (4, 4) of the shapes whose id matches a pattern (`*`, `?`)."""
+    """A similarity transform (4, 4) of the shapes whose id matches a pattern (`*`, `?`)."""
 
     shapes: str
     matrix: Matrix
@@ -51,7 +51,7 @@ class Move:
 
 @dataclass(frozen=True)
 class Part:
-    """The shapes whose id matches a pattern (`*`, `?`), or all others; and all lights."""
+    """All lights, and the shapes whose id matches a pattern (`*`, `?`) or, if not `matching`, does not match."""
 
     shapes: str
     matching: bool = True
@@ -64,12 +64,13 @@ class Scene:
     path: Path
     mitsuba: mts.Scene
     placement: Placement
-    #: The file's integrator, and whether it has a camera: Mitsuba adds what is missing.
+    #: The integrator in the file; Mitsuba adds a missing one.
     integrator: str | None = None
+    #: Whether the file has a camera; Mitsuba adds a missing one.
     has_camera: bool = False
     #: The arrangement for a display, if the scene has no placement (`usual_arrange`).
     usual: Arrange | None = None
-    #: Lines for the user from the reader of the file.
+    #: Lines that the file's reader writes for the user.
     notes: tuple[str, ...] = ()
 
     @cached_property
@@ -85,18 +86,18 @@ class Scene:
 
     @property
     def depth_range_mm(self) -> tuple[float, float]:
-        """(far, near) z, mm."""
+        """Depth range (far, near) in z, mm."""
         near, far = self.placement.near_mm, self.placement.far_mm
         assert near is not None
         assert far is not None
         return far, near
 
     def box(self, placement: Placement) -> Box:
-        """Return the placed scene's bounding box, mm; infinite without bounds."""
+        """Return the bounding box of the scene after `placement`, mm; infinite without bounds."""
         return placed_box(self.bounds, placement)
 
     def placed(self, placement: Placement) -> Scene:
-        """Return the scene with another placement; its missing depths are the box's, or InputError."""
+        """Return the scene with another placement, missing depths from the bounding box; or raise InputError."""
         check_type("placement", placement, Placement, "a lippmann.Placement")
         near, far = placement.near_mm, placement.far_mm
         if near is None or far is None:
@@ -124,7 +125,7 @@ def check_scene_file(path: str | Path) -> Path:
 def _check_files(path: Path) -> None:
     """Refuse a scene file, or an include, that would crash Mitsuba's parser."""
     files = [path]
-    for file in files:  # the list grows
+    for file in files:  # the loop appends to `files`
         for include in map(_file_of, check_xml(file, "mend the scene file")):
             if include not in files and (include.is_file() or include.is_fifo()):
                 files.append(include)
@@ -134,8 +135,8 @@ def _check_files(path: Path) -> None:
 def parsed(
     path: Path, scene_from_display: Matrix | None = None, notes: list[str] | None = None
 ) -> Iterator[tuple[mts.parser.ParserConfig, mts.parser.ParserState]]:
-    """Yield Mitsuba's parser's configuration and state; its errors become InputError."""
-    # For another tool's file, the arguments are those of `as_mitsuba`.
+    """Yield the configuration and state of Mitsuba's parser; its errors become InputError."""
+    # For another tool's file, `as_mitsuba` gets the arguments.
     register_light_field()
     before = mi.file_resolver()
     try:
@@ -152,24 +153,24 @@ def parsed(
     except OSError as error:
         what = f"names {error.filename}, which cannot be read ({error.strerror})"
         raise input_error(path, what, "mend the scene file") from None
-    except Exception as error:  # Mitsuba's errors have no common base
+    except Exception as error:  # Mitsuba's errors have no common base class
         raise input_error(path, without_places(error)[:400], "mend the scene file") from None
     finally:
         mi.set_file_resolver(before)
 
 
 def without_places(error: Exception) -> str:
-    """Return Mitsuba's error message on one line, without places in its source."""
+    """Return Mitsuba's error message on one line, without positions in Mitsuba's source."""
     return re.sub(r"\[\w+\.cpp:\d+\] *", "", " ".join(str(error).split())) or type(error).__name__
 
 
 def load_scene(
     path: str | Path, placement: Placement | None = None, moves: Sequence[Move] = (), part: Part | None = None
 ) -> Scene:
-    """Load a scene file, or a part, with shapes moved in order; by default at `placement_beside`.
+    """Load a scene file or a part of it, and apply `moves` in order; `placement_beside` is the default.
 
-    Raises InputError for a bad file, a move that matches no shape, and a part that
-    matches none or all.
+    Raises InputError for an invalid file, a move that matches no shape, and a part that
+    matches no shape or all shapes.
     """
     path = check_scene_file(path)
     usual, notes = None, list[str]()
@@ -180,7 +181,7 @@ def load_scene(
     with parsed(path, rotation, notes) as (configuration, state):
         kinds = mi.ObjectType.Shape, mi.ObjectType.Integrator, mi.ObjectType.Sensor
         shapes, integrators, cameras = ([node.props for node in state.nodes if node.type == kind] for kind in kinds)
-        # The parser's next step invalidates its nodes.
+        # The parser's next step invalidates the nodes that are read here.
         integrator = integrators[0].plugin_name() if integrators else None
         for move in moves:
             motion = mi.ScalarTransform4d(move.matrix)
@@ -205,7 +206,7 @@ def scene_of(scene: mts.Scene | dict[str, object], placement: Placement | None =
     if isinstance(scene, dict):
         try:
             scene = mi.load_dict(scene)
-        except Exception as error:  # Mitsuba's errors have no common base
+        except Exception as error:  # Mitsuba's errors have no common base class
             raise InputError(f"the scene's dictionary: {' '.join(str(error).split())[:400]}") from None
     if not isinstance(scene, mi.Scene):
         what = f"{type(scene).__name__} is no scene"
@@ -216,7 +217,6 @@ def scene_of(scene: mts.Scene | dict[str, object], placement: Placement | None =
 
 
 def _check_lamps(scene: mts.Scene, where: str) -> None:
-    """Raise InputError for a lamp with a number that is not finite."""
     for lamp in scene.emitters():
         for name, value in mi.traverse(lamp):
             numbers = value if dr.is_array_v(value) else getattr(value, "matrix", None)
@@ -227,7 +227,6 @@ def _check_lamps(scene: mts.Scene, where: str) -> None:
 
 
 def _keep(part: Part, state: mts.parser.ParserState, path: Path) -> None:
-    """Remove the shapes of a parsed scene outside a part."""
     root, child = state.root.props, mi.Properties.ResolvedReference
     names = list(root.keys())
     inside = {name: state.nodes[root[name].index()] for name in names if isinstance(root[name], child)}
@@ -241,7 +240,7 @@ def _keep(part: Part, state: mts.parser.ParserState, path: Path) -> None:
 
 
 def _matching(shapes: Sequence[mts.Properties], pattern: str, path: Path) -> list[mts.Properties]:
-    """Return the shapes whose id matches; without any, InputError lists the ids."""
+    """Return the shapes whose id matches; if there are none, raise InputError with a list of ids."""
     matches = [props for props in shapes if fnmatch.fnmatchcase(props.id(), pattern)]
     if not matches:
         ids = [props.id() for props in shapes if props.id()]
@@ -253,8 +252,8 @@ def _matching(shapes: Sequence[mts.Properties], pattern: str, path: Path) -> lis
 
 
 def digest_of(path: str | Path) -> str:
-    """Return a hash, 64 hexadecimal digits, of all that a scene is loaded from. Errors as `load_scene`."""
-    # The converted file, its includes, each file that a property names, and spectra.
+    """Return a hash (64 hexadecimal digits) of all files of a scene; raises the errors of `load_scene`."""
+    # These are the converted file, its includes, spectra, and files that properties name.
     path = check_scene_file(path)
     digest = hashlib.sha256()
     with parsed(path) as (configuration, state):
@@ -272,12 +271,10 @@ def digest_of(path: str | Path) -> str:
 
 
 def _file_of(name: str) -> Path:
-    """Return the path of a file that the parsed scene names."""
     return Path(str(mi.file_resolver().resolve(mi.filesystem.path(name))))
 
 
 def _boxes(scene: mts.Scene) -> list[Box]:
-    """Return each shape's bounding box, scene units."""
     boxes = []
     for shape in scene.shapes():
         # Mitsuba merges rectangles of one material into a mesh with an empty box.
@@ -290,7 +287,7 @@ def _boxes(scene: mts.Scene) -> list[Box]:
 
 
 def _box_of_most_splats(shape: mts.Shape, lowest: Matrix, highest: Matrix) -> Box:
-    """Return the box of most splats: a capture has stray ones."""
+    """Return the box of most splats, because a captured scene has stray splats."""
     data = np.array(mi.traverse(shape)["data"], np.float64).reshape(-1, 10)
     centres, reach = data[:, :3], SIGMAS * data[:, 3:6].max(axis=1, keepdims=True)
     low = np.percentile(centres - reach, STRAY_PERCENT[0], axis=0)
@@ -300,15 +297,14 @@ def _box_of_most_splats(shape: mts.Shape, lowest: Matrix, highest: Matrix) -> Bo
 
 
 def _union(boxes: Sequence[Box]) -> Box:
-    """Return the box around boxes; without any, an empty box."""
     if not boxes:
         return np.full(3, np.inf), np.full(3, -np.inf)
     return np.min([low for low, _ in boxes], axis=0), np.max([high for _, high in boxes], axis=0)
 
 
 def bounds_of(scene: mts.Scene) -> Box:
-    """Return a `mitsuba.Scene`'s box, scene units, without its surroundings."""
-    # Rays from outside of a studio or a sky would see nothing else.
+    """Return a `mitsuba.Scene`'s bounding box, scene units, without its surroundings."""
+    # Rays that start outside a studio or a sky would see nothing inside it.
     boxes = sorted(_boxes(scene), key=lambda box: float(np.prod(box[1] - box[0])))
     while len(boxes) > 1:
         (low, high), (outer_low, outer_high) = _union(boxes[:-1]), boxes[-1]
@@ -320,7 +316,7 @@ def bounds_of(scene: mts.Scene) -> Box:
 
 
 def _closed(scene: mts.Scene, low: Matrix, high: Matrix) -> bool:
-    """Tell whether rays outwards from all six faces of a box hit something."""
+    """Return whether rays outwards from all six faces of a box hit something."""
     middle, half = (low + high) / 2, (high - low) / 2
     outwards = np.concatenate([np.eye(3), -np.eye(3)])
     starts = middle + (half + 1e-3 * half.max()) * outwards
@@ -329,7 +325,7 @@ def _closed(scene: mts.Scene, low: Matrix, high: Matrix) -> bool:
 
 
 def placed_box(bounds: Box, placement: Placement) -> Box:
-    """Return a box of scene units as placed, mm; infinite without bounds."""
+    """Return a box in scene units after a placement, mm; infinite without bounds."""
     low, high = bounds
     if not (np.isfinite(low).all() and np.isfinite(high).all() and (low <= high).all()):
         return np.full(3, -np.inf), np.full(3, np.inf)
@@ -339,7 +335,7 @@ def placed_box(bounds: Box, placement: Placement) -> Box:
 
 
 def front_of(low: Matrix, high: Matrix) -> float:
-    """Return a depth z just in front of a box, for rays to start."""
+    """Return a depth z just in front of a box, where rays can start."""
     return float(high[2] + 1e-3 * max(1.0, high[2] - low[2]))
 
 
@@ -376,7 +372,6 @@ def fitting(low: Matrix, high: Matrix, display: Display) -> Placement:
 
 
 def _filling(scene: Scene, display: Display) -> Placement:
-    """Return the placement of a flat scene that fills the panel."""
     low, high = scene.box(Placement())
     panel, (far, near) = display.panel, display_properties(display).depth_range_mm
     width, height = (float(side) for side in (high - low)[:2])
@@ -386,7 +381,7 @@ def _filling(scene: Scene, display: Display) -> Placement:
 
 
 def _by_camera(scene: Scene, display: Display) -> Placement:
-    """Return the placement with the eye at the camera, and the panel as wide as its picture."""
+    """Return the placement that puts the camera at the eye, its picture as wide as the panel."""
     sensor = scene.mitsuba.sensors()[0] if scene.has_camera else None
     parameters = {} if sensor is None else mi.traverse(sensor)
     if sensor is None or "x_fov" not in parameters:
@@ -411,5 +406,5 @@ def _by_camera(scene: Scene, display: Display) -> Placement:
     moved[:3, :3] = scale * np.stack([np.cross(ahead, up), up, -ahead])
     moved[:3, 3] = -moved[:3, :3] @ (origin + distance * ahead)
     placement = Placement.of(moved, scale)
-    # Primary rays do not start behind the camera: objects there would hide everything.
+    # Rays do not start behind the camera, because objects there would hide the scene.
     return replace(placement, near_mm=min(front_of(*scene.box(placement)), eye))

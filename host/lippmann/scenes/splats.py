@@ -1,8 +1,8 @@
-"""3D Gaussian splats (.ply, as trainers write it) as a Mitsuba scene with the shape `ellipsoids`.
+"""Converts 3D Gaussian splats (.ply of a training program) to a Mitsuba scene with the shape `ellipsoids`.
 
 A splat has a centre, the logarithms of three scales, a quaternion, the logit of its
-opacity, and spherical harmonics of its sRGB colour: f_dc_0..2, and f_rest_*, first
-red's, then green's, then blue's.
+opacity, and spherical harmonics of its sRGB colour: f_dc_0..2, and f_rest_* for red,
+then for green, then for blue.
 """
 
 from __future__ import annotations
@@ -15,13 +15,13 @@ import numpy.typing as npt
 from lippmann.errors import input_error
 from lippmann.scenes.mitsuba_xml import new_scene, plugin, value, write
 
-#: Degrees of harmonics: a file has 3 (degree + 1)^2 coefficients.
+#: Permitted degrees of harmonics; a file has 3 (degree + 1)^2 coefficients.
 DEGREES = (0, 1, 2, 3)
 PLACE = ("x", "y", "z")
 NORMAL = ("nx", "ny", "nz")
 COLOUR = ("f_dc_0", "f_dc_1", "f_dc_2")
 SHAPE = ("opacity", "scale_0", "scale_1", "scale_2", "rot_0", "rot_1", "rot_2", "rot_3")
-#: Logit of the minimum opacity: below 1 %, Mitsuba gets no extent of a splat.
+#: Logit of the minimum opacity; below 1 %, Mitsuba cannot compute a splat's extent.
 MIN_LOGIT = float(np.log(0.0101 / (1.0 - 0.0101)))
 #: Maximum absolute logarithm of a size.
 MAX_LOG = 30.0
@@ -41,14 +41,13 @@ def write_scene(path: Path, folder: Path) -> Path:
 
 
 def write_table(path: Path, table: npt.NDArray[np.void]) -> None:
-    """Write a table of splats, whose columns are named as the properties."""
+    """Write a table of splats; each column has the name of a property."""
     import plyfile
 
     plyfile.PlyData([plyfile.PlyElement.describe(table, "vertex")], byte_order="<").write(str(path))
 
 
 def _read(path: Path) -> npt.NDArray[np.void]:
-    """Return the table of the properties that Mitsuba reads, float32."""
     import plyfile
 
     if path.stat().st_size > MAX_BYTES:

@@ -1,11 +1,12 @@
-"""Views of one window, as a folder or quilt, and the Mitsuba scene that shows each eye its view.
+"""Reads views of a window from a folder or quilt, and writes a Mitsuba scene that shows each eye its view.
 
-The eyes are in a row or a grid before the window. A point in the window's plane is at
-the same place in all views.
+The eyes are in a row or a grid in front of the window. A point in the window's plane is
+at the same pixel position in all views.
 
-A quilt has the views as tiles, by Looking Glass' rules: from the leftmost eye's at the
-bottom left to the right, then upward. Its name holds tiling and aspect:
-`NAME_qs8x6a0.75.png` has 8 columns and 6 rows of views 0.75 times as wide as high.
+A quilt contains the views as tiles in Looking Glass' order: the leftmost eye's view is
+at the bottom left, the next views follow to the right, then upward. The file's name
+contains tiling and aspect: `NAME_qs8x6a0.75.png` has 8 columns and 6 rows of views that
+are 0.75 times as wide as high.
 """
 
 from __future__ import annotations
@@ -28,10 +29,10 @@ from lippmann.errors import input_error
 from lippmann.optics.rays import Floats
 from lippmann.scenes.mitsuba_xml import new_scene, plugin, to_world, value, write
 
-#: The file with the eyes of a folder's views.
+#: Name of the file with the eyes' positions in a folder of views.
 EYES = "views.json"
 PICTURES = (".png", ".jpg", ".jpeg", ".webp", *LINEAR_SUFFIXES)
-#: Maximum distance of an eye from its place, steps of the grid.
+#: Maximum distance of an eye from its grid position, in steps of the grid.
 GRID_TOLERANCE = 0.1
 MAX_VIEWS, MAX_PIXELS = 10_000, 200_000_000
 MAX_BYTES = 1 << 24
@@ -50,7 +51,7 @@ class Views:
     size_mm: tuple[float, float]
 
     def show_on(self, shape: Element, folder: Path) -> None:
-        """Give a shape the emitter `light_field` with the views, and no reflection."""
+        """Add the emitter `light_field` with the views to a shape, and make the shape black."""
         np.savez(
             folder / "views.npz",
             views=self.pictures,
@@ -72,13 +73,13 @@ class Views:
 
 
 def eyes_text(size_mm: Sequence[float], names: Sequence[str], eyes: Sequence[Sequence[float]], **more: object) -> str:
-    """Return the text of `EYES` for files of views of a window, from eyes (mm)."""
+    """Return the text of the file `EYES` for a window, view files `names` and `eyes` (mm)."""
     views = [{"file": name, "eye_mm": list(eye)} for name, eye in zip(names, eyes, strict=True)]
     return json.dumps({"window_mm": list(size_mm), **more, "views": views}, indent=1) + "\n"
 
 
 def read_folder(folder: Path) -> Views:
-    """Read a folder of views; InputError for bad files, and eyes off a row or grid."""
+    """Read a folder of views; raises InputError for invalid files and for eyes that are not on a row or grid."""
     path = folder / EYES
     try:
         keys = json.loads(read_limited(path, MAX_BYTES, "write it again"))
@@ -118,7 +119,7 @@ def _steps(path: Path, places: Floats) -> tuple[list[float], npt.NDArray[np.intp
     """Return a grid's lines, in rising order, and the index of each eye's line."""
     rising = np.sort(places)
     gaps = np.diff(rising)
-    # Eyes nearer to each other than an eighth of a typical step are in one line.
+    # Eyes nearer to each other than an eighth of a typical step are on one line.
     steps = gaps[gaps > 1e-6 * max(1.0, float(np.abs(places).max()))]
     wide = gaps > (0.125 * float(np.quantile(steps, 0.75)) if len(steps) else math.inf)
     groups = np.split(rising, np.flatnonzero(wide) + 1)
@@ -137,8 +138,8 @@ def _check_size(path: Path, pixels: int) -> None:
 
 
 def read_light(path: Path, count: int = 1) -> tuple[Radiance, dict[str, str]]:
-    """Return a picture's linear light (height, width, 3) and metadata; InputError if `count` of them are too large."""
-    # The size is checked before memory is taken for the pixels.
+    """Return a picture's linear light (height, width, 3) and metadata; InputError if `count` pictures are too large."""
+    # The size is checked before memory for the pixels is allocated.
     if path.suffix.lower() in (".png", *LINEAR_SUFFIXES):
         with StoredRows(path) as rows:
             _check_size(path, count * rows.shape[0] * rows.shape[1])
@@ -161,15 +162,15 @@ def _read_by_pillow(path: Path, count: int) -> Radiance:
         raise input_error(path, f"cannot be read ({str(error)[:100]})", f"give {', '.join(PICTURES)}") from None
 
 
-#: The tiling in a quilt's name: columns, rows, aspect of a view.
+#: Pattern of the tiling in a quilt's name: columns, rows, aspect of a view.
 TILING = re.compile(r"_qs([1-9][0-9]{0,2})x([1-9][0-9]{0,2})a([0-9]{1,4}(?:\.[0-9]{1,9})?)$")
-#: Looking Glass' cameras: the cone of the eyes, and the height of the window, degrees.
+#: Looking Glass' cameras: angles of the cone of eyes and of the window's height, degrees.
 CONE_DEG, FIELD_DEG = 40.0, 14.0
 EYES_KEY = "eyes"
 
 
 def quilt_path(path: Path, columns: int, rows: int, aspect: float) -> Path:
-    """Return a quilt's path with its tiling, or raise InputError for another one."""
+    """Return a quilt's path with the tiling in its name, or raise InputError for another tiling in the name."""
     aspect_text = f"{aspect:.5f}".rstrip("0").rstrip(".")
     ending = f"_qs{columns}x{rows}a{aspect_text}"
     tiling = TILING.search(path.stem)
@@ -181,7 +182,7 @@ def quilt_path(path: Path, columns: int, rows: int, aspect: float) -> Path:
 
 
 def tiled(views: Iterable[Radiance], columns: int, rows: int) -> Radiance:
-    """Return the quilt of views (height, width, 3), from left to right."""
+    """Return the quilt of views (height, width, 3) that are in order from left to right."""
     quilt: Radiance | None = None
     for number, view in enumerate(views):
         if quilt is None:
@@ -193,12 +194,12 @@ def tiled(views: Iterable[Radiance], columns: int, rows: int) -> Radiance:
 
 
 def eyes_note(size_mm: Sequence[float], eyes: Sequence[Sequence[float]]) -> dict[str, str]:
-    """Return the metadata of a quilt with its window's size and its eyes, mm."""
+    """Return a quilt's metadata with the window's size and the eyes' positions, mm."""
     return {EYES_KEY: json.dumps({"window_mm": list(size_mm), "first_mm": list(eyes[0]), "last_mm": list(eyes[-1])})}
 
 
 def read_quilt(path: Path) -> Views:
-    """Read a quilt, by default of Looking Glass' eyes; InputError for a bad picture."""
+    """Read a quilt; the default eyes are Looking Glass'. Raises InputError for an invalid picture."""
     tiling = TILING.search(path.stem)
     assert tiling is not None
     columns, rows, aspect = int(tiling[1]), int(tiling[2]), float(tiling[3])
