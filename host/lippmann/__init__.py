@@ -86,5 +86,4 @@ def __getattr__(name: str) -> Any:
 
 
 def __dir__() -> list[str]:
-    """Return the public names, so that notebooks can complete them."""
     return [*__all__, "__version__"]

@@ -240,7 +240,6 @@ def capture(
 
 
 def _losses(lens_percent: float, array_percent: float) -> dict[str, float]:
-    """Return the percentages of lost rays in a capture by name; warn if they are high."""
     if lens_percent > WARNING_PERCENT:
         text = f"the lens's aperture cuts off {lens_percent:.1f} % of the rays (black in the image)"
         warn_user(f"{text}; a larger lens.aperture_mm lets them in")

@@ -19,7 +19,7 @@ from lippmann.optics.trace import check_engine_device, checked_rays, trace_optic
 
 #: Fixed-point words of pixels (u, v) and of aperture points (a, b), (N,) each.
 Words = tuple[Ints, Ints, Ints, Ints]
-#: Function that traces the words of pixels and aperture points through a build.
+#: Traces the words of pixels and aperture points through a build.
 Pipeline = Callable[[Ints, Ints, Ints, Ints, Configuration, Build], FixedRays]
 
 

@@ -68,7 +68,7 @@ def warn_user(text: str) -> None:
     warnings.warn(text, LippmannWarning, stacklevel=level)
 
 
-#: Functions that return an error of the form `where: what; remedy`.
+#: Functions that return an error `where: what; remedy`.
 input_error, device_error, no_board_error = InputError.at, DeviceError.at, NoBoardError.at
 
 
@@ -77,7 +77,7 @@ def reason(error: Exception) -> str:
     if isinstance(error, UnicodeDecodeError):
         return "it is not text in UTF-8"
     if "pickle" in str(error):  # numpy refuses Python objects
-        return "it holds no array of numbers"
+        return "it contains no array of numbers"
     return str((isinstance(error, OSError) and error.strerror) or error)
 
 

@@ -368,7 +368,7 @@ WRONG = [
     (lambda p: replace(p, measured=[]), "measured must be a dictionary"),
     (lambda p: lp.IntegralImage([[1, 2], [3]], p.display), "radiance is not an array; give"),
     (lambda p: replace(p.display, panel=3), "Display: panel must be lippmann's Panel, not '3'"),
-    (lambda p: p.show("x"), "seconds x is no length of time"),
+    (lambda p: p.show("x"), "seconds x is not a duration"),
     (lambda p: lp.view(p, "p.html", later=3), r"later must be a list of lippmann\.IntegralImage, not '3'"),
     (lambda p: lp.view(p, "p.html", title=3), "title must be text, not '3'"),
     (lambda p: lp.view(p, "p.html", seed="x"), "seed 'x' is not a whole number"),

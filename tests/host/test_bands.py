@@ -188,7 +188,7 @@ def test_one_command_at_a_time_has_the_bands(place, narrow, caplog):
     def disturbed(missing, rows):
         for rendered in render_here(missing, rows):
             for second in (whole, other):
-                with pytest.raises(InputError, match=r"a\.exr\.bands: belongs to another command that is at work"):
+                with pytest.raises(InputError, match=r"a\.exr\.bands: is in use by another command"):
                     render_bands(place / "a.exr", second)
             yield rendered
 

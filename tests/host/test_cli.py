@@ -453,7 +453,7 @@ def test_what_is_no_scene(place, refusal_of, mi):
         (".", "is a folder; give a Mitsuba scene"),
         ("folder.xml", "is a folder; give a Mitsuba scene"),
         ("folded.xml", "no such scene; give"),
-        ("tiny.toml", r"is no scene; give a Mitsuba scene \(\.xml\), a mesh"),
+        ("tiny.toml", r"is not a scene; give a Mitsuba scene \(\.xml\), a mesh"),
         ("shape.xml", "contains no scene; make <scene>"),
     ):
         line = refusal_of("render", name, "--display", "tiny.toml", "-o", "a.exr")

@@ -172,7 +172,7 @@ def test_a_focal_stack_is_sharp_at_its_depths(mi, place, capfd):
 @pytest.mark.parametrize(
     ("words", "said"),
     [
-        ("quilt balls.xml -o b_qs9x9a1.44.png", "names another tiling than _qs8x6a1.43885"),
+        ("quilt balls.xml -o b_qs9x9a1.44.png", "has another tiling than _qs8x6a1.43885"),
         ("quilt none.xml -o b.png", "no such scene"),
         ("quilt none.png -o b.png", "no such image"),
         ("quilt balls.xml -o b.gif", "unknown extension '.gif'"),

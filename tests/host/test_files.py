@@ -163,11 +163,11 @@ def test_another_users_private_folder_is_refused(tmp_path, monkeypatch):
     assert place.stat().st_mode & 0o777 == 0o700
     assert files.private_folder() == place
     place.chmod(0o755)
-    with pytest.raises(InputError, match="not a folder of yours alone"):
+    with pytest.raises(InputError, match="not your private folder"):
         files.private_folder()
     place.rmdir()
     place.symlink_to(tmp_path)
-    with pytest.raises(InputError, match="not a folder of yours alone"):
+    with pytest.raises(InputError, match="not your private folder"):
         files.private_folder()
 
 

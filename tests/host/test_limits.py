@@ -74,7 +74,7 @@ def test_an_archive_is_counted_before_it_is_expanded(place, capsys, command, mon
     assert "bomb.npz: 2500000 rays: needs" in refused(capsys, *words, "bomb.npz")
     monkeypatch.setattr(limits, "free_memory_mb", lambda: 1e9)
     archive("more.npz", pixel=[header((limits.MAX_RAYS + 1, 2))], direction=[header((9, 3))])
-    assert f"holds {limits.MAX_RAYS + 1} rays; give at most {limits.MAX_RAYS}" in refused(capsys, *words, "more.npz")
+    assert f"contains {limits.MAX_RAYS + 1} rays; give at most {limits.MAX_RAYS}" in refused(capsys, *words, "more.npz")
 
 
 def test_an_arrays_header_is_counted_before_it_is_read(place, capsys):

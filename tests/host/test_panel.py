@@ -432,7 +432,7 @@ BAD_CURVES = [
 ]
 BAD_LAYOUTS = [
     ([QUAD[0], QUAD[2], QUAD[3]], "the layout has no green; add a sub-pixel of that colour"),
-    ([*QUAD, QUAD[1]], "the green sub-pixel at [0.25, 0.25] has another green one in its pixel"),
+    ([*QUAD, QUAD[1]], "the green sub-pixel at [0.25, 0.25] shares its pixel with a green sub-pixel"),
     ([*QUAD[:3], ["white", 0.25, -0.25, 0.6, 0.5]], "white sub-pixel at [0.25, -0.25], 0.6 x 0.5 pixels, is not"),
     ([*QUAD[:3], ["white", 0.25, -0.25, 0.0, 0.5]], "not inside its pixel"),
     ([*QUAD[:3], ["white", -0.75, 0.0, 0.1, 0.1]], "right of and below the first"),

@@ -498,7 +498,7 @@ def test_a_dictionary_and_a_mitsuba_scene_are_scenes(place, mi):
     assert (images[0].radiance == images[1].radiance).all()
     with pytest.raises(InputError, match="dictionary"):
         api.render({"type": "scene", "ball": {"type": "spere"}}, "d.toml")
-    with pytest.raises(InputError, match="int is no scene"):
+    with pytest.raises(InputError, match="int is not a scene"):
         api.render(5, "d.toml")
 
 
@@ -537,7 +537,7 @@ def test_a_face_names_vertices_that_are_there(tmp_path, mi, form, sides):
         if right:
             check_faces(tmp_path / "a.ply")
         else:
-            refused(tmp_path / "a.xml", ("a.ply", f"a face names vertex {last} of 4; export it again"))
+            refused(tmp_path / "a.xml", ("a.ply", f"a face uses vertex {last}, but the file has 4; export it again"))
     head = (tmp_path / "a.ply").read_bytes().partition(b"element face")[0]
     (tmp_path / "a.ply").write_bytes(head + b"element face -1\nend_header\n" + bytes(100))
     refused(tmp_path / "a.xml", ("a.ply", "negative count"))

@@ -27,9 +27,7 @@ from typing import BinaryIO
 from lippmann.base import interrupts
 from lippmann.errors import LippmannError, NoSpaceError, input_error
 
-#: Whether the system can lock folders; only Unix can.
 HAS_LOCKS = importlib.util.find_spec("fcntl") is not None
-#: Folders that `make_folder` has created.
 new_folders: list[Path] = []
 
 #: Error numbers for a full disk, an exhausted quota, and a file above its size limit.
@@ -140,7 +138,10 @@ def on_full_disk(path: Path) -> str | None:
 
 
 def not_written(path: Path, why: OSError | str = "", partial: Path | None = None) -> LippmannError:
-    """Return the error for a failed write; if `why` has no errno, test with `partial` whether the disk is full."""
+    """Return the error for a failed write.
+
+    If `why` has no errno, test with `partial` whether the disk is full.
+    """
     reason = why if isinstance(why, str) else why.strerror or str(why)
     if isinstance(why, OSError) and (why.errno is not None or partial is None):
         full = reason if is_full(why) else None
@@ -205,12 +206,15 @@ def user_id() -> int:
 
 
 def own_text(path: Path) -> str:
-    """Return the text of this user's regular file; raises OSError for a link, pipe or another user's file."""
+    """Return the text of this user's regular file.
+
+    Raises OSError for a link, pipe or another user's file.
+    """
     handle = os.open(path, os.O_RDONLY | getattr(os, "O_NONBLOCK", 0) | OWN_FLAGS)
     with os.fdopen(handle, encoding="utf-8", errors="replace") as stream:
         status = os.fstat(handle)
         if not stat.S_ISREG(status.st_mode) or status.st_uid != user_id():
-            raise PermissionError(errno.EPERM, "another user's, or no plain file", str(path))
+            raise PermissionError(errno.EPERM, "not this user's regular file", str(path))
         return stream.read()
 
 
@@ -238,7 +242,10 @@ def moved(source: Path, target: Path) -> None:
 
 
 def make_folder(folder: Path, remedy: str = "choose another folder") -> None:
-    """Make a folder and its parents (see `remove_empty`); raises NoSpaceError or InputError if that fails."""
+    """Make a folder and its parents (see `remove_empty`).
+
+    Raises NoSpaceError or InputError if that fails.
+    """
     new_folders.extend(place for place in (*reversed(folder.parents), folder) if not place.exists())
     try:
         folder.mkdir(parents=True, exist_ok=True)
@@ -252,7 +259,10 @@ class FolderLock:
     """A lock on a folder until `close` or the process's end; no effect if the file system has no locks."""
 
     def __init__(self, folder: Path, remedy: str) -> None:
-        """Make and lock the folder; raises InputError if another command has locked it, or as `make_folder`."""
+        """Make and lock the folder.
+
+        Raises InputError if another command has locked it, or as `make_folder`.
+        """
         self.close: Callable[[], object] = lambda: None
         make_folder(folder, remedy)
         if HAS_LOCKS:
@@ -273,7 +283,7 @@ def _locked(folder: Path, remedy: str) -> int | None:
         fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
     except BlockingIOError:
         os.close(handle)
-        what = "belongs to another command that is at work"
+        what = "is in use by another command"
         raise input_error(folder, what, f"wait until it has ended, or {remedy}") from None
     except OSError:  # the file system has no locks
         return handle
@@ -307,7 +317,7 @@ def private_folder() -> Path:
     status = folder.lstat()
     shared = os.name != "nt" and (status.st_uid != user_id() or status.st_mode & 0o077)
     if not stat.S_ISDIR(status.st_mode) or shared:
-        raise input_error(folder, "is not a folder of yours alone", "remove it, or set TMPDIR to your own folder")
+        raise input_error(folder, "is not your private folder", "remove it, or set TMPDIR to your own folder")
     return folder
 
 

@@ -85,7 +85,7 @@ def show_frames(frames: Sequence[Pixels], seconds: float | None, frame_s: float 
     Frames larger than the desktop are scaled down. Raises DeviceError without a desktop.
     """
     if seconds is not None and not as_number(seconds) >= 0.0:
-        raise InputError(f"seconds {seconds} is no length of time; give 0 or more, or None: until Escape")
+        raise InputError(f"seconds {seconds} is not a duration; give 0 or more, or None to wait for Escape")
     height, width = frames[0].shape[:2]
     size = window_size((width, height), monitors()[0])
     until = math.inf if seconds is None else time.monotonic() + seconds

@@ -1,4 +1,4 @@
-"""Reads and writes image files: linear radiance in EXR and TIFF, panel values in PNG, and metadata."""
+"""Image files: linear radiance in EXR and TIFF, panel values in PNG, and metadata."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ PREFIX = "lippmann:"
 
 #: Linear radiance, (height, width, 3).
 Radiance = npt.NDArray[np.float32]
-#: Function that checks a file's metadata, and raises an error to refuse the file.
+#: Checks a file's metadata, and raises an error to refuse the file.
 Accept = Callable[[Mapping[str, str]], None]
 
 
@@ -148,7 +148,7 @@ def write_picture(
 
 
 def describe_not_finite(radiance: Rows) -> str:
-    """Describe the number of NaN and infinite values in an image, and the first's position; "" if all are finite."""
+    """Describe the number of NaN and infinite values in an image, and the first position; "" for none."""
     count, place = 0, ""
     for first in range(0, radiance.shape[0], BAND_ROWS):
         wrong = ~np.isfinite(radiance[first : first + BAND_ROWS])
@@ -185,7 +185,7 @@ def _file_spec(
 
 
 def _write_bands(out: OpenImageIO.ImageOutput, firsts: range, file_values: Callable[[int], Numbers]) -> bool:
-    """Write each band while a thread encodes the next one; return whether the write succeeded."""
+    """Write each band while a thread encodes the next; return whether the write succeeded."""
     with ThreadPoolExecutor(1) as encoder:
         ahead = encoder.submit(file_values, 0)
         for first in firsts:
@@ -292,7 +292,7 @@ def _metadata_of(spec: OpenImageIO.ImageSpec) -> dict[str, str]:
 
 
 def openimageio() -> ModuleType:
-    """Return the library OpenImageIO; raises MissingLibraryError if it is not installed."""
+    """Return OpenImageIO; raises MissingLibraryError if it is not installed."""
     try:
         with interrupts.hold_signals():  # an exception while its types load aborts the process
             import OpenImageIO
@@ -347,7 +347,7 @@ class StoredRows:
         return np.asarray(self._read(first, max(first, last))[(own, *columns)], np.float32)
 
     def _read(self, first: int, last: int) -> Radiance:
-        """Return the rows `first` to `last` - 1; reuse rows that the previous call read."""
+        """Return the rows `first` to `last` - 1; reuse rows of the previous call."""
         if self._closed:
             raise ValueError(f"{self._path} is closed")
         cached = self._rows[:0]
@@ -379,7 +379,6 @@ class StoredRows:
         return rows
 
     def __array__(self, dtype: npt.DTypeLike | None = None, copy: bool | None = None) -> Numbers:
-        """Return all rows as one array."""
         height, width, _ = self.shape
         check_expanded(str(self._path), f"{width} x {height} pixels", 2 * 12 * width * height, "take a smaller image")
         rows = self._read(0, height)

@@ -85,7 +85,10 @@ def hold_signals() -> Iterator[list[int]]:
 
 @contextlib.contextmanager
 def blocked_in_children() -> Iterator[None]:
-    """Block the signals of `ENDING` in new child processes, which this process ends itself; no effect on Windows."""
+    """Block the signals of `ENDING` in new child processes.
+
+    This process ends the children itself. There is no effect on Windows.
+    """
     if not hasattr(signal, "pthread_sigmask"):
         yield
         return

@@ -109,19 +109,18 @@ def _header(stream: IO[bytes]) -> Header:
 
 
 def _check_arrays(path: Path, headers: dict[str, Header], remedy: str, bytes_a_ray: int) -> None:
-    """Refuse arrays whose headers describe too much data or other values than real numbers."""
     rows = total = 0
     for name, (shape, kind) in headers.items():
         called = f"{name} is" if name else "is"
         if kind.hasobject:
-            raise input_error(path, "cannot be read (it holds no array of numbers)", remedy)
+            raise input_error(path, "cannot be read (it contains no numbers)", remedy)
         if kind.kind not in "biuf" or kind.itemsize > 16:
             raise input_error(path, f"{called} {kind}", "give real numbers")
         count = math.prod(shape)
         rows = max(rows, shape[0] if shape else 1, count // 16)
         total += count * kind.itemsize
     if rows > MAX_RAYS:
-        raise input_error(path, f"holds {rows} rays", f"give at most {MAX_RAYS}")
+        raise input_error(path, f"contains {rows} rays", f"give at most {MAX_RAYS}")
     check_expanded(str(path), f"{rows} rays", total + rows * bytes_a_ray, "give fewer rays")
 
 

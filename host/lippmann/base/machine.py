@@ -1,4 +1,4 @@
-"""Reports the machine's processor, and the memory that this process can still allocate."""
+"""The machine's processor, and the memory that this process can still allocate."""
 
 from __future__ import annotations
 

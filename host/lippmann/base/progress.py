@@ -20,7 +20,7 @@ class Progress(Protocol):
 def check_progress(progress: Progress | None) -> None:
     """Refuse a callback that cannot be called."""
     if not (progress is None or callable(progress)):
-        raise InputError(f"progress {progress!r} is not a function; give one that takes (steps done, steps in all)")
+        raise InputError(f"progress {progress!r} is not a function; give one that takes (steps done, total steps)")
 
 
 def report_each(items: Collection[Item], progress: Progress | None) -> Iterator[Item]:
@@ -39,7 +39,7 @@ class RowProgress:
         self.done, self._total, self._progress = 0, total, progress
 
     def __call__(self, band_rows: int) -> None:
-        """Report the finished rows; `band_rows` of them are in the unfinished band."""
+        """Report the finished rows, with `band_rows` of the unfinished band."""
         if self._progress is not None:
             self._progress(self.done + band_rows, self._total)
 

@@ -12,7 +12,7 @@ from lippmann.base.machine import machine_name
 
 
 def provenance(command: str, packages: tuple[str, ...], programs: Mapping[str, str] | None = None) -> dict[str, str]:
-    """Return the machine, the date, the command, and the versions of Lippmann, programs and packages."""
+    """Return machine, date, command, and the versions of Lippmann, programs and packages."""
     versions = dict(programs or {})
     for name in packages:
         with contextlib.suppress(importlib.metadata.PackageNotFoundError):  # an extra that is not installed

@@ -103,7 +103,7 @@ def documented(form: type[Form]) -> type[Form]:
 
 
 def variant(form: type, optional: tuple[str, ...], **changes: object) -> Value:
-    """Return the dataclass `form` with the keys `changes` added or replaced, and `optional` keys None by default."""
+    """Return the dataclass `form` with the fields `changes`; `optional` fields are None by default."""
     hints = {**get_type_hints(form, include_extras=True), **changes}
     defaults = {field.name: field.default for field in dataclasses.fields(form)} | dict.fromkeys(optional)
     fields = []
@@ -184,7 +184,7 @@ def parse(text: str, source: str, remedy: str = MEND) -> Table:
         if line:
             name = text.splitlines()[int(line[1]) - 1].partition("=")[0].strip()
             what = f"{name} is given a second time in line {line[1]}"
-            raise input_error(source, what, "leave one of the two") from None
+            raise input_error(source, what, "remove one of the two") from None
         why = ENDLESS if "int_max_str_digits" in str(error) else error
         raise input_error(source, f"not TOML ({why})", remedy) from None
 
@@ -203,7 +203,10 @@ def load(path: Path, what: str) -> Table:
 
 
 def read(form: Callable[..., Form], raw: Mapping[str, Value], source: str) -> Form:
-    """Return parsed TOML as the dataclass `form`; raises InputError for unknown keys, then for other faults."""
+    """Return parsed TOML as the dataclass `form`.
+
+    Raises InputError for unknown keys, then for other faults.
+    """
     top = schema(form)
     nodes = {name: (value, node) for name, value, node in _walk(raw, top, "")}
     for name, (value, node) in nodes.items():
@@ -244,7 +247,10 @@ def read(form: Callable[..., Form], raw: Mapping[str, Value], source: str) -> Fo
 
 
 def check_fields(table: object) -> None:
-    """Check and convert a declared dataclass's fields like `read`; raises InputError (class, key, fault, remedy)."""
+    """Check and convert a declared dataclass's fields like `read`.
+
+    Raises InputError (class, key, fault, remedy).
+    """
     form: Value = type(table)
     source, (plain, parts) = form.__name__, _plain_form(form)
     for name, part in parts.items():
@@ -266,13 +272,12 @@ class Checked:
     """Base class of declared dataclasses that check their fields when Python code creates them."""
 
     def __post_init__(self) -> None:
-        """Check the fields."""
         check_fields(self)
 
 
 @cache
 def _plain_form(form: Value) -> tuple[Value, Table]:
-    """Return a dataclass of the simple fields, and a dictionary of the fields that are dataclasses."""
+    """Return a dataclass of the simple fields, and the fields that are dataclasses themselves."""
     hints = get_type_hints(form, include_extras=True)
     parts = {name: kind for name, kind in hints.items() if dataclasses.is_dataclass(kind)}
     fields = [(name, kind) for name, kind in hints.items() if name not in parts]
@@ -292,7 +297,7 @@ def _is_finite(value: object) -> bool:
 
 
 def toml_text(table: Mapping[str, object], *, one_line: bool = True) -> str:
-    """Return the text of a TOML file; each list is on one line, or else each entry is on its own line."""
+    """Return the text of a TOML file; each list, or else each list entry, is on its own line."""
     text = tomli_w.dumps(table, indent=2)
     if not one_line:
         return text
@@ -391,7 +396,7 @@ def _wrong(source: str, name: str, value: object, node: Schema) -> InputError:
             return input_error(where, "is empty", f"give at least {low}: {how}")
     short = _short(value)
     if isinstance(value, str) and node.get("type") == "string" and "enum" not in node:  # from `_path`
-        return input_error(where, f"{short} is no file's name", "give the name of a file")
+        return input_error(where, f"{short} is not a file name", "give a file name")
     words = [str(word) for choice in node.get("anyOf", [node]) for word in choice.get("enum", ())]
     meant = [word for word in words if len(short) > 1 and short.strip('"').lower() in word]
     guess = f'did you mean "{meant[0]}"? ' if len(meant) == 1 else ""

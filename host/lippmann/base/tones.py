@@ -25,7 +25,10 @@ MAX_PAIRS = 4096
 
 
 def curve_of(transfer: Transfer) -> npt.NDArray[np.float64] | None:
-    """Return a measured curve as an array (pairs, 2), None for a named curve; raises InputError if invalid."""
+    """Return a measured curve as an array (pairs, 2), None for a named curve.
+
+    Raises InputError if invalid.
+    """
     if not isinstance(transfer, str):
         return _check_curve(transfer)
     if not transfer.startswith("["):
@@ -39,7 +42,6 @@ def curve_of(transfer: Transfer) -> npt.NDArray[np.float64] | None:
 
 
 def _check_curve(pairs: Sequence[Sequence[float]]) -> npt.NDArray[np.float64]:
-    """Return the pairs of a curve as an array; refuse pairs that do not rise from 0 to 1."""
     remedy = "give [panel value, light] pairs that rise from [0, 0] to [1, 1]"
     try:
         curve = np.array(pairs, np.float64)
@@ -52,7 +54,7 @@ def _check_curve(pairs: Sequence[Sequence[float]]) -> npt.NDArray[np.float64]:
     if len(falls):
         before, after = curve[falls[0]].tolist(), curve[falls[0] + 1].tolist()
         if (np.diff(curve, axis=0) < 0.0).all():
-            remedy = f"turn the list round: {remedy}"
+            remedy = f"reverse the list: {remedy}"
         raise InputError(f"the curve is not monotonic: {after} follows {before}; {remedy}")
     value, light = curve[0].tolist()
     if value or light:
@@ -104,7 +106,7 @@ def decode(values: Numbers, transfer: Transfer) -> npt.NDArray[np.float32]:
 
 
 def encoded_values(radiance: Numbers, transfer: Transfer, bits: int) -> npt.NDArray[np.unsignedinteger[Any]]:
-    """Encode linear radiance and quantise it to 2^bits levels in the full range of uint8, or uint16 above 8 bits."""
+    """Encode linear radiance; quantise it to 2^bits levels in the full range of uint8, or uint16 above 8 bits."""
     levels = (1 << bits) - 1
     kind = np.uint8 if bits <= 8 else np.uint16
     values = np.empty(radiance.shape, kind)

@@ -58,7 +58,10 @@ def start_mitsuba(device: str = "auto") -> str:
 
 @contextlib.contextmanager
 def own_variant(device: str = "auto") -> Iterator[str]:
-    """Run a block with a device's variant, then restore variant and log level; errors as in `start_mitsuba`."""
+    """Run a block with a device's variant, then restore variant and log level.
+
+    The errors are those of `start_mitsuba`.
+    """
     mi = _loaded()
     variant = mi.variant()
     level = mi.log_level() if variant else None

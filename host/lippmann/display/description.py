@@ -1,4 +1,4 @@
-"""Describes a display: a panel behind a microlens array (docs/reference/display-file.md, optics.md)."""
+"""The display: a panel behind a microlens array (docs/reference/display-file.md, optics.md)."""
 
 from __future__ import annotations
 
@@ -236,7 +236,10 @@ class Display(Checked):
 
     @property
     def convergence(self) -> float:
-        """Ratio D / E, 0 without a viewing distance; elemental images have 1 + D / E times the lenslet pitch."""
+        """Ratio D / E, 0 without a viewing distance.
+
+        Elemental images have 1 + D / E times the lenslet pitch.
+        """
         distance = self.viewing_distance_mm
         return 0.0 if distance is None else self.aperture_distance_mm / distance
 
@@ -267,7 +270,10 @@ class Display(Checked):
         return hashlib.sha256(text.encode()).hexdigest()[:16]
 
     def at_wavelength(self, wavelength_nm: float) -> Display:
-        """Return the display at a wavelength (nm); raises InputError without a glass or for a value out of range."""
+        """Return the display at a wavelength (nm).
+
+        Raises InputError without a glass or for a value out of range.
+        """
         if self.array.glass is None:
             what = f"display '{self.name}' has an index without dispersion"
             raise InputError(f"{what}; give array.glass in place of array.index")
@@ -280,7 +286,10 @@ class Display(Checked):
         gap_mm: float = 0.0,
         pitch_scale: float = 1.0,
     ) -> Display:
-        """Return the display with the array rotated, moved, lifted and scaled; raises InputError if impossible."""
+        """Return the display with the array rotated, moved, lifted and scaled.
+
+        Raises InputError if impossible.
+        """
         errors = Misalignment(rotation_deg, offset_mm, gap_mm, pitch_scale)
         array, extent, where = self.array, self.array.extent_mm, f"display '{self.name}', misaligned: "
         (x, y), (dx, dy), scale = array.offset_mm, errors.offset_mm, errors.pitch_scale
@@ -377,7 +386,7 @@ def display_of(keys: Any, name: str, where: str) -> Display:
         lenslets = replace(lenslets, thickness_mm=max(lenslets.sag_mm, MIN_LENGTH_MM))
     title = keys.name if keys.name is not None else name
     if len(title.splitlines()) > 1 or title != title.strip("\r\n"):
-        raise input_error(f"{where}name", "has a line break", "give a name of one line")
+        raise input_error(f"{where}name", "has a line break", "write it on one line")
     display = Display(title, Panel(**panel), lenslets, keys.gap_mm, keys.viewing_distance_mm, keys.viewing_axis_mm)
     _check(display, where)
     return display
@@ -430,7 +439,7 @@ def _check(display: Display, where: str) -> None:
         raise input_error(f"{where}panel.pixel_pitch_mm", what, mend)
     if array.finest_mm < pixel_mm:
         what = f"{array.finest_mm:g} mm is finer than the panel's pixels ({pixel_mm:.6g} mm)"
-        raise input_error(f"{where}array.pitch_mm", what, "give lenslets of at least a pixel")
+        raise input_error(f"{where}array.pitch_mm", what, "give at least one pixel pitch")
     if array.extent_mm is not None:
         _check_extent(display, f"{where}array.extent_mm")
     if display.viewing_distance_mm is None:
@@ -454,12 +463,11 @@ def _check(display: Display, where: str) -> None:
 
 
 def _check_extent(display: Display, where: str) -> None:
-    """Refuse an extent with no lenslet before the panel, or far larger than the panel."""
     array, panel = display.array, display.panel
     width, height = array.extent_mm or (0.0, 0.0)
     size, column_mm, row_mm = f"{width:g} x {height:g} mm", array.pitches_mm[0], array.row_pitch_mm
     if width < column_mm or height < row_mm:
-        what = f"{size} holds no lenslet of {column_mm:.4g} x {row_mm:.4g} mm"
+        what = f"{size} contains no lenslet of {column_mm:.4g} x {row_mm:.4g} mm"
         raise input_error(where, what, "give the width and height of the area with lenslets, mm, or leave it out")
     if max(width, height) > MAX_EXTENT * math.hypot(panel.width_mm, panel.height_mm):
         what = f"{size} is over {MAX_EXTENT:g} times the panel, {panel.width_mm:.4g} x {panel.height_mm:.4g} mm"

@@ -23,7 +23,6 @@ ROUNDING = 1e-6
 
 
 def _row(order: str, column: int = 0, row: int = 0) -> tuple[Subpixel, ...]:
-    """Return a pixel's stripes from left to right; `order` has the first letters of their colours."""
     names, n = {name[0]: name for name in COLOURS}, len(order)
     places = [column + (2 * k + 1 - n) / (2 * n) for k in range(n)]
     stripes = zip(order, places, strict=True)
@@ -68,7 +67,7 @@ class Layout:
             yield COLOURS.index(colour), self.gain(colour), inside
 
     def edges(self) -> Iterator[tuple[Colour, float, float, float, float]]:
-        """Yield each sub-pixel's colour and left, top, right and bottom edge, in pixels from the layout's top left."""
+        """Yield each sub-pixel's colour, left, top, right and bottom edge, in pixels from the layout's top left."""
         for colour, x, y, w, h in self.subpixels:
             # Rounded, so that neighbours share an edge.
             u_min, u_max = (round(0.5 + x + side * w, 12) for side in (-0.5, 0.5))
@@ -76,7 +75,7 @@ class Layout:
             yield colour, u_min, v_min, u_max, v_max
 
     def split_light(self, light: Sequence[Numbers], darkest: Numbers) -> list[Numbers]:
-        """Return the light of red, green, blue and white sub-pixels; white emits the light `darkest` for all."""
+        """Return the light of red, green, blue and white sub-pixels; white replaces the light `darkest`."""
         if "white" not in (colour for colour, *_ in self.subpixels):
             return list(light)
         return [*(colour - darkest for colour in light), darkest]
@@ -104,7 +103,10 @@ def _pixel_of(subpixel: Subpixel) -> tuple[int, int]:
 
 
 def layout_of(subpixels: str | tuple[Subpixel, ...]) -> Layout | None:
-    """Return the layout for a name or a table, None for "none"; raises InputError for an invalid table."""
+    """Return the layout for a name or a table, None for "none".
+
+    Raises InputError for an invalid table.
+    """
     if subpixels == "none":
         return None
     table = LAYOUTS[subpixels] if isinstance(subpixels, str) else subpixels
@@ -123,7 +125,8 @@ def layout_of(subpixels: str | tuple[Subpixel, ...]) -> Layout | None:
         if not (w > 0.0 and h > 0.0 and fits):
             raise InputError(f"{subject}, {w:g} x {h:g} pixels, is not inside its pixel; make it smaller or move it")
         if owned.count((colour, (column, row))) > 1:
-            raise InputError(f"{subject} has another {colour} one in its pixel; leave one out, or describe two pixels")
+            remedy = "remove one, or describe two pixels"
+            raise InputError(f"{subject} shares its pixel with a {colour} sub-pixel; {remedy}")
     for ((_, *first), one), ((_, *second), other) in combinations(zip(table, titles, strict=True), 2):
         gaps = (abs(first[k] - second[k]) - 0.5 * (first[k + 2] + second[k + 2]) for k in (0, 1))
         if max(gaps) < -ROUNDING:

@@ -68,7 +68,7 @@ def refract_flat(b: Backend, ray: Ray, ratio: float) -> tuple[Ray, Arr]:
 
 
 def _redirect(b: Backend, ray: Ray, direction: State, square: Arr) -> tuple[Ray, Arr]:
-    """Return rays with new directions where `square` is positive, else the old directions; and `square`."""
+    """Return rays with new directions where `square` is positive; also return `square`."""
     pairs = zip(ray[3:], direction, strict=True)
     return Ray(*ray[:3], *(b.where(square <= 0.0, old, new) for old, new in pairs)), square
 

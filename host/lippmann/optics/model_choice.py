@@ -44,7 +44,6 @@ class Choice:
     error_px: dict[Model, float]
 
     def __str__(self) -> str:
-        """Return model and reason in one line."""
         errors = ", ".join(f"{model} {error:.2g}" for model, error in self.error_px.items())
         limit = f"{self.tolerance:g} pixel of the reconstructed view"
         return f"model {self.model}: the cheapest within {limit} (largest errors: {errors})"
@@ -117,7 +116,7 @@ def panel_size(display: Display) -> Floats:
 
 
 def located(display: Display, pixels: Floats) -> tuple[Floats, Floats]:
-    """Return the lenslets (N, 2) of pixels (N, 2), and the pixels' positions from the lenslets' centres, (N, 2) mm."""
+    """Return the lenslets (N, 2) of pixels (N, 2), and the pixels' positions from their centres, (N, 2) mm."""
     i, j, x, y = System.of(display).locate(NumpyBackend(), *pixels.T)
     return np.stack([i, j], axis=1), np.stack([x, y], axis=1)
 

@@ -192,13 +192,13 @@ def _through_dome(b: Backend, system: System, crossing: Crossing, ratio: float, 
 
 
 def _relocated(b: Backend, system: System, ray: Ray) -> tuple[Ray, Point]:
-    """Make rays local to the lenslet whose cell contains their point; return the step to it, too."""
+    """Make rays local to the lenslet whose cell contains their point; also return its step."""
     i, j, x, y = system.lattice.locate(b, ray.x, ray.y)
     return ray._replace(x=x, y=y), (i, j)
 
 
 def _exit(b: Backend, ray: Ray, start: Point, crossing: Crossing, reflected: Arr, blocked: Arr, grazing: Arr) -> Exit:
-    """Return the result of a passage; `start` is the step of the relocation before the passage."""
+    """Return the result of a passage; `start` is the step of the earlier relocation."""
     di, dj = start[0] + crossing.di, start[1] + crossing.dj
     other = (di != 0.0) | (dj != 0.0)
     status = b.where(other, int(Status.CROSSTALK), int(Status.OK))

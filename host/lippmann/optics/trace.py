@@ -1,4 +1,4 @@
-"""The engines golden and fast, which trace pixel coordinates to rays in the panel's frame, and back."""
+"""The engines golden and fast: from pixel coordinates to rays in the panel's frame, and back."""
 
 from __future__ import annotations
 
@@ -123,9 +123,9 @@ def columns(name: str, values: npt.ArrayLike, width: int, limit: float) -> Float
     if array.ndim != 2 or array.shape[1] != width:
         raise InputError(f"{name} has shape {array.shape}; give (N, {width})")
     if not np.isfinite(array).all():
-        raise InputError(f"{name} holds values that are not finite; remove them")
+        raise InputError(f"{name} contains values that are not finite; remove them")
     if (np.abs(array) > limit).any():
-        raise InputError(f"{name} holds values beyond {limit:.6g}, outside every array; remove them")
+        raise InputError(f"{name} contains values beyond {limit:.6g}, outside every array; remove them")
     return array
 
 
@@ -137,7 +137,10 @@ def trace_optics(
     engine: Engine = "golden",
     device: str = "auto",
 ) -> Rays:
-    """Trace rays from the panel by golden or fast; parameters and errors are those of `engines.trace`."""
+    """Trace rays from the panel by golden or fast.
+
+    Parameters and errors are those of `engines.trace`.
+    """
     display, pixel, points = checked_rays(display, pixels, aperture, model)
     b = backend_of(engine, device, len(pixel))
     aims = None if points is None else (b.double(points[:, 0]), b.double(points[:, 1]))
@@ -179,7 +182,7 @@ def trace_to_panel(
     origins = columns("origin_mm", origin_mm, 3, MAX_LENGTH_MM)
     directions = columns("direction", direction, 3, math.inf)
     if (np.abs(np.linalg.norm(directions, axis=1) - 1.0) > UNIT_ERROR).any():
-        raise InputError("direction holds vectors that are not of length 1; divide them by their lengths")
+        raise InputError("direction contains vectors that are not of length 1; divide them by their lengths")
     n = len(origins)
     b = backend_of(engine, device, n)
     origin = tuple(map(b.double, origins.T.copy()))

@@ -62,7 +62,10 @@ def middle_eye(display: Display, distance_mm: float) -> tuple[float, float, floa
 
 
 def status_share(display: Display, eye_mm: tuple[float, float, float]) -> dict[str, float]:
-    """Return the fraction of an eye's rays per status; raises InputError for an eye behind the display or too far."""
+    """Return the fraction of an eye's rays per status.
+
+    Raises InputError for an eye behind the display or too far.
+    """
     (shares,) = status_shares(display, np.array([eye_mm]), SHARE_RAYS)
     return {one.name.lower(): float(shares[one]) for one in Status}
 

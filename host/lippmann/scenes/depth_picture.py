@@ -61,13 +61,13 @@ def write_scene(path: Path, folder: Path, notes: list[str]) -> Path:
     depth = _depths(path.parent / form.depth) * form.unit_mm
     if depth.shape != colours.shape[:2]:
         sizes = [f"{shape[1]} x {shape[0]}" for shape in (depth.shape, colours.shape)]
-        raise input_error(path, f"depth has {sizes[0]} pixels, colour {sizes[1]}", "give two of one size")
+        raise input_error(path, f"depth has {sizes[0]} pixels, colour {sizes[1]}", "give equal sizes")
     has_depth = np.isfinite(depth) & (depth > 0.0)
     if not has_depth.any():
         raise input_error(path, "no pixel has a depth above 0", "check depth and unit_mm")
     if not has_depth.all():
         holes = depth.size - int(has_depth.sum())
-        notes.append(f"note: {holes} of {depth.size} pixels have no depth; each takes that of the nearest with one")
+        notes.append(f"note: {holes} of {depth.size} pixels have no depth; each gets its nearest neighbour's depth")
         from scipy import ndimage
 
         nearest = ndimage.distance_transform_edt(~has_depth, return_distances=False, return_indices=True)

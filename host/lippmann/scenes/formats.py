@@ -13,7 +13,6 @@ from lippmann.optics.rays import Floats
 from lippmann.scenes import depth_picture, meshes, splats, window_views
 
 Kind = Literal["mitsuba", "mesh", "splats", "quilt", "views", "depth picture"]
-#: Maximum size of a PLY file's header, bytes.
 PLY_HEAD = 1 << 16
 FORMATS = (
     f"give a Mitsuba scene (.xml), a mesh or splats ({', '.join(meshes.SUFFIXES)}), a quilt (NAME_qs8x6a0.75.png), "
@@ -66,7 +65,7 @@ def as_mitsuba(path: Path, scene_from_display: Floats, notes: list[str]) -> Iter
                 read_views = window_views.read_quilt if kind == "quilt" else window_views.read_folder
                 scene_file = read_views(path).write_scene(folder)
         except OSError as error:
-            raise input_error(path, f"cannot be read ({error.strerror or error})", "check file and disk") from None
+            raise input_error(path, f"cannot be read ({error.strerror or error})", "check the file") from None
         yield scene_file
 
 

@@ -83,7 +83,6 @@ def _view_colour(views: Arr, shape: tuple[int, int], view: Arr, u: Arr, v: Arr, 
 
 
 def _neighbours(places: list[float], at: Arr) -> list[tuple[Arr, Arr]]:
-    """Return the indices and weights of the two `places` around a coordinate."""
     if len(places) == 1:
         return [(mi.Int32(0), mi.Float(1.0))]
     table = mi.Float(places)

@@ -102,7 +102,7 @@ def _instances(path: Path, notes: list[str]) -> Iterator[tuple[str, Trimesh, Flo
         if corners > MAX_CORNERS:
             raise input_error(path, f"has more than {MAX_CORNERS // 3} faces", "reduce it in a mesh editor")
         if not (np.isfinite(mesh.vertices).all() and np.isfinite(matrix).all()):
-            raise input_error(path, f"mesh '{name}' has places that are not finite", REMEDY)
+            raise input_error(path, f"mesh '{name}' has points that are not finite", REMEDY)
         area += float(mesh.area)
         yield node, mesh, matrix
     if not corners or not area > 0.0:
@@ -134,7 +134,7 @@ def _load(path: Path, notes: list[str]) -> trimesh.Scene:
             loaded = trimesh.load_scene(path, process=False, resolver=Files(str(path)))
         except MemoryError:
             raise
-        except Exception as error:  # trimesh's errors have no common base class
+        except Exception as error:  # trimesh's errors have no common base
             reason = _brief(str(error)) or type(error).__name__
             raise input_error(path, f"cannot be read as {kind[1:]} ({reason})", REMEDY) from None
     if losses:
@@ -149,7 +149,7 @@ def _brief(text: str) -> str:
 
 @contextmanager
 def _recorded_losses() -> Iterator[list[str]]:
-    """Yield a list that collects trimesh's messages about ignored textures and materials."""
+    """Yield a list that collects trimesh's messages about ignored features."""
     losses: list[str] = []
 
     def record_loss(record: logging.LogRecord) -> bool:
@@ -172,7 +172,7 @@ def _recorded_losses() -> Iterator[list[str]]:
 
 
 def _check_gltf(path: Path, kind: str, data: bytes, notes: list[str]) -> None:
-    """Refuse a glTF that is too large or requires unknown extensions; add ignored extensions to `notes`."""
+    """Refuse a glTF that is too large or requires unknown extensions; list ignored ones in `notes`."""
     # Done before trimesh allocates accessors, which may have no bytes in the file.
     try:
         head = data if kind == ".gltf" else data[20 : 20 + struct.unpack_from("<I", data, 12)[0]]
@@ -188,14 +188,14 @@ def _check_gltf(path: Path, kind: str, data: bytes, notes: list[str]) -> None:
             if name in primitive["attributes"]
         }
     except (ValueError, TypeError, AttributeError, KeyError, IndexError, OverflowError, RecursionError, struct.error):
-        raise input_error(path, f"is no {kind[1:]}, or cut off", "export it again") from None
+        raise input_error(path, f"is not a complete {kind[1:]} file", "export it again") from None
     if sum(counts) > MAX_CORNERS or min(counts, default=0) < 0:
         raise input_error(path, f"has more than {MAX_CORNERS} numbered vertices", "reduce it in a mesh editor")
     for name in required:
         if not name.startswith(MATERIALS):
             raise input_error(path, f"requires {name}", "export it without compression and extensions")
     if types - {FLOAT32}:
-        raise input_error(path, "has places or texture coordinates in integers", "export it with 32-bit numbers")
+        raise input_error(path, "has integer positions or texture coordinates", "export it with 32-bit numbers")
     left_out = [name for name in used if name in LEFT_OUT]
     if left_out:
         notes.append(f"note: {path.name} is shown without its {', '.join(left_out)}")
@@ -205,15 +205,13 @@ def _check_gltf(path: Path, kind: str, data: bytes, notes: list[str]) -> None:
 
 
 class _Textures:
-    """Writes each texture of a scene file once, as a PNG."""
-
     def __init__(self, folder: Path, source: Path) -> None:
         self._folder, self.source = folder, source
         #: File name by picture id; the picture is stored so that its id is not reused.
         self._written: dict[tuple[int, str, tuple[float, ...]], tuple[str, Image]] = {}
 
     def write(self, picture: Image, part: str, factor: Floats) -> str:
-        """Write a picture's colour, alpha or one channel, multiplied by a factor; return the file's name."""
+        """Write a picture's colour, alpha or one channel times a factor; return the file's name."""
         import PIL.Image
 
         key = id(picture), part, tuple(factor.tolist())
@@ -240,7 +238,7 @@ class _Textures:
 
 
 def _add_shape(scene: Element, name: str, mesh: Trimesh, matrix: Floats, textures: _Textures, file: Path) -> list[str]:
-    """Add a mesh to a scene, and write its files; return lines on features that are not shown."""
+    """Add a mesh to a scene, and write its files; return lines on ignored features."""
     visual: Visual = mesh.visual
     source = textures.source
     if visual.kind == "face":
@@ -281,7 +279,7 @@ def _with_faces_apart(mesh: Trimesh, colours: npt.NDArray[np.uint8], source: Pat
 
 
 def _has_normals(mesh: Trimesh) -> bool:
-    """Return whether the file has normals; `mesh.vertex_normals` would compute missing ones."""
+    """Return whether the file has normals, which `mesh.vertex_normals` would compute."""
     return "vertex_normals" in mesh._cache
 
 
@@ -427,4 +425,4 @@ def check_faces(path: Path) -> None:
         reason = " ".join(str(error).split())[:200] or type(error).__name__
         raise input_error(path, f"cannot be read as ply ({reason})", "export it again") from None
     if worst is not None:
-        raise input_error(path, f"a face names vertex {worst} of {vertices}", "export it again")
+        raise input_error(path, f"a face uses vertex {worst}, but the file has {vertices}", "export it again")

@@ -24,7 +24,6 @@ ORIGIN = (0.0, 0.0, 0.0)
 #: "fit" scales and moves a scene into the depth range; "camera" shows it from the camera
 #: in its file; "fill" puts a picture into the panel's plane, as large as the panel.
 Arrange = Literal["fit", "camera", "fill"]
-#: Range of scales for float32 scenes.
 SCALE_RANGE = (1e-9, 1e9)
 Scale = Annotated[float, key("", low=SCALE_RANGE[0], high=SCALE_RANGE[1])]
 Depth = Annotated[float | None, key("", default="the scene's bounding box")]
@@ -45,7 +44,6 @@ class Placement:
     far_mm: Annotated[Depth, key("depth z of the farthest object of interest")] = None
 
     def __post_init__(self) -> None:
-        """Refuse values out of range, and depths in the wrong order."""
         check_fields(self)
         if self.near_mm is not None and self.far_mm is not None and self.near_mm <= self.far_mm:
             raise InputError(
@@ -53,7 +51,6 @@ class Placement:
             )
 
     def __str__(self) -> str:
-        """Return this placement as command-line options."""
         rotate, offset = (
             ",".join(f"{round(x, 9) + 0.0:.6g}" for x in triple) for triple in (self.rotation_deg, self.offset_mm)
         )
@@ -146,7 +143,7 @@ def warn_if_unplaced(path: Path) -> None:
 
 
 def _placement_file(path: Path) -> Path | None:
-    """Return the path of NAME.toml beside a scene, unless it describes only a film, display or depth picture."""
+    """Return NAME.toml beside a scene, unless it describes only a film, display or depth picture."""
     file = path.with_suffix(".toml")
     keys = toml.load(file, "placement").keys() if file.exists() else {"panel"}
     return None if "placement" not in keys and {"depth_picture", "frames", "panel"} & keys else file

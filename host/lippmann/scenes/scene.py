@@ -118,7 +118,7 @@ def check_scene_file(path: str | Path) -> Path:
         raise input_error(path, "no such scene", likely_file(path, SUFFIXES) or FORMATS)
     if kind_of(path) is None:
         layers = "; for layers, a folder with layers.toml or pictures.toml" if path.is_dir() else ""
-        raise input_error(path, "is a folder" if path.is_dir() else "is no scene", f"{FORMATS}{layers}")
+        raise input_error(path, "is a folder" if path.is_dir() else "is not a scene", f"{FORMATS}{layers}")
     return path
 
 
@@ -153,7 +153,7 @@ def parsed(
     except OSError as error:
         what = f"names {error.filename}, which cannot be read ({error.strerror})"
         raise input_error(path, what, "mend the scene file") from None
-    except Exception as error:  # Mitsuba's errors have no common base class
+    except Exception as error:  # Mitsuba's errors have no common base
         raise input_error(path, without_places(error)[:400], "mend the scene file") from None
     finally:
         mi.set_file_resolver(before)
@@ -206,10 +206,10 @@ def scene_of(scene: mts.Scene | dict[str, object], placement: Placement | None =
     if isinstance(scene, dict):
         try:
             scene = mi.load_dict(scene)
-        except Exception as error:  # Mitsuba's errors have no common base class
+        except Exception as error:  # Mitsuba's errors have no common base
             raise InputError(f"the scene's dictionary: {' '.join(str(error).split())[:400]}") from None
     if not isinstance(scene, mi.Scene):
-        what = f"{type(scene).__name__} is no scene"
+        what = f"{type(scene).__name__} is not a scene"
         raise InputError(f"{what}; give a path, a mitsuba.Scene or a dictionary of the type scene")
     _check_lamps(scene, "the scene")
     placement = Placement() if placement is None else placement
@@ -234,7 +234,7 @@ def _keep(part: Part, state: mts.parser.ParserState, path: Path) -> None:
     ids = {props.id() for props in _matching(list(shapes.values()), part.shapes, path)}
     matches = {name for name, props in shapes.items() if props.id() in ids}
     if len(matches) == len(shapes):
-        raise input_error(path, f"every shape's id matches '{part.shapes}'", "leave some for the rest")
+        raise input_error(path, f"every shape's id matches '{part.shapes}'", "choose a narrower pattern")
     for name in matches ^ (set(shapes) if part.matching else set()):
         del root[name]
 
@@ -399,7 +399,7 @@ def _by_camera(scene: Scene, display: Display) -> Placement:
         low, high = scene.box(Placement())
         distance = float((0.5 * (low + high) - origin) @ ahead)
     if not 0.0 < distance < math.inf:
-        raise input_error(scene.path, "the camera does not look at the scene", "turn the camera, or use --fit")
+        raise input_error(scene.path, "the camera does not look at the scene", "rotate the camera, or use --fit")
     eye = 0.5 * display.panel.width_mm / math.tan(0.5 * x_fov)
     scale = eye / distance
     moved = np.eye(4)

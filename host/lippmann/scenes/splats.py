@@ -23,7 +23,6 @@ COLOUR = ("f_dc_0", "f_dc_1", "f_dc_2")
 SHAPE = ("opacity", "scale_0", "scale_1", "scale_2", "rot_0", "rot_1", "rot_2", "rot_3")
 #: Logit of the minimum opacity; below 1 %, Mitsuba cannot compute a splat's extent.
 MIN_LOGIT = float(np.log(0.0101 / (1.0 - 0.0101)))
-#: Maximum absolute logarithm of a size.
 MAX_LOG = 30.0
 MAX_BYTES = 2 << 30
 REMEDY = "export it again from the trainer or an editor of splats"
@@ -51,7 +50,7 @@ def _read(path: Path) -> npt.NDArray[np.void]:
     import plyfile
 
     if path.stat().st_size > MAX_BYTES:
-        raise input_error(path, f"is larger than {MAX_BYTES >> 30} GiB", "reduce it in an editor of splats")
+        raise input_error(path, f"is larger than {MAX_BYTES >> 30} GiB", "reduce it in a splat editor")
     try:
         vertex = plyfile.PlyData.read(str(path), mmap=False)["vertex"]
     except (plyfile.PlyParseError, KeyError, ValueError, UnicodeDecodeError, OverflowError, MemoryError) as error:
@@ -60,11 +59,11 @@ def _read(path: Path) -> npt.NDArray[np.void]:
     there = [one.name for one in vertex.properties]
     missing = [name for name in (*PLACE, *COLOUR, *SHAPE) if name not in there]
     if missing:
-        what = "has splats without colours" if set(missing) & set(COLOUR) else "has points that are no splats"
+        what = "has splats without colours" if set(missing) & set(COLOUR) else "has points that are not splats"
         raise input_error(path, f"{what}: no property {', '.join(missing)}", REMEDY)
     harmonics = [name for name in (f"f_rest_{k}" for k in range(3 * (DEGREES[-1] + 1) ** 2 - 3)) if name in there]
     if len(harmonics) + 3 not in [3 * (degree + 1) ** 2 for degree in DEGREES]:
-        raise input_error(path, f"has {len(harmonics)} properties f_rest_*, of no degree of harmonics", REMEDY)
+        raise input_error(path, f"has {len(harmonics)} properties f_rest_*, which match no degree", REMEDY)
     names = (*PLACE, *COLOUR, *harmonics, *SHAPE)
     # Mitsuba requires normals, and ignores them.
     table = np.zeros(vertex.count, [(name, "<f4") for name in (*PLACE, *NORMAL, *names[len(PLACE) :])])
@@ -72,16 +71,16 @@ def _read(path: Path) -> npt.NDArray[np.void]:
         try:
             table[name] = vertex[name]
         except (ValueError, TypeError):
-            raise input_error(path, f"property {name} is no number", REMEDY) from None
+            raise input_error(path, f"property {name} is not a number", REMEDY) from None
     if not vertex.count:
-        raise input_error(path, "has no splats", "give a file with some")
+        raise input_error(path, "has no splats", "give a file with splats")
     wrong = ~np.all([np.isfinite(table[name]) for name in names], axis=0)
     if wrong.any():
         what = f"{wrong.sum()} splats have numbers that are not finite"
-        raise input_error(path, what, "remove them in an editor of splats")
+        raise input_error(path, what, "remove them in a splat editor")
     sizes = np.array([table[name] for name in SHAPE if name.startswith("scale")])
     if np.abs(sizes).max() > MAX_LOG:
         what = f"has splats whose size is e to the {sizes.max():.3g}"
-        raise input_error(path, what, "remove them in an editor of splats")
+        raise input_error(path, what, "remove them in a splat editor")
     table["opacity"] = np.maximum(table["opacity"], MIN_LOGIT)
     return table

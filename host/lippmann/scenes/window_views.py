@@ -79,7 +79,10 @@ def eyes_text(size_mm: Sequence[float], names: Sequence[str], eyes: Sequence[Seq
 
 
 def read_folder(folder: Path) -> Views:
-    """Read a folder of views; raises InputError for invalid files and for eyes that are not on a row or grid."""
+    """Read a folder of views.
+
+    Raises InputError for invalid files, and eyes that form no row or grid.
+    """
     path = folder / EYES
     try:
         keys = json.loads(read_limited(path, MAX_BYTES, "write it again"))
@@ -87,21 +90,21 @@ def read_folder(folder: Path) -> Views:
         views = [(str(one["file"]), tuple(float(c) for c in one["eye_mm"])) for one in keys["views"]]
     except (ValueError, TypeError, KeyError, IndexError, RecursionError) as error:
         reason = f"no {error}" if isinstance(error, KeyError) else str(error)[:100]
-        raise input_error(path, f"does not tell the views ({reason})", f"write {FORM}") from None
+        raise input_error(path, f"does not describe the views ({reason})", f"write {FORM}") from None
     eyes = np.array([eye for _, eye in views if len(eye) == 3])
     if not (min(size) > 0.0 and math.isfinite(sum(size))):
         raise input_error(path, f"window_mm is {size[0]:g} x {size[1]:g}", "give width and height above 0")
     if not 0 < len(views) <= MAX_VIEWS:
         raise input_error(path, f"has {len(views)} views", f"give 1 to {MAX_VIEWS}")
     if len(eyes) != len(views) or not np.isfinite(eyes).all():
-        raise input_error(path, "has an eye_mm that is no three numbers", f"write {FORM}")
+        raise input_error(path, "has an eye_mm that is not three numbers", f"write {FORM}")
     if not eyes[:, 2].min() > 0.0 or np.ptp(eyes[:, 2]) > 1e-3 * eyes[0, 2]:
         what = "has eyes at several distances, or behind the window"
-        raise input_error(path, what, "give all eyes one z above 0")
+        raise input_error(path, what, "give all eyes the same z above 0")
     (x, columns), (y, rows) = _steps(path, eyes[:, 0]), _steps(path, eyes[:, 1])
     if len(x) * len(y) != len(views) or len(set(zip(rows.tolist(), columns.tolist(), strict=True))) != len(views):
         what = f"has {len(views)} eyes at {len(x)} places across and {len(y)} up"
-        raise input_error(path, what, "give one view for each place of a row or grid")
+        raise input_error(path, what, "give one view per position of a row or grid")
     pictures: npt.NDArray[np.float16] | None = None
     for (name, _), row, column in zip(views, rows, columns, strict=True):
         one, _ = read_light(folder / name, len(views))
@@ -109,7 +112,7 @@ def read_folder(folder: Path) -> Views:
             pictures = np.zeros((len(y), len(x), *one.shape), np.float16)
         if one.shape != pictures.shape[2:]:
             what = f"has {one.shape[1]} x {one.shape[0]} pixels, the first view {pictures.shape[3]} x "
-            raise input_error(folder / name, f"{what}{pictures.shape[2]}", "give views of one size")
+            raise input_error(folder / name, f"{what}{pictures.shape[2]}", "give views of equal size")
         pictures[row, column] = one
     assert pictures is not None
     return Views(pictures, x, y, float(eyes[0, 2]), size)
@@ -127,7 +130,7 @@ def _steps(path: Path, places: Floats) -> tuple[list[float], npt.NDArray[np.intp
     number = np.abs(places[:, None] - lines).argmin(axis=1)
     step = float(np.diff(lines).min()) if len(lines) > 1 else math.inf
     if np.abs(places - lines[number]).max() > GRID_TOLERANCE * step:
-        raise input_error(path, "has eyes that are off a row or grid", "give eyes in equal rows")
+        raise input_error(path, "has eyes that form no row or grid", "give eyes in equal rows")
     return lines.tolist(), number
 
 
@@ -138,7 +141,10 @@ def _check_size(path: Path, pixels: int) -> None:
 
 
 def read_light(path: Path, count: int = 1) -> tuple[Radiance, dict[str, str]]:
-    """Return a picture's linear light (height, width, 3) and metadata; InputError if `count` pictures are too large."""
+    """Return a picture's linear light (height, width, 3) and metadata.
+
+    Raises InputError if `count` pictures are too large.
+    """
     # The size is checked before memory for the pixels is allocated.
     if path.suffix.lower() in (".png", *LINEAR_SUFFIXES):
         with StoredRows(path) as rows:
@@ -170,14 +176,14 @@ EYES_KEY = "eyes"
 
 
 def quilt_path(path: Path, columns: int, rows: int, aspect: float) -> Path:
-    """Return a quilt's path with the tiling in its name, or raise InputError for another tiling in the name."""
+    """Return a quilt's path with the tiling in its name; raises InputError for another tiling."""
     aspect_text = f"{aspect:.5f}".rstrip("0").rstrip(".")
     ending = f"_qs{columns}x{rows}a{aspect_text}"
     tiling = TILING.search(path.stem)
     if tiling is None:
         return path.with_name(f"{path.stem}{ending}{path.suffix}")
     if (int(tiling[1]), int(tiling[2])) != (columns, rows) or abs(float(tiling[3]) - aspect) > 0.01 * aspect:
-        raise input_error(path, f"names another tiling than {ending}", "leave the tiling out of the name")
+        raise input_error(path, f"has another tiling than {ending}", "leave the tiling out of the name")
     return path
 
 
@@ -220,6 +226,6 @@ def read_quilt(path: Path) -> Views:
             size = (float(eyes["window_mm"][0]), float(eyes["window_mm"][1]))
             (first_x, y, distance), last_x = map(float, eyes["first_mm"]), float(eyes["last_mm"][0])
         except (ValueError, TypeError, KeyError, IndexError):
-            raise input_error(path, "its note of the eyes is broken", "export it again") from None
+            raise input_error(path, "its metadata of the eyes is broken", "export it again") from None
     x = np.linspace(first_x, last_x, rows * columns).tolist()
     return Views(np.ascontiguousarray(views, np.float16), x, [y], distance, size)
