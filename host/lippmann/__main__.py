@@ -1,4 +1,4 @@
-"""Runs the program `lippmann` or `python -m lippmann`; Ctrl-C and SIGTERM end it with one message line."""
+"""Runs `lippmann` or `python -m lippmann`; Ctrl-C and SIGTERM end the program with one line."""
 
 from __future__ import annotations
 

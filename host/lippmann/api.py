@@ -64,7 +64,7 @@ def load_scene(path: str | Path, placement: Placement | None = None, device: str
         scene. Without such a file, a scene unit is 1 mm, and a render arranges another
         tool's scene for its display.
     device
-        "llvm" (CPU), "cuda" (GPU) or "auto".
+        See `render`.
     """
     with own_variant(device):
         return load_scene_file(path, placement)
@@ -95,8 +95,8 @@ def render(
 ) -> IntegralImage:
     """Render the integral image of a scene for a display; the logger "lippmann" reports the choices of "auto" (INFO).
 
-    Raises InputError for an invalid file or value, or an image that exceeds the memory
-    limit; DeviceError if the scheduler or all workers are lost; MissingLibraryError
+    Raises InputError for an invalid file or value or an image that exceeds the memory
+    limit, DeviceError if the scheduler or all workers are lost, and MissingLibraryError
     if Mitsuba, Dask or a tool of the engine is missing.
 
     Parameters
@@ -113,8 +113,8 @@ def render(
         "fit" scales and moves the scene into the display's depth range. "camera" puts
         the eye at the camera of the scene's file. `None` uses the placement.
     device, progress
-        Device: "llvm" (CPU), "cuda" (GPU) or "auto". The function `progress` is called
-        with (finished rows, all rows).
+        The device is "llvm" (CPU), "cuda" (GPU) or "auto". The function `progress` is
+        called with (finished rows, all rows).
     kept
         Folder for finished bands, with which an interrupted render continues. Another
         render removes the bands.
@@ -154,7 +154,7 @@ def draw(
     workers: int | None = None,
     scheduler: str | None = None,
 ) -> IntegralImage:
-    """Draw layers for a display, as an FPGA does without a frame memory.
+    """Draw layers for a display, by the method of an FPGA without a frame memory.
 
     Twin and rtl round the light to panel values; golden's light is rounded only in a
     PNG. Raises InputError for invalid files or values, and layers at or behind the eyes.
@@ -165,10 +165,10 @@ def draw(
         Layers: a folder or a result of `load_layers`. Display: a file or a result of
         `load_display`.
     filter, samples
-        Texture filter, "nearest" or "bilinear"; 1, 2 or 4 samples for each pixel.
+        Texture filter, "nearest" or "bilinear", and 1, 2 or 4 samples per pixel.
     model, engine, fraction_bits
-        Lens model. Engine: "golden" (float64), "twin" (the RTL's integers) or "rtl" (a
-        simulation). Word length of twin's and rtl's optics; `None` means the maximum.
+        Lens model, and engine "golden" (float64), "twin" (the RTL's integers) or "rtl"
+        (a simulation). Word length of twin's and rtl's optics, or `None` for the maximum.
     kept, workers, scheduler
         See `render`.
     """
@@ -212,8 +212,8 @@ def capture(
         Whether each elemental image is rotated by 180 degrees, which makes the depth on
         the display correct. `None` means yes, except for concave lenslets.
     aperture
-        Rays of a pickup: "full" (default) covers the whole lenslet, "chief" only the
-        lenslet's centre.
+        Rays of a pickup pass the whole lenslet with "full" (default), and only the
+        lenslet's centre with "chief".
     device, progress
         See `render`.
     """
@@ -284,7 +284,7 @@ def observe(
         Lens model, whether neighbouring elemental images are visible or black, and
         random seed.
     device
-        "llvm" (CPU), "cuda" (GPU) or "auto".
+        See `render`.
     """
     check_image(image)
     built = image.display if display is None else display_at(display)

@@ -36,8 +36,8 @@ def trace(
 
     Raises InputError for wrong shapes, values that are not finite or beyond
     `FARTHEST_LENSLETS`, an unknown model, engine or device, or a display outside the
-    number formats of twin and rtl; MissingLibraryError if an engine's library or tool
-    is missing.
+    number formats of twin and rtl, and MissingLibraryError if an engine's library or
+    tool is missing.
 
     Parameters
     ----------
@@ -48,11 +48,11 @@ def trace(
         (N, 2) points at which the rays aim, from the lenslet's centre, mm, array's
         axes. `None` selects chief rays.
     model, engine
-        Model: "pinhole", "thin", "paraxial" or "exact". Engine: "golden", "fast",
-        "twin" (the RTL's arithmetic in Python) or "rtl" (a simulation of the RTL).
+        The model is "pinhole", "thin", "paraxial" or "exact"; the engine "golden",
+        "fast", "twin" (the RTL's integers) or "rtl" (a simulation of the RTL).
     device, fraction_bits
-        Device of fast: "llvm" (CPU), "cuda" (GPU) or "auto" (the GPU if there is one).
-        Fraction bits F of twin and rtl: 14 to 23; `None` selects the maximum.
+        Fast uses the device "llvm" (CPU), "cuda" (GPU) or "auto" (the GPU if there is
+        one). Twin and rtl use F = 14 to 23 fraction bits, or the maximum for `None`.
     """
     check_engine_device(engine, device)
     if engine in ("twin", "rtl"):

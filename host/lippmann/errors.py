@@ -101,7 +101,7 @@ EXTRA_MODULES = {
 
 
 def to_install(extra: str = "") -> str:
-    """Return the remedy for a missing package: make in a checkout, else pip with the extra's name."""
+    """Return the remedy for a missing package: `make setup` in a checkout, else `pip install`."""
     top = Path(__file__).resolve().parents[2]
     if (top / "Makefile").is_file() and (top / "pyproject.toml").is_file():
         return "run make setup"
@@ -109,7 +109,7 @@ def to_install(extra: str = "") -> str:
 
 
 def missing_library(error: ImportError) -> MissingLibraryError:
-    """Return the error for a missing library, with the command that installs the library."""
+    """Return the error for a missing library, with the command that installs it."""
     module = (error.name or "").partition(".")[0]
     extra = "".join(name for name, modules in EXTRA_MODULES.items() if module in modules)
     what = f"{module} cannot be imported ({error})" if module else str(error)
@@ -153,14 +153,14 @@ def check_choice(name: str, value: object, choices: Collection[str]) -> None:
 
 
 def did_you_mean(name: str, choices: Iterable[str]) -> str:
-    """Return a remedy that names the most similar choice, or "" if no choice is similar."""
+    """Return a remedy that names the most similar choice, or "" if none is similar."""
     names = {one.casefold(): one for one in choices}
     matches = difflib.get_close_matches(name.casefold(), names, 1)
     return "".join(f"did you mean {names[likely]}?" for likely in matches)
 
 
 def likely_file(path: Path, suffixes: Iterable[str]) -> str:
-    """Return a remedy that names the most similar file in the folder, or "" if no file is similar."""
+    """Return a remedy that names the most similar file in the folder, or "" if none is similar."""
     others = sorted(path.parent.glob("*"))
     files = {one.stem: one for one in others if one.suffix.lower() in suffixes and one.is_file()}
     matches = difflib.get_close_matches(path.stem, files, 1)

@@ -1,4 +1,4 @@
-"""Writes animations and contact sheets of views, and encodes PNG files in memory."""
+"""Animations and contact sheets of views, and PNG files in memory."""
 
 from __future__ import annotations
 

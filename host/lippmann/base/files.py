@@ -61,7 +61,7 @@ def _machine() -> str:
 
 
 def _life(pid: int) -> str:
-    """Return a hash of a process's start time; "" if it has ended, a constant without /proc."""
+    """Return a hash of a process's start time, "" if it has ended, or a constant without /proc."""
     if not Path("/proc/self/stat").exists():
         return "0" * 8
     try:
@@ -244,7 +244,7 @@ def moved(source: Path, target: Path) -> None:
 def make_folder(folder: Path, remedy: str = "choose another folder") -> None:
     """Make a folder and its parents (see `remove_empty`).
 
-    Raises NoSpaceError or InputError if that fails.
+    Raises NoSpaceError or InputError if a folder cannot be made.
     """
     new_folders.extend(place for place in (*reversed(folder.parents), folder) if not place.exists())
     try:
@@ -261,7 +261,7 @@ class FolderLock:
     def __init__(self, folder: Path, remedy: str) -> None:
         """Make and lock the folder.
 
-        Raises InputError if another command has locked it, or as `make_folder`.
+        Raises InputError if another command has locked it, and `make_folder`'s errors.
         """
         self.close: Callable[[], object] = lambda: None
         make_folder(folder, remedy)
@@ -272,7 +272,7 @@ class FolderLock:
 
 
 def _locked(folder: Path, remedy: str) -> int | None:
-    """Lock a folder and return its file descriptor; `None` if the folder no longer exists."""
+    """Lock a folder and return its file descriptor, or `None` if the folder no longer exists."""
     import fcntl
 
     try:
@@ -307,7 +307,7 @@ def private_path() -> Path:
 
 
 def private_folder() -> Path:
-    """Return this user's private folder for sockets and scratch files; create it if it is missing.
+    """Return this user's private folder for sockets and scratch files; create it if missing.
 
     Raises InputError if the folder belongs to another user or others have access.
     """

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 Pixels = npt.NDArray[np.uint8]
 
-#: SDL drivers without a visible screen; SDL selects one if there is no desktop.
+#: SDL drivers without a visible screen, which SDL selects if there is no desktop.
 BLIND_DRIVERS = ("dummy", "evdev", "offscreen")
 #: Pause between two queries of the keyboard, s.
 LOOK_S = 0.05
@@ -60,8 +60,8 @@ def full_screen(size: tuple[int, int], monitor: int) -> Iterator[Callable[..., P
 
     The function takes the image and a duration in s, and returns the screen's pixels.
     The duration `None` ends with Escape or q. Raises InputError for a missing monitor
-    and for another image size, because scaled pixels would not match the lenslets;
-    DeviceError without a desktop or full screen.
+    and for another image size, because scaled pixels would not match the lenslets.
+    Raises DeviceError without a desktop or full screen.
     """
     check_monitor(monitors(), monitor, size)
     width, height = size
@@ -72,7 +72,7 @@ def full_screen(size: tuple[int, int], monitor: int) -> Iterator[Callable[..., P
         pygame.mouse.set_visible(False)
 
         def show(image: Pixels, seconds: float | None = 0.0) -> Pixels:
-            _put_up(pygame, screen, pygame.surfarray.make_surface(image.swapaxes(0, 1)), seconds)
+            _show(pygame, screen, pygame.surfarray.make_surface(image.swapaxes(0, 1)), seconds)
             pygame.event.pump()
             return np.frombuffer(pygame.image.tobytes(screen, "RGB"), np.uint8).reshape(height, width, 3)
 
@@ -95,11 +95,11 @@ def show_frames(frames: Sequence[Pixels], seconds: float | None, frame_s: float 
         pictures = [pygame.surfarray.make_surface(frame.swapaxes(0, 1)) for frame in frames]
         scaled = [one if one.get_size() == size else pygame.transform.smoothscale(one, size) for one in pictures]
         for picture in itertools.cycle(scaled):
-            if _put_up(pygame, screen, picture, frame_s) or time.monotonic() >= until:
+            if _show(pygame, screen, picture, frame_s) or time.monotonic() >= until:
                 return
 
 
-def _put_up(pygame: ModuleType, screen: pygame.Surface, picture: pygame.Surface, seconds: float | None) -> bool:
+def _show(pygame: ModuleType, screen: pygame.Surface, picture: pygame.Surface, seconds: float | None) -> bool:
     """Show a picture for some seconds, or until Escape, q or the close button; return whether the user ended it."""
     screen.blit(picture, (0, 0))
     pygame.display.flip()

@@ -43,7 +43,6 @@ MAX_TEXT_BYTES = 1 << 18
 COLOUR_SPACES = {"srgb": "sRGB", "gamma2.2": "Gamma2.2", "linear": "Linear"}
 #: Without row filters, PNG files are written three times as fast, and are not larger.
 PNG_SETTINGS = {"png:filter": 0x08, "png:compressionLevel": 2}
-#: Prefix of Lippmann's metadata keys in a file.
 PREFIX = "lippmann:"
 
 #: Linear radiance, (height, width, 3).
@@ -63,7 +62,7 @@ def check_output(path: str | Path, suffixes: tuple[str, ...] = SUFFIXES) -> Path
     """Check that a file can be written, and return its path.
 
     Raises InputError for an unknown extension, a missing or read-only folder, or a path
-    that is a folder; NoSpaceError if the disk is full.
+    that is a folder, and NoSpaceError if the disk is full.
     """
     path = path_of(path, "an image file")
     if len(os.fsencode(path.name)) > MAX_NAME_BYTES:
@@ -148,7 +147,7 @@ def write_picture(
 
 
 def describe_not_finite(radiance: Rows) -> str:
-    """Describe the number of NaN and infinite values in an image, and the first position; "" for none."""
+    """Describe the number of NaN and infinite values in an image and the first position, or return ""."""
     count, place = 0, ""
     for first in range(0, radiance.shape[0], BAND_ROWS):
         wrong = ~np.isfinite(radiance[first : first + BAND_ROWS])

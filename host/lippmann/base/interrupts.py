@@ -10,9 +10,8 @@ import threading
 from collections.abc import Iterator
 from types import FrameType
 
-#: Signal that a closed terminal sends; `None` on Windows.
+#: Signal that a closed terminal sends, or `None` on Windows.
 HANGUP = getattr(signal, "SIGHUP", None)
-#: Signals that end a command.
 ENDING = (signal.SIGINT, signal.SIGTERM, *([HANGUP] if HANGUP else []))
 
 #: Numbers of the signals received so far.
@@ -87,7 +86,7 @@ def hold_signals() -> Iterator[list[int]]:
 def blocked_in_children() -> Iterator[None]:
     """Block the signals of `ENDING` in new child processes.
 
-    This process ends the children itself. There is no effect on Windows.
+    This process ends the children itself. Nothing is blocked on Windows.
     """
     if not hasattr(signal, "pthread_sigmask"):
         yield

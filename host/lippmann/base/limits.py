@@ -48,7 +48,7 @@ def read_limited(path: Path, max_bytes: int, remedy: str) -> bytes:
 
 
 def check_expanded(where: str, what: str, needed_bytes: int, remedy: str) -> None:
-    """Refuse file content that needs more than the fraction `SHARE` of the free memory."""
+    """Refuse file content that needs more than `SHARE` of the free memory."""
     limit = SHARE * free_memory_mb()
     if needed_bytes / 1e6 > limit:
         raise input_error(where, f"{what}: needs {needed_bytes / 1e6:.0f} MB, the limit is {limit:.0f} MB", remedy)
@@ -137,7 +137,7 @@ def png_chunks(path: Path) -> Iterator[tuple[bytes, int, bool]]:
 
 
 def png_is_complete(path: Path) -> bool:
-    """Return whether a PNG has all chunks up to its last one."""
+    """Return whether a PNG has all chunks up to the last chunk."""
     for kind, _, complete in png_chunks(path):
         if kind == b"IEND" or not complete:
             return complete

@@ -58,14 +58,14 @@ def _text(file: Path) -> str:
 
 
 def proc_mb(file: str, entry: str) -> float | None:
-    """Return an entry of a file below /proc, MB; `None` if it is missing."""
+    """Return an entry of a file below /proc, MB, or `None` if it is missing."""
     match = re.search(rf"^{entry}:\s*(\d+) kB", _text(Path("/proc", file)), re.M)
     # Linux writes kB but means KiB.
     return None if match is None else int(match[1]) * 1024 / 1e6
 
 
 def peak_memory_mb() -> float:
-    """Return the peak memory of this process so far, MB; 0 if the system does not report it."""
+    """Return the peak memory of this process so far, MB, or 0 if the system does not report it."""
     # /proc is preferred, because `getrusage` includes the parent's peak.
     if (peak := proc_mb("self/status", "VmHWM")) is not None:
         return peak
@@ -77,7 +77,7 @@ def peak_memory_mb() -> float:
 
 
 def process_seconds() -> float:
-    """Return the seconds since the start of this process; 0 without /proc."""
+    """Return the seconds since the start of this process, or 0 without /proc."""
     status = _text(Path("/proc/self/stat"))
     if not status or not hasattr(os, "sysconf"):
         return 0.0

@@ -21,7 +21,7 @@ GRACE_S = 5.0
 
 @contextlib.contextmanager
 def starting_python() -> Iterator[None]:
-    """Prevent new child processes from importing from the current folder and from warning of semaphores."""
+    """Keep new child processes from importing from the current folder and warning of semaphores."""
     quiet = ",".join(filter(None, [os.environ.get("PYTHONWARNINGS"), "ignore:resource_tracker:UserWarning"]))
     before = dict(os.environ)
     os.environ |= {"PYTHONSAFEPATH": "1", "PYTHONWARNINGS": quiet}

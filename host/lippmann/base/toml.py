@@ -51,7 +51,6 @@ KINDS = {
     "picture": "pictures",
     "depth_picture": "depth picture",
 }
-#: Pattern of the unit at the end of a key's name.
 UNITS = r"_(deg|rad|nm|um|mm|cm|m|in|px|percent|cd_m2)$"
 #: For each key, beginnings of wrong key names that may mean this key.
 SYNONYMS = {
@@ -249,7 +248,7 @@ def read(form: Callable[..., Form], raw: Mapping[str, Value], source: str) -> Fo
 def check_fields(table: object) -> None:
     """Check and convert a declared dataclass's fields like `read`.
 
-    Raises InputError (class, key, fault, remedy).
+    Raises InputError with class, key, fault and remedy.
     """
     form: Value = type(table)
     source, (plain, parts) = form.__name__, _plain_form(form)
@@ -277,7 +276,7 @@ class Checked:
 
 @cache
 def _plain_form(form: Value) -> tuple[Value, Table]:
-    """Return a dataclass of the simple fields, and the fields that are dataclasses themselves."""
+    """Return a dataclass of the simple fields, and the fields that are dataclasses."""
     hints = get_type_hints(form, include_extras=True)
     parts = {name: kind for name, kind in hints.items() if dataclasses.is_dataclass(kind)}
     fields = [(name, kind) for name, kind in hints.items() if name not in parts]

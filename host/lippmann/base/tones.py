@@ -27,7 +27,7 @@ MAX_PAIRS = 4096
 def curve_of(transfer: Transfer) -> npt.NDArray[np.float64] | None:
     """Return a measured curve as an array (pairs, 2), None for a named curve.
 
-    Raises InputError if invalid.
+    Raises InputError for an invalid curve.
     """
     if not isinstance(transfer, str):
         return _check_curve(transfer)
@@ -49,7 +49,7 @@ def _check_curve(pairs: Sequence[Sequence[float]]) -> npt.NDArray[np.float64]:
         curve = np.empty(0)
     if curve.ndim != 2 or curve.shape[1] != 2 or not 2 <= len(curve) <= MAX_PAIRS:
         raise InputError(f"is not a curve of 2 to {MAX_PAIRS} pairs; {remedy}")
-    # "Not greater" also finds NaN.
+    # The negated comparison also finds NaN.
     falls = np.flatnonzero(~(np.diff(curve, axis=0) > 0.0).all(axis=1))
     if len(falls):
         before, after = curve[falls[0]].tolist(), curve[falls[0] + 1].tolist()
@@ -81,7 +81,10 @@ def transfer_name(transfer: Transfer) -> str:
 
 
 def encode(linear: Numbers, transfer: Transfer) -> npt.NDArray[np.float32]:
-    """Map linear light to panel values in [0, 1]: "srgb" (IEC 61966-2-1), "gamma2.2", "linear", or a measured curve."""
+    """Map linear light to panel values in [0, 1].
+
+    The curve is "srgb" (IEC 61966-2-1), "gamma2.2", "linear" or a measured curve.
+    """
     light = np.clip(np.asarray(linear, np.float32), 0.0, 1.0)
     values: Numbers
     if (measured := curve_of(transfer)) is not None:

@@ -25,8 +25,8 @@ def check_device(device: str) -> None:
 def available_device(device: str = "auto") -> str:
     """Return "llvm" or "cuda" for a device; "auto" selects the GPU if there is one.
 
-    Raises InputError for an unknown device; MissingLibraryError without Dr.Jit, libLLVM
-    or the CUDA driver.
+    Raises InputError for an unknown device, and MissingLibraryError without Dr.Jit,
+    libLLVM or the CUDA driver.
     """
     check_device(device)
     try:

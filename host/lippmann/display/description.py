@@ -194,7 +194,7 @@ class Array(Checked):
     def half_steps(self) -> tuple[int, int] | None:
         """Maximum half steps of a lenslet within the extent, or None without an extent.
 
-        Lenslet (i, j) has 2 i half steps along the rows (hexagonal: 2 i + j) and 2 j
+        Lenslet (i, j) has 2 i half steps along the rows, 2 i + j if hexagonal, and 2 j
         across. A centre at the extent's end, within rounding error, is included.
         """
         if self.extent_mm is None:
@@ -206,14 +206,14 @@ class Array(Checked):
     @property
     def flat_distance_mm(self) -> float:
         """Distance d from the sphere's centre to the rims' plane, mm (paper, equations 3 and 4)."""
-        # Factored, because R^2 - rho^2 loses digits for nearly hemispherical lenslets.
+        # R^2 - rho^2 is factored, because it loses digits for nearly a hemisphere.
         rho = self.half_diagonal_mm
         return math.sqrt((self.radius_mm - rho) * (self.radius_mm + rho))
 
     @property
     def sag_mm(self) -> float:
         """Depth of the dome from its vertex to the cell's corners, mm."""
-        # Equal to R - d, but without cancellation for a nearly flat lens.
+        # This equals R - d, but without cancellation for a nearly flat lens.
         return self.half_diagonal_mm**2 / (self.radius_mm + self.flat_distance_mm)
 
     @property
@@ -288,7 +288,7 @@ class Display(Checked):
     ) -> Display:
         """Return the display with the array rotated, moved, lifted and scaled.
 
-        Raises InputError if impossible.
+        Raises InputError if such a display is impossible.
         """
         errors = Misalignment(rotation_deg, offset_mm, gap_mm, pitch_scale)
         array, extent, where = self.array, self.array.extent_mm, f"display '{self.name}', misaligned: "

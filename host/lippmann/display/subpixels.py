@@ -69,7 +69,7 @@ class Layout:
     def edges(self) -> Iterator[tuple[Colour, float, float, float, float]]:
         """Yield each sub-pixel's colour, left, top, right and bottom edge, in pixels from the layout's top left."""
         for colour, x, y, w, h in self.subpixels:
-            # Rounded, so that neighbours share an edge.
+            # Edges are rounded, so that neighbours share an edge.
             u_min, u_max = (round(0.5 + x + side * w, 12) for side in (-0.5, 0.5))
             v_min, v_max = (round(0.5 - y + side * h, 12) for side in (-0.5, 0.5))
             yield colour, u_min, v_min, u_max, v_max

@@ -25,7 +25,7 @@ Trace = Callable[..., State]
 class Backend:
     """The operations of an array library on arrays of equal length."""
 
-    #: Casts to the engine's floating-point format, to float64, and to signed integers.
+    #: Casts to the engine's floating-point format, to float64 and to signed integers.
     real: Operation
     double: Operation
     integer: Operation

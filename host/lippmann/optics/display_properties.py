@@ -24,7 +24,7 @@ MOIRE_FROM_LENSLETS = 4.0
 MOIRE_BELOW_PIXELS = 60.0
 #: Maximum rotation of a lattice that counts as parallel to the pixels, degrees.
 PARALLEL_DEG = 0.05
-#: Maximum plausible viewing distance, mm; a longer one has no effect or another unit.
+#: Maximum useful viewing distance, mm; a longer distance is probably not in mm.
 FAR_MM = 100_000.0
 
 Lenslets = tuple[int, int, int]
@@ -107,7 +107,7 @@ def axis_text(display: Display) -> str:
 
 
 def percent(share: float, sampled: bool = False) -> str:
-    """Return a fraction in per cent; "< 0.1 %" for a small positive value, or for 0 if `sampled`."""
+    """Return a fraction in per cent, but "< 0.1 %" for a small positive value, and for 0 if `sampled`."""
     return "< 0.1 %" if (sampled or share > 0.0) and share < 5e-4 else f"{100.0 * share:.1f} %"
 
 
@@ -159,7 +159,7 @@ def depth_reach_mm(display: Display) -> Pair:
 
 
 def _lenslets(display: Display) -> Lenslets:
-    """Return the lenslets across, down and in all, in front of the panel and within the extent."""
+    """Count the lenslets across, down and in total, before the panel and within the extent."""
     panel, array = display.panel, display.array
     # 1e-9 allows for rounding error if the panel is a whole number of lenslets wide.
     across = math.ceil(panel.width_mm / array.pitches_mm[0] - 1e-9)

@@ -8,7 +8,7 @@ new direction is (k, sqrt(1 - |k|^2)); |k| > 1 means total internal reflection.
 c (x^2 + y^2 + z^2) + 2 z = 0.
 
 **Perpendicular-foot form.** The ray's point is first moved to the foot Q of the
-perpendicular from the vertex: Q . d = 0. With F = c |Q|^2 + 2 Q_z, the ray meets the
+perpendicular from the vertex, Q . d = 0. With F = c |Q|^2 + 2 Q_z, the ray meets the
 sphere where c t^2 + 2 d_z t + F = 0; its cosine to the normal is sqrt(d_z^2 - c F). No
 term grows with the ray's distance or with R; a flat face has c = 0.
 
@@ -115,10 +115,10 @@ def cap(b: Backend, dome: Dome, ray: Ray, upward: bool) -> tuple[Arr, Arr, Ray, 
     hit = square >= 0.0
     cosine = b.sqrt(b.maximum(square, 0.0))
     if upward:
-        # A ray out of the sphere: the root (cosine - d_z) / c, precise where d_z > 0.
+        # A ray out of the sphere has the root (cosine - d_z) / c, precise for d_z > 0.
         t = -f / b.maximum(ray.dz + cosine, 1e-30)
     else:
-        # A ray into the sphere: the root (-d_z - cosine) / c, precise where d_z < 0.
+        # A ray into the sphere has the root (-d_z - cosine) / c, precise for d_z < 0.
         t = f / b.maximum(cosine - ray.dz, 1e-30)
     on_dome = ray._replace(x=qx + t * ray.dx, y=qy + t * ray.dy, z=qz + t * ray.dz)
     return hit, t - s, on_dome, cosine
@@ -138,7 +138,7 @@ def meet(b: Backend, dome: Dome, ray: Ray, upward: bool) -> Crossing:
         return ~state[0] & (state[1] < MAX_CELLS)
 
     def step(settled: Arr, steps: Arr, di: Arr, dj: Arr, *tail: Arr) -> State:
-        # `tail` is the ray in its present cell, then point and cosine on the dome.
+        # `tail` contains the ray in its present cell, and point and cosine on the dome.
         local = Ray(*tail[:6])
         hit, t, at, cosine = cap(b, dome, local, upward)
         t_flat, (step_i, step_j), (to_x, to_y) = dome.lattice.leave(b, local.x, local.y, local.dx, local.dy)
@@ -183,7 +183,7 @@ def refract_dome(b: Backend, dome: Dome, ray: Ray, cosine: Arr, ratio: float, up
     dx = ratio * ray.dx + bend * (c * ray.x)
     dy = ratio * ray.dy + bend * (c * ray.y)
     dz = ratio * ray.dz + bend * (1.0 + c * ray.z)
-    # Normalized, because the ratio magnifies the rounding error of the normal.
+    # The direction is normalized, because the ratio magnifies rounding errors.
     return _redirect(b, ray, unit(b, dx, dy, dz), square)
 
 
@@ -191,8 +191,8 @@ def blocked_above(b: Backend, dome: Dome, ray: Ray, suspect: Arr) -> Arr:
     """Return which `suspect` rays meet a neighbour's dome after they leave their own dome upward."""
 
     def meets_cap(steps: Arr, local: Ray, t: Arr, t_flat: Arr, t_top: Arr) -> Arr:
-        # A ray from the side meets a cap at the root before the vertex's foot, a sum
-        # without cancellation. It cannot meet the dome of step 0 again, its own.
+        # A ray from the side meets a cap at the earlier root, computed here without
+        # cancellation. The ray cannot meet its own dome, at step 0, again.
         hit, _, _, cosine = cap(b, dome, local, upward=True)
         foot = local.x * local.dx + local.y * local.dy + local.z * local.dz
         t_cap = -(local.dz + cosine) * dome.radius_mm - foot

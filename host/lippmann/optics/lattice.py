@@ -30,7 +30,7 @@ STEPS: dict[Grid, tuple[tuple[int, int], ...]] = {
 
 @dataclass(frozen=True)
 class Lattice:
-    """A lattice in mm; `half_sqrt3` is sqrt(3)/2 in the coordinates' precision; see `Array` for `half_steps`."""
+    """A lattice in mm; see `Array` for `half_steps`. The field `half_sqrt3` has the coordinates' precision."""
 
     grid: Grid
     pitch_mm: Pitch
@@ -105,7 +105,7 @@ class Lattice:
             return x, y
         px, py = self.pitches_mm
         row = self.half_sqrt3 * py if self.grid == "hex" else py
-        # The limits are the middles of the last rows and of the last lenslets in them.
+        # The limits are the middles of the last rows and of their last lenslets.
         along, across = 0.5 * (self.half_steps[0] - 1) * px, (self.half_steps[1] // 2) * row
         y = np.clip(y, -across, across)
         return self.sheared(np.clip(x - self.shear * y, -along, along), y)
@@ -167,7 +167,7 @@ class Lattice:
 
 
 def number_lenslets(index: Indices) -> tuple[Indices, Indices]:
-    """Return the distinct lenslets, ascending (M, 2), of lenslets (N, 2), and each lenslet's index in them (N,)."""
+    """Return the distinct lenslets (M, 2), ascending, and the index in them of each lenslet (N,)."""
     low = index.min(axis=0)
     span = int(np.ptp(index[:, 1])) + 1
     flat = (index[:, 0] - low[0]) * span + (index[:, 1] - low[1])

@@ -1,8 +1,8 @@
 """Chooses the cheapest lens model within a tolerance, for a display and a scene's depths (`auto`).
 
 The error of a model is the maximum distance between its rays and the rays of `exact`
-over the scene's depths, in pixels of the reconstructed view. This pixel is the lenslet
-pitch or, if larger, the width of a panel pixel's beam at the depth.
+over the scene's depths, in pixels of the reconstructed view. Such a pixel is as wide as
+the lenslet pitch or, if wider, as a panel pixel's beam at the depth.
 """
 
 from __future__ import annotations

@@ -26,8 +26,8 @@ GRAZING_SQUARE = 0.15
 def ray_matrix(system: System) -> Floats:
     """Return the ABCD matrix (2, 2) from the panel to the last face's vertex plane, for (height mm, slope in air).
 
-    It combines translations by gap and thickness / n with the dome's power 1/f (Hecht,
-    Optics, 6.2).
+    The matrix combines translations by gap and thickness / n with the dome's power 1/f
+    (Hecht, Optics, 6.2).
     """
     gap = np.array([[1.0, system.gap_mm], [0.0, 1.0]])
     glass = np.array([[1.0, system.thickness_mm / system.index], [0.0, 1.0]])
@@ -198,7 +198,6 @@ def _relocated(b: Backend, system: System, ray: Ray) -> tuple[Ray, Point]:
 
 
 def _exit(b: Backend, ray: Ray, start: Point, crossing: Crossing, reflected: Arr, blocked: Arr, grazing: Arr) -> Exit:
-    """Return the result of a passage; `start` is the step of the earlier relocation."""
     di, dj = start[0] + crossing.di, start[1] + crossing.dj
     other = (di != 0.0) | (dj != 0.0)
     status = b.where(other, int(Status.CROSSTALK), int(Status.OK))

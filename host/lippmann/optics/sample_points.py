@@ -22,8 +22,8 @@ HASH_ROUNDS = 6
 def pixel_steps(samples: int) -> tuple[tuple[int, int], tuple[int, int]]:
     """Return the start and step of a pixel's samples along each side, in units of 2^-32, modulo 1.
 
-    Sample k of N is at 1/2 + c (1/N, (sqrt(5) - 1) / 2) with c = k - (N - 1) / 2. These
-    are Hammersley's points with golden steps instead of van der Corput's sequence.
+    Sample k of N is at 1/2 + c (1/N, (sqrt(5) - 1) / 2) with c = k - (N - 1) / 2, as
+    Hammersley's points, but with golden steps instead of van der Corput's sequence.
     """
     across = (1 << 32) // samples & 0xFFFFFFFF
     return (across >> 1, across), ((1 << 31) - (samples - 1) * GOLDEN_STEP // 2 & 0xFFFFFFFF, GOLDEN_STEP)
@@ -40,7 +40,7 @@ def points_in_pixel(pixel: Arr, sample: Arr, samples: int, seed: Arr, number: Ar
     """
     if samples == 1:
         return mi.Float(0.5), mi.Float(0.5)
-    # Opaque, so that another seed needs no compilation.
+    # The seed is opaque, so that another seed needs no compilation.
     own = dr.opaque(mi.UInt32, seed) if isinstance(seed, int) else seed
     flips, _ = mi.sample_tea_32(pixel, own, HASH_ROUNDS)
 
@@ -61,7 +61,7 @@ def points_in_pixel(pixel: Arr, sample: Arr, samples: int, seed: Arr, number: Ar
 def points_in_square(pixel: Arr, sample: Arr, seed: Arr, stream: int = 1) -> Point:
     """Return points (s, t) in the unit square of a cell or pupil for indices of pixels and samples (UInt32).
 
-    They are the R2 sequence, shifted modulo 1 by a hash of pixel and seed. Stream 0,
+    The points are the R2 sequence, shifted modulo 1 by a hash of pixel and seed. Stream 0,
     independent of stream 1, is for an eye's view, as in viewer/shaders/sampling.glsl.
     """
     # Rounding must not move a point onto the far edge, which belongs to the next cell.

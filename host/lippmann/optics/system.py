@@ -160,7 +160,7 @@ class System:
         return 0.0 if self.plano_to_panel else self.thickness_mm
 
     def locate(self, b: Backend, u: Arr, v: Arr) -> tuple[Arr, Arr, Arr, Arr]:
-        """Return a pixel position's lenslet (i, j), and its point from the lenslet's centre, array's axes, mm."""
+        """Return the lenslet (i, j) of pixel coordinates, and their offset from its centre, array's axes, mm."""
         x, y = self.frame.array_from_panel(*self.frame.panel_from_pixel(u, v))
         i, j, qx, qy = self.lattice.locate(b, *self.convergence.towards_eye(x, y))
         if self.convergence.share == 0.0:

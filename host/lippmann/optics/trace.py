@@ -36,7 +36,7 @@ class LocalRays(NamedTuple):
 
 
 def rays_from_pixels(b: Backend, system: System, u: Arr, v: Arr, aperture: Point | None, model: Model) -> LocalRays:
-    """Trace pixel coordinates (u, v; double) to the rays that leave the array; `aperture` as in `leave_panel`."""
+    """Trace pixel coordinates (u, v; double) to the rays that leave the array (see `leave_panel`)."""
     own_i, own_j, x, y = system.locate(b, u, v)
     out = leave_panel(b, system, x, y, aperture, model)
     i, j = own_i + b.double(out.di), own_j + b.double(out.dj)
@@ -59,7 +59,7 @@ class PixelHits(NamedTuple):
 def pixels_from_rays(
     b: Backend, system: System, origin: tuple[Arr, ...], direction: tuple[Arr, ...], model: Model
 ) -> PixelHits:
-    """Trace rays from the world, origins (mm) and unit directions (double), to the panel."""
+    """Trace rays with origins (mm) and unit directions (double) from the world to the panel."""
     frame = system.frame
     ox, oy, oz = origin
     dx, dy, dz = direction
@@ -91,7 +91,7 @@ def pixels_from_rays(
     return PixelHits(u, v, b.integer(i), b.integer(j), b.integer(status))
 
 
-#: Maximum error of a direction's length; it allows small steps, but refuses slopes.
+#: Maximum error of a unit vector's length; a larger error indicates slopes.
 UNIT_ERROR = 1e-3
 
 

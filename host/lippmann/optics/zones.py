@@ -37,12 +37,12 @@ POINTS = ((0.6, 0.0), (0.95, 0.0), (0.95, 1.0), (0.99, 0.0), (0.99, 1.0))
 FARTHEST, BISECTIONS = 2.0, 11
 #: Search for a better display: factor on a length, and maximum number of steps.
 FACTOR, STEPS = 1.1, 24
-#: Fraction of a lenslet's zone, each side, in which a better display has no crosstalk.
+#: Fraction of each side of a lenslet's zone that a better display keeps free.
 WORTH = 0.25
 
 
 class Zone(NamedTuple):
-    """Ends of the horizontal and vertical line of eyes without crosstalk through the middle eye, mm."""
+    """Ends of the zone without crosstalk, on two lines through the middle eye, mm."""
 
     left_mm: float
     right_mm: float

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 def register_light_field() -> None:
     """Register the emitter plugin `light_field` for Mitsuba's current variant.
 
-    The plugin's parameter `filename` is an .npz file. It contains the linear `views`
+    The plugin's parameter `filename` is an .npz file with the linear `views`
     (rows, columns, height, width, 3), lowest row and leftmost column first; the eyes'
     positions `x_mm` (columns,), `y_mm` (rows,) and `distance_mm` from the window's
     centre; and the window's `size_mm` (width, height). A quilt's lengths are not in mm.

@@ -41,7 +41,6 @@ SUFFIXES = (".glb", ".gltf", ".obj", ".ply", ".stl")
 MAX_BYTES, MAX_CORNERS = 1 << 30, 100_000_000
 #: Maximum number of a texture's pixels, and number of rows that are multiplied at once.
 MAX_PIXELS, PART_ROWS = 1 << 25, 256
-#: Albedo of a surface without a material.
 PLAIN = (0.6, 0.6, 0.6)
 #: glTF's default value of metallic and roughness.
 DEFAULT_FACTOR = 1.0
@@ -114,7 +113,7 @@ def _load(path: Path, notes: list[str]) -> trimesh.Scene:
     from trimesh.resolvers import FilePathResolver
 
     class Files(FilePathResolver):
-        """Finds the files that a mesh file names, also with URL escapes, backslashes or MTL options."""
+        """Finds files by names with URL escapes, backslashes or MTL options."""
 
         def get(self, name: str) -> bytes:
             plain = MTL_OPTIONS.sub("", name.strip())
@@ -173,7 +172,7 @@ def _recorded_losses() -> Iterator[list[str]]:
 
 def _check_gltf(path: Path, kind: str, data: bytes, notes: list[str]) -> None:
     """Refuse a glTF that is too large or requires unknown extensions; list ignored ones in `notes`."""
-    # Done before trimesh allocates accessors, which may have no bytes in the file.
+    # trimesh would allocate accessors that have no bytes in the file.
     try:
         head = data if kind == ".gltf" else data[20 : 20 + struct.unpack_from("<I", data, 12)[0]]
         header = json.loads(head)

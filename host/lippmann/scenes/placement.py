@@ -21,8 +21,8 @@ Matrix = npt.NDArray[np.float64]
 Number = Annotated[float, key("", low=-1e9, high=1e9)]
 Triple = tuple[Number, Number, Number]
 ORIGIN = (0.0, 0.0, 0.0)
-#: "fit" scales and moves a scene into the depth range; "camera" shows it from the camera
-#: in its file; "fill" puts a picture into the panel's plane, as large as the panel.
+#: "fit" scales and moves a scene into the depth range; "camera" uses the camera of the
+#: scene's file; "fill" puts a picture into the panel's plane, as large as the panel.
 Arrange = Literal["fit", "camera", "fill"]
 SCALE_RANGE = (1e-9, 1e9)
 Scale = Annotated[float, key("", low=SCALE_RANGE[0], high=SCALE_RANGE[1])]
@@ -32,7 +32,7 @@ Depth = Annotated[float | None, key("", default="the scene's bounding box")]
 @documented
 @dataclass(frozen=True)
 class Placement:
-    """A similarity from scene units to the display's frame (mm), and a depth range.
+    """A similarity transform from scene units to the display's frame (mm), and a depth range.
 
     Primary rays start at `near_mm`.
     """
@@ -95,7 +95,7 @@ class Placement:
 
     @classmethod
     def of(cls, matrix: Matrix, scale: float) -> Placement:
-        """Return the placement of a (4, 4) matrix of this scale, without depths."""
+        """Return the placement that equals a (4, 4) matrix with this scale, without depths."""
         rotation = matrix[:3, :3] / scale
         # rotation = Rz Ry Rx.
         level = math.hypot(rotation[0, 0], rotation[1, 0])

@@ -64,9 +64,9 @@ class Scene:
     path: Path
     mitsuba: mts.Scene
     placement: Placement
-    #: The integrator in the file; Mitsuba adds a missing one.
+    #: The integrator in the file, before Mitsuba adds a missing one.
     integrator: str | None = None
-    #: Whether the file has a camera; Mitsuba adds a missing one.
+    #: Whether the file has a camera, before Mitsuba adds a missing one.
     has_camera: bool = False
     #: The arrangement for a display, if the scene has no placement (`usual_arrange`).
     usual: Arrange | None = None
@@ -80,7 +80,7 @@ class Scene:
 
     @property
     def width_mm(self) -> float:
-        """Largest side of the placed bounding box, mm; 0 without a surface."""
+        """Largest side of the placed bounding box, mm, or 0 without a surface."""
         low, high = self.bounds
         return float(self.placement.scale * (high - low).max()) if np.isfinite(high - low).all() else 0.0
 
@@ -167,7 +167,7 @@ def without_places(error: Exception) -> str:
 def load_scene(
     path: str | Path, placement: Placement | None = None, moves: Sequence[Move] = (), part: Part | None = None
 ) -> Scene:
-    """Load a scene file or a part of it, and apply `moves` in order; `placement_beside` is the default.
+    """Load a scene file or a part of it, apply `moves` in order, and place it (by default as `placement_beside`).
 
     Raises InputError for an invalid file, a move that matches no shape, and a part that
     matches no shape or all shapes.
@@ -252,8 +252,11 @@ def _matching(shapes: Sequence[mts.Properties], pattern: str, path: Path) -> lis
 
 
 def digest_of(path: str | Path) -> str:
-    """Return a hash (64 hexadecimal digits) of all files of a scene; raises the errors of `load_scene`."""
-    # These are the converted file, its includes, spectra, and files that properties name.
+    """Return a hash (64 hexadecimal digits) of all files of a scene.
+
+    Raises the errors of `load_scene`.
+    """
+    # The files are the converted file, its includes, spectra, and files in properties.
     path = check_scene_file(path)
     digest = hashlib.sha256()
     with parsed(path) as (configuration, state):
@@ -325,7 +328,7 @@ def _closed(scene: mts.Scene, low: Matrix, high: Matrix) -> bool:
 
 
 def placed_box(bounds: Box, placement: Placement) -> Box:
-    """Return a box in scene units after a placement, mm; infinite without bounds."""
+    """Map a box from scene units to the display's frame, mm; without bounds it is infinite."""
     low, high = bounds
     if not (np.isfinite(low).all() and np.isfinite(high).all() and (low <= high).all()):
         return np.full(3, -np.inf), np.full(3, np.inf)
