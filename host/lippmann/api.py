@@ -102,9 +102,8 @@ def render(
     Parameters
     ----------
     scene, display, placement
-        Scene: a path with its placement (see `load_scene`), a result of `load_scene`,
-        a `mitsuba.Scene`, or a dictionary for `mitsuba.load_dict`. Display: a file or
-        a result of `load_display`.
+        A scene's path and placement (see `load_scene`), a result of `load_scene`, a
+        `mitsuba.Scene`, or a dictionary for `mitsuba.load_dict`; a display or its file.
     samples, aperture, integrator, max_depth, seed, memory_mb, shading
         See `lippmann.rendering.options.Settings`.
     model, tolerance, engine, fraction_bits

@@ -117,7 +117,7 @@ def missing_library(error: ImportError) -> MissingLibraryError:
 
 
 def whole_number(name: str, value: object, low: int, high: int) -> int:
-    """Return a value as an int; refuse values other than whole numbers from `low` to `high`."""
+    """Return a whole number from `low` to `high` as an int; refuse other values."""
     if not isinstance(value, Integral) or isinstance(value, bool):
         raise InputError(f"{name} {value!r} is not a whole number; give {low} to {high}")
     if not low <= int(value) <= high:

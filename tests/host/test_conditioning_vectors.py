@@ -143,7 +143,7 @@ NO_TEXT = (b"\xff\xfe\x00\x01", b"u,v\n\0\n")
         ("rays.npz", arrays_of([["a", "b"]], [[0, 0, 0]]), None, "pixel is <U1; give real"),
         ("rays.npz", arrays_of(3.0, [[0, 0, 0]]), None, "pixel has shape"),
         ("rays.npz", arrays_of([[0, 0]]), None, "has no array direction; give at least pixel and direction"),
-        ("rays.npz", arrays_of([[np.nan] * 2], [[0, 0, 0]]), None, "pixel contains values that are not finite"),
+        ("rays.npz", arrays_of([[np.nan] * 2], [[0, 0, 0]]), None, "pixel holds values that are not finite"),
     ],
 )
 def test_files_that_cannot_be_judged_are_bad_input(name, content, inputs, says, tmp_path, refusal_of):

@@ -201,12 +201,12 @@ def test_only_files_of_ones_own_are_heard(tmp_path, monkeypatch):
     (tmp_path / "link").symlink_to(tmp_path / "a")
     os.mkfifo(tmp_path / "pipe")
     assert files.own_text(tmp_path / "a") == "words"
-    refusals = {"link": "Too many levels of symbolic links", "pipe": "no plain file", "none": "No such file"}
+    refusals = {"link": "Too many levels of symbolic links", "pipe": "regular file", "none": "No such file"}
     for name, words in refusals.items():
         with pytest.raises(OSError, match=words):
             files.own_text(tmp_path / name)
     monkeypatch.setattr(os, "getuid", lambda: os.stat(tmp_path).st_uid + 1)
-    with pytest.raises(PermissionError, match="another user's"):
+    with pytest.raises(PermissionError, match="this user's regular file"):
         files.own_text(tmp_path / "a")
 
 

@@ -651,7 +651,7 @@ def test_bad_quilts_are_told(tmp_path, mi):
     Image.new("RGB", (4, 4)).save(tmp_path / "a_qs8x6a1.png")
     refused(tmp_path / "a_qs8x6a1.png", "tiling")
     Image.new("RGB", (4, 4)).save(tmp_path / "plain.png")
-    refused(tmp_path / "plain.png", ("no scene", "quilt"))
+    refused(tmp_path / "plain.png", ("is not a scene", "quilt"))
 
 
 def test_bad_depths_are_told(place, mi):

@@ -113,7 +113,7 @@ def _check_arrays(path: Path, headers: dict[str, Header], remedy: str, bytes_a_r
     for name, (shape, kind) in headers.items():
         called = f"{name} is" if name else "is"
         if kind.hasobject:
-            raise input_error(path, "cannot be read (it contains no numbers)", remedy)
+            raise input_error(path, "cannot be read (it contains no array of numbers)", remedy)
         if kind.kind not in "biuf" or kind.itemsize > 16:
             raise input_error(path, f"{called} {kind}", "give real numbers")
         count = math.prod(shape)

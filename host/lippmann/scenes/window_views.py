@@ -29,7 +29,7 @@ from lippmann.errors import input_error
 from lippmann.optics.rays import Floats
 from lippmann.scenes.mitsuba_xml import new_scene, plugin, to_world, value, write
 
-#: Name of the file with the eyes' positions in a folder of views.
+#: File with the eyes' positions in a folder of views.
 EYES = "views.json"
 PICTURES = (".png", ".jpg", ".jpeg", ".webp", *LINEAR_SUFFIXES)
 #: Maximum distance of an eye from its grid position, in steps of the grid.
