@@ -392,7 +392,7 @@ WRONG_VALUES = [
     (["array.pitch_mm"], ("[1.0]", "[1.0, 1.0, 1.0]"), ["[x, y]"]),
     (["array.pitch_mm"], ["[1.0, 0.0]"], ["number"]),
     (["array.pitch_mm"], ("[1.0, 4.001]", "[4.001, 1.0]"), ["hexagonal 0.866 py"]),
-    (["array.pitch_mm"], ("0.04", "[0.1, 0.04]"), ["finer", "at least a pixel"]),
+    (["array.pitch_mm"], ("0.04", "[0.1, 0.04]"), ["finer", "at least one pixel pitch"]),
     (["array.extent_mm"], ["20.0"], ["[x, y]"]),
     (["array.extent_mm"], ["[20.0, -1.0]"], ["number"]),
     (["array.extent_mm"], ("[0.99, 10.0]", "[20.0, 0.86]"), ["leave it out"]),

@@ -234,7 +234,7 @@ def test_what_of_a_gltf_is_left_out_is_told(tmp_path, mi):
     def integers(told):
         told["accessors"][1]["componentType"] = 5123
 
-    refused(glb(tmp_path / "c.glb", dielectric(), change=integers), "integers")
+    refused(glb(tmp_path / "c.glb", dielectric(), change=integers), "integer positions")
 
 
 def test_textures_are_found_by_any_spelling(tmp_path, mi):
