@@ -261,7 +261,7 @@ class FolderLock:
     def __init__(self, folder: Path, remedy: str) -> None:
         """Make and lock the folder.
 
-        Raises InputError if another command has locked it, and `make_folder`'s errors.
+        Raises InputError if another command has locked the folder, or as `make_folder`.
         """
         self.close: Callable[[], object] = lambda: None
         make_folder(folder, remedy)

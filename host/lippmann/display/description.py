@@ -37,7 +37,7 @@ MAX_PITCH_RATIO = 4.0
 MAX_EXTENT = 100.0
 #: Keys of a panel that do not affect the rays.
 TONES = ("bits", "transfer", "white_cd_m2", "black_cd_m2")
-#: Maximum width or height of a panel, px, because picture files have this limit.
+#: Maximum width or height of a panel, px, for picture files and 16-bit indices.
 MAX_SIDE_PX = 65535
 #: Range of lengths in a file, mm, in which squares and quotients do not overflow.
 MIN_LENGTH_MM, MAX_LENGTH_MM = 1e-9, 1e12

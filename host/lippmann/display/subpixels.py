@@ -75,7 +75,7 @@ class Layout:
             yield colour, u_min, v_min, u_max, v_max
 
     def split_light(self, light: Sequence[Numbers], darkest: Numbers) -> list[Numbers]:
-        """Return the light of red, green, blue and white sub-pixels; white replaces the light `darkest`."""
+        """Return the light of red, green, blue and white sub-pixels; white emits `darkest`, the others the rest."""
         if "white" not in (colour for colour, *_ in self.subpixels):
             return list(light)
         return [*(colour - darkest for colour in light), darkest]

@@ -2,7 +2,8 @@
 
 Each view is a picture of the surface from one eye. The radiance of a point is its
 colour in the view from the place where the line of sight meets the plane of the eyes.
-Between eyes, the colour is interpolated linearly; beyond the last eye, it is constant.
+The colour is interpolated linearly from the two or four nearest eyes, and constant
+beyond the last eye.
 """
 
 from __future__ import annotations
@@ -22,10 +23,10 @@ if TYPE_CHECKING:
 def register_light_field() -> None:
     """Register the emitter plugin `light_field` for Mitsuba's current variant.
 
-    The plugin's parameter `filename` is an .npz file with the linear `views`
-    (rows, columns, height, width, 3), lowest row and leftmost column first; the eyes'
-    positions `x_mm` (columns,), `y_mm` (rows,) and `distance_mm` from the window's
-    centre; and the window's `size_mm` (width, height). A quilt's lengths are not in mm.
+    The plugin's parameter `filename` is an .npz file with the linear `views` (rows,
+    columns, height, width, 3), lowest row and leftmost column first; the eyes' positions
+    `x_mm` (columns,), `y_mm` (rows,) and `distance_mm` from the window's centre; and the
+    window's `size_mm` (width, height). The unit is arbitrary, but common to all.
     """
 
     class LightField(mi.Emitter):  # type: ignore[misc]

@@ -32,7 +32,7 @@ if TYPE_CHECKING:
 
 #: A bounding box: its lowest and its highest corner, (3,) each.
 Box = tuple[Matrix, Matrix]
-#: A shape this many times larger than the other shapes surrounds them.
+#: A shape this many times larger than the others on each axis surrounds them.
 SURROUNDS = 3.0
 #: Box of most splats: percentiles of centres, relative margin, and sigmas of a splat.
 STRAY_PERCENT, STRAY_REACH, SIGMAS = (5.0, 95.0), 0.25, 3.0
@@ -97,7 +97,7 @@ class Scene:
         return placed_box(self.bounds, placement)
 
     def placed(self, placement: Placement) -> Scene:
-        """Return the scene with another placement, missing depths from the bounding box; or raise InputError."""
+        """Return the scene with another placement; its box gives missing depths. May raise InputError."""
         check_type("placement", placement, Placement, "a lippmann.Placement")
         near, far = placement.near_mm, placement.far_mm
         if near is None or far is None:
