@@ -38,7 +38,7 @@ PROBE_BYTES = 1 << 20
 FOREIGN_S = 86_400.0
 #: Maximum length of the file's stem in a temporary name, bytes.
 STEM_BYTES = 180
-#: Flags of `os.open`: follow no link, and do not pass the file to child processes.
+#: Flags of `os.open`: follow no link, and close the file in child processes.
 OWN_FLAGS = getattr(os, "O_NOFOLLOW", 0) | getattr(os, "O_CLOEXEC", 0)
 #: Counter in temporary names, because two threads may write the same file.
 numbers = itertools.count()

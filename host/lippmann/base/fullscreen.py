@@ -56,7 +56,7 @@ def window_size(size: tuple[int, int], desktop: tuple[int, int]) -> tuple[int, i
 
 @contextmanager
 def full_screen(size: tuple[int, int], monitor: int) -> Iterator[Callable[..., Pixels]]:
-    """Provide a function that shows an image (height, width, 3) uint8 on monitor number `monitor`, from 0.
+    """Provide a function that shows an image (height, width, 3) uint8 on the monitor `monitor` (from 0).
 
     The function takes the image and a duration in s, and returns the screen's pixels.
     The duration `None` ends with Escape or q. Raises InputError for a missing monitor

@@ -39,7 +39,7 @@ HALF_MAX = 65504.0
 MAX_CHANNELS = 4
 #: Maximum size of a PNG's compressed texts, bytes; they may expand a thousandfold.
 MAX_TEXT_BYTES = 1 << 18
-#: OpenImageIO's name for each transfer curve; it makes OpenImageIO write a gamma chunk.
+#: OpenImageIO's name for each transfer curve, for which it writes a gamma chunk.
 COLOUR_SPACES = {"srgb": "sRGB", "gamma2.2": "Gamma2.2", "linear": "Linear"}
 #: Without row filters, PNG files are written three times as fast, and are not larger.
 PNG_SETTINGS = {"png:filter": 0x08, "png:compressionLevel": 2}

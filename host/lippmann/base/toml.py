@@ -268,7 +268,7 @@ def check_fields(table: object) -> None:
 
 
 class Checked:
-    """Base class of declared dataclasses that check their fields when Python code creates them."""
+    """Base class of dataclasses that check their fields when Python code creates them."""
 
     def __post_init__(self) -> None:
         check_fields(self)

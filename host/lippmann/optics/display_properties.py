@@ -38,7 +38,7 @@ _DEPTHS = (
 @documented
 @dataclass(frozen=True)
 class DisplayProperties:
-    """The properties of a display; equations 2 to 4 of the paper give the numbers from radius to focal length."""
+    """The properties of a display; radius to focal length follow from equations 2 to 4 of the paper."""
 
     radius_mm: float
     sag_mm: float

@@ -153,7 +153,7 @@ def _reach_exact(b: Backend, system: System, ray: Ray) -> Landing:
 
 
 def _out_of_glass(b: Backend, system: System, ray: Ray, plane: float | None, upward: bool = True) -> Exit:
-    """Trace rays from the flat face through a dome; `plane` is the height where each ray's lenslet is found."""
+    """Trace rays from the flat face through a dome; `plane` is the height at which lenslets are found."""
     start = (0.0, 0.0)
     if plane is not None:
         ray, start = _relocated(b, system, transported(ray, plane))

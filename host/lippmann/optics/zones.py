@@ -1,4 +1,4 @@
-"""Computes the crosstalk that eyes see, and the zone without crosstalk, from rays through exact lenslets.
+"""Computes the crosstalk that eyes see, and the zone without crosstalk, by exact rays.
 
 With k = D/E, the width of the paraxial zone at the distance z is that of a cell's image,
 (1 + k) p z / D, minus the panel's width times |1 - z/E|. The real zone, found by

@@ -123,7 +123,7 @@ def load_placement(path: Path) -> Placement:
 
 
 def placement_beside(path: Path) -> Placement:
-    """Return the placement in NAME.toml beside a scene; the default is 1 mm per unit and `usual_rotation`."""
+    """Return the placement in NAME.toml beside a scene; by default 1 mm per unit and `usual_rotation`."""
     file = _placement_file(path)
     return Placement(rotation_deg=usual_rotation(path)) if file is None else load_placement(file)
 

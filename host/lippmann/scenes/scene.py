@@ -51,7 +51,7 @@ class Move:
 
 @dataclass(frozen=True)
 class Part:
-    """All lights, and the shapes whose id matches a pattern (`*`, `?`) or, if not `matching`, does not match."""
+    """All lights, and the shapes whose id matches a pattern (`*`, `?`), or the others if not `matching`."""
 
     shapes: str
     matching: bool = True
@@ -167,7 +167,7 @@ def without_places(error: Exception) -> str:
 def load_scene(
     path: str | Path, placement: Placement | None = None, moves: Sequence[Move] = (), part: Part | None = None
 ) -> Scene:
-    """Load a scene file or a part of it, apply `moves` in order, and place it (by default as `placement_beside`).
+    """Load a scene file or a part of it, apply `moves` in order, and place it (default: `placement_beside`).
 
     Raises InputError for an invalid file, a move that matches no shape, and a part that
     matches no shape or all shapes.

@@ -2,7 +2,7 @@
 
 A splat has a centre, the logarithms of three scales, a quaternion, the logit of its
 opacity, and spherical harmonics of its sRGB colour: f_dc_0..2, and f_rest_* for red,
-then for green, then for blue.
+green and blue in order.
 """
 
 from __future__ import annotations
