@@ -350,8 +350,6 @@ def test_long_renders_are_kept(name, samples):
         assert bands.is_long_render(options.settings, display) == kept
 
 
-# --- the command ----------------------------------------------------------------------------------
-
 #: A panel of four bands.
 LARGE = DISPLAY.replace("= 46", "= 2048").replace("= 32", "= 2048")
 RENDER = ("render", "three.xml", "--display", "large.toml", "--samples", "1", "--model", "exact", "--device", "llvm")

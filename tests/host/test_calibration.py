@@ -77,9 +77,6 @@ def changed(path, change):
     cv2.imwrite(str(path), change(cv2.imread(str(path), cv2.IMREAD_UNCHANGED)))
 
 
-# --- codes and lattices ---------------------------------------------------------------------------
-
-
 @pytest.mark.parametrize("sides", [(640, 480), (33, 7), (7680, 4320)])
 def test_every_pixel_is_coded(sides):
     patterns = PatternSet(*sides)
@@ -281,9 +278,6 @@ def test_the_derivatives_are_those_of_one_side_of_an_intervals_end(request):
     np.testing.assert_array_equal(found[:, 2:], smooth[:, 2:])
 
 
-# --- whole calibrations ---------------------------------------------------------------------------
-
-
 def test_three_positions_give_the_display(case, solved):
     folder, said = solved
     assert said["outliers"] < 0.1
@@ -394,9 +388,6 @@ def test_one_position_in_the_middle_finds_its_place(request, tmp_path):
     assert np.sqrt((seen**2).mean()) < 0.2
 
 
-# --- photographs that cannot be used --------------------------------------------------------------
-
-
 def dimmed(picture):
     return (picture * 0.02).astype(picture.dtype)
 
@@ -477,9 +468,6 @@ def test_a_wrong_nominal_file_gives_no_result(case, photos):
     for wrong in ({"pitch_mm": 1.25 * array.pitches_mm[0], "thickness_mm": 3.0}, {"grid": other}):
         with pytest.raises(InputError, match=r"position-1: .*may be off by"):
             calibrate(photos, with_array(case.nominal, **wrong))
-
-
-# --- check and shoot ------------------------------------------------------------------------------
 
 
 def test_check_draws_and_judges(case, tmp_path, capfd, refusal_of):

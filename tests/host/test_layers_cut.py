@@ -184,8 +184,6 @@ def test_costs_by_hand():
     assert cost_of(8, (256, 192), "bilinear").multipliers == 9 + 8 * 22
 
 
-# --- pictures and commands ------------------------------------------------------------------------
-
 CUT_BOOK = ["layers", "book", "--display", "tiny.toml", "-o", "out", "--slot", "64x64"]
 DRAW = ["render", "out", "--display", "tiny.toml", "-o", "a.png"]
 

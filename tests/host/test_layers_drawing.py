@@ -96,9 +96,6 @@ def test_the_panel_s_bytes_follow_iec_61966():
     assert BOARD_BITS == 8
 
 
-# --- against a plain loop -------------------------------------------------------------------------
-
-
 def texel_at(layer, column, row):
     """Red, green, blue (premultiplied) and opacity of one texel."""
     if not (0 <= column < layer.width and 0 <= row < layer.height):
@@ -196,9 +193,6 @@ def test_a_tall_picture_is_drawn_in_parts(monkeypatch):
     assert len(list(exit_lines(HAND, 4))) == 4
     parts = draw_golden(HAND, stack, "bilinear", 4)
     assert (whole == parts).all()
-
-
-# --- the interface --------------------------------------------------------------------------------
 
 
 def test_draw_returns_golden_s_image():

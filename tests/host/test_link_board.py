@@ -74,9 +74,6 @@ def test_rays_that_are_not_the_twins_are_told():
     assert (check.board_crc, check.twin_crc, check.equal) == (0x12345678, wanted, False)
 
 
-# --- requests ---------------------------------------------------------------------------------------
-
-
 @pytest.mark.parametrize("on_pty", [False, True])
 def test_hello(on_pty):
     with joined(width=100, height=70, identity=0xFEDCBA9876543210, pty=on_pty) as (_, board):
@@ -257,9 +254,6 @@ def test_an_image_is_shown_and_verified():
     assert not model.shown
 
 
-# --- boards that cannot be talked to ----------------------------------------------------------------
-
-
 def test_wrong_version():
     with ModelBoard() as model:
         model.version = 4
@@ -323,9 +317,6 @@ def test_a_flood_of_anything_ends_in_time():
             assert time.monotonic() - begun < 2.0
             assert line.waiting <= MAX_WAITING
         thread.join()
-
-
-# --- ports ------------------------------------------------------------------------------------------
 
 
 NONE = "/dev/ttyNONE"

@@ -248,9 +248,6 @@ def test_a_board_without_a_scene_says_so_by_name(refusal_of):
             assert "draws no scenes; take a board that draws: lippmann board start --layers 4" in line
 
 
-# --- the command play ---------------------------------------------------------------------------
-
-
 @pytest.fixture
 def playing(model, tmp_path, monkeypatch):
     rng = generator(SEED, "play")

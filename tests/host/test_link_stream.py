@@ -145,9 +145,6 @@ def test_efficiency_on_a_paced_line(baud, size):
     assert sum(enough) >= 0.7 * len(enough), ahead
 
 
-# --- tiles and frames that go wrong -----------------------------------------------------------------
-
-
 def test_a_tile_spoilt_on_the_board_is_mended():
     with joined() as (model, board):
         image = noise(model)
@@ -190,9 +187,6 @@ def test_codings_and_copies_that_the_board_refuses_are_sent_raw():
             assert (sent.raw, sent.qoi, sent.copied) == (sent.tiles, 0, 0)
             assert sent.resends == sent.tiles or frame is changed
     np.testing.assert_array_equal(model.shown, [image, changed])
-
-
-# --- the window -------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("lost", [{4}, {10, 11, 20}, set(range(5, 15))])
@@ -260,9 +254,6 @@ def test_a_good_line_that_is_slow_at_times_is_given_its_time():
     # The first time-outs are too short. Without the late replies each of the tiles is sent twice.
     assert sent.resends <= sent.tiles / 5
     np.testing.assert_array_equal(model.shown, [image])
-
-
-# --- resume -----------------------------------------------------------------------------------------
 
 
 @pytest.fixture

@@ -52,9 +52,6 @@ def made(place):
     return display, scene, picture, Hand(scene.placement, picture.middle_mm, panel.width_mm / panel.width_px)
 
 
-# ---- pictures ----
-
-
 def refined(picture):
     assert picture.finer(lambda: False)
     return picture.radiance
@@ -146,9 +143,6 @@ def test_values_are_those_of_the_file(mi, transfer, bits):
     assert np.abs(differ).max() <= 255 // (2 ** min(bits, 8) - 1) + 1
 
 
-# ---- the hand ----
-
-
 def moved(hand, point):
     return hand.placement().display_from_scene[:3] @ [*point, 1.0]
 
@@ -226,9 +220,6 @@ def test_mouse_and_keys(place):
         assert not shown.obey(hand)
 
 
-# ---- the loop ----
-
-
 def test_the_window_shows_the_panels_pixels(made):
     display, scene, picture, hand = made
     panel = display.panel
@@ -270,8 +261,6 @@ def test_a_key_ends_the_command(place, capfd, monkeypatch):
     assert run(["live", "s.xml", "--display", "d.toml", "--device", "llvm"]) == 0
     assert "samples at the end" in capfd.readouterr().out
 
-
-# ---- a film ----
 
 FILM = """scene = "s.xml"
 frames = 4

@@ -54,9 +54,6 @@ def test_paraxial_is_exact_to_third_order(grid, side, chief):
     assert np.abs(ratios - 8).max() < 0.25, ratios
 
 
-# --- crosstalk ------------------------------------------------------------------------------------
-
-
 @everywhere
 def test_aperture_points_in_the_neighbours_cells(grid, side):
     """Thin and paraxial: the neighbour's lens bends the ray, whatever the physics between."""
@@ -118,9 +115,6 @@ def test_world_rays_that_land_in_another_cell(grid, side, model):
     assert (np.diff(aside[own]) > 0).all()
     np.testing.assert_array_equal(out.status[own] == Status.CROSSTALK, (aside >= 0.5)[own])
     assert {Status.OK, Status.CROSSTALK} <= set(out.status.tolist())
-
-
-# --- what is refused ------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(

@@ -43,9 +43,6 @@ def see(mi, radiance, display, eye=(0.0, 0.0, FAR), window=None, **others) -> Vi
     return observe(radiance, display, one, window or whole_window(display), **others)
 
 
-# --- which pixel is seen --------------------------------------------------------------------------
-
-
 @pytest.mark.parametrize("model", ["pinhole", "thin", "paraxial"])
 @pytest.mark.parametrize("eye", [(30.0, 0.0, 900.0), (-25.0, 18.0, 600.0), (0.0, -40.0, 800.0)])
 def test_an_eye_sees_the_pixel_on_its_line_through_each_centre(mi, eye, model):
@@ -123,9 +120,6 @@ def test_gap_and_pitch_errors_magnify(mi):
         display.misaligned(gap_mm=-2.0 * FOCAL)
 
 
-# --- the eye's pupil ------------------------------------------------------------------------------
-
-
 def test_focus_on_the_display_keeps_it_sharp(mi):
     """Lenslets right of the middle are white. A ray of the pupil's point P crosses z = 0 at P zf / (ez - zf) from
     where the central one does: an edge seen through a disk, whose profile is (t sqrt(1 - t^2) + asin t) / pi + 1/2.
@@ -180,9 +174,6 @@ def test_a_stripe_shows_its_colour_three_times_as_bright(mi, layout):
         seen = see(mi, ones, built, window=window, model="thin").radiance
         expected = [3.0 if name == layout[stripe] else 0.0 for name in "rgb"]
         np.testing.assert_array_equal(seen, np.broadcast_to(expected, seen.shape))
-
-
-# --- bookkeeping ----------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("shape", [(DOWN * UNDER, ACROSS * UNDER, 4), (ACROSS * UNDER, DOWN * UNDER, 3)])

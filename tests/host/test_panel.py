@@ -51,9 +51,6 @@ def refusal(keys: str, panel: str = PANEL) -> str:
     return str(refused.value)
 
 
-# --- pixels that are not square -------------------------------------------------------------------
-
-
 def tall(display, times: int):
     """The display with rows so many times as high, so many times fewer: the same window."""
     panel = display.panel
@@ -182,9 +179,6 @@ def test_rotation_of_elemental_images_of_tall_pixels(grid):
     assert np.abs(centre - np.stack([u, v], axis=1))[moved].max() <= 0.5 + 1e-9
 
 
-# --- measured curves ------------------------------------------------------------------------------
-
-
 def rising(steps):
     """Numbers from 0 to 1 with such steps between them."""
     total = np.concatenate([[0.0], np.cumsum(steps)])
@@ -255,9 +249,6 @@ def test_a_broken_curve_in_a_file_is_refused(text):
     assert len(str(refused.value)) < 200
 
 
-# --- levels of black and white --------------------------------------------------------------------
-
-
 def under_one_lenslet(keys: str = ""):
     """Two pixels of 1 mm under a lenslet of 2 mm, the panel in its focus, 4 mm away: far eyes see one point each."""
     array = ARRAY + "thickness_mm = 0.75\n"
@@ -317,8 +308,6 @@ def test_black_may_be_without_light(mi, keys):
 def test_bad_levels_are_one_line(keys, said):
     assert said in refusal(keys)
 
-
-# --- sub-pixels -----------------------------------------------------------------------------------
 
 QUAD = [
     ["red", -0.25, 0.25, 0.5, 0.5], ["green", 0.25, 0.25, 0.5, 0.5],

@@ -162,9 +162,6 @@ def test_the_command_with_a_set_up(mi, tmp_path, capfd, monkeypatch):
     assert not (tmp_path / "no").exists()
 
 
-# --- the benchmark's and the comparison's arithmetic ----------------------------------------------
-
-
 def test_lenslets_in_the_window():
     """The paper's own number (equation 5): 102^2 = 10404; and a window of 720 px at 9 mm: 30.48 / 9 = 3.4, 4^2."""
     display = load_display(repository() / "scenes/displays/paper-square.toml")

@@ -188,9 +188,6 @@ def test_plastic(seen):
     np.testing.assert_allclose(theirs, ours, rtol=3e-3)
 
 
-# --- pictures, shapes, placement ------------------------------------------------------------------
-
-
 @pytest.fixture
 def flag(mi, tmp_path):
     """A picture of six colours, wider than high, and a material that carries it."""
@@ -421,8 +418,6 @@ def test_a_display_s_lines_of_sight(mi, tmp_path, flag, grid, eye):
         with pytest.raises(InputError, match=says):
             export_display(scene, wrong, "exact", tmp_path / "no")
 
-
-# --- refusals and the command ---------------------------------------------------------------------
 
 #: What is refused of a sphere, or of the scene.
 REFUSED = {

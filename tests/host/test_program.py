@@ -235,9 +235,6 @@ def test_no_byte_of_a_file_can_be_another_or_the_last(tmp_path):
                 read_bitfile(path)
 
 
-# --- ports ---------------------------------------------------------------------------------------------
-
-
 @pytest.fixture
 def broken(tmp_path, monkeypatch):
     """A checkout's boards, and one that is half-written, first in the alphabet."""

@@ -101,9 +101,6 @@ def test_a_picture_without_light_is_black_at_any_size(mi, tmp_path, integrator, 
     np.testing.assert_array_equal(view, 0.0)
 
 
-# --- furnace --------------------------------------------------------------------------------------
-
-
 @pytest.fixture(scope="module")
 def sky(mi, tmp_path_factory):
     path = tmp_path_factory.mktemp("sky") / "sky.xml"
@@ -142,8 +139,6 @@ def test_a_furnace_of_whole_lenslets_loses_what_golden_loses(mi, sky, grid, mode
     # 77,000 random rays of golden: a standard error of 0.002.
     assert seen.mean() == pytest.approx(share, abs=0.008)
 
-
-# --- where pixels are lit -------------------------------------------------------------------------
 
 #: Real and virtual, one before the other, colours told apart.
 SPHERES = np.array([(0.5, 0.2, 18.0), (-0.6, 0.1, 6.0), (0.0, -0.4, -15.0), (1.8, 1.2, -30.0), (-2.0, 0.6, -45.0)])
@@ -318,9 +313,6 @@ def test_samples_spread_evenly(mi):
             np.testing.assert_allclose(skewed[0], x + 0.25 * 1.5 * y, atol=1e-6)
 
 
-# --- repeatability --------------------------------------------------------------------------------
-
-
 @pytest.fixture(scope="module")
 def lit(mi, tmp_path_factory):
     """A grey floor and a ball under an area light."""
@@ -408,8 +400,6 @@ def test_random_numbers_of_samples(mi):
         assert abs(correlation) < 6.0 / np.sqrt(a.size), name
     np.testing.assert_array_equal(found, numbers(SEED))
 
-
-# --- integrator lights ----------------------------------------------------------------------------
 
 FLOOR_Z = -10.0
 ALBEDO = np.array((0.6, 0.4, 0.2))
@@ -555,9 +545,6 @@ def test_mirrors_and_diffuse_surfaces_have_no_noise(mi, tmp_path):
     np.testing.assert_allclose(seen[0], expected, rtol=5e-5)
 
 
-# --- views without a display ----------------------------------------------------------------------
-
-
 @pytest.mark.parametrize("eye", [EYE, (60.0, -35.0, 500.0)])
 def test_near_things_in_a_view_hide_farther_ones(mi, spheres, eye):
     """Through the pixels' centres exactly; 256 samples find as much of each as a dense grid of lines."""
@@ -576,9 +563,6 @@ def test_near_things_in_a_view_hide_farther_ones(mi, spheres, eye):
     steps = ((np.arange(16) + 0.5) / 16 - 0.5) * window.width_mm / window.width_px
     total = np.mean([first_colours(dx, dy)[0] for dx, dy in itertools.product(steps, steps)], axis=0)
     assert np.abs(often - total).max() < 0.05
-
-
-# --- placement ------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("case", range(3))
@@ -619,9 +603,6 @@ def test_bad_placements_are_refused(tmp_path, text, message):
     path.write_text(f"[placement]\n{text}\n")
     with pytest.raises(InputError, match=message):
         load_placement(path)
-
-
-# --- refusals -------------------------------------------------------------------------------------
 
 
 def test_what_does_not_fit_in_memory_is_refused(mi, spheres):
@@ -695,9 +676,6 @@ def test_a_view_leaves_out_what_stands_behind_the_eye(mi, tmp_path):
     near = render_view(scene, (0.0, 0.0, 50.0), window, Settings()).radiance
     np.testing.assert_allclose(far, np.broadcast_to([0.0, 0.0, 0.5], far.shape), atol=1e-6)
     np.testing.assert_allclose(near, np.ones_like(near), atol=1e-6)
-
-
-# --- rays of other engines ------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(

@@ -252,8 +252,6 @@ def test_an_eye_behind_the_display_is_refused():
             status_share(ZONED["domes to the panel"], (0.0, 0.0, z))
 
 
-# --- the warning and its remedy -------------------------------------------------------------------
-
 HELPLESS = {
     "15.6 inch without a viewing distance": changed(laptop(), viewing_distance_mm=None),
     "1.2 m at 600 mm": laptop(600.0, 1200.0),
@@ -300,8 +298,6 @@ def test_an_eye_that_nobody_has_is_noticed(changes, said):
     assert [said in words for words in beside] == [True] if said else not beside
     assert not (said and "beside" in said and any("sees the whole panel" in words for words in warnings))
 
-
-# --- the command ----------------------------------------------------------------------------------
 
 SVG = "{http://www.w3.org/2000/svg}"
 

@@ -632,9 +632,6 @@ def third_order_longitudinal_aberration(
     return -x2 / (2 * n**2) * (f + (n * f - T) * (n**2 - 1) * (n - 1) ** 2 / n)
 
 
-# --- the way back for many rays -------------------------------------------------------------------
-
-
 def has_long_longdouble() -> bool:
     """Tell whether longdouble has the 64 bits of mantissa that `back_to_panel_many` needs here."""
     return bool(np.finfo(np.longdouble).eps < 2e-19)
