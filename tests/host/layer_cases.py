@@ -86,6 +86,13 @@ def random_stack(rng, display, build, layers=None, smooth=False):
     raise AssertionError(f"no layers for {display}")
 
 
+def float_lines(rays):
+    """Where rays meet the plane z = 0 of the display's frame, mm, and their slopes."""
+    origin, direction = rays.origin_mm.T, rays.direction.T
+    slope_x, slope_y = direction[:2] / direction[2]
+    return origin[0] - slope_x * origin[2], origin[1] - slope_y * origin[2], slope_x, slope_y
+
+
 def float_coordinates(layer, x, y, slope_x, slope_y):
     """Texture coordinates (2, N) where lines through (x, y, 0), mm, meet a layer."""
     at = np.stack([slope_x, slope_y]) if math.isinf(layer.depth_mm) else (

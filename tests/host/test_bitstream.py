@@ -6,7 +6,6 @@ import shlex
 import shutil
 import stat
 import subprocess
-import sys
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -445,9 +444,3 @@ def test_make_hands_its_values_on(asked, words):
     environment = {"PATH": "/usr/bin:/bin", "DISPLAY": ":0"}
     said = subprocess.run(make, cwd=TOP, env=environment, capture_output=True, text=True, check=True).stdout
     assert shlex.split(said.rpartition("tools.bitstream")[2]) == shlex.split(words)
-
-
-def test_it_is_a_command(tmp_path):
-    command = [sys.executable, "-m", "tools.bitstream", "--board", "x"]
-    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False)
-    assert (done.returncode, done.stdout, len(done.stderr.splitlines())) == (2, "", 1)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from independent import last_point, surface
 from lippmann.capturing.imaging_lens import Face, LensPair, ThinLens, refract_face
-from lippmann.optics.backend import DrJitBackend, NumpyBackend
+from lippmann.optics.backend import NumpyBackend
 from lippmann.optics.faces import Ray
 from scene_cases import generator
 
@@ -114,19 +114,3 @@ def test_total_internal_reflection_and_misses_are_told():
     ray, passed = refract_face(B, Face(0.0, 0.1, 1.0, 1.5), Ray(15 * one, 0 * one, 0 * one, 0, 0 * one, one), 100)
     assert not passed[0]
     assert np.isfinite([float(np.squeeze(c)) for c in ray]).all()
-
-
-@pytest.mark.parametrize("convex", CONVEX)
-def test_fast_engine_agrees(mi, convex):
-    """In float64 to the last digits; in float32, its own format, to some roundings of the lens's 150 mm."""
-    b = DrJitBackend("llvm")
-    lens = pair(convex)
-    aim = generator(3).uniform(-100, 100, (200, 2))
-    start = rays_from((10.0, 5.0, -355.0), aim)
-    golden, through = lens.trace(B, start)
-    for cast, nearest_mm, nearest in ((b.double, 1e-11, 1e-12), (b.real, 1e-4, 4e-7)):
-        fast, fast_through = lens.trace(b, Ray(*(cast(c) for c in start)))
-        assert np.array_equal(np.asarray(fast_through), through)
-        apart = np.abs(np.array(fast) - np.array(golden))
-        assert apart[:3].max() < nearest_mm
-        assert apart[3:].max() < nearest

@@ -96,11 +96,6 @@ def test_inspect_as_json(capfd, display):
     assert isinstance(result["warnings"], list)
 
 
-def test_a_misspelt_command_is_recognised(refusal_of):
-    assert refusal_of("obsreve") == "lippmann: No such command 'obsreve'. Did you mean 'observe'? (see --help)"
-    assert refusal_of("xyzzy") == "lippmann: No such command 'xyzzy'. (see --help)"
-
-
 def test_inspect_prints_units(capfd):
     code, out, _ = lippmann(capfd, "inspect", SHIPPED[1])
     assert code == 0
@@ -474,35 +469,6 @@ def test_bad_placement_beside_the_scene(place, refusal_of):
     assert re.search(r"ball\.toml: placement\.flip: unknown key; known here: .*scale", line)
 
 
-@pytest.mark.parametrize(
-    ("options", "message"),
-    [
-        ("--samples nan", "samples"),
-        ("--tolerance nan", "tolerance.*not finite; give"),
-        ("--tolerance 0", "tolerance 0.0 .*give"),
-        ("--max-depth 0", "max depth 0 .*give"),
-        ("--memory-mb 10", r"tiny\.toml: panel\.width_px.*64 x 48.*raise memory_mb \(--memory-mb\) or take"),
-        ("--scale nan", "not finite; give"),
-        ("--scale -1", "scale: -1 is not valid; give"),
-        ("--rotate 1,2", "--rotate.*X,Y,Z"),
-        ("--offset 1,2,nan", "--offset.*finite"),
-        ("--depth inf", "not finite; give"),
-        ("--near -5 --far 5", "near_mm -5 is not in front of far_mm 5"),
-        ("--integrator wizard", "integrator 'wizard'.*choose lights"),
-        ("--integrator ptracer", "integrator 'ptracer'.*choose lights"),
-        ("--seed -1", "--seed"),
-        ("--bogus", "--bogus"),
-        ("-o no/a.exr", "no/a.exr: the folder no does not exist; make it first"),
-        ("-o folder.exr", "folder.exr: is a folder; give"),
-        ("-o a.jpg", r"unknown extension '\.jpg'; choose from .*\.exr"),
-    ],
-)
-def test_bad_render_options(place, refusal_of, mi, options, message):
-    (place / "folder.exr").mkdir()
-    assert re.search(message, refusal_of(*render("-o", "a.exr", *options.split())))
-    assert not (place / "a.exr").exists()
-
-
 def test_a_panel_too_big_for_the_disk(place, capfd, monkeypatch):
     """The command keeps a band in memory, and all on disk."""
     (place / "huge.toml").write_text(TINY.replace("= 64\n", "= 65535\n").replace("= 48\n", "= 65535\n"))
@@ -512,31 +478,6 @@ def test_a_panel_too_big_for_the_disk(place, capfd, monkeypatch):
     assert code == 3
     assert re.search(r"a\.exr\.bands: needs 5\d{4} MB on the disk, 50000 MB are free; free space", error)
     assert not list(place.glob("a.exr*"))
-
-
-@pytest.mark.parametrize(
-    ("options", "message"),
-    [
-        ("--eye 0,0,nan", "--eye.*finite"),
-        *((f"--{name} nan", f"--{name}.*finite") for name in ("pupil", "rotation-error", "gap-error", "pitch-scale")),
-        ("--focus inf", "--focus.*finite"),
-        ("--offset-error 1,inf", "--offset-error.*finite"),
-        ("--pupil -1", "pupil -1 mm is negative"),
-        ("--gap-error -100", "gap_mm.*negative"),
-        ("--pitch-scale 0", "pitch_scale"),
-        ("--sheet s.png", "--sweep"),
-        ("--width 0", "--width"),
-        ("--samples 0", "--samples"),
-        ("--frames 1", "--frames"),
-        ("--sweep -3,3 --frames 1000 --width 16384 -o v.gif", r"1000 views .* needs \d+ MB.*--width"),
-        ("", "--eye"),
-    ],
-)
-def test_bad_observe_options(place, picture, refusal_of, options, message):
-    eye = [] if options.startswith("--eye") or not options else ["--eye", "0,0,600"]
-    words = ["observe", picture, "--display", "tiny.toml", "-o", "v.png", "--device", "llvm", *eye, *options.split()]
-    assert re.search(message, refusal_of(*words))
-    assert not list(place.glob("v.*"))
 
 
 @pytest.fixture(scope="session")

@@ -155,11 +155,6 @@ def test_files_that_cannot_be_judged_are_bad_input(name, content, inputs, says, 
     assert says in refusal_of("regress", "--display", SQUARE, "--rays", tmp_path / name, "--fraction-bits", "16")
 
 
-def test_a_file_of_rays_that_is_not_there(tmp_path, refusal_of):
-    line = refusal_of("regress", "--display", SQUARE, "--rays", tmp_path / "none.csv")
-    assert "none.csv: no such file; give a .npz, .csv or .mem" in line
-
-
 @pytest.mark.parametrize("case", ["far-origins", "tangent"])
 def test_rays_from_the_world_are_refused_not_judged(case, tmp_path, refusal_of):
     assert run(["vectors", "--display", HEX, "--case", case, "--count", "4", "-o", str(tmp_path / "set")]) == 0

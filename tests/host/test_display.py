@@ -390,6 +390,8 @@ WRONG_VALUES = [
     (["array.shear"], ("1.01", "-2"), ["from -1 to 1"]),
     (["array.shear"], ["[0.1, 0.0]"], ["number"]),
     (["array.pitch_mm"], ("[1.0]", "[1.0, 1.0, 1.0]"), ["[x, y]"]),
+    (["panel.pixel_pitch_mm"], ("[0.1]", "[0.1, 0.2, 0.3]", "[0.1, 0.0]", "[0.1, nan]", "[0.1, -0.1]", "[]"),
+     ["give a finite number", "[x, y]"]),
     (["array.pitch_mm"], ["[1.0, 0.0]"], ["number"]),
     (["array.pitch_mm"], ("[1.0, 4.001]", "[4.001, 1.0]"), ["hexagonal 0.866 py"]),
     (["array.pitch_mm"], ("0.04", "[0.1, 0.04]"), ["finer", "at least one pixel pitch"]),

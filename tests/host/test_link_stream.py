@@ -323,18 +323,3 @@ def test_a_power_cycle_as_the_frame_is_presented(before_reply):
         send_frame(board, image)
     np.testing.assert_array_equal(model.shown[-1], image)
     assert model.buffers[model.front].tobytes() == image.tobytes()
-
-
-def test_another_board_in_the_middle_is_refused():
-    with joined() as (model, board):
-        send_frame(board, noise(model, 1))
-
-        def swap(model, _):
-            if model.executed[Kind.TILE] == 15:
-                model.power_cycle()
-                model.identity += 1
-
-        model.on_packet = swap
-        with pytest.raises(DeviceError, match="another board"):
-            send_frame(board, noise(model, 2))
-    assert len(model.shown) == 1

@@ -22,6 +22,7 @@ def place(tmp_path, monkeypatch):
     write_scene(tmp_path / "ball.xml", glowing_sphere((0.0, 0.0, -5.0), 2.0))
     light = generator(SEED).random((48, 64, 3))
     write_picture("image.exr", light, {"identity": DISPLAY.identity})
+    (tmp_path / "folder.exr").mkdir()
     (tmp_path / "latin.toml").write_bytes(b"name = '\xe9'")
     np.save("objects.npy", np.array([{}], object), allow_pickle=True)
     write_picture("other.exr", light, {"identity": "79ee8471d40b2533", "display": "paper-square"})
@@ -67,11 +68,12 @@ def test_mistakes_in_a_display_file(place, refusal_of, found, mistake, named, re
     assert remedy in rest, line
 
 
-RENDER = "render ball.xml --display tiny.toml -o a.exr"
-OBSERVE = "observe image.exr --display tiny.toml --eye 0,0,600 -o v.png"
+RENDER = "render ball.xml --display tiny.toml --device llvm -o a.exr"
+OBSERVE = "observe image.exr --display tiny.toml --device llvm --eye 0,0,600 -o v.png"
 #: The words of the command, what is named, and the remedy.
 COMMANDS = [
     ("Inspect tiny.toml", "Inspect", "Did you mean 'inspect'"),
+    ("xyzzy", "No such command 'xyzzy'", "(see --help)"),
     ("board strat", "strat", "Did you mean 'start'"),
     ("bench rendr", "lippmann bench", "python -m tools.bench"),
     ("export pov", "pov", "Did you mean 'povray'"),
@@ -86,6 +88,7 @@ COMMANDS = [
     (OBSERVE.replace("image.exr", "/dev/zero"), "/dev/zero: is not a plain file", "give an image"),
     ("trace --display tiny.toml --pixels /dev/zero -o r.npz", "/dev/zero: is not a plain file", "give a number of"),
     ("trace --display tiny.toml --pixels . -o r.npz", ".: is a folder", "give a number of rays"),
+    ("regress --display tiny.toml --rays none.csv", "none.csv: no such file", "give a .npz, .csv or .mem"),
     ("regress --display tiny.toml --rays /dev/zero", "/dev/zero: is not a plain file", "give a .npz, .csv or .mem"),
     (f"{OBSERVE} --frames 5", "--frames", "give --sweep X0,X1"),
     ("pattern white-for-eye --display tiny.toml -o w.png", "white-for-eye", "--eye X,Y,Z"),
@@ -117,14 +120,50 @@ COMMANDS = [
     (f"board check --display tiny.toml --region 0,0,{'9' * 400},1", "'--region'", "give 4 whole numbers"),
     ("board read dispaly", "dispaly: no such register", "did you mean display?"),
     ("board read optics.contrl", "optics.contrl: no such register", "did you mean optics.control?"),
+    # Values of render's options.
+    (f"{RENDER} --samples nan", "samples", ""),
+    (f"{RENDER} --tolerance nan", "tolerance", "not finite; give"),
+    (f"{RENDER} --tolerance 0", "tolerance 0.0", "give"),
+    (f"{RENDER} --max-depth 0", "max depth 0", "give"),
+    (f"{RENDER} --memory-mb 10", "tiny.toml: panel.width_px", "raise memory_mb (--memory-mb) or take"),
+    (f"{RENDER} --scale nan", "not finite", "give"),
+    (f"{RENDER} --scale -1", "scale: -1 is not valid", "give"),
+    (f"{RENDER} --rotate 1,2", "--rotate", "X,Y,Z"),
+    (f"{RENDER} --offset 1,2,nan", "--offset", "finite"),
+    (f"{RENDER} --depth inf", "not finite", "give"),
+    (f"{RENDER} --near -5 --far 5", "near_mm -5 is not in front of far_mm 5", ""),
+    (f"{RENDER} --integrator wizard", "integrator 'wizard'", "choose lights"),
+    (f"{RENDER} --integrator ptracer", "integrator 'ptracer'", "choose lights"),
+    (f"{RENDER} --seed -1", "--seed", ""),
+    (f"{RENDER} --bogus", "--bogus", ""),
+    (RENDER.replace("a.exr", "no/a.exr"), "no/a.exr: the folder no does not exist", "make it first"),
+    (RENDER.replace("a.exr", "folder.exr"), "folder.exr: is a folder", "give"),
+    (RENDER.replace("a.exr", "a.jpg"), "unknown extension '.jpg'", "choose from .exr"),
+    # Values of observe's options.
+    (OBSERVE.replace("0,0,600", "0,0,nan"), "--eye", "finite"),
+    *((f"{OBSERVE} --{name} nan", f"--{name}", "finite")
+      for name in ("pupil", "rotation-error", "gap-error", "pitch-scale")),
+    (f"{OBSERVE} --focus inf", "--focus", "finite"),
+    (f"{OBSERVE} --offset-error 1,inf", "--offset-error", "finite"),
+    (f"{OBSERVE} --pupil -1", "pupil -1 mm is negative", ""),
+    (f"{OBSERVE} --gap-error -100", "gap_mm", "negative"),
+    (f"{OBSERVE} --pitch-scale 0", "pitch_scale", ""),
+    (f"{OBSERVE} --sheet s.png", "--sheet", "--sweep"),
+    (f"{OBSERVE} --width 0", "--width", ""),
+    (f"{OBSERVE} --samples 0", "--samples", ""),
+    (f"{OBSERVE} --frames 1", "--frames", ""),
+    (f"{OBSERVE} --sweep -3,3 --frames 1000 --width 16384 -o v.gif", "1000 views", "--width"),
+    (OBSERVE.replace("--eye 0,0,600 ", ""), "--eye", ""),
 ]  # fmt: skip
 
 
 @pytest.mark.parametrize(("words", "named", "remedy"), COMMANDS, ids=[words for words, _, _ in COMMANDS])
 def test_mistakes_in_a_command(place, refusal_of, words, named, remedy):
+    before = sorted(place.iterdir())
     line = refusal_of(*words.split())
     assert named in line
     assert remedy in line[line.index(named) + len(named) :], line
+    assert sorted(place.iterdir()) == before
 
 
 def test_a_mistyped_field_of_a_board(place, refusal_of):

@@ -105,21 +105,6 @@ def test_without_crosstalk_it_is_black_beyond_the_viewing_angle(mi):
     assert view.radiance[:, :, 0].mean(dtype=np.float64) == pytest.approx(view.status_share["ok"], abs=1e-6)
 
 
-def test_gap_and_pitch_errors_magnify(mi):
-    """An eye at the angle a sees D tan(a) beside the centre: a gap longer by 10 % sees 10 % farther."""
-    display = display_for()
-    eye = (30.0, 0.0, 600.0)
-    window = Window(1e-9, 1e-9, 1, 1)
-    for gap, scale in ((0.0, 1.0), (0.6, 1.0), (1.2, 1.0), (0.0, 0.98)):
-        built = display.misaligned(gap_mm=gap, pitch_scale=scale, offset_mm=(0.3 * PIXEL, 0.0))
-        seen = see(mi, painted(display), built, eye, window, model="pinhole", samples=1).radiance[0, 0, 0]
-        # The pinhole stands on the lenslet's centre; the ray through the axis keeps its direction.
-        u = 0.5 * display.panel.width_px + 0.3 - (FOCAL + gap) * eye[0] / eye[2] / PIXEL
-        assert seen == math.floor(u)
-    with pytest.raises(InputError, match=r"gap_mm.*negative"):
-        display.misaligned(gap_mm=-2.0 * FOCAL)
-
-
 def test_focus_on_the_display_keeps_it_sharp(mi):
     """Lenslets right of the middle are white. A ray of the pupil's point P crosses z = 0 at P zf / (ez - zf) from
     where the central one does: an edge seen through a disk, whose profile is (t sqrt(1 - t^2) + asin t) / pi + 1/2.
@@ -147,45 +132,10 @@ def test_focus_on_the_display_keeps_it_sharp(mi):
     assert set(np.unique(sharp[:, clear])) == {0.0, 1.0}
 
 
-@pytest.mark.parametrize(
-    ("arguments", "message"),
-    [
-        (((0.0, 0.0, 0.0),), "behind the display"),
-        (((math.nan, 0.0, 600.0),), "not finite"),
-        (((0.0, 0.0, 600.0), -1.0), "negative"),
-        (((0.0, 0.0, 600.0), math.nan), "not finite"),
-        (((0.0, 0.0, 600.0), 1.0, 600.0), "behind the eye"),
-    ],
-)
-def test_impossible_eyes_are_refused(arguments, message):
-    with pytest.raises(InputError, match=message):
-        Eye(*arguments)
-
-
-@pytest.mark.parametrize("layout", ["rgb", "bgr"])
-def test_a_stripe_shows_its_colour_three_times_as_bright(mi, layout):
-    """The array stands a third of a pixel beside: the far eye looks at the left, middle or right stripe."""
-    display = display_for(subpixels=layout)
-    ones = np.ones((display.panel.height_px, display.panel.width_px, 3), np.float32)
-    window = Window(9.0, 5.0, 9, 5)
-    for stripe, step in enumerate((-1.0 / 3.0, 0.0, 1.0 / 3.0)):
-        built = display.misaligned(offset_mm=(step * PIXEL, 0.0))
-        # Rays through the outer strip of a lenslet's cell belong to its neighbour; both stand alike.
-        seen = see(mi, ones, built, window=window, model="thin").radiance
-        expected = [3.0 if name == layout[stripe] else 0.0 for name in "rgb"]
-        np.testing.assert_array_equal(seen, np.broadcast_to(expected, seen.shape))
-
-
 @pytest.mark.parametrize("shape", [(DOWN * UNDER, ACROSS * UNDER, 4), (ACROSS * UNDER, DOWN * UNDER, 3)])
 def test_a_picture_of_another_size_is_refused(mi, shape):
     with pytest.raises(InputError, match=rf"{shape[1]} x {shape[0]}.*{ACROSS * UNDER} x {DOWN * UNDER}"):
         see(mi, np.ones(shape, np.float32), display_for())
-
-
-def test_samples_out_of_range_are_refused(mi):
-    for samples in (0, -1, 65537):
-        with pytest.raises(InputError, match="samples"):
-            see(mi, painted(display_for()), display_for(), samples=samples)
 
 
 @pytest.mark.parametrize("model", MODELS)

@@ -16,7 +16,7 @@ from lippmann.capturing.elemental_rotation import rotation_map
 from lippmann.cli import run
 from lippmann.conformance.fifty_digits import true_rays
 from lippmann.conformance.ray_sets import PanelRays
-from lippmann.display.description import MM_PER_INCH, display_text, parse_display
+from lippmann.display.description import display_text, parse_display
 from lippmann.display.subpixels import COLOURS, LAYOUTS, layout_of
 from lippmann.engines import trace
 from lippmann.errors import InputError
@@ -57,29 +57,6 @@ def tall(display, times: int):
     assert panel.height_px % times == 0
     pitches = panel.pixel_pitch_mm, times * panel.pixel_pitch_mm
     return replace(display, panel=replace(panel, height_px=panel.height_px // times, pixel_pitch_mm=pitches))
-
-
-def test_two_equal_pitches_are_one():
-    square = two_pixels()
-    same = two_pixels(panel=PANEL.replace("1.0", "[1, 1.0]"))
-    assert same == square
-    assert same.identity == square.identity
-    taller = two_pixels(panel=PANEL.replace("1.0", "[1.0, 1.5]"))
-    wider = two_pixels(panel=PANEL.replace("1.0", "[1.5, 1.0]"))
-    assert len({square.identity, taller.identity, wider.identity}) == 3
-    for display in (square, taller, wider):
-        assert parse_display(display_text(display)).panel == display.panel
-    assert two_pixels(panel="width_px = 2\nheight_px = 1\ndpi = 25.4\n").panel.pixel_pitch_mm == MM_PER_INCH / 25.4
-
-
-@pytest.mark.parametrize(
-    "value", ["[0.1]", "[0.1, 0.2, 0.3]", "[0.1, 0.0]", "[0.1, nan]", '"0.1"', "[0.1, -0.1]", "[]"]
-)
-def test_bad_pitches_are_one_line(value):
-    said = refusal("", PANEL.replace("1.0", value))
-    assert said.startswith("two.toml: panel.pixel_pitch_mm: ")
-    assert "give a finite number" in said
-    assert "[x, y]" in said
 
 
 def even(rng, *key):

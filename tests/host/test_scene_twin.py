@@ -6,7 +6,7 @@ import os
 
 import numpy as np
 import pytest
-from layer_cases import float_coordinates, float_light, random_stack
+from layer_cases import float_coordinates, float_light, float_lines, random_stack
 from lippmann import load_layers
 from lippmann.base.tones import encoded_values
 from lippmann.display.description import load_display
@@ -64,13 +64,6 @@ def cases(rng, build, count, rays=1500):
             exits = type(exits)(*(word[there] for word in exits))
             pixels = pixels_of_words(display, u[there], v[there])
             yield display, exits, rays_of_words(display, pixels, exits, build.fraction_bits)
-
-
-def float_lines(rays):
-    """Where rays meet the plane z = 0 of the display's frame, mm, and their slopes."""
-    origin, direction = rays.origin_mm.T, rays.direction.T
-    slope_x, slope_y = direction[:2] / direction[2]
-    return origin[0] - slope_x * origin[2], origin[1] - slope_y * origin[2], slope_x, slope_y
 
 
 BUILDS = [

@@ -1,11 +1,9 @@
 """Which of Mitsuba's variants runs: chosen once, chosen again, and given back to a user who had another."""
 
-from contextlib import suppress
-
 import drjit
 import mitsuba
 import pytest
-from lippmann.base.variant import current_device, own_variant, start_mitsuba
+from lippmann.base.variant import current_device, start_mitsuba
 from lippmann.base.variant import mitsuba as ours
 from lippmann.errors import InputError
 
@@ -25,19 +23,6 @@ def test_each_start_sets_the_variant_again(mi, kept):
     assert start_mitsuba("llvm") == "llvm"
     assert mitsuba.variant() == "llvm_ad_rgb"
     assert current_device() == "llvm"
-
-
-@pytest.mark.parametrize("variant", ["scalar_rgb", "llvm_ad_spectral", "llvm_ad_rgb"])
-def test_a_users_variant_and_log_level_come_back_also_after_an_error(mi, kept, variant):
-    mitsuba.set_variant(variant)
-    mitsuba.set_log_level(mitsuba.LogLevel.Warn)
-    with suppress(ZeroDivisionError), own_variant("llvm") as device:
-        assert device == "llvm"
-        assert ours().variant() == "llvm_ad_rgb"
-        assert mitsuba.log_level() == mitsuba.LogLevel.Error
-        raise ZeroDivisionError
-    assert mitsuba.variant() == variant
-    assert mitsuba.log_level() == mitsuba.LogLevel.Warn
 
 
 def test_another_variant_is_named(mi, kept):
