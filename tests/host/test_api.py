@@ -15,6 +15,7 @@ from importlib import import_module
 from pathlib import Path
 
 import click
+import drjit
 import lippmann as lp
 import mitsuba
 import numpy as np
@@ -22,6 +23,8 @@ import pytest
 from jupyter_client.manager import start_new_kernel
 from lippmann.base.images import read_picture
 from lippmann.base.tones import encoded_values
+from lippmann.base.variant import current_device, start_mitsuba
+from lippmann.base.variant import mitsuba as ours
 from lippmann.cli import run
 from lippmann.display.glass import index_of
 from lippmann.errors import DeviceError, InputError
@@ -492,3 +495,33 @@ import lippmann.cli.render
 assert "scipy" not in sys.modules
 """
     subprocess.run([sys.executable, "-c", code], check=True)
+
+
+@pytest.fixture
+def kept():
+    """Set this worker's variant again at the end."""
+    before = mitsuba.variant()
+    yield
+    mitsuba.set_variant(before or "llvm_ad_rgb")
+
+
+def test_each_start_sets_the_variant_again(mi, kept):
+    """Starting was remembered by device, so that a variant set in between stayed."""
+    assert start_mitsuba("llvm") == "llvm"
+    mitsuba.set_variant("scalar_rgb")
+    assert start_mitsuba("llvm") == "llvm"
+    assert mitsuba.variant() == "llvm_ad_rgb"
+    assert current_device() == "llvm"
+
+
+def test_another_variant_is_named(mi, kept):
+    mitsuba.set_variant("scalar_rgb")
+    with pytest.raises(InputError, match="variant is scalar_rgb"):
+        ours()
+
+
+def test_dr_jit_is_as_it_comes_while_the_variant_is_set(mi, kept, monkeypatch):
+    syntax, set_variant, seen = drjit.syntax, mitsuba.set_variant, []
+    monkeypatch.setattr(mitsuba, "set_variant", lambda name: seen.append(drjit.syntax) or set_variant(name))
+    start_mitsuba("llvm")
+    assert seen == [syntax]

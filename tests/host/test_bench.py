@@ -1,19 +1,29 @@
-"""`python -m tools.bench`: a sub-command for each measurement, old command lines, and pages that hold what was kept."""
+"""`python -m tools.bench`: its sub-commands, old command lines, kept pages; what `content` and `shading` measure."""
 
 import json
+import math
 import re
 
 import click.testing
+import numpy as np
 import pytest
 from lippmann.cli import run
 from lippmann.conformance.figures import read_csv
+from lippmann.rendering.options import Settings
+from lippmann.rendering.pixel_filter import noise_fraction
+from lippmann.rendering.renderer import render_view
+from lippmann.rendering.sampling import Window
+from lippmann.scenes.placement import Placement
+from lippmann.scenes.scene import arranged, load_scene
 from lippmann.simulation.toolchain import repository
-from tools import bench, measured_page, motion_speed, renderer_speed
+from scene_cases import focused_display
+from tools import bench, content, measured_page, motion_speed, renderer_speed, shading_speed
 from tools.calibration_accuracy import accuracy_page
-from tools.content import content_page
+from tools.content import Surface, content_page, write_meshes, write_splats
 from tools.hard_case_errors import hard_page
 from tools.layers_likeness import layers_page
 from tools.link_speed import link_page
+from tools.shading_speed import shading_page
 from tools.stage_errors import fixed_page
 
 SCENES = str(repository() / "scenes")
@@ -194,3 +204,128 @@ def test_a_report_goes_into_a_folder_that_exists(tmp_path, capfd):
     missing = tmp_path / "kept/here"
     assert bench.main(["fixed", "--scenes", SCENES, "--report", str(missing)]) == 2
     assert f"the folder {missing} does not exist; make it first" in capfd.readouterr().err
+
+
+SCENE_FOLDER = repository() / "scenes"
+
+
+def test_every_mesh_and_the_splats_show_the_same_knot(tmp_path, mi):
+    """Its texture's bright and dark dots, and without them the same outline as the STL."""
+    knot, window = (
+        Surface.read(SCENE_FOLDER / "knot/knot.ply", SCENE_FOLDER / "knot/skin.png"),
+        Window(90.0, 90.0, 90, 90),
+    )
+
+    def seen(path, samples, placement=None):
+        return render_view(load_scene(path, placement), (0.0, 0.0, 600.0), window, Settings(samples)).radiance
+
+    meshes = {
+        path.suffix: seen(path, 4, Placement(rotation_deg=(-90.0 * (path.suffix == ".stl"), 0.0, 0.0)))
+        for path in write_meshes(knot, tmp_path)
+    }
+    outline = meshes[".stl"].max(axis=2) > 0.02
+    for suffix in (".glb", ".obj", ".ply"):
+        assert (outline ^ (meshes[suffix].max(axis=2) > 0.02)).mean() < 0.03
+        assert np.std(meshes[suffix][outline], axis=0).min() > 0.1
+    assert np.median(np.abs(meshes[".obj"] - meshes[".ply"])[outline]) < 0.05
+
+    splats, wanted = seen(write_splats(knot, tmp_path / "s.ply", 1), 1), meshes[".glb"]
+    there = wanted.max(axis=2) > 0.02
+    assert (splats.max(axis=2)[there] > 0.05).mean() > 0.97
+    assert (splats.max(axis=2)[~there] > 0.05).mean() < 0.1
+    hue = [view[there] / np.maximum(view[there].sum(axis=1, keepdims=True), 1e-6) for view in (splats, wanted)]
+    assert np.median(np.abs(hue[0] - hue[1])) < 0.05
+
+
+@pytest.mark.full
+def test_more_views_are_nearer_to_the_scene(tmp_path, monkeypatch, mi):
+    monkeypatch.setattr(content, "VIEWS", ((3, 1), (16, 1)))
+    monkeypatch.setattr(content, "SAMPLES", 2)
+    rows = list(content.measure(SCENE_FOLDER, tmp_path, 1))
+    few, many, depths, itself = (row["middle_db"] for row in rows)
+    assert few < many < itself
+    assert depths > few - 3.0
+    assert "| views | 16 | 1 |" in content_page({}, rows).text()
+
+
+@pytest.mark.full
+def test_the_gallery_has_a_picture_of_each_kind(tmp_path, monkeypatch, mi):
+    monkeypatch.setattr(content, "GALLERY", "vga-square")
+    pictures, captions = content.gallery(SCENE_FOLDER, tmp_path, 1)
+    assert len(pictures) == len(captions) == 8
+    assert captions[-3:] == ["views/", "quilt_qs8x2a1.33333.png", "picture.toml"]
+    assert all(picture.max() > 0.2 for picture in pictures)
+
+
+def test_a_depth_picture_is_placed_by_its_camera(tmp_path, mi):
+    display = content.load_display(SCENE_FOLDER / "displays/vga-square.toml")
+    scene = load_scene(SCENE_FOLDER / "fish/fish.xml", Placement(0.25))
+    path = content.write_depth_picture(scene, display, tmp_path, 160)
+    placed = arranged(load_scene(path), display, "camera")
+    # The camera was the display's eye: the scale brings the surface on the axis to the panel.
+    near = placed.mitsuba.ray_intersect(mi.Ray3f(mi.Point3f(0.0), mi.Vector3f(0.0, 0.0, -1.0))).t
+    assert placed.placement.scale == pytest.approx(600.0 / float(np.array(near).ravel()[0]), rel=1e-6)
+
+
+@pytest.fixture(scope="module")
+def display():
+    return focused_display("square", width_px=144, height_px=96, pixel_pitch=1.0 / 12.0)
+
+
+@pytest.fixture
+def fish(mi, tmp_path):
+    return load_scene(shading_speed.with_lamps(SCENE_FOLDER / "fish/fish.xml", 2, tmp_path))
+
+
+def test_a_scene_has_as_many_lamps_as_asked_and_their_power(fish, mi):
+    lamps = [mi.traverse(lamp) for lamp in fish.mitsuba.emitters()]
+    assert len(lamps) == 2
+    power = [np.array(lamp["intensity.value"]).ravel() for lamp in lamps]
+    np.testing.assert_allclose(np.sum(power, axis=0), shading_speed.POWER, rtol=1e-5)
+    np.testing.assert_allclose(np.array(lamps[0]["position"]).ravel()[2], shading_speed.HEIGHT_MM)
+
+
+def test_the_page_shows_every_way(tmp_path, monkeypatch, display, mi):
+    monkeypatch.setattr(shading_speed, "load_display", lambda path: display)
+    for name, value in (("LAMPS", (1, 2)), ("SAMPLES", (1, 2)), ("SCENE_FOLDER", ("fish",)), ("CAPTURED", ())):
+        monkeypatch.setattr(shading_speed, name, value)
+    rows = list(shading_speed.curves(SCENE_FOLDER, tmp_path, 1))
+    assert [(row["lamps"], row["way"], row["samples"]) for row in rows[:7]] == [
+        *((1, way, samples) for way in shading_speed.WAYS for samples in (1, 2)), (2, "each", 1)
+    ]  # fmt: skip
+    # Twice the samples, half the noise's power: 3 dB, beside what pixels gain that share samples.
+    gain = rows[1]["panel_db"] - rows[0]["panel_db"] + 20.0 * math.log10(noise_fraction(2, 1))
+    assert 1.0 < gain < 5.0
+    (pair,) = shading_speed.likeness(SCENE_FOLDER, 1)
+    assert (pair["scene"], pair["auto"]) == ("fish", "each")  # the picture is small
+    assert min(pair["panel_db"], pair["view_db"]) > 40.0
+    saved = [{"scene": "fish", "samples": 4, "power": 1.5, "pixel": 2.0, "tile": 1.2, "found": 1.1}]
+    tables = {"shading": rows, "shading-likeness": [pair], "shading-adaptive": saved}
+    page = shading_page({"machine": "one"}, tables, shading_speed.error_map(SCENE_FOLDER, 1))
+    assert {path.name for path in page.write(tmp_path / "page")} == {
+        *(f"{name}.csv" for name in tables), "shading.md", "shading.png", "shading-map.png",
+    }  # fmt: skip
+
+
+def test_samples_go_where_the_noise_is():
+    """Half of the pixels with 9 times the error of the others, by hand; nothing is saved where all are alike."""
+    true = np.array([1.0, 9.0])
+    # n = c and 3 c: noise (1 / c + 3 / c) / 2 = 5 / 8, so c = 3.2, and 6.4 samples instead of 8.
+    assert shading_speed.samples_needed(true, true, 8.0, 1.0, 1.0) == pytest.approx(6.4)
+    assert shading_speed.samples_needed(true, np.array([2.0, 18.0]), 8.0, 1.0, 1.0) == pytest.approx(6.4)
+    # Errors 1 / n^3 and 16 / n^3, n = c and 2 c: 3 / 2 c^3 = 17 / 2 x 8^3.
+    even = shading_speed.samples_needed(np.array([1.0, 16.0]), np.array([1.0, 16.0]), 8.0, 1.0, 3.0)
+    assert even == pytest.approx(1.5 * (3.0 * 512.0 / 17.0) ** (1.0 / 3.0))
+    # At least 5 each: the other one needs 9 / n = 10 / 8 - 1 / 5.
+    assert shading_speed.samples_needed(true, true, 8.0, 5.0, 1.0) == pytest.approx(0.5 * (5.0 + 9.0 / 1.05))
+    assert shading_speed.samples_needed(np.ones(3), np.ones(3), 8.0, 1.0, 1.0) == pytest.approx(8.0)
+    assert shading_speed.samples_needed(true, np.array([1.0, 0.0]), 8.0, 1.0, 1.0) == 8.0
+
+
+@pytest.mark.full
+def test_what_is_known_saves_more_than_what_is_found(mi, monkeypatch):
+    monkeypatch.setattr(shading_speed, "SCENE_FOLDER", ("fish",))
+    monkeypatch.setattr(shading_speed, "SIDE_PX", 160)
+    for row in shading_speed.samples_saved(SCENE_FOLDER, 1):
+        assert row["pixel"] >= row["tile"] >= 1.0
+        assert row["pixel"] >= row["found"] >= 1.0

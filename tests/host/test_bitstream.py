@@ -1,13 +1,17 @@
-"""`make bitstream`: what a board cannot show is refused in one line, and what nextpnr says is read as it is meant."""
+"""`make bitstream`: what a board cannot show, what nextpnr says, the PLL's dividers and the cells placed first."""
 
 import contextlib
+import json
+import random
 import re
 import shlex
 import shutil
 import stat
 import subprocess
 from dataclasses import replace
+from fractions import Fraction
 from functools import partial
+from itertools import product
 from pathlib import Path
 from unittest.mock import Mock
 
@@ -17,10 +21,11 @@ from lippmann.base.toml import schema, tables
 from lippmann.board.fpga_boards import FpgaBoard, fpga_board, fpga_boards
 from lippmann.cli import run
 from lippmann.display.description import load_display
-from lippmann.errors import InputError
+from lippmann.errors import InputError, LippmannError
 from lippmann.simulation.toolchain import repository
 from scene_cases import small_toml
-from tools import bitstream
+from tools import anchors, bitstream, flow
+from tools.pll import Pll, panel_pixel_mhz, solve
 
 TOP = repository()
 
@@ -444,3 +449,173 @@ def test_make_hands_its_values_on(asked, words):
     environment = {"PATH": "/usr/bin:/bin", "DISPLAY": ":0"}
     said = subprocess.run(make, cwd=TOP, env=environment, capture_output=True, text=True, check=True).stdout
     assert shlex.split(said.rpartition("tools.bitstream")[2]) == shlex.split(words)
+
+
+MEMORY = Fraction(60), Fraction(125)
+#: By the timings of CEA-861; those of 640 x 480 are VESA's.
+HD_MHZ = panel_pixel_mhz(1280, 720, (110, 40, 220, 5, 5, 20))
+
+
+def assert_legal(pll, pixel_mhz, dvi):
+    """The data sheet's limits (FPGA-DS-02012: sysCLOCK PLL timing), and what the clocks are to each other."""
+    assert 8 <= pll.oscillator_mhz <= 400
+    assert 10 <= pll.oscillator_mhz / pll.input_div <= 400
+    dividers = (pll.input_div, pll.back_div, pll.shift_div, pll.system_div, pll.memory_div)
+    assert all(1 <= divider <= 128 for divider in dividers)
+    # The phase detector compares the oscillator, divided, with the output that is fed back, divided.
+    assert pll.oscillator_mhz / pll.input_div == pll.vco_mhz / pll.back_div
+    assert 3.125 <= pll.vco_mhz / pll.back_div <= 400
+    assert 400 <= pll.vco_mhz <= 800
+    clocks = pll.clocks_mhz
+    assert abs(clocks["system"] / pixel_mhz - 1) <= Fraction(11, 1000)
+    if dvi:
+        assert clocks["shift"] == 5 * clocks["system"]
+    assert MEMORY[0] <= clocks["memory"] <= MEMORY[1]
+
+
+def test_the_two_video_modes():
+    """By hand: 25 MHz * 20 and 25 MHz * 30 are 500 and 750 MHz."""
+    vga = solve(panel_pixel_mhz(640, 480, (16, 96, 48, 10, 2, 33)), Fraction(25), MEMORY)
+    assert vga == Pll(Fraction(25), 1, 20, 4, 20, 4)
+    assert (vga.vco_mhz, vga.clocks_mhz["memory"], vga.clocks_mhz["system"]) == (500, 125, 25)
+    hd = solve(HD_MHZ, Fraction(25), MEMORY)
+    assert hd == Pll(Fraction(25), 1, 30, 2, 10, 6)
+    assert [hd.clocks_mhz[name] for name in ("shift", "system", "memory")] == [375, 75, 125]
+
+
+def test_no_pixel_clock_is_above_the_fastest():
+    """Below 75 MHz comes 73.75 MHz: 25 MHz / 2 * 59 is 737.5 MHz."""
+    assert solve(HD_MHZ, Fraction(25), MEMORY, fastest_mhz=Fraction(75)).clocks_mhz["system"] == 75
+    slower = solve(HD_MHZ, Fraction(25), MEMORY, fastest_mhz=Fraction(749, 10))
+    assert slower.clocks_mhz["system"] == Fraction(7375, 100)
+    assert_legal(slower, HD_MHZ, True)
+
+
+def test_any_pixel_clock_that_has_dividers_finds_legal_ones():
+    random.seed(1908)
+    found = 0
+    for _ in range(80):
+        pixel = Fraction(random.randrange(6000, 80000), 1000)
+        oscillator = Fraction(random.choice((12, 25, 27, 48, 100)))
+        dvi = random.random() < 0.7
+        try:
+            pll = solve(pixel, oscillator, MEMORY, dvi=dvi)
+        except InputError:
+            continue
+        found += 1
+        assert_legal(pll, pixel, dvi)
+    assert found > 40
+
+
+def test_no_dividers_are_better():
+    pixel, oscillator = Fraction(252, 10), Fraction(25)
+    best = solve(pixel, oscillator, MEMORY)
+    key = -best.clocks_mhz["memory"], best.input_div, abs(best.clocks_mhz["system"] / pixel - 1)
+    tried = 0
+    for input_div, shift, memory, times in product((1, 2), range(3, 7), range(3, 14), range(1, 81)):
+        vco = oscillator / input_div * times
+        error = abs(vco / (5 * shift) / pixel - 1)
+        if 400 <= vco <= 800 and error <= Fraction(11, 1000) and MEMORY[0] <= vco / memory <= MEMORY[1]:
+            tried += 1
+            assert (-vco / memory, input_div, error) >= key
+    assert tried > 20
+
+
+@pytest.mark.parametrize(
+    ("pixel", "oscillator", "memory", "said"),
+    [
+        (Fraction(200), Fraction(25), MEMORY, "no pixel clock within 1.1%"),  # VCO 2000 MHz
+        (Fraction(1), Fraction(25), MEMORY, "no pixel clock within 1.1%"),  # VCO 128 MHz at most
+        (Fraction(25), Fraction(25), (Fraction(124), Fraction(1241, 10)), "one of 124 to 124 MHz"),
+        (Fraction(25), Fraction(7), MEMORY, "an oscillator of 7 MHz"),
+        (Fraction(25), Fraction(401), MEMORY, "an oscillator of 401 MHz"),
+    ],
+)
+def test_what_has_no_dividers_is_refused(pixel, oscillator, memory, said):
+    with pytest.raises(InputError, match=said):
+        solve(pixel, oscillator, memory)
+
+
+SLOW, FAST, IN, LUT, STILL = 10, 11, 12, 13, 14
+
+
+def cell(kind, parameters=None, **pins):
+    """A cell; pins that begin with q, z or clko are outputs."""
+    outputs = ("q", "z", "clko")
+    return {
+        "type": kind,
+        "parameters": parameters or {},
+        "attributes": {},
+        "connections": {name.upper(): bits for name, bits in pins.items()},
+        "port_directions": {name.upper(): "output" if name.startswith(outputs) else "input" for name in pins},
+    }
+
+
+def cells():
+    """A register of the slow clock, two of the fast one, the logic between, and a cell that nothing of it needs."""
+    dividers = {"CLKOP_DIV": f"{10:032b}", "CLKOS_DIV": f"{2:032b}"}
+    return {
+        "pll": cell("EHXPLLL", dividers, clki=[IN], clkop=[SLOW], clkos=[FAST]),
+        "slow": cell("TRELLIS_FF", clk=[SLOW], di=[LUT], q=[20]),
+        "logic": cell("LUT4", a=[20], b=["0"], z=[21]),
+        "first": cell("TRELLIS_FF", clk=[FAST], di=[21], q=[22]),
+        "second": cell("TRELLIS_FF", clk=[FAST], di=[22], q=[23]),
+        "pair": cell("ODDRX1F", sclk=[FAST], d0=[23], d1=[23], rst=["0"], q=[24]),
+        "other": cell("LUT4", a=[20], z=[LUT]),
+    }
+
+
+def test_the_fastest_clock_and_the_logic_before_it():
+    """The PLL's output with the least divider; logic that leads elsewhere and registers of other clocks are out."""
+    some = cells()
+    assert anchors.fastest(some) == {"logic", "first", "second", "pair"}
+    # Of two fastest clocks the one of fewer cells.
+    some["pll"]["parameters"]["CLKOP_DIV"] = f"{2:032b}"
+    assert anchors.fastest(some) == {"slow", "other"}
+    del some["pll"]
+    with pytest.raises(LippmannError, match="0 PLLs"):
+        anchors.fastest(some)
+
+
+@pytest.fixture
+def netlist(tmp_path, monkeypatch):
+    """A netlist of those cells, a nextpnr that says what it is told to, and the netlists that it was given."""
+    given, shares = [], iter([0.8, 0.9, 0.7, 0.9])
+
+    def placed(command, record=None):
+        trial, share = int(command[command.index("--seed") + 1]), next(shares)
+        module = json.loads((tmp_path / command[command.index("--json") + 1]).read_text())["modules"]["top"]
+        given.append((trial, module))
+        for name, some in module["cells"].items():
+            some["attributes"]["NEXTPNR_BEL"] = f"{name}/{trial}"
+        found = {"modules": {"top": module}}
+        (tmp_path / command[command.index("--write") + 1]).write_text(json.dumps(found))
+        return f"Info: Max frequency for clock 'x': {share * 100} MHz (FAIL at 100.0 MHz)"
+
+    monkeypatch.setattr(flow, "run_tool", placed)
+    module = {
+        "attributes": {"top": f"{1:032b}"},
+        "ports": {"clock": {"direction": "input", "bits": [IN]}, "dark": {"direction": "input", "bits": [LUT]}},
+        "cells": cells(),
+        "netnames": {"q": {"bits": [23]}, "still": {"bits": [STILL]}},
+    }
+    whole = tmp_path / "whole.json"
+    whole.write_text(json.dumps({"creator": "yosys", "modules": {"top": module}}))
+    return whole, tmp_path / "anchored.json", given
+
+
+def test_the_best_places_are_written(netlist):
+    """The fastest of the trials; the part has its drivers, without their inputs, and no other cell or port."""
+    whole, output, given = netlist
+    assert anchors.anchor(whole, [], 2, output) == 3
+    assert [trial for trial, _ in given] == [8, 9, 10, 11]
+    part = given[0][1]
+    assert set(part["cells"]) == {"pll", "slow", "logic", "first", "second", "pair"}
+    assert part["cells"]["slow"]["connections"] == {"CLK": [SLOW], "Q": [20]}
+    assert (set(part["ports"]), set(part["netnames"])) == ({"clock"}, {"q"})
+    written = json.loads(output.read_text())["modules"]["top"]["cells"]
+    places = {name: some["attributes"]["BEL"] for name, some in written.items() if "BEL" in some["attributes"]}
+    assert places == {name: f"{name}/9" for name in ("logic", "first", "second")}
+    assert {name: some["connections"] for name, some in written.items()} == {
+        name: some["connections"] for name, some in cells().items()
+    }

@@ -1,33 +1,51 @@
-"""Scenes cut into layers: depths and colours of cards that are known, what they hide, and no hole for a moving eye."""
+"""Scenes cut into layers: depths, colours and slabs, what they hide, no hole for a moving eye, and `bench layers`."""
 
 import csv
 import dataclasses
+import itertools
 import json
 import math
 import re
+import zlib
 
 import lippmann as lp
 import numpy as np
 import pytest
+from cobs import cobs
 from lippmann import load_layers
 from lippmann.base.images import read_picture
 from lippmann.base.tones import encoded_values
 from lippmann.cli import run
+from lippmann.conformance.figures import read_csv
 from lippmann.errors import InputError
 from lippmann.eye.observer import observe, whole_window
+from lippmann.fixed.scene_build import SceneBuild
 from lippmann.layers.layer_choice import cost_of, eyes_of
 from lippmann.layers.layer_drawing import exit_lines, texel_coordinates
 from lippmann.layers.layers_folder import load_named_layers, save_layers
-from lippmann.layers.scene_cutting import Area, check_slot, cut_scene, reach_of, seen_depths, texels_for
+from lippmann.layers.scene_cutting import SLOT as BUILD_SLOT
+from lippmann.layers.scene_cutting import (
+    Area,
+    check_slot,
+    cut_scene,
+    depth_of,
+    disparity,
+    partition,
+    reach_of,
+    seen_depths,
+    slabs_of,
+    texels_for,
+)
 from lippmann.layers.stack import Layer, LayerStack, light_of
 from lippmann.rendering.options import Settings
 from lippmann.scenes.placement import Placement
 from lippmann.scenes.scene import Part, load_scene
 from lippmann.simulation.toolchain import repository
 from PIL import Image
-from scene_cases import display_toml, focused_display, generator, rgb, write_scene
+from scene_cases import display_toml, focused_display, generator, on_screen, rgb, write_scene
 from scene_cases import glowing_card as card
 from scipy import ndimage
+from tools import layers_likeness
 
 SEED = 1616
 #: 32 x 24 mm; p D / pixel = 20 mm of depth.
@@ -377,3 +395,156 @@ def test_bad_commands_are_one_line(place, refusal_of, words, message):
     output = "o.png" if words.startswith("render") else "o"
     assert message in refusal_of(*words.split(), "--display", "tiny.toml", "-o", output)
     assert not (place / output).exists()
+
+
+def test_the_disparity_is_how_far_a_point_moves_across_the_display():
+    """Where the line from an eye to the point crosses z = 0, for two eyes 1 mm apart."""
+    for z in (-300.0, -5.0, 0.0, 40.0, 250.0):
+        before, after = (on_screen((3.0, 2.0, z), (x, 0.0, 600.0))[0] for x in (7.0, 8.0))
+        assert -(after - before) == pytest.approx(float(disparity(z, 600.0)), abs=1e-12)
+        assert depth_of(float(disparity(z, 600.0)), 600.0) == pytest.approx(z)
+    assert float(disparity(-math.inf, 600.0)) == -1.0
+    assert depth_of(-1.0, 600.0) == -math.inf
+
+
+def spread(values, weights, ends):
+    """Weighted squares about the means of the runs that end there."""
+    total = 0.0
+    for first, end in zip([0, *ends[:-1]], ends, strict=True):
+        mean = np.average(values[first:end], weights=weights[first:end])
+        total += float(weights[first:end] @ (values[first:end] - mean) ** 2)
+    return total
+
+
+@pytest.mark.parametrize("case", range(8))
+def test_a_partition_is_the_best_of_all(case):
+    random = generator(SEED, "partition", case)
+    n = int(random.integers(3, 11))
+    values, weights = np.sort(random.normal(size=n))[::-1], random.uniform(0.1, 5.0, n)
+    for count in range(1, n + 1):
+        found = partition(values, weights, count)
+        assert len(found) == count
+        assert found[-1] == n
+        assert sorted(set(found)) == found
+        best = min(spread(values, weights, [*cut, n]) for cut in itertools.combinations(range(1, n), count - 1))
+        assert spread(values, weights, found) == pytest.approx(best, abs=1e-9)
+
+
+def test_planes_at_three_depths_and_the_sky_are_found():
+    random = generator(SEED, "planes")
+    z = random.permutation(np.repeat([30.0, -10.0, -80.0, -np.inf], [50, 400, 200, 100]))
+    slabs = slabs_of(z, np.ones(len(z)), 4, 600.0, 90.0)
+    assert [slab.depth_mm for slab in slabs] == pytest.approx([30.0, -10.0, -80.0, -math.inf], abs=1e-9)
+    assert [slab.front_mm for slab in slabs[1:]] == [slab.back_mm for slab in slabs[:-1]]
+    assert (slabs[0].front_mm, slabs[-1].back_mm) == (90.0, -math.inf)
+    # Halfway in disparity: the plane there is as far off from both depths.
+    assert disparity(slabs[0].back_mm, 600.0) == pytest.approx((30 / 570 - 10 / 610) / 2)
+    # More layers than depths give no more.
+    assert len(slabs_of(z, np.ones(len(z)), 8, 600.0, 90.0)) == 4
+    # With three layers, the nearest depths in disparity share one: 30 and -10 differ by 0.069, -10 and -80 by 0.101,
+    # the sky by 0.88 from -80. By weight 50 x 400 / 450 against 400 x 200 / 600 they are nearer still.
+    assert [round(slab.depth_mm, 1) for slab in slabs_of(z, np.ones(len(z)), 3, 600.0, 90.0)][1:] == [-80.0, -math.inf]
+
+
+def test_detail_decides_where_layers_go():
+    """Two planes nearby with detail, and two far apart with little of it."""
+    z = np.repeat([20.0, 0.0, -60.0, -120.0], 100)
+    slabs = slabs_of(z, np.repeat([0.0, 0.0, 1.0, 1.0], 100), 3, 600.0, 90.0)
+    assert [round(s.depth_mm, 6) for s in slabs[1:]] == [-60.0, -120.0]
+    slabs = slabs_of(z, np.repeat([1.0, 1.0, 0.0, 0.0], 100), 3, 600.0, 90.0)
+    assert [round(s.depth_mm, 6) for s in slabs[:2]] == [20.0, 0.0]
+
+
+REPORTS = repository() / "docs/generated/reports"
+
+
+def test_two_plain_cards_are_two_layers_without_a_hole(scene):
+    cards = scene(card("front", 10.0, (0.6, 0.1, 0.1), 5.0), card("wall", -15.0, (0.1, 0.5, 0.2)))
+    streamed, *rows = layers_likeness.measure_scene(cards, DISPLAY, 0, slot=SLOT, settings=FAST)
+    # There are two depths, and no third layer.
+    assert [(row["layers"], row["drawn"]) for row in rows] == [
+        (1, "nearest"), (1, "bilinear"), (2, "nearest"), (2, "bilinear"),
+    ]  # fmt: skip
+    assert all(row["worst_db"] <= row["view_db"] for row in (streamed, *rows))
+    assert rows[2]["view_db"] > rows[0]["view_db"] + 3.0
+    # Its 8 bits are all that it loses: half a level of 255, uniform, 20 log10(255 sqrt(12)) = 59 dB.
+    assert streamed["view_db"] == pytest.approx(59.0, abs=3.0)
+    assert {row["holes_percent"] for row in rows} == {0.0}
+    # A packet of 1024 bytes: 9 around them, before the stuffing of 1 byte in 254 at most, and its end.
+    assert rows[2]["load_bytes"] == 2 * 5 * 1024
+    assert 10 * (1024 + 9 + 2) <= rows[2]["line_bytes"] <= 10 * (1024 + 9 + 6)
+    assert {row["frame_bytes"] for row in rows} == {39}  # docs/reference/protocol.md
+    assert streamed["frame_bytes"] == streamed["line_bytes"] < 160 * 120 * 3
+    assert list(streamed) == list(rows[0])
+
+
+def test_a_hole_is_found_where_a_layer_was_pierced(scene):
+    """A slanted card in three layers; then the one in the middle gets a square hole of an eighth of its sides."""
+    slant = scene(card("slant", -10.0, (0.5, 0.5, 0.5), 200.0, turn='<rotate y="1" angle="40"/>'))
+    cut = cut_scene(slant, DISPLAY, 3, (128, 96), FAST)
+    lines = list(exit_lines(DISPLAY))
+    pierced = list(cut.stack.layers)
+    layer, (rows, columns) = pierced[1], pierced[1].texels.shape
+    assert light_of(layer.palette[:, :3]).max() == pytest.approx(0.5, abs=0.01)
+    texels = layer.texels.copy()
+    texels[rows * 7 // 16 : rows * 9 // 16, columns * 7 // 16 : columns * 9 // 16] = 0  # the transparent colour
+    pierced[1] = dataclasses.replace(layer, texels=texels)
+    broken = dataclasses.replace(cut, stack=dataclasses.replace(cut.stack, layers=tuple(pierced)))
+    for drawn in ("nearest", "bilinear"):
+        assert layers_likeness.hole_percent(slant, cut, DISPLAY, lines, drawn, FAST) == 0.0
+        assert layers_likeness.hole_percent(slant, broken, DISPLAY, lines, drawn, FAST) > 0.2
+    # Seen against nothing at all: the last layer away.
+    last = dataclasses.replace(pierced[2], palette=np.zeros((256, 4), np.uint8))
+    gone = dataclasses.replace(cut, stack=dataclasses.replace(cut.stack, layers=(*cut.stack.layers[:2], last)))
+    assert layers_likeness.hole_percent(slant, gone, DISPLAY, lines, "nearest", FAST) > 10.0
+
+
+def test_a_streamed_frame_is_its_packets():
+    """A plain frame of 2 x 1 tiles: one colour, 3 bytes, each; the packets are made again from the protocol's page."""
+    frame = np.full((32, 64, 3), (1, 2, 3), np.uint8)
+    wanted = 0
+    for tile in (0, 1):
+        # Type 5, sequence 0; epoch 0, tile, coding 1.
+        data = bytes([layers_likeness.Kind.TILE, 0, 0, 0, 0, tile, 0, 1, 1, 2, 3])
+        wanted += len(cobs.encode(data + zlib.crc32(data).to_bytes(4, "little"))) + 1
+    assert layers_likeness.tile_bytes(frame) == wanted
+    assert layers_likeness.line_seconds(300_000) == pytest.approx(1.0)  # 8 bits, start and stop at 3 Mbaud
+
+
+def test_the_builds_of_the_page_are_those_that_make_synth_places():
+    from tools.synthesis import SCENES
+
+    for drawn in ("nearest", "bilinear"):
+        for design in (design for design in SCENES if f"-{drawn}-" in design.name):
+            scene = design.scene
+            assert (scene.layers, scene.width, scene.height) == (SceneBuild().layers, *BUILD_SLOT) == (4, 256, 192)
+            assert scene.bilinear == (drawn == "bilinear")
+
+
+def test_figures_of_the_how_to_are_those_of_the_kept_report():
+    _, rows = read_csv(REPORTS / "layers.csv")
+    text = (repository() / "docs/how-to/layers.md").read_text().split("## How many layers?")[1].split("\n## ")[0]
+
+    def db(display, scene, number, drawn="nearest"):
+        wanted = (display, scene, number, drawn)
+        (row,) = (row for row in rows if (row["display"], row["scene"], row["layers"], row["drawn"]) == wanted)
+        return f"{row['view_db']:.1f}"
+
+    gains = []
+    for display, scene in itertools.product(layers_likeness.DISPLAYS, ("chart", "fish")):
+        nearest = [db(display, scene, number) for number in (4, 8)]
+        assert f"| {scene}, `{display}` | {' | '.join(nearest)} |" in text
+        bilinear = [db(display, scene, number, "bilinear") for number in (4, 8)]
+        gains += [float(one) - float(other) for one, other in zip(bilinear, nearest, strict=True)]
+    assert f"Bilinear adds up to {max(gains):.0f} dB" in text
+    assert min(gains) >= 0.0
+    streamed, drawn = ([row for row in rows if (row["drawn"] == "streamed") == kind] for kind in (True, False))
+    best = {(row["display"], row["scene"]): row["view_db"] for row in streamed}
+    assert all(row["view_db"] < best[row["display"], row["scene"]] for row in drawn)
+    assert all(row["holes_percent"] == 0.0 and row["worst_db"] <= row["view_db"] for row in drawn)
+    assert f"gives {min(row['view_db'] for row in streamed):.1f} dB or more" in text
+    assert f"up to {max(layers_likeness.line_seconds(row['line_bytes']) for row in streamed):.1f} s" in text
+    loads = {f"{layers_likeness.line_seconds(row['line_bytes']):.1f} s once" for row in rows if row["layers"] == 4}
+    assert all(load in text for load in loads)
+    assert "then 39 bytes" in text
+    assert {row["frame_bytes"] for row in drawn} == {39}

@@ -1,11 +1,14 @@
-"""The one pipeline, as a trace of calls: how many files a render passes from the command to the pixels."""
+"""The one pipeline, as a trace of calls from the command to the pixels; and the package's layers."""
 
+import shutil
+import subprocess
 import sys
 from pathlib import Path
 
 import lippmann
 import pytest
 from lippmann.cli import run
+from lippmann.simulation.toolchain import repository
 from scene_cases import display_toml, focused_display
 from test_film import SCENE
 
@@ -70,3 +73,19 @@ def test_a_render_passes_few_files_and_each_once(tmp_path, monkeypatch, mi, capf
     files = {name for stack in to_pixels if "rendering/diagnostics.py" not in stack for name in stack}
     assert {"cli/render.py", "rendering/executors.py", "rendering/sampling.py", "rendering/lights.py"} <= files
     assert len(files) <= max_files, sorted(files)
+
+
+def test_an_import_that_runs_upward_fails(tmp_path):
+    shutil.copytree(
+        repository() / "host", tmp_path / "host", ignore=shutil.ignore_patterns("__pycache__", "*.egg-info")
+    )
+    shutil.copy(repository() / "pyproject.toml", tmp_path)
+    rays = tmp_path / "host/lippmann/optics/rays.py"
+    rays.write_text(f"{rays.read_text()}\n\ndef late():\n    import lippmann.cli\n")
+    # As `make lint` calls it.
+    command = [str(Path(sys.executable).with_name("lint-imports")), "--no-logo", "--no-cache"]
+    done = subprocess.run(command, cwd=tmp_path, env={"PYTHONPATH": str(tmp_path / "host")}, capture_output=True,
+                          text=True, check=False)  # fmt: skip
+    assert done.returncode == 1
+    assert "lippmann.optics is not allowed to import lippmann.cli" in done.stdout
+    assert "lippmann.optics.rays -> lippmann.cli" in done.stdout
