@@ -45,7 +45,6 @@ def random_stack(rng, display, build):
 
 
 def moved(rng, display, build, stack):
-    """The same textures at other places; the background stays."""
     layers = []
     for layer in stack.layers:
         other = random_layer(rng, display, build, layer.sky)

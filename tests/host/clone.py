@@ -15,7 +15,6 @@ def files(*folders):
 
 
 def clone(into):
-    """Copy them."""
     for name in files():
         (into / name).parent.mkdir(parents=True, exist_ok=True)
         shutil.copy(TOP / name, into / name)

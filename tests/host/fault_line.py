@@ -121,7 +121,6 @@ class Mangler:
         return hits
 
     def _values(self, kind, count):
-        """Return random bytes."""
         # Narrow integers are drawn several at once, which would depend on the chunks.
         return self._generator(kind + " values").integers(0, 256, count).astype(np.uint8)
 
@@ -192,7 +191,6 @@ class Proxy:
         self.close()
 
     def restore(self):
-        """Remove all faults."""
         self.down = self.up = NO_FAULTS
 
     def unplug(self):
@@ -204,7 +202,6 @@ class Proxy:
         self._down_bytes = count
 
     def close(self):
-        """End the proxy."""
         self._ended.set()
         self._thread.join()
 

@@ -10,7 +10,6 @@ import numpy as np
 
 
 def trace(display, pixels, aims, fault=""):
-    """Return the arrays of a file of rays."""
     panel, array = display.panel, display.array
     R, n, T, gap = array.radius_mm, array.index, array.thickness_mm, display.gap_mm
     wide, high = array.pitches_mm[::-1] if fault == "pitches swapped" else array.pitches_mm

@@ -36,15 +36,12 @@ def display_for(grid):
 
 
 def placement_of(scene):
-    """The whole depth of each scene."""
     return Placement(offset_mm=STANDS[scene], near_mm=90.0, far_mm=-180.0)
 
 
 def path_of(scene, grid):
-    """Where a golden picture is stored."""
     return GOLDEN / f"{scene}-{grid}.png"
 
 
 def render_golden(scene, grid):
-    """(96, 96, 3), sRGB."""
     return encoded_values(render_integral(scene, display_for(grid), "exact", SETTINGS).radiance, "srgb", 8)

@@ -41,9 +41,7 @@ class HtmlPage(HTMLParser):
                 self.captions[tag][-1] += data
 
     def named(self, *tags: str) -> list[dict[str, str | None]]:
-        """The attributes of the elements of these names."""
         return [attributes for name, attributes in self.elements if name in tags]
 
     def values(self, *keys: str) -> list[str]:
-        """The values of these attributes, of all elements."""
         return [attributes[key] or "" for _, attributes in self.elements for key in keys if attributes.get(key)]

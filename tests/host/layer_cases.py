@@ -33,7 +33,6 @@ def smooth_palette(rng):
 
 
 def random_texels(rng, width, height, smooth):
-    """Texels of noise, or of a few waves."""
     if not smooth:
         return rng.integers(0, 256, (height, width), dtype=np.uint8)
     t, s = np.mgrid[:height, :width]

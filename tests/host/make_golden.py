@@ -14,7 +14,6 @@ from PIL import Image
 
 
 def old_places(pixel, sample, _, seed, number):
-    """The places in a pixel of version 0.1."""
     return points_in_square(pixel, sample, seed, 0)
 
 

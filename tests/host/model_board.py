@@ -341,7 +341,6 @@ class ModelBoard:
         return 100
 
     def signature(self):
-        """Rays and CRC of the window's frame."""
         return 4711, 0x12345678
 
     def traced(self, u, v, a, b):
@@ -352,7 +351,6 @@ class ModelBoard:
         return struct.pack("<BI", runs, self.rays_so_far() if self.runs == SIGN_RUNS else 0)
 
     def is_drawn(self):
-        """Whether the optics draw the panel."""
         return bool(self.scene) and bool(self.registers[DRAW] & 1)
 
     def may_be_drawn(self):
@@ -397,7 +395,6 @@ class ModelBoard:
             raise RefusedError(BUSY, self.what_runs(self.runs))
 
     def _start(self, runs):
-        """Begin a frame; False when its window is refused."""
         if self.window_is_refused():
             return False
         self.runs, self.requests_left = runs, self.frame_requests

@@ -26,7 +26,6 @@ def focused_display(grid, side="panel", *, focal=2.0, pitch=1.0, index=1.5, subp
 
 
 def display_toml(display):
-    """The display as a file, without the panel's usual tones."""
     return re.sub(r'^(bits = 8|transfer = "srgb")\n', "", display_text(display), flags=re.MULTILINE)
 
 
@@ -46,7 +45,6 @@ index = 1.5
 
 
 def rgb(name, values):
-    """A colour in Mitsuba's XML."""
     return f'<rgb name="{name}" value="{" ".join(repr(float(v)) for v in values)}"/>'
 
 
@@ -60,7 +58,6 @@ def glowing_sphere(centre, radius, radiance=(1.0, 1.0, 1.0)):
 
 
 def glowing_card(name, z, radiance, half=1000.0, x=0.0, turn=""):
-    """A square that shines, at a depth."""
     return (
         f'<shape type="rectangle" id="{name}"><transform name="to_world"><scale value="{half}"/>{turn}'
         f'<translate x="{x}" z="{z}"/></transform><emitter type="area">{rgb("radiance", radiance)}</emitter></shape>'

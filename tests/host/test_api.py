@@ -189,7 +189,6 @@ def test_the_command_observes_what_the_function_returns(small, capfd, mi):
 
 @pytest.fixture
 def few_samples(monkeypatch):
-    """One sample for each pixel of a page's direct renders."""
     monkeypatch.setattr("lippmann.eye.many_views.SAMPLES", 1)
 
 
@@ -297,7 +296,6 @@ def test_who_refuses_the_first_progress_lets_go_of_the_bands(small, mi, tmp_path
 
 @pytest.fixture
 def plain(small):
-    """An image for the display of a test, which no renderer made."""
     return lp.IntegralImage(np.full((40, 60, 3), 0.5, np.float32), small)
 
 

@@ -37,7 +37,6 @@ def small_display(**others):
 
 
 def card(z, size=1000.0, reflectance=0.5):
-    """A diffuse square at depth z."""
     return (
         f'<shape type="rectangle"><transform name="to_world"><scale value="{size}"/><translate z="{z}"/></transform>'
         f'<bsdf type="diffuse">{rgb("reflectance", (reflectance,) * 3)}</bsdf></shape>'

@@ -68,7 +68,6 @@ def render_bands(path, plan, executor=render_here, progress=None):
 
 
 def picture(whole, scene):
-    """Render the picture of a plan without bands."""
     return render_picture(Job(scene, whole.display, whole.options).plan())
 
 

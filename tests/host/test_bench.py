@@ -139,7 +139,6 @@ def test_the_page_of_calibrations():
 
 
 def kept(name):
-    """The origin and the rows of a kept CSV, with truth values as such."""
     origin, rows = read_csv(REPORTS / f"{name}.csv")
     truth = {"True": True, "False": False}
     return origin, [{key: truth.get(value, value) for key, value in row.items()} for row in rows]

@@ -104,7 +104,6 @@ def folder(tmp_path, monkeypatch):
 
 
 def board(folder, name, text):
-    """Write a board's file."""
     (folder / name).mkdir(exist_ok=True)
     (folder / name / "board.toml").write_text(text)
 
@@ -348,7 +347,6 @@ def test_a_seed_that_is_never_routed_is_given_up(routed, tmp_path, monkeypatch):
 
 
 def _soon(run_program, *arguments, timeout_s, **more):
-    """Run a program with little of its time."""
     return run_program(*arguments, timeout_s=None if timeout_s is None else timeout_s / 500, **more)
 
 

@@ -34,8 +34,7 @@ from lippmann.errors import InputError, LippmannWarning
 from lippmann.optics.backend import NumpyBackend
 from lippmann.optics.lattice import Lattice
 from lippmann.optics.system import PanelFrame
-from tools.calibration_accuracy import GAP, deviations, eye_difference, judge, random_case
-from tools.simulated_bench import corners_mm
+from tools.calibration_accuracy import deviations, eye_difference, judge, random_case
 
 SEED = 2
 #: Width of the panel and of the photographs, pixels: 20 x 15 lenslets of about 20 pixels.
@@ -395,7 +394,6 @@ def dimmed(picture):
 
 
 def defocused(picture):
-    """Blurred in light, as a lens does it."""
     light = cv2.GaussianBlur((picture / 255.0) ** 2.2, (0, 0), 14.0)
     return np.round(255.0 * light ** (1.0 / 2.2)).astype(picture.dtype)
 
@@ -405,7 +403,6 @@ def too_bright(picture):
 
 
 def shifted(*way):
-    """A change: the picture moves by (x, y) pixels."""
     move = np.column_stack([np.eye(2), way]).astype(np.float32)
     return lambda light: cv2.warpAffine(light, move, light.shape[1::-1], borderMode=cv2.BORDER_REPLICATE)
 
@@ -596,7 +593,6 @@ def test_a_number_has_the_digits_that_its_uncertainty_has(number, half, text):
 
 
 def magnified(picture, share):
-    """The picture of a lens of another focal length, of the same size."""
     height, width = picture.shape[:2]
     middle = [(1.0 - share) * (side - 1) / 2.0 for side in (width, height)]
     turn = np.array([[share, 0.0, middle[0]], [0.0, share, middle[1]]])
@@ -701,18 +697,6 @@ def display(request):
     return load_display(request.config.rootpath / f"scenes/displays/vga-{request.param}.toml")
 
 
-def test_the_same_lattice_has_no_error(display):
-    errors = judge(display, display)
-    assert errors.worst_px < 1e-9
-    assert errors[2:] == (0.0, 0.0, 0.0, 0.0)
-    # Moved by a whole lenslet, or turned by a symmetry of the grid, it is the same.
-    pitch = display.array.pitches_mm[0]
-    turn = 90.0 if display.array.grid == "square" else 60.0
-    again = judge(display.misaligned(rotation_deg=turn, offset_mm=(pitch, 0.0)), display)
-    assert again.worst_px < 1e-6
-    assert again.rotation_deg < 1e-9
-
-
 def test_a_shift_a_turn_and_a_stretch_are_measured(display):
     pixel = display.panel.pitches_mm[0]
     moved = judge(display.misaligned(offset_mm=(0.3 * pixel, 0.4 * pixel)), display)
@@ -727,20 +711,11 @@ def test_a_shift_a_turn_and_a_stretch_are_measured(display):
     assert stretched.rms_px == pytest.approx(1e-4 * math.sqrt((640**2 + 480**2) / 12.0), rel=0.05)
     depth = display.aperture_distance_mm
     assert judge(display.misaligned(gap_mm=0.02 * depth), display).gap_percent == pytest.approx(2.0)
-
-
-def test_an_eye_sees_the_same_of_displays_that_it_cannot_tell_apart(display):
-    """In paraxial optics the point seen is L (1 + D/z) - C D/z: a larger gap and a smaller pitch may cancel."""
+    # Moved by a whole lenslet it is the same display; an eye tells a larger gap.
+    assert judge(display.misaligned(offset_mm=(display.array.pitches_mm[0], 0.0)), display).worst_px < 1e-6
     eye = (5.0, -8.0, 200.0)
     assert eye_difference(display, display, eye).max() < 1e-9
-    deeper = display.misaligned(gap_mm=0.05)
-    old, new = (1.0 + one.aperture_distance_mm / eye[2] for one in (display, deeper))
-    shift = 0.05 / eye[2] / new
-    alike = display.misaligned(gap_mm=0.05, pitch_scale=old / new, offset_mm=(eye[0] * shift, eye[1] * shift))
-    assert eye_difference(deeper, display, eye).max() > 0.05
-    assert eye_difference(alike, display, eye).max() < 0.02
-    # Seen from elsewhere they differ.
-    assert eye_difference(alike, display, (45.0, -8.0, 200.0)).max() > 0.2
+    assert eye_difference(display.misaligned(gap_mm=0.05), display, eye).max() > 0.05
 
 
 def test_errors_are_told_in_units_of_the_intervals(display):
@@ -758,25 +733,3 @@ def test_errors_are_told_in_units_of_the_intervals(display):
         "pitch_x": 0.5, "pitch_y": -2.0, "shear": 0.0, "rotation": 1.5, "offset_x": 0.1, "offset_y": -0.3, "gap": 0.0,
     }  # fmt: skip
     assert deviations(found, truth) == pytest.approx(expected, abs=1e-6)
-
-
-def test_random_displays_are_as_the_requirement_asks():
-    cases = [random_case(seed) for seed in range(24)]
-    assert cases[3] == random_case(3)
-    kinds = {(one.nominal.array.grid, one.nominal.array.plano_side, one.nominal.array.rotation_deg) for one in cases}
-    assert len(kinds) == 8
-    turns = [one.built.array.rotation_deg - one.nominal.array.rotation_deg for one in cases]
-    assert max(map(abs, turns)) <= 5.0
-    assert max(turns) > 3.0
-    gaps = [one.built.gap_mm / one.nominal.gap_mm - 1.0 for one in cases]
-    assert max(map(abs, gaps)) <= GAP
-    assert max(gaps) > 0.1 > -0.1 > min(gaps)
-    stretch = [judge(one.nominal, one.built).pitch_ppm for one in cases]
-    assert max(stretch) < 1.15e4
-    for case in cases:
-        assert len({(one.k1, one.focal_px) for one in case.cameras}) == 1
-        for camera in case.cameras:
-            # The whole panel is in view.
-            at = camera.project(corners_mm(case.built)) / (camera.width_px, camera.height_px)
-            assert at.min() > 0.0
-            assert at.max() < 1.0

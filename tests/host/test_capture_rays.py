@@ -185,7 +185,6 @@ def pair(convex="in", **changes):
 
 
 def rays_from(point, aim):
-    """Rays from one point through points (n, 2) of the plane z = 0."""
     way = np.column_stack([aim - point[:2], np.full(len(aim), -point[2])])
     way /= np.linalg.norm(way, axis=1)[:, None]
     return Ray(*(np.full(len(aim), c) for c in point), *way.T)

@@ -36,7 +36,6 @@ TINY = display_toml(focused_display("square", width_px=64, height_px=48, pixel_p
 
 @pytest.fixture
 def place(tmp_path, monkeypatch):
-    """A folder with a display and a scene, and the command line in it."""
     (tmp_path / "tiny.toml").write_text(TINY)
     write_scene(tmp_path / "ball.xml", glowing_sphere((0.0, 0.0, -5.0), 2.0))
     monkeypatch.chdir(tmp_path)
@@ -492,7 +491,6 @@ def picture_for_all(mi, tmp_path_factory):
 
 @pytest.fixture
 def picture(place, picture_for_all):
-    """A picture that fits tiny.toml."""
     return Path(shutil.copy(picture_for_all, place / "a.exr"))
 
 

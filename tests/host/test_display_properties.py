@@ -73,23 +73,6 @@ def test_moire_follows_from_the_reciprocal_lattice(number, viewing):
     assert moire_of(display) == (pytest.approx((distance, max(visible) * pitch), rel=5e-3) if visible else None)
 
 
-@pytest.mark.parametrize("grid", GRIDS)
-@pytest.mark.parametrize("rotation", [0.0, 7.0, 60.0])
-def test_the_beat_is_the_wave_of_the_pixels_phases(grid, rotation):
-    """The strongest wave in the phase of the pixel columns (rows) under 512 x 512 lenslets has that period."""
-    display = display_of(grid, "panel", rotation=rotation, pixel_pitch=1.0 / 14.13)
-    basis, count = lattice_vectors(display), 512
-    i, j = np.mgrid[:count, :count]
-    for axis, beat in enumerate(beats_in_lenslets(display)):
-        phase = 14.13 * (i * basis[0, axis] + j * basis[1, axis])
-        spectrum = np.abs(np.fft.fft2(np.exp(2j * np.pi * phase)))
-        peak = np.array(np.unravel_index(spectrum.argmax(), spectrum.shape)) / count
-        # A wave of the lattice has many frequencies, a reciprocal vector apart; the eye sees the slowest.
-        whole = np.stack(np.meshgrid([-1, 0, 1], [-1, 0, 1]), axis=-1).reshape(-1, 2)
-        slowest = np.linalg.norm((peak - whole) @ np.linalg.inv(basis).T, axis=1).min()
-        assert slowest == pytest.approx(1.0 / beat, abs=3.0 / count)
-
-
 @pytest.mark.parametrize("number", range(40))
 def test_lenslets_within_an_extent_are_those_that_pass_rays(number):
     """On a panel that is larger than the array: lenslets that own a ray through their centre, counted."""

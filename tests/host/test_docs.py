@@ -88,7 +88,6 @@ def name_of(page):
 
 
 def blocks(page, *languages):
-    """Return (language, text) of a page's fenced blocks."""
     return [(kind, text) for kind, text in BLOCK.findall(page.read_text()) if kind in languages]
 
 
@@ -100,12 +99,10 @@ def lines(page):
 
 
 def commands(page):
-    """Return the lines of a page that call `lippmann`."""
     return [line for line in lines(page) if line.startswith("lippmann ")]
 
 
 def runs(line):
-    """Tell whether a line is run as it stands."""
     return line.startswith(("lippmann ", "mkdir ", "cc ", *SERVERS, *SAME)) and not any(
         re.match(r, line) for r in NOT_RUN
     )
@@ -219,13 +216,11 @@ def test_a_target_is_the_command_that_stands_for_it(target, command):
 
 
 def parameters(command):
-    """Return the parameters of a command, and of those below it."""
     below = command.commands.values() if isinstance(command, click.Group) else ()
     return [*command.params, *(p for one in below for p in parameters(one))]
 
 
 def json_keys(value):
-    """Return all keys of nested JSON objects."""
     if isinstance(value, dict):
         return set(value) | {key for item in value.values() for key in json_keys(item)}
     if isinstance(value, list):

@@ -173,7 +173,6 @@ def test_which_pixels_share(mi):
 
 
 def changes(source, row):
-    """The columns where another lenslet's pixels begin."""
     return np.flatnonzero(np.diff(owners(source, row + 0.5).astype(np.int64))) + 1
 
 

@@ -60,7 +60,6 @@ def pixel_centres(display):
 
 
 def programs_of(work):
-    """The hashes of the programs that some work runs."""
     import drjit as dr
 
     with dr.scoped_set_flag(dr.JitFlag.KernelHistory):
@@ -315,7 +314,6 @@ def test_samples_spread_evenly(mi):
 
 @pytest.fixture(scope="module")
 def lit(mi, tmp_path_factory):
-    """A grey floor and a ball under an area light."""
     parts = [
         '<shape type="rectangle"><transform name="to_world"><scale value="40"/><translate z="-20"/></transform>'
         f'<bsdf type="diffuse">{rgb("reflectance", (0.5, 0.5, 0.5))}</bsdf></shape>',
@@ -488,7 +486,6 @@ def test_against_the_mean_of_mitsubas_direct(mi, name, request):
 
 
 def mirror(half: float, origin: str, target: str, share: float) -> str:
-    """A square mirror at `origin` that faces `target`."""
     return (
         f'<shape type="rectangle"><transform name="to_world"><scale value="{half}"/>'
         f'<lookat origin="{origin}" target="{target}" up="0, 1, 0"/></transform>'

@@ -21,7 +21,6 @@ ORIGIN = ("machine", "date", "command", "versions", "seed", "load")
 
 
 def report(folder, *options, display=None):
-    """Run `lippmann report` for a display; without one, the report about everything."""
     words = ["--scenes", SCENES, "-o", str(folder), "--device", "llvm", *options]
     if display is None:
         return run(words, full_report.main)

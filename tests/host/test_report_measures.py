@@ -179,7 +179,6 @@ def kept(folder, *tables, origin=None):
 
 
 def told(found, folder):
-    """The section of the report that tells a comparison."""
     (folder / "moves.md").write_text((TEMPLATES / "report-changes.md").read_text())
     return Page("moves", ORIGIN, context={"comparison": found}, templates=folder).text()
 

@@ -97,7 +97,6 @@ def seen(path, side=2.0, width=64, eye=(0.0, 0.0, 600.0), placement=None, sample
 
 
 def fields(radiance):
-    """The light in the middle of each of the four fields."""
     side = len(radiance) // 4
     return radiance[side :: 2 * side, side :: 2 * side][:2, :2]
 

@@ -353,6 +353,8 @@ def test_names_and_slots_of_layers_that_are_refused():
         ({"layers": 4, "slots": 3}, "slots = 3 cannot be built; choose 4 to 15"),
         ({"slots": 16}, "slots = 16 cannot be built; choose 4 to 15"),
         ({"width": 200}, "width = 200 cannot be built; choose 32, 64, 128, 256, 512 or 1024 texels"),
+        ({"width": 16}, "width = 16 cannot be built"),
+        ({"width": 512, "height": 1025}, "height: 1025 is not valid; give a whole number from 2 to 1024"),
         ({"height": 1}, "height: 1 is not valid; give a whole number from 2 to 1024"),
         (
             {"height": 191},

@@ -60,7 +60,6 @@ def eager(monkeypatch):
 
 
 def both_ways(scene, display, settings=SETTINGS):
-    """The picture by the irradiance cache and by each ray's own."""
     ways = (settings, replace(settings, shading="each"))
     made = [render_integral(scene, display, "exact", way) for way in ways]
     assert [one.shading for one in made] == [way.shading for way in ways]
@@ -78,7 +77,6 @@ SLENDER = np.array([[30.0, 0.3, 0.0], [0.0, 0.7, 0.0], [0.0, 0.0, 0.0]])
 
 
 def triangles(mi, corners, bsdf=BOTH):
-    """A mesh of triangles with corners of their own."""
     mesh = mi.Mesh("triangles", 3 * len(corners), len(corners))
     parameters = mi.traverse(mesh)
     parameters["vertex_positions"] = np.ravel(corners)
@@ -89,7 +87,6 @@ def triangles(mi, corners, bsdf=BOTH):
 
 
 def in_triangle(rng, count):
-    """Shares of two corners."""
     u, v = rng.random((2, count))
     return np.where(u + v > 1.0, 1.0 - u, u), np.where(u + v > 1.0, 1.0 - v, v)
 

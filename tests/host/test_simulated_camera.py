@@ -29,7 +29,6 @@ def built(request):
 
 @pytest.fixture
 def patterns(tmp_path, built):
-    """White, black and a ramp of the panel's columns."""
     folder = tmp_path / "patterns"
     folder.mkdir()
     height, width = built.panel.height_px, built.panel.width_px

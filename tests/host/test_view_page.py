@@ -37,7 +37,6 @@ def small(grid="square", **others):
 
 
 def values(*key):
-    """Panel values, 8 bits."""
     return generator(SEED, *key).integers(0, 256, (HEIGHT, WIDTH, 3), np.uint8)
 
 
@@ -52,7 +51,6 @@ def page():
 
 
 def picture_of(text):
-    """The picture that a page holds as base64 or as an address of data."""
     png = base64.b64decode(text.removeprefix("data:image/png;base64,"))
     return np.asarray(Image.open(io.BytesIO(png)).convert("RGB"))
 

@@ -80,7 +80,6 @@ def test_the_source_archive_builds_the_same_wheel(wheel):
 
 @pytest.fixture(scope="module")
 def site(wheel):
-    """The wheel's files, as pip lays them."""
     place = wheel.parent / "site"
     with zipfile.ZipFile(wheel) as archive:
         archive.extractall(place)
