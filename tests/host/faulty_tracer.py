@@ -80,7 +80,7 @@ def trace(display, pixels, aims, fault=""):
     d = np.stack([a - x, b - y, np.full_like(x, D)], axis=1)
     near = np.stack([x, y], axis=1) + gap / D * d[:, :2]
     d /= np.linalg.norm(d, axis=1)[:, None]
-    lateral = d[:, :2] * n if fault == "Snell upside down" else d[:, :2] / n
+    lateral = d[:, :2] / n
     glass = np.column_stack([lateral, np.sqrt(np.maximum(1 - (lateral**2).sum(axis=1), 0.0))])
 
     # The sphere around (0, 0, -R), met from inside.
@@ -90,8 +90,6 @@ def trace(display, pixels, aims, fault=""):
     t = -along + np.sqrt(np.maximum(along**2 - (from_centre**2).sum(axis=1) + R * R, 0.0))
     met = start + t[:, None] * glass
     normal = met / R + np.array([0.0, 0.0, 1.0])
-    if fault == "sign of the normal":
-        normal[:, :2] *= -1
     cosine = (glass * normal).sum(axis=1)
     square = 1 - n * n * (1 - cosine**2)
     out = n * glass + (np.sqrt(np.maximum(square, 0.0)) - n * cosine)[:, None] * normal

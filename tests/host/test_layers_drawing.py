@@ -7,14 +7,13 @@ from types import SimpleNamespace
 import lippmann as lp
 import numpy as np
 import pytest
-from layer_cases import float_light, float_lines
+from layer_cases import float_light, float_lines, free_stack
 from lippmann.base.tones import encoded_values
 from lippmann.engines import trace
 from lippmann.errors import InputError
 from lippmann.layers.layer_drawing import BOARD_BITS, FILTERS, draw_golden, exit_lines, panel_bytes, scene_build_of
 from lippmann.layers.stack import Layer, LayerStack
 from lippmann.optics.rays import Status
-from random_stacks import random_stack
 from scene_cases import focused_display, generator
 
 SEED = 1613
@@ -108,7 +107,7 @@ def test_random_stacks_against_a_drawing_from_back_to_front(grid, filter, sample
     )  # fmt: skip
     offsets = {1: [(0, 0)], 2: [(-0.25, -0.25), (0.25, 0.25)], 4: list(itertools.product((-0.25, 0.25), repeat=2))}
     for _ in range(4):
-        stack = random_stack(random, display)
+        stack = free_stack(random, display)
         light = draw_golden(display, stack, filter, samples)
         places = random.integers((48, 36), size=(60, 2))
         rays = trace(display, (places[:, None] + 0.5 + offsets[samples]).reshape(-1, 2))
@@ -149,7 +148,7 @@ def test_slopes_beyond_four_do_not_draw():
 def test_a_tall_picture_is_drawn_in_parts(monkeypatch):
     import lippmann.layers.layer_drawing as module
 
-    stack = random_stack(generator(SEED, "parts"), HAND)
+    stack = free_stack(generator(SEED, "parts"), HAND)
     whole = draw_golden(HAND, stack, "bilinear", 4)
     monkeypatch.setattr(module, "CHUNK_RAYS", 70)
     assert len(list(exit_lines(HAND, 4))) == 4

@@ -7,12 +7,12 @@ import zlib
 
 import numpy as np
 import pytest
+from layer_cases import free_stack
 from lippmann import load_layers
 from lippmann.errors import InputError
 from lippmann.layers.layers_folder import is_layers, load_named_layers, save_layers
 from lippmann.layers.stack import Layer, LayerStack
 from PIL import Image
-from random_stacks import random_stack
 from scene_cases import focused_display, generator
 from test_raw_images import chunk, chunks, png
 
@@ -32,7 +32,7 @@ def same(one, other):
 @pytest.mark.parametrize("case", range(12))
 def test_a_saved_stack_is_loaded_again_to_the_bit(tmp_path, case):
     random = generator(SEED, case)
-    stack = random_stack(random, DISPLAY, most=300)
+    stack = free_stack(random, DISPLAY, most=300)
     file = save_layers(tmp_path / "scene", stack)
     assert same(load_layers(tmp_path / "scene"), stack)
     assert same(load_layers(file), stack)

@@ -5,6 +5,7 @@ from fractions import Fraction
 
 import numpy as np
 import pytest
+from layer_cases import free_layer
 from lippmann.errors import InputError
 from lippmann.layers.stack import (
     Layer,
@@ -18,7 +19,6 @@ from lippmann.layers.stack import (
     rgba_of,
 )
 from PIL import Image
-from random_stacks import random_layer
 from scene_cases import focused_display, generator
 
 SEED = 1611
@@ -113,7 +113,7 @@ def test_a_moved_layer_shows_the_same_texel_at_the_moved_point():
     random = generator(SEED, "moved")
     display = focused_display("square", width_px=64, height_px=48)
     for _ in range(50):
-        layer = random_layer(random, display)
+        layer = free_layer(random, display)
         scale, offset = float(np.exp(random.uniform(-2, 2))), random.uniform(-20, 20, 3)
         after = LayerStack((layer,)).moved(scale, tuple(offset)).layers[0]
         if layer.sky:

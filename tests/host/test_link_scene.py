@@ -28,7 +28,6 @@ SEED = 2116
 FAST_BAUD = 12_000_000
 #: 4 layers, 5 slots of 64 x 48 texels: 3 blocks, and the palette's.
 SCENE = (4, 5, 6, 48)
-BLOCKS = 4
 DISPLAY = load_display("scenes/displays/paper-square.toml")
 
 

@@ -5,7 +5,6 @@ import math
 import subprocess
 import sys
 import time
-from pathlib import Path
 
 import lippmann
 import numpy as np
@@ -44,7 +43,6 @@ from scipy.spatial.transform import Rotation
 
 SEED = 7301
 SKY = '<emitter type="constant"><rgb name="radiance" value="1 1 1"/></emitter>'
-ROOT = Path(__file__).parents[2]
 
 
 def display_for(grid="square", side="panel", **others):
