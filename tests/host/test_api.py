@@ -257,6 +257,8 @@ def test_a_users_variant_neither_matters_nor_changes(small, mi, few_samples, var
         ({"seed": 2**32}, "seed"),
         ({"max_depth": 0}, "max depth 0"),
         ({"aperture": "half"}, "aperture"),
+        ({"shading": "none"}, "unknown shading 'none'; choose from auto, each, shared"),
+        *(({"tolerance": tolerance}, "tolerance") for tolerance in (-1.0, float("inf"), "x")),
         ({"integrator": ""}, "integrator.*choose lights"),
         ({"device": "tpu"}, "unknown device 'tpu'"),
         ({"placement": "x.toml"}, "placement must be a lippmann.Placement or None, not 'x.toml'"),

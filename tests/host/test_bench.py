@@ -7,7 +7,6 @@ import re
 import click.testing
 import numpy as np
 import pytest
-from lippmann.cli import run
 from lippmann.conformance.figures import read_csv
 from lippmann.rendering.options import Settings
 from lippmann.rendering.pixel_filter import noise_fraction
@@ -54,12 +53,6 @@ def test_old_command_lines_work(measured, capfd):
     assert said["rows"] == [ROW]
     assert {"machine", "date", "command", "versions"} < set(said)
     assert said["command"] == f"python -m tools.bench animate --scenes {SCENES} --seed 5 --device llvm"
-
-
-def test_the_old_command_is_answered_with_the_new_one(capfd):
-    assert run(["bench", "trace"]) == 2
-    said = "lippmann bench: measurements of Lippmann itself are made in a checkout: python -m tools.bench"
-    assert said in capfd.readouterr().err
 
 
 def test_the_origin_tells_a_command_that_runs(monkeypatch, capfd):

@@ -360,14 +360,6 @@ def test_saturated_value_wrapped():
     assert "wrapped" in verdict.fault
 
 
-@pytest.mark.full
-def test_what_no_fault_explains_still_has_a_step():
-    arrays = faulty_tracer.trace(SQUARE, *rays_for(SQUARE))
-    arrays["direction"][::7] += np.random.default_rng(SEED).normal(0, 1e-3, arrays["direction"][::7].shape)
-    verdict = judged(SQUARE, arrays)
-    assert (verdict.stage, verdict.fault, verdict.first_wrong) == ("exit", None, 0)
-
-
 def test_not_a_number_is_wrong_even_on_an_edge(ties):
     rays, right, _ = ties
     direction = right["direction"].copy()

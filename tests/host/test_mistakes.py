@@ -75,7 +75,8 @@ COMMANDS = [
     ("Inspect tiny.toml", "Inspect", "Did you mean 'inspect'"),
     ("xyzzy", "No such command 'xyzzy'", "(see --help)"),
     ("board strat", "strat", "Did you mean 'start'"),
-    ("bench rendr", "lippmann bench", "python -m tools.bench"),
+    *((f"bench {word}", "lippmann bench: measurements of Lippmann itself are made in", "python -m tools.bench")
+      for word in ("rendr", "trace")),
     ("export pov", "pov", "Did you mean 'povray'"),
     (RENDER.replace("--display", "--dispaly"), "--dispaly", "Did you mean '--display'?"),
     (f"{RENDER} --sample 2", "--sample", "--samples"),
@@ -110,6 +111,8 @@ COMMANDS = [
     ("pattern lens-centers --display tiny.toml -o w.png", "lens-centers", "did you mean lens-centres?"),
     (f"{RENDER} --samples 0", "samples 0", "give 1 to"),
     ("stream image.exr --port localhost:4000", "localhost:4000", "did you mean socket://localhost:4000?"),
+    *((f"stream image.exr --port socket://127.0.0.1:1 --resume {time}", "--resume", "")
+      for time in ("nan", "inf", "-1", "soon")),
     ("stream imag.exr --port /dev/no-such-port", "imag.exr: no such image", "did you mean image.exr?"),
     ("animate tiny.toml --display tiny.toml -o a.gif", "tiny.toml: gap_mm", "this is a display file, give a film file"),
     ("inspect latin.toml", "latin.toml: cannot be read (it is not text in UTF-8)", "give a display file (.toml)"),

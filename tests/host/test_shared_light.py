@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 from lippmann.base.tones import psnr_db
 from lippmann.base.variant import current_device
-from lippmann.errors import InputError
 from lippmann.eye.observer import Eye, Window, observe
 from lippmann.rendering import bands
 from lippmann.rendering import renderer as renderers
@@ -483,11 +482,6 @@ def test_small_pictures_and_those_of_few_lamps_do_not_share(mi, display):
     assert render_integral(few, display, "exact", Settings(samples=64)).shading == "each"
     many = render_integral(made, display, "exact", Settings(samples=64)).shading
     assert many == ("shared" if current_device() == "llvm" else "each")
-
-
-def test_unknown_shading():
-    with pytest.raises(InputError, match="unknown shading 'none'; choose from auto, each, shared"):
-        Settings(shading="none")
 
 
 @pytest.mark.parametrize("subpixels", ["none", "rgb"])

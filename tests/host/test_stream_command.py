@@ -201,9 +201,3 @@ def test_a_test_pattern_that_hides_the_frame_is_told(picture, capsys, more):
         assert run(["board", "write", "display", "pattern=0", "--port", model.url]) == 0
         assert run(words) == 0
     np.testing.assert_array_equal(model.shown, [image])
-
-
-@pytest.mark.parametrize("seconds", ["nan", "inf", "-1", "soon"])
-def test_a_time_to_wait_that_is_none_is_refused(seconds, capsys):
-    assert run(["stream", "image.png", "--port", "socket://127.0.0.1:1", "--resume", seconds]) == 2
-    assert "--resume" in capsys.readouterr().err
