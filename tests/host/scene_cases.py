@@ -104,3 +104,12 @@ def first_sphere(origin, direction, centre, radius):
         nearer = (miss < r) & (far > nearest)
         found[nearer], nearest[nearer] = k, far[nearer]
     return found, clear
+
+
+def programs_of(work):
+    import drjit as dr
+
+    with dr.scoped_set_flag(dr.JitFlag.KernelHistory):
+        dr.kernel_history_clear()
+        work()
+        return {kernel["hash"] for kernel in dr.kernel_history() if kernel["type"] == dr.KernelType.JIT}

@@ -11,7 +11,7 @@ from lippmann.base.images import read_picture
 from lippmann.capturing.capture import rays_from_picture
 from lippmann.capturing.capture_setup import Camera, Pickup, load_setup
 from lippmann.capturing.elemental_rotation import rotated, rotation_map
-from lippmann.capturing.imaging_lens import LensPair, ThinLens
+from lippmann.capturing.imaging_lens import ThinLens
 from lippmann.cli import run
 from lippmann.display.description import load_display
 from lippmann.errors import InputError
@@ -279,22 +279,6 @@ def test_the_paper_s_numbers(tmp_path, lens):
     assert setup.camera_distance_mm == pytest.approx(1450 - 355 - thickness / 3, rel=1e-12)
     assert setup.pickup == Camera(1450.0)
     assert setup.name == "s"
-
-
-@pytest.mark.parametrize(
-    ("name", "array", "real"), [("fig8a", -60, True), ("fig8b", -40, True), ("fig8c", -20, True), ("fig8d", 10, False)]
-)
-def test_figure_8(name, array, real):
-    setup = load_setup(SETUPS / f"{name}.toml")
-    assert setup.position_mm == array
-    assert setup.image_distance_mm == pytest.approx(415.0)
-    assert setup.magnification == pytest.approx(-0.415)
-    assert isinstance(setup.lens, LensPair)
-    assert setup.display == load_display(TOP / f"scenes/displays/paper-square{'-real' if real else ''}.toml")
-    assert setup.display.gap_mm == (4.8 if real else 3.3)
-    assert setup.array == setup.display.array
-    assert not setup.concave
-    assert (setup.display.panel.width_px, setup.display.panel.height_px) == (2400, 2400)
 
 
 def test_the_other_set_ups():

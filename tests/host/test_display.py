@@ -183,7 +183,10 @@ OPTICAL_CHANGES = {
     "panel.width_px": [641],
     "panel.height_px": [481],
     "panel.pixel_pitch_mm": [math.nextafter(0.05, 1), [0.05, 0.050001]],
-    "panel.subpixels": ["rgb", "bgr", "rgbw", "pentile"],
+    "panel.subpixels": [
+        *("rgb", "bgr", "rgbw", "pentile"),
+        [["red", -0.25, 0.0, 0.5, 1.0], ["green", 0.25, 0.25, 0.5, 0.5], ["blue", 0.25, -0.25, 0.5, 0.5]],
+    ],
     "array.grid": ["square"],
     "array.pitch_mm": [1.0000001, [1.0, 1.0000001]],
     "array.shear": [1e-9, -1e-9],

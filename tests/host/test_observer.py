@@ -143,26 +143,6 @@ def test_a_picture_of_another_size_is_refused(mi, shape):
         see(mi, np.ones(shape, np.float32), display_for())
 
 
-@pytest.mark.parametrize("model", MODELS)
-@pytest.mark.parametrize("grid", GRIDS)
-def test_furnace(mi, grid, model):
-    """A panel of radiance 1 looks 1 wherever rays reach it, and the view's mean is the share of rays that do."""
-    display = display_for(grid)
-    ones = np.ones((display.panel.height_px, display.panel.width_px, 3), np.float32)
-    inside = see(mi, ones, display, (12.0, -9.0, 600.0), Window(14.0, 7.0, 40, 20), model=model)
-    assert inside.status_share["ok"] + inside.status_share["crosstalk"] == pytest.approx(1.0, abs=1e-12)
-    assert np.abs(inside.radiance - 1.0).max() <= 1e-6
-    # From near and aside, past the border, at angles where lenses fail.
-    whole = see(mi, ones, display, (60.0, 10.0, 40.0), Window(24.0, 14.0, 48, 28), model=model)
-    share = whole.status_share
-    assert set(share) == {status.name.lower() for status in lippmann.Status}
-    assert sum(share.values()) == pytest.approx(1.0, abs=1e-12)
-    assert share["blocked"] > 0.0
-    assert whole.radiance.min() >= 0.0
-    assert whole.radiance.max() <= 1.0 + 1e-6
-    assert whole.radiance.mean(dtype=np.float64) == pytest.approx(share["ok"] + share["crosstalk"], abs=1e-6)
-
-
 @pytest.mark.usefixtures("four_threads")
 def test_views_repeat_and_do_not_depend_on_chunks(mi, monkeypatch):
     display = display_for()

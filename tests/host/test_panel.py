@@ -421,12 +421,3 @@ def test_a_bad_list_is_one_line(key, table, said):
     line = refusal(f"{key} = {json.dumps(table)}")
     assert re.match(rf"two\.toml: panel\.{key}(\[\d\])*: ", line)
     assert said in line
-
-
-def test_a_layout_has_its_identity_and_its_file():
-    names = [under_one_lenslet(f'subpixels = "{name}"') for name in ("none", *LAYOUTS)]
-    tables = [under_one_lenslet(f"subpixels = {json.dumps(table)}") for table in (QUAD, SHARED, [*QUAD[:3]])]
-    displays = [*names, *tables]
-    assert len({display.identity for display in displays}) == len(displays)
-    for display in displays:
-        assert parse_display(display_text(display), "two.toml") == display

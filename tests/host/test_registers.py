@@ -15,7 +15,6 @@ from lippmann.fixed.build import Build
 from lippmann.fixed.configuration import Configuration, configuration
 from lippmann.fixed.raster import Raster
 from lippmann.fixed.registers import (
-    BOARD_REGISTERS,
     OPTICS_REGISTERS,
     Field,
     build_of,
@@ -164,17 +163,6 @@ def test_a_configuration_is_written_and_read_back():
                 low = written[OPTICS_REGISTERS[f"optics_{name}_low"].address]
                 high = written[OPTICS_REGISTERS[f"optics_{name}_high"].address]
                 assert high << 32 | low == value & ((1 << widths[name]) - 1)
-
-
-@pytest.mark.parametrize("registers", [OPTICS_REGISTERS, BOARD_REGISTERS])
-def test_addresses_do_not_overlap(registers):
-    taken = [at for r in registers.values() for at in range(r.address, r.address + 4 * r.entries)]
-    assert len(taken) == len(set(taken))
-    assert max(taken) < 1 << 9
-    for register in registers.values():
-        bits = [b for field in register.fields.values() for b in range(field.low, field.low + field.width)]
-        assert len(bits) == len(set(bits))
-        assert all(b < 32 for b in bits)
 
 
 def test_a_field_holds_every_value_within_its_limits():

@@ -36,6 +36,7 @@ from scene_cases import (
     generator,
     glowing_card,
     glowing_sphere,
+    programs_of,
     rgb,
     write_scene,
 )
@@ -55,15 +56,6 @@ def pixel_centres(display):
     panel = display.panel
     v, u = np.mgrid[0 : panel.height_px, 0 : panel.width_px] + 0.5
     return np.stack([u.ravel(), v.ravel()], axis=1)
-
-
-def programs_of(work):
-    import drjit as dr
-
-    with dr.scoped_set_flag(dr.JitFlag.KernelHistory):
-        dr.kernel_history_clear()
-        work()
-        return {kernel["hash"] for kernel in dr.kernel_history() if kernel["type"] == dr.KernelType.JIT}
 
 
 def test_another_eye_placement_or_seed_needs_no_compilation(mi, tmp_path):
@@ -538,26 +530,6 @@ def test_mirrors_and_diffuse_surfaces_have_no_noise(mi, tmp_path):
     expected = 0.5 * ALBEDO / math.pi * (1e3 * -way[..., 2] / r**3)[..., None]
     # The mirror lights the floor too, but no integrator that stops at the light's shadow ray sees that.
     np.testing.assert_allclose(seen[0], expected, rtol=5e-5)
-
-
-@pytest.mark.parametrize("eye", [EYE, (60.0, -35.0, 500.0)])
-def test_near_things_in_a_view_hide_farther_ones(mi, spheres, eye):
-    """Through the pixels' centres exactly; 256 samples find as much of each as a dense grid of lines."""
-    window = Window(15.0, 10.0, 90, 60)
-    x, y = (c.ravel() for c in centres(window))
-
-    def first_colours(dx, dy):
-        on_plane = np.stack([x + dx, y + dy, 0 * x], axis=1)
-        way = np.array(eye) - on_plane
-        which, clear = first_sphere(on_plane, way / np.linalg.norm(way, axis=1)[:, None], SPHERES, RADII)
-        return np.concatenate([COLOURS, np.zeros((1, 3))])[which], clear
-
-    once, often = (render_view(spheres, eye, window, Settings(n)).radiance.reshape(-1, 3) for n in (1, 256))
-    colours, clear = first_colours(0.0, 0.0)
-    np.testing.assert_array_equal(once[clear], colours[clear])
-    steps = ((np.arange(16) + 0.5) / 16 - 0.5) * window.width_mm / window.width_px
-    total = np.mean([first_colours(dx, dy)[0] for dx, dy in itertools.product(steps, steps)], axis=0)
-    assert np.abs(often - total).max() < 0.05
 
 
 @pytest.mark.parametrize("case", range(3))

@@ -19,7 +19,7 @@ from lippmann.rendering.shading import IrradianceCache
 from lippmann.rendering.surface_lattice import FAN, Place, corners, on_octahedron, place_of
 from lippmann.scenes.placement import Placement
 from lippmann.scenes.scene import scene_of
-from scene_cases import focused_display, generator
+from scene_cases import focused_display, generator, programs_of
 
 PAINT = {"type": "diffuse", "reflectance": {"type": "rgb", "value": [0.8, 0.5, 0.2]}}
 BOTH = {"type": "twosided", "bsdf": PAINT}
@@ -88,34 +88,6 @@ def triangles(mi, corners, bsdf=BOTH):
 def in_triangle(rng, count):
     u, v = rng.random((2, count))
     return np.where(u + v > 1.0, 1.0 - u, u), np.where(u + v > 1.0, 1.0 - v, v)
-
-
-@pytest.mark.parametrize("spacing", [0.3, 1.7, 50.0])
-def test_points_are_where_their_numbers_say(mi, spacing):
-    """A numbered point's place is its own corner, with all the weight."""
-    import drjit as dr
-
-    parts = {"a": wall(mi), "b": ball(0, 0, 0, 2.0), "c": ball(4, 0, 1, 0.5)}
-    slender = triangles(mi, [np.roll(SLENDER, k, axis=0) for k in range(3)])
-    light = IrradianceCache(scene(**parts, d=slender, lamp=lamp([0, 20, 30])), spacing)
-    rng = generator(3, str(spacing))
-    number = rng.integers(0, 2 * light.points, 4000).astype(np.uint32)
-    place = place_of(light.lattices, mi.UInt32(number))
-    steps, kind = (
-        np.array(dr.gather(mi.UInt32, values, place.lattice)) for values in (light.lattices.steps, light.lattices.kind)
-    )
-    fan = (kind & FAN) != 0
-    assert fan.any() == (spacing < 30.0)
-    for along in (np.array(place.u), np.array(place.v)):
-        np.testing.assert_allclose((along * steps)[~fan], np.rint(along * steps)[~fan], atol=1e-3)
-        assert along.min() >= 0.0
-        assert along.max() <= 1.0
-    points, weights = corners(light.lattices, place)
-    near = np.stack([np.array(weight) for weight in weights]).argmax(axis=0)
-    # But at a fan's apex, where a row's points are one.
-    apart = ~fan | (np.max([place.u, place.v, 1.0 - place.u - place.v], axis=0) < 1.0 - 1e-6)
-    assert (np.stack([np.array(point) for point in points])[near, np.arange(4000)] == number)[apart].all()
-    np.testing.assert_allclose(np.stack([np.array(weight) for weight in weights]).max(axis=0), 1.0, atol=1e-3)
 
 
 def test_points_lie_no_further_apart_than_asked(mi):
@@ -230,17 +202,11 @@ def test_light_by_hand(mi):
 
 def test_another_picture_needs_no_other_programs(mi, display):
     """By another seed other samples ask for other points: their numbers are in no program, each would be compiled."""
-    import drjit as dr
-
     gc.collect()  # programs have the code of all scenes that are there
     lit = scene(a=wall(mi), b=ball(0, 0, 0, 2.0), lamp=lamp([3, 20, 30]), other=lamp([-9, 5, 20]))
 
     def programs(seed):
-        with dr.scoped_set_flag(dr.JitFlag.KernelHistory, True):
-            dr.kernel_history_clear()
-            render_integral(lit, display, "exact", replace(SETTINGS, seed=seed))
-            history = dr.kernel_history([dr.KernelType.JIT])
-        return {kernel["hash"] for kernel in history}
+        return programs_of(lambda: render_integral(lit, display, "exact", replace(SETTINGS, seed=seed)))
 
     first = programs(1)
     assert len(first) > 5

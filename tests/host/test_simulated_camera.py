@@ -252,22 +252,6 @@ def test_its_rays_meet_the_panel_where_ours_do(request, tmp_path, grid, side):
         assert np.sqrt((means[count > 50] ** 2).mean()) < 0.01
 
 
-def test_its_photographs_are_ours(request):
-    """The whole camera, with distortion and a pupil out of focus: smooth pictures, the same but for the samples."""
-    display = solids_display(request, "square", "panel")
-    camera = dataclasses.replace(camera_before(display), pupil_mm=3.0, focus_mm=140.0, vignetting=0.3)
-    row, column = np.mgrid[0:480, 0:640].astype(np.float32)
-    light = 0.5 + 0.25 * np.sin(column / 40.0) + 0.25 * np.sin(row / 31.0)
-    theirs, ours = (
-        projection.photograph(light)
-        for projection in (SolidsBench(2).project(display, camera), trace_projection(display, camera))
-    )
-    assert theirs.shape == ours.shape == (200, 240)
-    assert ours.mean() > 0.15
-    assert np.median(np.abs(theirs - ours)) < 0.01
-    assert theirs.mean() == pytest.approx(ours.mean(), rel=2e-3)
-
-
 def test_a_panel_in_contact_and_one_with_sub_pixels(request, tmp_path):
     display = solids_display(request, "square", "panel")
     touching = dataclasses.replace(display, gap_mm=0.0)
