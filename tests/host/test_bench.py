@@ -271,7 +271,7 @@ def test_a_scene_has_as_many_lamps_as_asked_and_their_power(fish, mi):
 
 def test_the_page_shows_every_way(tmp_path, monkeypatch, display, mi):
     monkeypatch.setattr(shading_speed, "load_display", lambda path: display)
-    for name, value in (("LAMPS", (1, 2)), ("SAMPLES", (1, 2)), ("SCENE_FOLDER", ("fish",)), ("CAPTURED", ())):
+    for name, value in (("LAMPS", (1, 2)), ("SAMPLES", (1, 2)), ("SCENES", ("fish",)), ("CAPTURED", ())):
         monkeypatch.setattr(shading_speed, name, value)
     rows = list(shading_speed.curves(SCENE_FOLDER, tmp_path, 1))
     assert [(row["lamps"], row["way"], row["samples"]) for row in rows[:7]] == [
@@ -308,7 +308,7 @@ def test_samples_go_where_the_noise_is():
 
 @pytest.mark.full
 def test_what_is_known_saves_more_than_what_is_found(mi, monkeypatch):
-    monkeypatch.setattr(shading_speed, "SCENE_FOLDER", ("fish",))
+    monkeypatch.setattr(shading_speed, "SCENES", ("fish",))
     monkeypatch.setattr(shading_speed, "SIDE_PX", 160)
     for row in shading_speed.samples_saved(SCENE_FOLDER, 1):
         assert row["pixel"] >= row["tile"] >= 1.0
