@@ -131,17 +131,20 @@ def test_kept_pages_are_those_of_the_kept_rows(make, names):
     assert (REPORTS / f"{page.name}.md").read_text() == page.text() + "\n"
 
 
-def test_the_page_of_calibrations_is_that_of_the_kept_rows():
-    """And it tells refusals, of which there are none among them."""
+def test_the_page_of_calibrations():
+    """Of the kept rows, and of refusals, of which there are none among them."""
     names = {"rows": "accuracy", **{name: name for name in ("solids", "bowed", "large", "sweep", "views")}}
-    read = {name: kept(f"calibration-{file}") for name, file in names.items()}
-    tables = {name: rows for name, (_, rows) in read.items()}
-    page = accuracy_page(read["rows"][0], tables, 640)
-    assert (REPORTS / "calibration-accuracy.md").read_text() == page.text() + "\n"
-    tables["rows"] = [*tables["rows"], {"display": "bad", "refused": "blurred"}]
-    trial = {"display": "one", "over": "noise", "photographs": 99, "value": 4, "refused": "too dark"}
-    tables["sweep"] = [*tables["sweep"], trial]
-    text = accuracy_page({}, tables, 640).text()
+    tables = {name: kept(f"calibration-{file}")[1] for name, file in names.items()}
+    tables["rows"].append({"display": "bad", "refused": "blurred"})
+    tables["sweep"].append({"display": "one", "over": "noise", "photographs": 99, "value": 4, "refused": "too dark"})
+    page = accuracy_page({}, tables, 640)
+    text = page.text()
+    assert {plot.name for plot in page.plots} == {"calibration-accuracy", "calibration-sweep"}
+    for name, before in (("solids", "by POV-Ray: "), ("bowed", "wrong: ")):
+        worst = max(row["rms_px"] for row in tables[name])
+        assert f"{before}at most {worst:.3f} px rms on {len(tables[name])} displays" in text
+    for row in tables["views"]:
+        assert f"with {row['before_db']:.1f} dB before, {row['after_db']:.1f} dB after" in text
     assert "displays were refused: blurred" in text
     assert "| one | noise | 4 | 99 | - | - | - | - | - | - | too dark |" in text
 
