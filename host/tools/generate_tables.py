@@ -50,7 +50,7 @@ def generate(top: Path) -> dict[Path, str]:
 
 def command_page(name: str) -> str:
     """Return the page of a command: help and options of the command and of its sub-commands."""
-    top = click.Context(cli, info_name="lippmann")
+    top = click.Context(cli, info_name="lippmann", **cli.context_settings)
     command = cli.get_command(top, name)
     assert command is not None
     context = click.Context(command, info_name=name, parent=top)
