@@ -447,7 +447,7 @@ def test_photographs_that_are_missing_or_of_other_patterns(case, spoiled, tmp_pa
     patterns = PatternSet.of(case.nominal)
     (spoiled / "02-black.png").rename(spoiled / "99-other.png")
     shutil.copy(spoiled / "01-white.png", spoiled / "01-white.bmp")
-    with pytest.raises(InputError, match=r"01-white.bmp and 01-white.png are photographs of one pattern; keep one"):
+    with pytest.raises(InputError, match=r"01-white.bmp and 01-white.png are photographs of the same pattern; keep one"):
         calibrate(spoiled.parent, case.nominal)
     (spoiled / "01-white.bmp").unlink()
     with pytest.raises(InputError, match=r"99-other.png belongs to no pattern, and the photograph of 02-black is mis"):
@@ -534,7 +534,7 @@ def test_settings_that_a_webcam_does_not_take_are_named(monkeypatch):
     sizes = (cv2.CAP_PROP_FRAME_WIDTH, cv2.CAP_PROP_FRAME_HEIGHT)
     camera = camera_of("V4L2", (cv2.CAP_PROP_AUTO_EXPOSURE, *sizes), (cv2.CAP_PROP_AUTOFOCUS,))
     monkeypatch.setattr(cv2, "VideoCapture", lambda number: camera)
-    refused = r"camera 2 \(V4L2\) does not let the size, exposure, focus be set"
+    refused = r"camera 2 \(V4L2\) refuses to set the size, exposure, focus"
     with pytest.warns(LippmannWarning, match=refused), open_webcam(2):
         pass
 

@@ -186,13 +186,13 @@ def test_where_usb_is_not_listed_the_loader_looks(place, monkeypatch, capsys):
     ("script", "said"),
     [
         ('echo "Error: JTAG is stuck"; echo "std::exception" >&2; exit 1', "failed (Error: JTAG is stuck); plug the"),
-        ('echo "mismatch between idcodes"; echo "Error: std::exception"; exit 1', "not the bitstream's (mismatch"),
+        ('echo "mismatch between idcodes"; echo "Error: std::exception"; exit 1', "the bitstream is for another FPGA (mismatch"),
         ('echo "CRC check: FAIL"; echo "Error: std::exception"; exit 1', "refuses the bitstream (CRC check"),
         ('echo "unable to claim usb device"; exit 1', "another program uses the board's adapter (unable to claim"),
         ("exit 7", "openFPGALoader failed (exit code 7); plug"),
         ('echo "JTAG init failed with: usb_open() failed: Permission denied"; exit 1', "sudo usermod -aG plugdev"),
         ('echo "unable to open ftdi device: -4 (usb_open() failed)"; exit 1', "may not use the board"),
-        ('echo "Error: found 2 matching devices"; exit 1', "several adapters of its kind are on USB (Error: found 2"),
+        ('echo "Error: found 2 matching devices"; exit 1', "several USB adapters of this kind are connected (Error: found 2"),
         ('echo "multiple devices found"; echo "Error: exit"; exit 1', "name one with --serial"),
         ('echo "Error: no matching devices"; exit 1', "openFPGALoader failed (Error: no matching devices); plug"),
     ],
@@ -206,11 +206,11 @@ def test_errors_of_the_loader(place, script, said, capsys):
     ("data", "options", "said"),
     [
         (b"PNG" * 100, (), "is not an ECP5 bitstream"),
-        (bits()[:-9], (), "is a bitstream without its end"),
+        (bits()[:-9], (), "is a bitstream whose end is missing"),
         (bits().replace(bytes(64), bytes(32)), (), "is damaged"),
         (bits() * 2, (), "is damaged"),
-        (bits().replace(b"Lippmann", b"Lipqmann"), ("--board", "ulx3s"), "is damaged: its text cannot be read"),
-        (bits().replace(b"sha256=", b"sha255="), ("--board", "ulx3s"), "is damaged: its text cannot be read"),
+        (bits().replace(b"Lippmann", b"Lipqmann"), ("--board", "ulx3s"), "is damaged: its header text cannot be read"),
+        (bits().replace(b"sha256=", b"sha255="), ("--board", "ulx3s"), "is damaged: its header text cannot be read"),
         (bits(idcode=0x41112043), (), "is for an LFE5U-45F, ulx3s has an LFE5U-85F"),
         (bits(idcode=0x12345678), (), "is for an 0x12345678, ulx3s has"),
         (bits(""), (), "names no board; name it with --board"),
@@ -239,7 +239,7 @@ def test_no_byte_of_a_file_can_be_another_or_the_last(tmp_path):
     for at in range(len(whole)):
         for wrong in (whole[:at] + bytes([whole[at] ^ 1 << at % 8]) + whole[at + 1 :], whole[:at]):
             path.write_bytes(wrong)
-            with pytest.raises(InputError, match=r"is damaged|is not an ECP5 bitstream|without its end"):
+            with pytest.raises(InputError, match=r"is damaged|is not an ECP5 bitstream|end is missing"):
                 read_bitfile(path)
 
 

@@ -202,7 +202,7 @@ def test_patterns_of_another_panel_are_named(built, patterns, tmp_path):
     Image.new("L", (320, 240)).save(patterns / "01-pattern.png")
     with pytest.raises(InputError, match=r"01-pattern\.png: is 320 x 240 pixels, the panel 640 x 480"):
         photograph_folder(built, framed(CAMERA, built), patterns, tmp_path / "photos", samples=1)
-    with pytest.raises(InputError, match="holds no patterns"):
+    with pytest.raises(InputError, match="contains no patterns"):
         photograph_folder(built, framed(CAMERA, built), tmp_path, tmp_path / "photos")
 
 

@@ -183,7 +183,7 @@ def test_another_board_that_comes_back_is_refused(picture, capsys):
 
         model.on_packet = swap
         assert run(["stream", path, "--port", line.url, "--resume", "20"]) == 1
-    assert "another board answers than before" in capsys.readouterr().err.splitlines()[-1]
+    assert "another board answers now" in capsys.readouterr().err.splitlines()[-1]
     assert model.shown == []
 
 

@@ -1,1 +1,1 @@
-"""Boards with a panel, real or virtual: protocol, streaming and checks."""
+"""Boards with a panel, real or virtual: link protocol, frame streaming and checks."""

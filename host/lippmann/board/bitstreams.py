@@ -1,9 +1,10 @@
-"""ECP5 bitstreams (.bit): their header, and the load into a board by openFPGALoader.
+"""ECP5 bitstreams (.bit): read the header, and load a bitstream into a board with openFPGALoader.
 
-A file begins with FF 00, texts that each end with 00, then FF; `make bitstream` writes
-one text. The preamble FF FF BD B3 precedes the configuration: commands of one byte,
-three bytes of options, and data. VERIFY_ID (E2) holds the device's JTAG identity. The
-last command is PROGRAM_DONE (5E), which FF may follow.
+A file begins with FF 00, then texts that each end with 00, then FF; `make bitstream`
+writes one text. The preamble FF FF BD B3 precedes the configuration. A configuration
+command has one command byte, three option bytes, and data. The command VERIFY_ID (E2)
+contains the JTAG identity. The last command is PROGRAM_DONE (5E); FF bytes may follow
+it.
 """
 
 from __future__ import annotations
@@ -26,9 +27,9 @@ logger = logging.getLogger(__name__)
 PREAMBLE = b"\xff\xff\xbd\xb3"
 VERIFY_ID = b"\xe2\x00\x00\x00"
 PROGRAM_DONE = b"\x5e\x00\x00\x00"
-#: Commands without data before VERIFY_ID: no operation, and the checksum's reset.
+#: Commands that may stand before VERIFY_ID: no operation, and reset of the CRC.
 NO_OPERATION, RESET_CRC = 0xFF, 0x3B
-#: JTAG identities of the family.
+#: Device names of the ECP5 family, keyed by JTAG identity.
 DEVICES = {
     0x21111043: "LFE5U-12F",
     0x41111043: "LFE5U-25F",
@@ -46,24 +47,24 @@ REMEDY = "give a file that make bitstream wrote"
 
 @dataclass(frozen=True)
 class BitFile:
-    """A bitstream's header; without the text of `make bitstream`, only `idcode` is known."""
+    """Header of a bitstream; without the text of `make bitstream`, the other fields are empty."""
 
     idcode: int
     board: str
     display: str
     identity: str
-    design: str  # hash of all that it was made of
+    design: str  # hash of the sources
 
     @property
     def device(self) -> str:
-        """The device's name, or its identity."""
+        """The device's name; its JTAG identity if the name is unknown."""
         return DEVICES.get(self.idcode, f"0x{self.idcode:08x}")
 
 
-#: The digest in the text before it is known.
+#: Placeholder for the digest in the header text.
 NO_DIGEST = b"0" * 64
-#: The text that `make bitstream` writes; a file with one of `WORDS`, but without the
-#: whole text, is damaged.
+#: Header text that `make bitstream` writes. A file that contains one of `WORDS`, but
+#: not the complete text, is damaged.
 TEXT = re.compile(
     rb"Lippmann board=(\S+) display=([^\0]+?) identity=([0-9a-f]{16}) design=(\w+) seed=\d+ sha256=([0-9a-f]{64})\0"
 )
@@ -71,13 +72,13 @@ WORDS = (b"Lippmann", b"identity=", b"sha256=")
 
 
 def comment(board: str, display: str, identity: str, design: str, seed: int) -> str:
-    """Return the header's text, with zeros for the digest."""
+    """Return the header text for a new bitstream, with zeros for the digest."""
     text = f"Lippmann board={board} display={display} identity={identity} design={design} seed={seed}"
     return f"{text} sha256={NO_DIGEST.decode()}"
 
 
 def sealed(data: bytes) -> bytes:
-    """Return a bitstream with its SHA-256 in its text, computed with zeros there."""
+    """Return a bitstream with its SHA-256 in the header text; the hash is computed while the text has zeros."""
     return data.replace(b"sha256=" + NO_DIGEST, b"sha256=" + _digest(data), 1)
 
 
@@ -86,7 +87,7 @@ def _digest(data: bytes) -> bytes:
 
 
 def read_bitfile(path: Path) -> BitFile:
-    """Return a bitstream's header; raise InputError for another, cut or unreadable file."""
+    """Return a bitstream's header; raise InputError for a truncated, unreadable or different file."""
     try:
         if path.exists() and not path.is_file():
             raise input_error(path, "cannot be read (it is no file)", REMEDY)
@@ -102,27 +103,27 @@ def read_bitfile(path: Path) -> BitFile:
     if start < 0 or data[at : at + 4] != VERIFY_ID or len(data) < at + 8:
         raise input_error(path, "is not an ECP5 bitstream", REMEDY)
     if not data.rstrip(b"\xff").endswith(PROGRAM_DONE):
-        raise input_error(path, "is a bitstream without its end", "copy it again, or run make bitstream")
+        raise input_error(path, "is a bitstream whose end is missing", "copy it again, or run make bitstream")
     header = data[:start]
     text = TEXT.search(header)
     idcode = int.from_bytes(data[at + 4 : at + 8], "big")
     if text is None and not any(word in header for word in WORDS):
         return BitFile(idcode, "", "", "", "")
     if text is None or text[5] != _digest(data[: text.start(5)] + NO_DIGEST + data[text.end(5) :]):
-        why = "its text cannot be read" if text is None else "its digest is another one"
+        why = "its header text cannot be read" if text is None else "its digest does not match"
         raise input_error(path, f"is damaged: {why}", "copy it again, or run make bitstream")
     return BitFile(idcode, *(word.decode(errors="replace") for word in text.groups()[:4]))
 
 
 LOADER = Tool("openFPGALoader", "writes bitstreams into FPGA boards", "run sudo apt-get install -y openfpgaloader")
-#: Longest time of a load, s: it takes 15 s, into the flash memory some minutes.
+#: Time-out of a load, s. A load into the FPGA takes 15 s, into flash some minutes.
 LOAD_SECONDS = 600.0
 CONNECT = "connect its USB socket US1, and switch it on"
 REPLUG = "plug the board in again, then run it again"
-#: Linux's list of USB devices.
+#: Folder in which Linux lists the USB devices.
 USB_DEVICES = Path("/sys/bus/usb/devices")
-#: Patterns in openFPGALoader's output, in small letters, with cause and remedy; the
-#: first that matches counts.
+#: Patterns in openFPGALoader's output (lower case), with cause and remedy. The first
+#: matching pattern decides.
 CAUSES = (
     (
         r"permission denied|access denied|usb_open\(\) failed",
@@ -132,19 +133,19 @@ CAUSES = (
     (r"unable to claim", "another program uses the board's adapter", "close it, then run it again"),
     (
         r"\b([2-9]|\d\d+) matching|\bmultiple (matching )?(adapter|board|cable|device)",
-        "several adapters of its kind are on USB",
+        "several USB adapters of this kind are connected",
         "name one with --serial: lippmann doctor lists the serial numbers",
     ),
-    (r"mismatch|id err", "the FPGA is not the bitstream's", "read the chip's print, and make one for it"),
+    (r"mismatch|id err", "the bitstream is for another FPGA", "read the chip's print, and make one for it"),
     (r"crc", "the FPGA refuses the bitstream", "make it again (make bitstream)"),
 )
-#: openFPGALoader's words when it finds no board.
+#: Phrases that openFPGALoader prints when it finds no board.
 NOT_FOUND = ("not found", "no device", "unable to open ftdi", "no cable", "can't find")
 
 
 @dataclass(frozen=True)
 class Adapter:
-    """A USB adapter: product text, and serial number, which may be empty."""
+    """A USB adapter: its product text and its serial number; the serial number may be empty."""
 
     text: str
     serial: str
@@ -154,7 +155,7 @@ class Adapter:
 
 
 def on_usb(usb: Usb) -> list[Adapter] | None:
-    """Return the USB adapters of a board's kind, also without a serial port; None where Linux has no list."""
+    """Return the connected USB adapters with a board's USB identity; None if the system lists no USB devices."""
     if not USB_DEVICES.is_dir():
         return None
     adapters = []
@@ -167,10 +168,10 @@ def on_usb(usb: Usb) -> list[Adapter] | None:
 
 
 def choose_adapter(board: FpgaBoard, adapters: list[Adapter] | None, serial: str | None) -> str | None:
-    """Return the serial number of the adapter to use; None for the only one, or without a list.
+    """Return the adapter's serial number; None if it is the only adapter or `adapters` is None.
 
-    `serial` may name an adapter with another text, as new chips have. Raises
-    DeviceError unless one remains.
+    `serial` may name an adapter with another product text, as new chips have. Raises
+    DeviceError unless exactly one adapter matches.
     """
     if adapters is None:
         return serial
@@ -198,7 +199,7 @@ def choose_adapter(board: FpgaBoard, adapters: list[Adapter] | None, serial: str
 
 
 def board_of(path: Path, file: BitFile, name: str | None) -> FpgaBoard:
-    """Return a bitstream's board, `name` if it names none; refuse another board or FPGA."""
+    """Return a bitstream's board, or `name` if the file names none; refuse another board or FPGA."""
     if name is None and not file.board:
         raise input_error(path, "the bitstream names no board", "name it with --board")
     board = fpga_board(name or file.board)
@@ -213,10 +214,10 @@ def board_of(path: Path, file: BitFile, name: str | None) -> FpgaBoard:
 def program(path: Path, name: str | None = None, serial: str | None = None, flash: bool = False) -> FpgaBoard:
     """Load a bitstream into a board's FPGA, or into its flash memory; return the board.
 
-    `name` is the board, for a bitstream that names none. `serial` is the serial number
-    of the USB adapter; None means the only board. Raises InputError for a wrong file,
-    MissingLibraryError without a working openFPGALoader, and DeviceError unless there
-    is one board and the loader succeeds.
+    `name` is the board's name, for a bitstream that names none. `serial` is the serial
+    number of the USB adapter; None means the only board. Raises InputError for an
+    unsuitable file, MissingLibraryError without a working openFPGALoader, and
+    DeviceError unless exactly one board is connected and the loader succeeds.
     """
     file = read_bitfile(path)
     board = board_of(path, file, name)
@@ -251,7 +252,7 @@ def _failure(board: FpgaBoard, output: str, code: int, again: str) -> DeviceErro
             if re.search(words, line.lower()):
                 return device_error(board.name, f"{what} ({line})", remedy)
     wrong = [line for line in lines if any(word in line.lower() for word in ("error", "fail", "unable", *NOT_FOUND))]
-    telling = [line for line in wrong if "std::exception" not in line]  # which names no cause
+    telling = [line for line in wrong if "std::exception" not in line]  # this text names no cause
     why = (telling or wrong or lines or [f"exit code {code}"])[-1]
     if any(word in output.lower() for word in NOT_FOUND):
         return no_board_error(board.name, f"openFPGALoader finds no board ({why})", CONNECT)

@@ -1,4 +1,4 @@
-"""A board with a panel: its images, its rays against the twin's, and the search for boards."""
+"""A board with a panel: show images, compare traced rays with the twin's, and search for boards."""
 
 from __future__ import annotations
 
@@ -33,28 +33,29 @@ from lippmann.rendering.integral_image import IntegralImage
 from lippmann.rendering.plan import Plan
 from lippmann.rendering.sinks import render_into
 
-#: Time-out for two frames, s; long because a simulated panel is slow.
+#: Time-out for two scanned-out frames, s; a simulated panel is slow.
 FRAME_SECONDS = 120.0
-#: Pause between two queries, s.
+#: Pause between two status queries, s.
 QUERY_S = 0.02
-#: Clocks for each ray of a SIGN: nine words, and a reserve.
+#: Clock cycles per ray of a SIGN request: nine words and one spare.
 SIGN_CLOCKS = 10
-#: Clocks for each tile of a RESET: two entries, in a table of a power of two.
+#: Clock cycles per tile of a RESET request: it clears two table entries per tile, and
+#: the table's size is a power of two.
 RESET_CLOCKS = 8
-#: Maximum of rays in a TRACE request.
+#: Maximum number of rays in a TRACE request.
 MAX_RAYS = 64
-#: Maximum of rays that the twin traces at once.
+#: Maximum number of rays that the twin traces at once.
 CHUNK_RAYS = 1 << 20
-#: Longest silence of a port in a search, s.
+#: Time-out of each port in a search, s.
 SEARCH_PATIENCE_S = 1.0
-#: Usual baud rates of boards.
+#: Baud rates that `baud_of_board` tries.
 COMMON_BAUDS = (115_200, 230_400, 460_800, 921_600, 1_000_000, 2_000_000, 3_000_000, 4_000_000, 6_000_000, 12_000_000)
 
 SIGNATURE = struct.Struct("<II")
 
 
 class Board(Session):
-    """A real or virtual board with a panel, over an open line; requests raise as in `Session`.
+    """An open connection to a real or virtual board with a panel; requests raise as in `Session`.
 
     Examples
     --------
@@ -63,11 +64,11 @@ class Board(Session):
     """
 
     def optics_build(self) -> Build:
-        """Return the build of the optics block; raise InputError for an unknown one."""
+        """Return the build of the optics block; raise InputError if this host does not know the block."""
         return build_of({name: self.word(f"optics.{name}") for name in ("identity", "version", "build")})
 
     def trace(self, u: Ints, v: Ints, a: Ints, b: Ints) -> FixedRays:
-        """Trace rays (N,) through the board's pipeline; words as in `lippmann.fixed.ray_pipeline`."""
+        """Trace rays (N,) on the board; the words have the formats of `lippmann.fixed.ray_pipeline`."""
         rays = np.stack([u, v, a, b], axis=1).astype("<i4")
         out = np.empty((len(rays), len(FixedRays._fields)), np.int64)
         for first in range(0, len(rays), MAX_RAYS):
@@ -77,7 +78,7 @@ class Board(Session):
         return FixedRays(*out.T)
 
     def sign(self, rays: int) -> tuple[int, int]:
-        """Trace a frame of about `rays` rays; return their number and CRC-32.
+        """Trace a frame of about `rays` rays; return the number of rays and their CRC-32.
 
         A time-out or Ctrl-C ends the frame.
         """
@@ -97,20 +98,20 @@ class Board(Session):
                 self.abort()
             raise
         self.abort()
-        what = f"its frame has not ended after {runs[1]} rays; {rays} were expected"
+        what = f"the traced frame has not ended after {runs[1]} rays; {rays} were expected"
         raise self.error(what, "write the raster's registers first; the frame was ended")
 
     def frame_runs(self) -> bool:
-        """Return whether the optics trace a frame, or a start waits for its end or the raster."""
+        """Return whether the optics block traces a frame, or has a frame start pending."""
         return bool(self.fields("optics.status")["running"])
 
     def abort(self) -> None:
-        """End the traced frame, drop a start that waits, and wait until the pipeline is empty."""
+        """End the traced frame, cancel a pending start, and wait until the pipeline is empty."""
         self._needs_version_2(Kind.ABORT)
         self.ask(Kind.ABORT, b"", 0)
 
     def reset(self) -> None:
-        """Reset all of the board except its line: frames, tiles and registers are lost."""
+        """Reset the board except its serial line; frames, tiles and registers are lost."""
         self._needs_version_2(Kind.RESET)
         self.ask(Kind.RESET, b"", 0, RESET_CLOCKS * self.info.grid.count / SLOWEST_HZ)
         self.hello()
@@ -121,13 +122,13 @@ class Board(Session):
             raise self.error(what, "update the board, or press its reset button")
 
     def show(self, image: IntegralImage, progress: Progress | None = None, force: bool = False) -> Sent:
-        """Show an image with the transfer curve and bits of its display; return the counts.
+        """Show an image, encoded for its display's panel; return the counts of the transfer.
 
-        The panel keeps its frame until the new one is complete, with the right CRC-32.
+        The panel keeps its frame until the new frame is complete and its CRC-32 is correct.
         A board that draws a scene only stores the frame; a LippmannWarning says so.
         `progress` counts tiles.
 
-        Raises InputError as `image_frame`, and DeviceError when the board does not
+        Raises InputError like `image_frame`, and DeviceError when the board does not
         answer, shows a test pattern, or refuses the frame.
         """
         self.check_panel()
@@ -136,10 +137,10 @@ class Board(Session):
     def show_render(
         self, plan: Plan, executor: Executor = render_here, progress: Progress | None = None, force: bool = False
     ) -> Sent:
-        """Render a plan and show it; each band's tiles are sent before the next band is taken.
+        """Render a plan and show the image; each band's tiles are sent before the next band is taken.
 
-        `progress` counts rows. Raises as `show` and `executor`; the panel then keeps
-        its frame.
+        `progress` counts rows. Raises the errors of `show` and of `executor`; after an
+        error, the panel keeps its frame.
         """
         if not hasattr(plan, "bands"):
             raise InputError(f"plan must be a plan of a render, such as Job(...).plan(), not {plan!r}")
@@ -149,7 +150,7 @@ class Board(Session):
         return sink.finish()
 
     def write_optics(self, display: Display) -> int:
-        """Write and apply a display's optics; return the number of registers.
+        """Write and apply a display's optics; return the number of written registers.
 
         Raises InputError for an unsupported display.
         """
@@ -171,14 +172,14 @@ class Board(Session):
         return self.info.version >= SCENE_VERSION and bool(self.fields("scene.status")["shown"])
 
     def check_panel(self) -> None:
-        """Raise DeviceError during a test pattern; warn while the board draws a scene."""
+        """Raise DeviceError while the panel shows a test pattern; warn while the board draws a scene."""
         self.check_no_pattern()
         if self.draws_scene():
             what = "the panel shows the scene that the board draws; the frame is stored, and shown when the scene ends"
             warnings.warn(what, LippmannWarning, stacklevel=3)
 
     def panel_crc(self) -> int:
-        """Return the CRC-32 of the next complete scanned-out frame; DeviceError without one."""
+        """Return the CRC-32 of the next complete scanned-out frame; raise DeviceError if there is none."""
         first = self.word("frames")
         until = time.monotonic() + FRAME_SECONDS
         # The second frame end completes a frame that began after the call.
@@ -202,7 +203,7 @@ class Board(Session):
 
 @dataclass(frozen=True)
 class Check:
-    """A region's number of rays, and the CRC-32 of their words from board and twin."""
+    """A region's number of rays, and the CRC-32 of their words as computed by the board and the twin."""
 
     rays: int
     board_crc: int
@@ -210,16 +211,16 @@ class Check:
 
     @property
     def equal(self) -> bool:
-        """Whether both agree in every word."""
+        """Whether the two CRC-32 values are equal."""
         return self.board_crc == self.twin_crc
 
 
 def check_rays(board: Board, display: Display, columns: tuple[int, int], rows: tuple[int, int]) -> Check:
     """Write a display's optics and compare the chief rays of a region's pixels with the twin's.
 
-    `columns` and `rows` are the region's first and last, from the panel's top left.
-    Raises InputError for a region off the panel, and for a display that the board's
-    optics do not support.
+    `columns` and `rows` give the region's first and last pixel, counted from the
+    panel's top left. Raises InputError for a region off the panel, and for a display
+    that the board's optics do not support.
     """
     panel = display.panel
     frame = Raster(panel.width_px, panel.height_px, columns, rows)
@@ -240,9 +241,9 @@ def check_rays(board: Board, display: Display, columns: tuple[int, int], rows: t
 def find_boards(
     urls: Iterable[str], baud: int | None = None, patience_s: float = SEARCH_PATIENCE_S
 ) -> tuple[list[str], list[DeviceError]]:
-    """Send HELLO to ports, by default at their `usual_baud`.
+    """Send HELLO to each port, by default at its `usual_baud`.
 
-    Return the ports of boards, and the errors of the others.
+    Return the ports at which a board answers, and the errors of the other ports.
     """
     boards, errors = [], []
     for url in urls:
@@ -260,11 +261,12 @@ def find_board(
     patience_s: float = SEARCH_PATIENCE_S,
     allowed: Callable[[list[str]], bool] = lambda urls: False,
 ) -> str:
-    """Return the port of the only board that answers; raise DeviceError unless one does.
+    """Return the port of the board that answers; raise DeviceError unless exactly one answers.
 
-    A device that is not a board may act on the bytes of a search. So without `urls`,
-    known USB adapters and this user's virtual boards are tried; and if none answers,
-    other ports, if `allowed`, called with them, returns True.
+    Other devices may react to the bytes of a search. Therefore, without `urls`, only
+    known USB adapters and this user's virtual boards are tried first. If none of them
+    answers, the other ports are tried if `allowed`, called with their list, returns
+    True.
     """
     first_urls = [*adapter_ports(), *own_boards()] if urls is None else list(urls)
     other_urls = [url for url in ports() if url not in first_urls] if urls is None else []

@@ -1,4 +1,4 @@
-"""A scene on a board that draws: textures in slots, registers of layers, and what the panel shows."""
+"""A scene that the board itself draws: load textures into slots, write the layers' registers, show the scene."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from lippmann.fixed.scene_pipeline import LayerWords, SceneWords
 from lippmann.layers.layers_folder import check_for_display
 from lippmann.layers.stack import LayerStack
 
-#: Maximum of unacknowledged bytes: one block on the line, and one in the board.
+#: Maximum number of unacknowledged bytes: one block on the line and one in the board.
 BLOCKS_WINDOW_BYTES = 2 * (BLOCK_BYTES + 16)
 
 BLOCK_REQUEST = struct.Struct("<BB")
@@ -33,29 +33,29 @@ BLOCKS_REQUEST = struct.Struct("<BBB")
 @documented
 @dataclass
 class Loaded:
-    """Blocks and bytes of a load."""
+    """Counts of a load of textures into slots."""
 
     blocks: Annotated[int, key("blocks of the contents")] = 0
-    skipped: Annotated[int, key("blocks that the board held already")] = 0
+    skipped: Annotated[int, key("blocks that the board already had")] = 0
     sends: Annotated[int, key("BLOCK packets sent")] = 0
     wire_bytes: Annotated[int, key("bytes written to the line")] = 0
-    seconds: Annotated[float, key("from the first request until the board held all blocks")] = 0.0
+    seconds: Annotated[float, key("time from the first request until the board had all blocks, s")] = 0.0
 
 
 @dataclass(frozen=True)
 class SceneStatus:
-    """Whether the scene is shown and registers wait; busy slots; counts since the reset."""
+    """Status of the scene. `waits`: written registers are not yet shown; `slots`: slots in use by the panel."""
 
     is_shown: bool
     waits: bool
     slots: frozenset[int]
     frames: int
-    underflows: int  # pixels that came too late
+    underflows: int  # pixels not drawn in time
 
 
-#: Words of a layer.
+#: Number of register words per layer.
 LAYER_WORDS = 8
-#: Addresses of the words of lattice and background, and of those of the layers.
+#: Addresses of the first lattice register and of the first layer register.
 _COMMON, LAYERS_BASE = REGISTERS["scene.lattice_xi"].address, REGISTERS["scene.layer_0_s0"].address
 
 
@@ -65,7 +65,7 @@ def _common_words(words: SceneWords) -> list[int]:
 
 
 class SceneBoard:
-    """The scene of an open board; raises DeviceError if it does not draw."""
+    """The scene of an open board; the constructor raises DeviceError if the board draws no scenes."""
 
     def __init__(self, board: Board) -> None:
         self.board = board
@@ -79,9 +79,9 @@ class SceneBoard:
         if identity != register.fields["letters"].reset or major.value(version) != major.reset:
             what = f"its scene's registers are 0x{identity:08X}, version {major.value(version)}, unknown to this host"
             raise board.error(what, UPDATE)
-        #: What the board's scene can do.
+        #: Parameters of the scene block that was built into the board.
         self.build = SceneBuild.of_word(word)
-        self._words: list[int] | None = None  # the layers' words on the board
+        self._words: list[int] | None = None  # layer words on the board; None: unknown
 
     def crcs(self, slot: int) -> list[int]:
         """Return the CRC-32 of each block of a slot; 0 for an incomplete block."""
@@ -100,16 +100,15 @@ class SceneBoard:
         window_bytes: int = BLOCKS_WINDOW_BYTES,
         loaded: Loaded | None = None,
     ) -> Loaded:
-        """Load slots without the blocks that the board holds: an interrupted load continues.
+        """Load slots. Blocks that the board already has are not sent, so an interrupted load continues.
 
-        `contents` holds the bytes of each slot: texels row by row, then the palette
-        (`slot_bytes`); slot 15 has the panel's curve. `progress` counts blocks.
-        `loaded` receives the counts, also when a load fails.
-
-        Raises InputError for contents that do not fit; DeviceError when a slot is
-        shown, or the board does not answer.
+        `contents` maps a slot to its bytes: texels row by row, then the palette
+        (`slot_bytes`); slot 15 contains the panel's transfer curve. `progress` counts
+        blocks. `loaded` receives the counts, also when a load fails. Raises InputError
+        for contents of a wrong size; DeviceError when a slot is shown, or the board
+        does not answer.
         """
-        # The low 8 bits of an item are the block's number, the others the slot's.
+        # The low 8 bits of an item are the block's number, the high bits the slot's number.
         blocks = {
             slot << 8 | number: block
             for slot, content in contents.items()
@@ -142,7 +141,7 @@ class SceneBoard:
         finally:
             loaded.wire_bytes += self.board.line.written - written
             loaded.seconds += time.monotonic() - begun
-        what = f"the textures were sent {MAX_ROUNDS} times and are still not whole on the board"
+        what = f"the textures were sent {MAX_ROUNDS} times and are still not complete on the board"
         raise self.board.error(what, "check its power, and that no other program uses it")
 
     def _blocks(self, slot: int, content: bytes) -> list[bytes]:
@@ -156,18 +155,18 @@ class SceneBoard:
         return _cut(content)
 
     def holds(self, slot: int, content: bytes) -> bool:
-        """Return whether a slot holds a content."""
+        """Return whether a slot contains exactly these bytes."""
         return self.crcs(slot) == list(map(zlib.crc32, _cut(content)))
 
     def free_slots(self, contents: Sequence[bytes]) -> list[int]:
-        """Return a slot for each content: one that has it, or can be written.
+        """Return a slot for each content: a slot that already has it, or a writable slot.
 
-        Raises DeviceError if there are too few.
+        Raises DeviceError if too few slots are available.
         """
         busy = self.status().slots
         crcs = {slot: self.crcs(slot) for slot in range(self.build.slots_built)}
         requested = [list(map(zlib.crc32, _cut(content))) for content in contents]
-        # Shown slots, which cannot be written, come first; then the most equal blocks.
+        # Shown slots, which cannot be written, sort first; then slots with most equal blocks.
         slots: dict[int, int] = {}
         alike = sorted(
             (slot not in busy, -sum(a == b and a != 0 for a, b in zip(crcs[slot], one, strict=True)), slot, k)
@@ -184,17 +183,17 @@ class SceneBoard:
         return [slots[k] for k in range(len(contents))]
 
     def set_stack(self, display: Display, stack: LayerStack, slots: Sequence[int] | None = None) -> int:
-        """Write changed registers of the layers in one request; return the number of its words.
+        """Write the changed layer registers in one request; return the number of written words.
 
-        The panel changes between two frames. Layers of the build behind the stack's are
-        hidden. Lattice and background stay. The texture of layer k is in slot k, or
-        `slots[k]`. Raises InputError for layers at or behind the eyes, and for values
-        out of range.
+        The panel changes between two frames. Layers that the stack does not use are
+        hidden. Lattice and background stay. The texture of layer k is in slot k, or in
+        `slots[k]` if given. Raises InputError for layers at or behind the eyes, and for
+        values out of range.
         """
         return self._write_layers(self._scene_words(display, stack, slots))
 
     def prepare(self, display: Display, stack: LayerStack, slots: Sequence[int] | None = None) -> None:
-        """Write optics, lattice, background and layers with no scene shown; raises as `set_stack`."""
+        """Write optics, lattice, background and layers while no scene is shown; raises like `set_stack`."""
         words = self._scene_words(display, stack, slots)
         self.board.write_optics(display)
         self.board.write(_COMMON, _common_words(words))
@@ -209,26 +208,26 @@ class SceneBoard:
         if not changed:
             return 0
         first, last = changed[0], changed[-1]
-        # Unknown during the request: the board may have executed it, or not.
+        # If the request fails, the board may or may not have executed it.
         self._words = None
         self.board.write(LAYERS_BASE + 4 * first, every[first : last + 1])
         self._words = every
         return last + 1 - first
 
     def holds_common(self, display: Display, stack: LayerStack) -> bool:
-        """Return whether the board has this lattice and background."""
+        """Return whether the board's lattice and background are those of a display and stack."""
         words = _common_words(scene_words(display, stack, self.build))
         return self.board.read(_COMMON, len(words)) == words
 
     def draw(self, scene: bool) -> None:
-        """Show the scene, or the stored frame; return when the panel does."""
+        """Show the scene, or the stored frame if `scene` is False; return when the panel shows it."""
         self.board.write(REGISTERS["scene.source"].address, [int(scene)])
         self.wait(scene)
 
     def wait(self, scene: bool | None = None) -> None:
-        """Wait until written registers and the scene or stored frame (None: any) are shown.
+        """Wait until the panel shows the written registers, and the scene or the stored frame.
 
-        Raises DeviceError after `FRAME_SECONDS`.
+        With `scene` None, either may be shown. Raises DeviceError after `FRAME_SECONDS`.
         """
         until = time.monotonic() + FRAME_SECONDS
         while (status := self.status()).waits or scene not in (None, status.is_shown):
@@ -238,7 +237,7 @@ class SceneBoard:
             time.sleep(QUERY_S)
 
     def status(self) -> SceneStatus:
-        """Return what the panel shows, and the counts of frames and underflows."""
+        """Return the status of the scene, and its counts of frames and underflows."""
         register = REGISTERS["scene.status"]
         word, frames, underflows = self.board.read(register.address, 3)
         value = register.values(word)
@@ -252,7 +251,7 @@ class SceneBoard:
             raise InputError(f"{what}; cut the scene again with --count {self.build.layers}")
         slots = range(len(stack.layers)) if slots is None else slots
         if len(slots) != len(stack.layers):
-            raise InputError(f"{len(slots)} slots for {len(stack.layers)} layers; give each layer one")
+            raise InputError(f"{len(slots)} slots for {len(stack.layers)} layers; give each layer a slot")
         return scene_words(display, stack, self.build, tuple(slots))
 
 

@@ -1,4 +1,4 @@
-"""A film of layers on a board that draws: textures into slots, then a register write for each frame."""
+"""Play a film of layers on a board that draws scenes: load textures once, then write registers per frame."""
 
 from __future__ import annotations
 
@@ -21,24 +21,25 @@ from lippmann.motion.layer_film import LayerFilm
 class Played:
     """Counts of a film that was played."""
 
-    first_bytes: Annotated[int, key("bytes on the line that prepared the first frame, textures excepted")] = 0
-    frames: Annotated[int, key("frames that were asked for")] = 0
-    seconds: Annotated[float, key("from the first frame until the last one was written")] = 0.0
-    bytes: Annotated[int, key("bytes of the motion on the line")] = 0
-    most_bytes: Annotated[int, key("most bytes of a frame")] = 0
-    late: Annotated[int, key("frames written more than a frame's time late")] = 0
+    first_bytes: Annotated[int, key("bytes sent to prepare the first frame, without textures")] = 0
+    frames: Annotated[int, key("frames written")] = 0
+    seconds: Annotated[float, key("time from the first frame to the write of the last frame, s")] = 0.0
+    bytes: Annotated[int, key("bytes sent for the frames")] = 0
+    most_bytes: Annotated[int, key("maximum number of bytes sent for a frame")] = 0
+    late: Annotated[int, key("frames written more than one frame period late")] = 0
     underflows: Annotated[int, key("pixels that the board did not draw in time")] = 0
 
 
 def load_textures(
     scene: SceneBoard, display: Display, film: LayerFilm, progress: Progress | None = None, where: str = "film"
 ) -> tuple[Loaded, list[int]]:
-    """Load a film's textures and the panel's curve; return the counts, and the slot of each layer.
+    """Load a film's textures and the panel's transfer curve; return the counts, and the slot of each layer.
 
-    A scene that is shown stays, unless it has another curve. `progress` counts blocks.
-    Before anything is sent, raises InputError, with `where` and the frame, for layers
-    that do not fit the build and for motion beyond a register's range. Raises
-    DeviceError when too few slots are free, and as `SceneBoard.load`.
+    A shown scene stays on the panel unless its transfer curve differs. `progress`
+    counts blocks. Before anything is sent, raises InputError, with `where` and the
+    frame, for layers that do not fit the build and for motion beyond a register's
+    range. Raises DeviceError when too few slots are free, and the errors of
+    `SceneBoard.load`.
     """
     contents = []
     for name, layer in zip(film.names, film.stack.layers, strict=True):
@@ -71,14 +72,13 @@ def play_film(
     progress: Progress | None = None,
     played: Played | None = None,
 ) -> Played:
-    """Play a film `repeat` times, 0 without end; its last frame stays on the panel.
+    """Play a film `repeat` times (0: endlessly); the last frame stays on the panel.
 
-    `slots` are those of `load_textures`. Frames are written at the film's speed, or
-    with `every_frame` when the panel shows the one before. `progress` counts frames,
-    unless the film has no end. `played` receives the counts, also after Ctrl-C.
-
-    Raises DeviceError when the board refuses a write, its panel does not change, or it
-    shows no scene at the end.
+    `slots` are the slots that `load_textures` returned. Frames are written at the
+    film's speed; with `every_frame`, each frame is written when the panel shows the
+    previous frame. `progress` counts frames, unless the film is endless. `played`
+    receives the counts, also after Ctrl-C. Raises DeviceError when the board refuses a
+    write, the panel does not change, or no scene is shown at the end.
     """
     played = Played() if played is None else played
     line = scene.board.line
@@ -113,12 +113,12 @@ def play_film(
     if interrupt:
         raise interrupt
     if not after.is_shown:
-        raise scene.board.error("the board draws the scene no longer: it was reset, or ended", "play the film again")
+        raise scene.board.error("the board no longer draws the scene (reset, or ended)", "play the film again")
     return played
 
 
 def _show_first(scene: SceneBoard, display: Display, film: LayerFilm, slots: list[int], played: Played) -> None:
-    """Show the first frame; a scene with the same lattice and background stays until then."""
+    """Show the first frame; a scene with this film's lattice and background stays until then."""
     stack, numbers = film.at(0)
     order = [slots[number] for number in numbers]
     is_shown = scene.status().is_shown

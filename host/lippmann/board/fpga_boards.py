@@ -1,4 +1,4 @@
-"""FPGA boards for bitstreams: rtl/board/NAME/board.toml, and how to recognise one on USB."""
+"""FPGA boards: read rtl/board/NAME/board.toml, and recognise a board on USB."""
 
 from __future__ import annotations
 
@@ -16,17 +16,17 @@ from lippmann.board.port import DEFAULT_BAUD, port_info
 from lippmann.errors import InputError, did_you_mean, input_error
 from lippmann.simulation.toolchain import hardware
 
-#: Folder of the boards' folders in a checkout, and the file in each.
+#: Folder of all boards in a checkout, and the name of a board's description file.
 FOLDER, FILE = Path("rtl", "board"), "board.toml"
 
 
 @documented
 @dataclass(frozen=True)
 class Fpga:
-    """The FPGA, as nextpnr and a bitstream's header name it."""
+    """The FPGA's names and its JTAG identity."""
 
-    device: Annotated[str, key("nextpnr's option of the size, such as `85k`")]
-    name: Annotated[str, key("the maker's name, such as `LFE5U-85F`")]
+    device: Annotated[str, key("nextpnr's option for the device size, such as `85k`")]
+    name: Annotated[str, key("the manufacturer's device name, such as `LFE5U-85F`")]
     package: Annotated[str, key("package, such as `CABGA381`")]
     speed: Annotated[int, key("speed grade", low=6, high=8)]
     idcode: Annotated[int, key("JTAG identity, 32 bits", low=0, high=0xFFFFFFFF)]
@@ -35,64 +35,64 @@ class Fpga:
 @documented
 @dataclass(frozen=True)
 class Memory:
-    """The SDR SDRAM of 16 bits."""
+    """The 16-bit SDR SDRAM."""
 
-    grade: Annotated[str, key("its times: a constant of `rtl/memory/lipp_sdram_pkg.sv`")]
-    max_mhz: Annotated[float, key("greatest clock", above=0.0)]
+    grade: Annotated[str, key("timing constant in `rtl/memory/lipp_sdram_pkg.sv`")]
+    max_mhz: Annotated[float, key("maximum clock", above=0.0)]
     megabytes: Annotated[int, key("size, MiB", low=1)]
 
 
 @documented
 @dataclass(frozen=True)
 class Limits:
-    """Greatest clocks that place-and-route meets."""
+    """Maximum clocks that place-and-route meets."""
 
-    system_mhz: Annotated[float, key("greatest clock of the system", above=0.0)]
-    memory_mhz: Annotated[float, key("greatest clock of the SDRAM's controller", above=0.0)]
-    shift_mhz: Annotated[float | None, key("greatest clock of DVI's bits, two in each")] = None
+    system_mhz: Annotated[float, key("maximum system clock", above=0.0)]
+    memory_mhz: Annotated[float, key("maximum clock of the SDRAM controller", above=0.0)]
+    shift_mhz: Annotated[float | None, key("maximum DVI bit clock, with two bits per cycle")] = None
 
 
 @documented
 @dataclass(frozen=True)
 class Usb:
-    """The board's USB adapter, and openFPGALoader's name of the board."""
+    """The board's USB adapter, and openFPGALoader's name for the board."""
 
-    vendor: Annotated[int, key("vendor", low=0, high=0xFFFF)]
-    product: Annotated[int, key("product", low=0, high=0xFFFF)]
-    text: Annotated[str, key("a part of the product's text")]
-    loader: Annotated[str, key("openFPGALoader's name of the board")]
+    vendor: Annotated[int, key("USB vendor number", low=0, high=0xFFFF)]
+    product: Annotated[int, key("USB product number", low=0, high=0xFFFF)]
+    text: Annotated[str, key("a part of the USB product text")]
+    loader: Annotated[str, key("openFPGALoader's name for the board")]
 
 
 @documented
 @dataclass(frozen=True)
 class FpgaBoard:
-    """A board: what is in its folder beside its RTL and its pins."""
+    """Description of an FPGA board, read from `board.toml` in its folder."""
 
-    name: Annotated[str, key("its name, that of its folder")]
-    title: Annotated[str, key("its maker's name, and its video output")]
+    name: Annotated[str, key("name of the board and of its folder")]
+    title: Annotated[str, key("the manufacturer's board name, and the video output")]
     top: Annotated[str, key("top module")]
-    constraints: Annotated[list[str], key("files of pins (.lpf), relative to the folder", shape="a list of paths")]
-    oscillator_mhz: Annotated[float, key("clock of the oscillator", above=0.0)]
-    video: Annotated[Literal["dvi", "parallel"], key("DVI's pairs of wires, or the parallel signals of a panel")]
+    constraints: Annotated[list[str], key("pin files (.lpf), relative to the folder", shape="a list of paths")]
+    oscillator_mhz: Annotated[float, key("oscillator frequency", above=0.0)]
+    video: Annotated[Literal["dvi", "parallel"], key("video output: DVI, or a panel's parallel signals")]
     baud: Annotated[int, key("baud rate of the serial line", low=1)]
     fpga: Annotated[Fpga, key("the FPGA")]
     memory: Annotated[Memory, key("the SDRAM")]
-    limits: Annotated[Limits, key("clocks")]
-    usb: Annotated[Usb, key("its adapter on USB")]
-    like: Annotated[str | None, key("another board: its RTL, and its keys where this file has none")] = None
+    limits: Annotated[Limits, key("maximum clocks")]
+    usb: Annotated[Usb, key("the USB adapter")]
+    like: Annotated[str | None, key("board from which RTL and missing keys are inherited")] = None
 
     @property
     def folder(self) -> Path:
-        """Its folder."""
+        """The folder of the board."""
         return hardware() / FOLDER / self.name
 
     @property
     def folders(self) -> list[Path]:
-        """The folders of its RTL: its own, then inherited ones."""
+        """The folders with the board's RTL: the board's own folder, then inherited folders."""
         return [self.folder, *([] if self.like is None else fpga_board(self.like).folders)]
 
     def owns(self, port: ListPortInfo) -> bool:
-        """Return whether a serial port is that of such a board."""
+        """Return whether a serial port belongs to a board of this type."""
         same = (port.vid, port.pid) == (self.usb.vendor, self.usb.product)
         return same and self.usb.text in (port.product or "")
 
@@ -117,7 +117,7 @@ def _chain(path: Path) -> list[Path]:
 
 
 def _keys(path: Path) -> dict[str, Any]:
-    """Return a file's keys and those it inherits; paths are relative to its folder."""
+    """Return the keys of a file, inherited keys included; paths are relative to the file's folder."""
     keys: dict[str, Any] = {}
     for one in reversed(_chain(path)):
         for name, value in load(one, "board").items():
@@ -130,12 +130,12 @@ def _keys(path: Path) -> dict[str, Any]:
 
 
 def fpga_boards() -> dict[str, FpgaBoard]:
-    """Return the boards by name; raise InputError for a wrong file."""
+    """Return all boards, keyed by name; raise InputError for an invalid file."""
     return {name: fpga_board(name) for name in _names()}
 
 
 def fpga_board(name: str) -> FpgaBoard:
-    """Return a board by name; raise InputError for an unknown name or a wrong file."""
+    """Return the board of a name; raise InputError for an unknown name or an invalid file."""
     boards, path = _names(), hardware() / FOLDER / name / FILE
     if name not in boards:
         remedy = did_you_mean(name, boards) or f"choose from {', '.join(boards)}"
@@ -147,7 +147,7 @@ def fpga_board(name: str) -> FpgaBoard:
 
 
 def board_of_port(url: str) -> FpgaBoard | None:
-    """Return the first board whose file is right and whose USB adapter a serial port has, or None."""
+    """Return the board that a serial port belongs to, or None; boards with an invalid file are skipped."""
     port = None if "://" in url else port_info(url)
     if port is None:
         return None
@@ -159,6 +159,6 @@ def board_of_port(url: str) -> FpgaBoard | None:
 
 
 def usual_baud(url: str) -> int:
-    """Return the baud rate of a port's board, or `DEFAULT_BAUD`."""
+    """Return the baud rate of a port's board, or `DEFAULT_BAUD` if the board is unknown."""
     board = board_of_port(url)
     return DEFAULT_BAUD if board is None else board.baud

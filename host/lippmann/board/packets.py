@@ -1,4 +1,4 @@
-"""Packets of the link: type, sequence number, body and CRC-32, in COBS, ended by a zero byte."""
+"""Packets of the link: type, sequence number, body and CRC-32, COBS-encoded, ended by a zero byte."""
 
 from __future__ import annotations
 
@@ -9,25 +9,26 @@ from typing import NamedTuple
 
 from cobs import cobs  # type: ignore[import-untyped]  # the package comes without types
 
-#: Versions of the protocol, in the order in which this host asks for them.
+#: Protocol versions, in the order in which this host tries them.
 VERSIONS = (2, 3, 1)
-#: First version with ABORT and RESET; that of boards that draw scenes.
+#: First protocol version with ABORT and RESET, and protocol version of boards that
+#: draw scenes.
 RESET_VERSION, SCENE_VERSION = 2, 3
-#: Longest packet with its CRC, bytes before COBS.
+#: Maximum length of a packet with its CRC, bytes before COBS.
 MAX_PACKET = 3200
-#: Longest packet after COBS, which adds one byte for each 254 or fewer.
+#: Maximum length after COBS, which adds one byte per 254 bytes or part of them.
 MAX_STUFFED = MAX_PACKET + -(-MAX_PACKET // 254)
-#: Ends a packet; COBS leaves no such byte inside.
+#: Byte that ends a packet; COBS removes zero bytes from its inside.
 DELIMITER = b"\0"
-#: Bit that is set in the type of a reply.
+#: Bit of the packet type that marks a reply.
 REPLY = 0x80
 
-#: The board's frame buffers: tiles are written to BACK, FRONT is scanned out.
+#: Numbers of the frame buffers: tiles are written to BACK, FRONT is scanned out.
 BACK, FRONT = 0, 1
 
 HEADER = struct.Struct("<BH")
 CRC = struct.Struct("<I")
-#: Shortest packet, without a body.
+#: Length of a packet with an empty body, bytes.
 MIN_PACKET = HEADER.size + CRC.size
 
 
@@ -65,7 +66,7 @@ class ReplyStatus(IntEnum):
 
 
 class Packet(NamedTuple):
-    """A valid packet: its type with the reply bit, sequence number (16 bits), body."""
+    """A valid packet: type with the reply bit, 16-bit sequence number, body."""
 
     kind: int
     seq: int
@@ -73,7 +74,7 @@ class Packet(NamedTuple):
 
 
 def packed(kind: int, seq: int, body: bytes) -> bytes:
-    """Return a packet's bytes on the line, delimited; raise ValueError beyond `MAX_PACKET`."""
+    """Return a packet's bytes on the line with the delimiter; raise ValueError above `MAX_PACKET` bytes."""
     data = HEADER.pack(kind, seq) + body
     data += CRC.pack(zlib.crc32(data))
     if len(data) > MAX_PACKET:
@@ -82,17 +83,17 @@ def packed(kind: int, seq: int, body: bytes) -> bytes:
 
 
 class PacketReader:
-    """Finds the valid packets in a stream of bytes; counts the bytes and these packets."""
+    """Finds the valid packets in a byte stream; counts received bytes and valid packets."""
 
     def __init__(self) -> None:
         self.bytes = self.accepted = 0
         self._held = b""
 
     def feed(self, data: bytes) -> list[Packet]:
-        """Return the valid packets that end in the next bytes of the line."""
+        """Take the next received bytes; return the valid packets that end in these bytes."""
         self.bytes += len(data)
         *ended, unfinished = (self._held + data).split(DELIMITER)
-        # One byte too many is enough to refuse the packet at its end.
+        # One byte more than allowed is enough to refuse an overlong packet.
         self._held = unfinished[: MAX_STUFFED + 1]
         packets = [packet for packet in map(_parsed, ended) if packet]
         self.accepted += len(packets)
@@ -100,7 +101,7 @@ class PacketReader:
 
 
 def _parsed(stuffed: bytes) -> Packet | None:
-    """Return the packet in bytes before a delimiter, or None for an invalid one."""
+    """Return the packet in COBS-encoded bytes, or None if it is invalid."""
     try:
         data = bytes(cobs.decode(stuffed)) if len(stuffed) <= MAX_STUFFED else b""
     except cobs.DecodeError:

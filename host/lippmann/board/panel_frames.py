@@ -1,4 +1,4 @@
-"""Frames for a panel: images as panel values, after a check that they belong to it."""
+"""Frames for a panel: check that an image belongs to the panel, and encode it as panel values."""
 
 from __future__ import annotations
 
@@ -20,12 +20,12 @@ from lippmann.rendering.integral_image import IntegralImage, check_image
 
 logger = logging.getLogger(__name__)
 
-#: Bits per colour on the serial link; a panel with more bits receives these.
+#: Maximum number of bits per colour on the serial link.
 LINK_BITS = 8
 
 
 class Target(NamedTuple):
-    """Identity of a display, and the size of its panel in pixels."""
+    """A display's identity, and its panel's size in pixels."""
 
     identity: int
     width: int
@@ -33,26 +33,26 @@ class Target(NamedTuple):
 
 
 class Tones(NamedTuple):
-    """Transfer curve and bits of a panel, None where unknown."""
+    """A panel's transfer curve and bits per colour; None means unknown."""
 
     transfer: Transfer | None = None
     bits: int | None = None
 
 
-#: Tones of a panel of which nothing is said.
+#: Transfer curve and bits that are assumed for an unknown panel.
 USUAL_TRANSFER, USUAL_BITS = "srgb", 8
 
 
 def panel_values(radiance: npt.NDArray[np.float32], transfer: Transfer, bits: int) -> Pixels:
-    """Encode linear radiance (height, width, 3) as values 0 to 255, also for fewer than 8 bits."""
+    """Encode linear radiance (height, width, 3); the range is 0 to 255 also for fewer than 8 bits."""
     return encoded_values(radiance, transfer, min(bits, LINK_BITS)).astype(np.uint8)
 
 
 def image_frame(image: IntegralImage, target: Hello | Target, force: bool = False) -> Pixels:
-    """Return the frame (height, width, 3) uint8 for an image's display.
+    """Return an image's frame (height, width, 3) uint8 for the panel.
 
-    Raises InputError for another display, size, transfer curve or number of bits;
-    `force` accepts another display of the same size.
+    Raises InputError if the display, size, transfer curve or number of bits differs;
+    `force` accepts another display of equal size.
     """
     check_image(image)
     name = check_shape(image.radiance.shape, image.display, target, force)
@@ -64,8 +64,8 @@ def image_frame(image: IntegralImage, target: Hello | Target, force: bool = Fals
 class FrameFile(NamedTuple):
     """An image file whose header fits a panel.
 
-    `pixels` reads its frame (height, width, 3) uint8, and raises InputError for a
-    broken file. `assumption` is a sentence about unconfirmed tones, or empty.
+    `pixels` reads the frame (height, width, 3) uint8; it raises InputError for a broken
+    file. `assumption` is a message about assumed tones, or an empty string.
     """
 
     pixels: Callable[[], Pixels]
@@ -73,7 +73,7 @@ class FrameFile(NamedTuple):
 
 
 def check_shape(shape: tuple[int, ...], display: Display, target: Hello | Target, force: bool = False) -> str:
-    """Return an image's name in messages; refuse another shape and, without `force`, another display."""
+    """Return an image's name for messages; refuse a wrong shape and, without `force`, another display."""
     check_flags(force=force)
     name = f"image for display '{display.name}'"
     _check_identity(name, display.identity, target, force)
@@ -92,12 +92,13 @@ def check_frame(
 ) -> FrameFile:
     """Check the header and the last row of an image file for a panel.
 
-    The file holds linear radiance (.exr, .tif) or panel values (.png). Its metadata
-    name the panel's transfer curve and bits; `transfer` and `panel` confirm them, or
-    supply what it does not name. The defaults are sRGB and 8 bits.
+    The file contains linear radiance (.exr, .tif) or panel values (.png). Its metadata
+    name the panel's transfer curve and bits; `transfer` and `panel` confirm them or
+    supply missing values. The defaults are sRGB and 8 bits.
 
-    Raises InputError when the file is missing, cut, not an image, or made for another
-    size, transfer curve or number of bits; without `force` also for another display.
+    Raises InputError when the file is missing, truncated, not an image, or made for
+    another size, transfer curve or number of bits; without `force` also for another
+    display.
     """
     path = Path(path)
     suffix = path.suffix.lower()
@@ -114,14 +115,14 @@ def check_frame(
 
     size_px = target.width, target.height
     with StoredRows(path, size_px, accept) as rows:
-        rows[target.height - 1]  # InputError for a file that was cut
+        rows[target.height - 1]  # raises InputError for a truncated file
     curve, bits = agreed.transfer or USUAL_TRANSFER, agreed.bits or USUAL_BITS
     text, assumption = f"{transfer_name(curve)} and {bits} bits", ""
-    # An encoded file needs no bits: its values are quantised already.
+    # The values of an encoded file are already quantised, so bits are not needed.
     if agreed.transfer is None or (agreed.bits is None and suffix not in ENCODED_SUFFIXES):
         assumption = f"{path}: {text} are assumed; name the panel with --display FILE"
     elif (curve, bits) != (USUAL_TRANSFER, USUAL_BITS) and panel is None and transfer is None:
-        # A board does not tell its panel's tones.
+        # A board does not report its panel's transfer curve.
         assumption = f"{path}: made for {text}; have the board's panel checked with --display FILE"
     return FrameFile(lambda: panel_values(read_picture(path, size_px, accept).radiance, curve, bits), assumption)
 
@@ -133,7 +134,7 @@ def load_frame(
     panel: Panel | None = None,
     force: bool = False,
 ) -> Pixels:
-    """Read an image file as a frame (height, width, 3) uint8, as `check_frame`; log assumptions."""
+    """Check an image file like `check_frame`, log assumptions, and return its frame (height, width, 3) uint8."""
     file = check_frame(path, target, transfer, panel, force)
     if file.assumption:
         logger.info(file.assumption)
@@ -141,12 +142,11 @@ def load_frame(
 
 
 def _check_identity(name: str, identity: str | None, target: Hello | Target, force: bool) -> None:
-    """Refuse an image of another or no display, except with `force`."""
     panel_identity = f"{target.identity:016x}"
     if identity != panel_identity and not force:
         what = f"was rendered for display {identity}" if identity else "names no display"
         remedy = "render it for this display, or accept it with --force (force=True in Python)"
-        raise input_error(name, f"{what}, the panel belongs to display {panel_identity}", remedy)
+        raise input_error(name, f"{what}, but the panel belongs to display {panel_identity}", remedy)
 
 
 def _tones_of(panel: Panel) -> Tones:
@@ -154,7 +154,7 @@ def _tones_of(panel: Panel) -> Tones:
 
 
 def _tones_in(name: str, metadata: Mapping[str, str], encoded: bool) -> Tones:
-    """Return the tones in metadata. Version 0.1 wrote no bits, and the curve only in PNG."""
+    """Return the tones in metadata. Version 0.1 wrote no bits, and wrote the curve only in PNG files."""
     bits = metadata.get("bits")
     if bits is not None and (len(bits) > 2 or not bits.isdecimal() or not 1 <= int(bits) <= 16):
         raise input_error(name, f"'{bits[:20]}' is not a panel's number of bits", "render it again")
@@ -162,7 +162,7 @@ def _tones_in(name: str, metadata: Mapping[str, str], encoded: bool) -> Tones:
 
 
 def _agreed(name: str, *sources: tuple[str, Tones]) -> Tones:
-    """Return the tones that several sources name; refuse a contradiction."""
+    """Return the tones that all sources together name; refuse contradicting sources."""
     agreed = Tones()
     first: dict[str, str] = {}
     for source, tones in sources:

@@ -1,7 +1,6 @@
-"""Ports of boards, opened by a URL, and packets over them: serial devices, Unix sockets and TCP.
+"""Open a board's port by its URL, and transfer packets: serial device, Unix or TCP socket.
 
-unix://PATH is a socket on this machine, socket://HOST:PORT one over TCP; pyserial opens
-the other URLs.
+unix://PATH is a Unix socket, socket://HOST:PORT a TCP socket. pyserial opens others.
 """
 
 from __future__ import annotations
@@ -26,30 +25,30 @@ from lippmann.base.files import listening, private_folder, private_path
 from lippmann.board.packets import DELIMITER, Packet, PacketReader
 from lippmann.errors import DeviceError, InputError, NoBoardError, device_error, input_error, no_board_error
 
-#: Schemes of sockets.
+#: URL schemes of sockets.
 SCHEMES = ("unix://", "socket://")
 #: Bits per byte on the line: start bit, eight data bits, stop bit.
 BITS_A_BYTE = 10
 DEFAULT_BAUD = 115200
-#: Maximum of received packets that wait for the caller; the oldest are dropped.
+#: Maximum number of received packets in the queue; older packets are dropped.
 MAX_WAITING = 1024
 READ_BYTES = 65536
-#: Longest time to write a request, s.
+#: Time-out for writing a request, s.
 SEND_S = 2.0
-#: Longest time to connect, s.
+#: Time-out for connecting, s.
 CONNECT_S = 5.0
-#: Longest token, bytes.
+#: Maximum length of a token, bytes.
 MAX_TOKEN = 256
-#: USB vendors of adapters on FPGA boards: FTDI, Silicon Labs, WCH, Prolific.
+#: USB vendor numbers of serial adapters: FTDI, Silicon Labs, WCH, Prolific.
 ADAPTER_VENDORS = (0x0403, 0x10C4, 0x1A86, 0x067B)
 
 
 def open_port(url: str, baud: int = DEFAULT_BAUD) -> serial.Serial | socket.SocketIO:
-    """Open a port for this program alone; reads and writes do not block.
+    """Open a port for exclusive use; reads and writes do not block.
 
     Raises InputError for an invalid URL or baud rate, NoBoardError when the port is
-    missing, busy, not permitted or refuses the connection, and DeviceError when it does
-    not support the baud rate.
+    missing, busy, not permitted or refuses the connection, and DeviceError when the
+    port does not support the baud rate.
     """
     address: object = url
     if not (isinstance(address, str) and address):
@@ -73,15 +72,15 @@ def open_port(url: str, baud: int = DEFAULT_BAUD) -> serial.Serial | socket.Sock
 def _connected(url: str) -> socket.SocketIO:
     """Connect to a socket and send the token.
 
-    Raises ValueError for an invalid URL, OSError if refused.
+    Raises ValueError for an invalid URL, and OSError if the connection is refused.
     """
     if url.startswith("unix://"):
         connection, address = socket.socket(socket.AF_UNIX), url.removeprefix("unix://")
     else:
         connection, address = socket.create_connection(_address(url), timeout=CONNECT_S), ""
-        # Send a short packet at once, before the one before it is acknowledged.
+        # Send short packets at once, without waiting for acknowledgements.
         connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
-    with connection:  # the file that is returned keeps it open
+    with connection:  # the returned file keeps the socket open
         if address:
             connection.settimeout(CONNECT_S)
             connection.connect(address)
@@ -99,28 +98,28 @@ def _address(url: str) -> tuple[str, int]:
 
 
 def token_of(url: str) -> bytes:
-    """Return the first line for a virtual board on TCP: the URL's ?token=, or this user's."""
+    """Return the token line for a virtual board on TCP: from the URL's ?token=, or this user's token file."""
     if not url.startswith("socket://"):
         return b""
     host, port = _address(url)
     tokens = parse_qs(urlsplit(url).query).get("token")
     if tokens:
         return tokens[0].encode()[:MAX_TOKEN] + b"\n"
-    if host in ("127.0.0.1", "localhost") and hasattr(os, "getuid"):  # Windows runs no virtual board
+    if host in ("127.0.0.1", "localhost") and hasattr(os, "getuid"):  # no virtual boards on Windows
         with contextlib.suppress(OSError), (private_path() / f"tcp-{port}.token").open("rb") as stream:
-            # A folder that another user made may hold another user's token.
+            # A file that belongs to another user is not this user's token.
             if os.fstat(stream.fileno()).st_uid == os.getuid():
                 return stream.read(MAX_TOKEN)
     return b""
 
 
 def own_boards() -> list[str]:
-    """Return the URLs of this user's virtual boards; does not connect: each serves one program."""
+    """Return the URLs of this user's virtual boards without connecting, as each serves only one program."""
     if not hasattr(socket, "AF_UNIX"):
         return []
     try:
         place = private_folder()
-    except InputError:  # another user's folder: no board of ours
+    except InputError:  # the folder belongs to another user
         return []
     live = listening()
     return sorted(f"unix://{path}" for path in place.glob("board-*.sock") if str(path) in live)
@@ -152,7 +151,7 @@ def _refusal(url: str, error: Exception) -> NoBoardError | InputError:
             what, remedy = "the port is busy", "close the other program that uses it"
         case errno.ECONNREFUSED:
             what, remedy = "no program listens there", "start the virtual board: lippmann board start"
-        case _ if "configure port" in str(error):  # pyserial gives no errno for what termios refused
+        case _ if "configure port" in str(error):  # pyserial gives no errno for errors of termios
             what, remedy = "is not a serial port", "give a serial device, a pty, or socket://HOST:PORT"
         case _:
             what, remedy = f"is not a usable port ({error})", "give a serial device, a pty, or socket://HOST:PORT"
@@ -186,12 +185,12 @@ def adapter_ports() -> list[str]:
 
 
 def port_info(url: str) -> ListPortInfo | None:
-    """Return the system's description of a serial port; None for any other port."""
+    """Return the operating system's description of a serial port; None if the URL is not a listed port."""
     return next((port for port in list_ports.comports() if port.device == url), None)
 
 
 def port_trouble(url: str) -> DeviceError | InputError | None:
-    """Return the error of a port that cannot be opened; None when it can."""
+    """Try to open a port; return the error, or None if the port can be opened."""
     try:
         open_port(url).close()
     except (DeviceError, InputError) as error:
@@ -200,7 +199,7 @@ def port_trouble(url: str) -> DeviceError | InputError | None:
 
 
 class Line:
-    """Packets over a port, for one thread; reads while it writes, to avoid a deadlock."""
+    """A connection that sends and receives packets, for one thread; reads while writing to avoid a deadlock."""
 
     def __init__(self, url: str, baud: int = DEFAULT_BAUD) -> None:
         self.url = url
@@ -209,12 +208,12 @@ class Line:
         self.written = 0
         self._port = open_port(url, baud)
         self._waiting: deque[Packet] = deque(maxlen=MAX_WAITING)
-        # A delimiter before the first packet ends what another program left unfinished.
+        # A delimiter before the first packet ends another program's unfinished packet.
         self._broken = True
         self._closed = False
-        # `select` would refuse file numbers beyond 1,023.
+        # `select` would refuse file descriptors above 1,023.
         self._selector = selectors.DefaultSelector()
-        #: A port without a file number, which is polled: rfc2217:// and loop://.
+        #: A port without a file descriptor (rfc2217://, loop://); it is polled.
         self._polled: serial.Serial | None = None
         try:
             self._selector.register(self._port, selectors.EVENT_READ)
@@ -231,17 +230,17 @@ class Line:
 
     @property
     def waiting(self) -> int:
-        """Number of packets that `receive` can return at once."""
+        """Number of received packets in the queue."""
         return len(self._waiting)
 
     def seconds(self, count: int) -> float:
-        """Return how long `count` bytes take on the line, s."""
+        """Return the transmission time of `count` bytes, s."""
         return count * BITS_A_BYTE / self.baud
 
     def send(self, packet: bytes, patience_s: float) -> bool:
         """Write a packet; return False if the port takes no byte for `patience_s`.
 
-        Raises as `receive`.
+        Raises NoBoardError when the connection is lost.
         """
         if self._broken:
             packet = DELIMITER + packet
@@ -276,7 +275,7 @@ class Line:
         return self._waiting.popleft()
 
     def _wait(self, wait_s: float, write: bool) -> bool:
-        """Wait at most `wait_s` for the port, read its bytes; return whether it accepts bytes."""
+        """Wait at most `wait_s` for the port and read its bytes; return whether the port accepts bytes."""
         if self._closed:
             raise device_error(self.url, "the line to the board is closed", "open it again (Board.open)")
         if self._polled is not None:
@@ -297,7 +296,7 @@ class Line:
                 data = self._polled.read(self._polled.in_waiting)
             else:
                 is_socket = isinstance(self._port, socket.SocketIO)
-                # The `read` of pyserial would call `select`.
+                # pyserial's `read` would call `select`.
                 data = self._port.read(READ_BYTES) if is_socket else os.read(self._port.fileno(), READ_BYTES)
                 if data == b"":
                     raise ConnectionResetError("disconnected")
@@ -309,10 +308,10 @@ class Line:
 
     def _lost(self, error: Exception) -> NoBoardError:
         if self.url.startswith(SCHEMES) and not self.reader.bytes:
-            what, remedy = "it closed the connection at once", "close the other program that uses the board"
+            what, remedy = "the board closed the connection at once", "close the other program that uses the board"
             if self.url.startswith("socket://") and not token_of(self.url):
                 remedy += ", or give the board's token: socket://HOST:PORT?token=..."
             return no_board_error(self.url, what, remedy)
         first = "see whether the board runs: if so," if self.url.startswith(SCHEMES) else "plug the board in;"
-        remedy = f"{first} it keeps what arrived"
+        remedy = f"{first} the board keeps the received data"
         return no_board_error(self.url, f"the connection is lost ({error})", remedy)

@@ -1,4 +1,4 @@
-"""Requests that are repeated until their replies arrive: time-out, refusals, a window of requests."""
+"""Repeat requests until their replies arrive: time-outs, refusals, and a window of pending requests."""
 
 from __future__ import annotations
 
@@ -17,24 +17,24 @@ from lippmann.errors import DeviceError, InputError, LippmannError, device_error
 if TYPE_CHECKING:
     from lippmann.board.session import Session
 
-#: Time-out before the first reply, shortest and longest time-out, s.
+#: Initial, minimum and maximum time-out, s.
 FIRST_S = 0.25
 SHORTEST_S = 0.05
 LONGEST_S = 5.0
-#: Factor of a time-out after each missing reply. TCP doubles it, as losses there mean
-#: congestion; here they mean noise.
+#: Factor by which a missing reply lengthens the time-out. TCP doubles its time-out
+#: because its losses mean congestion; losses on this link mean noise.
 GROWTH = 1.5
 
-#: Maximum of rounds of a frame or a load.
+#: Maximum number of attempts to transfer a frame or a load.
 MAX_ROUNDS = 8
 
-#: Causes in a busy board's reply: a frame by a register write, this SIGN, or a drawn
-#: scene runs; or a slot is shown.
+#: Causes in a BUSY reply: a frame started by a register write, a frame started by SIGN,
+#: a drawn scene, or a slot that is shown.
 FRAME_RUNS, THIS_RUNS, SCENE_RUNS, SLOT_SHOWN = 1, 3, 4, 5
 BUSY_REPLY = struct.Struct("<BI")
 
 UPDATE = "update the board or this host"
-#: Remedy where the scene that the board draws is in the way.
+#: Remedy for a refusal that the drawn scene causes.
 END_SCENE = "end the scene first: lippmann board write scene.source scene=0"
 #: Cause and remedy of each refusal.
 REFUSALS = {
@@ -54,14 +54,14 @@ REFUSALS = {
     ),
     ReplyStatus.OPTICS_REFUSED: ("its optics block refuses the window", "write the raster's registers first"),
 }
-#: Cause and remedy of STALE_EPOCH for a request in `ONCE`, whose number is too old.
-OLD_NUMBER = ("another program has used it since the connection", "connect again, and let one program at a time use it")
-#: Requests that are executed once, in the order of their numbers.
+#: Cause and remedy when a request in `ONCE` has a sequence number that is too old.
+OLD_NUMBER = ("another program has used the board meanwhile", "connect again, and let one program at a time use it")
+#: Requests that the board executes only once, in the order of their sequence numbers.
 ONCE = (Kind.WRITE, Kind.SIGN, Kind.ABORT, Kind.RESET)
 
 
 def refusal(url: str, kind: int, status: int, body: bytes = b"") -> LippmannError:
-    """Return the error of a reply whose status is not OK; `body` follows the status."""
+    """Return the error for a reply whose status is not OK; `body` is the reply after its status byte."""
     name = Kind(kind).name
     if status == ReplyStatus.BUSY and len(body) == BUSY_REPLY.size:
         return _busy(url, name, *BUSY_REPLY.unpack(body))
@@ -74,7 +74,6 @@ def refusal(url: str, kind: int, status: int, body: bytes = b"") -> LippmannErro
 
 
 def _busy(url: str, name: str, runs: int, rays: int) -> DeviceError:
-    """Return the error of a busy board, by the two words of its reply."""
     if runs == SCENE_RUNS:
         return device_error(url, f"the board refuses {name} while its optics draw a scene", END_SCENE)
     if runs == SLOT_SHOWN:
@@ -83,13 +82,13 @@ def _busy(url: str, name: str, runs: int, rays: int) -> DeviceError:
     by = "a frame that a register write started" if runs == FRAME_RUNS else f"a signature ({rays} rays so far)"
     remedy = "wait, or end it with lippmann board abort"
     if runs == FRAME_RUNS:
-        # No stream enters over the line, so such a frame waits for ever.
-        remedy += ", the only way if its source is the stream"
+        # The link carries no pixel stream, so a frame from the stream never ends.
+        remedy += " (the only remedy if the frame's source is the stream)"
     return device_error(url, f"the board refuses {name} while {by} runs", remedy)
 
 
 class RoundTrip:
-    """Round-trip time and time-out as in TCP (RFC 6298), with a smaller back-off."""
+    """Estimate of the round-trip time and the time-out, as in RFC 6298 but with a smaller back-off."""
 
     def __init__(self) -> None:
         self._smoothed: float | None = None
@@ -97,7 +96,7 @@ class RoundTrip:
         self._estimate_s = self.time_out_s = FIRST_S
 
     def sample(self, seconds: float) -> None:
-        """Add a time from a request to its reply, s."""
+        """Add a measured round-trip time, s."""
         if self._smoothed is None:
             self._smoothed, self._deviation = seconds, seconds / 2.0
         else:
@@ -115,12 +114,12 @@ class RoundTrip:
         self.time_out_s = max(self.time_out_s / GROWTH, self._estimate_s)
 
     def give_up(self) -> None:
-        """Forget the back-off after a request that failed."""
+        """Reset the back-off after a failed request."""
         self.time_out_s = self._estimate_s
 
 
 class Flight(NamedTuple):
-    """A packet without a reply: item, body, length on the line, time of sending."""
+    """A packet without a reply: its item, body, length in bytes, and send time in seconds."""
 
     item: int
     body: bytes
@@ -128,8 +127,8 @@ class Flight(NamedTuple):
     time: float
 
 
-#: Returns whether an item has arrived (else it is sent again), by its request's body,
-#: the reply's status and the rest of the reply.
+#: Return whether an item has arrived; otherwise it is sent again. The arguments are the
+#: item, its request's body, the reply's status, and the rest of the reply.
 Judge = Callable[[int, bytes, ReplyStatus, bytes], bool]
 
 
@@ -137,8 +136,8 @@ class Window:
     """Sends items, each in its own request, until the board has them.
 
     Each packet has a new sequence number, so a reply identifies its packet. The line
-    keeps the order: when a reply comes, earlier packets without one are lost, or their
-    replies are. At most `window_bytes` are unacknowledged.
+    keeps the order: when a reply arrives, earlier packets without a reply are lost, or
+    their replies are lost. At most `window_bytes` bytes are unacknowledged.
     """
 
     def __init__(
@@ -148,7 +147,7 @@ class Window:
         self._body, self._judge = body, judge
         self.arrived: set[int] = set()
         self._queue: deque[int] = deque()
-        # By sequence number, in the order of sending: unanswered; given up, maybe late.
+        # Pending and given-up packets, keyed by sequence number, in order of sending.
         self._flights: dict[int, Flight] = {}
         self._lost: dict[int, Flight] = {}
         self._bytes = 0
@@ -157,10 +156,10 @@ class Window:
     def run(
         self, items: Sequence[int], total: int, progress: Progress | None = None, ends: ReplyStatus | None = None
     ) -> ReplyStatus:
-        """Send items until the board has them, and return OK; or return `ends` if it answers that.
+        """Send items until the board has them, and return OK; stop and return `ends` at a reply with that status.
 
-        `progress` counts items of `total` that the board has. Raises NoBoardError when
-        none arrives for `patience_s`.
+        `progress` counts the items of `total` that the board has. Raises NoBoardError
+        when no item arrives for `patience_s`.
         """
         self._queue.extend(items)
         line = self.session.line
@@ -168,7 +167,7 @@ class Window:
         while self._queue or self._flights:
             self._fill()
             if not self._flights:
-                continue  # the queue had only items that had arrived meanwhile
+                continue  # all queued items had arrived meanwhile
             oldest = next(iter(self._flights.values()))
             due = max(oldest.time, last_reply) + self._round_trip.time_out_s + line.seconds(oldest.length)
             end = last_gain + self.session.patience_s
@@ -187,13 +186,13 @@ class Window:
             elif now >= end:
                 raise self.session.silence()
             elif status is None and now >= due:
-                # Send one packet again; its reply shows which of the others are lost.
+                # Send one packet again; its reply shows which other packets are lost.
                 self._round_trip.back_off()
                 self._give_up([next(iter(self._flights))])
         return ReplyStatus.OK
 
     def _fill(self) -> None:
-        """Send items while the window has room, after waiting replies: they decide what to send."""
+        """Send items while the window has room; waiting replies are processed first."""
         line = self.session.line
         while self._queue and (not self._flights or (not line.waiting and self._bytes < self.window_bytes)):
             item = self._queue.popleft()
@@ -205,7 +204,7 @@ class Window:
         body = self._body(item)
         seq = self.session.next_seq()
         packet = packed(self.kind, seq, body)
-        # A sequence number that is used again belongs to the new packet.
+        # A reused sequence number belongs to the new packet.
         self._lost.pop(seq, None)
         accepted = self.session.line.send(packet, min(SEND_S, self.session.patience_s))
         self._flights[seq] = Flight(item, body, len(packet), time.monotonic())
@@ -213,7 +212,7 @@ class Window:
         return accepted
 
     def _take(self, reply: Packet) -> ReplyStatus | None:
-        """Process a reply; return its status, or None if it is to another request."""
+        """Process a reply; return its status, or None if the reply belongs to another request."""
         if reply.kind != self.kind | REPLY or not reply.body:
             return None
         if reply.seq in self._flights:
@@ -224,7 +223,7 @@ class Window:
             flight = self._lost.pop(reply.seq)
         else:
             return None
-        # Late replies are timed too: they show a slow line.
+        # Late replies are also timed, because they show a slow line.
         self._round_trip.sample(time.monotonic() - flight.time)
         try:
             status = ReplyStatus(reply.body[0])
@@ -237,7 +236,7 @@ class Window:
         return status
 
     def _give_up(self, numbers: list[int]) -> None:
-        """Treat packets as lost: their items are sent next."""
+        """Mark packets as lost, and queue their items first."""
         for seq in reversed(numbers):
             flight = self._flights.pop(seq)
             self._bytes -= flight.length

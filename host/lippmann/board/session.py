@@ -1,4 +1,4 @@
-"""A session with a board: HELLO, registers, and the frame buffers with their tiles."""
+"""A session with a board: requests for HELLO, registers, tile CRCs and buffer swaps."""
 
 from __future__ import annotations
 
@@ -19,17 +19,18 @@ from lippmann.board.tiles import TILE, Crcs, TileGrid
 from lippmann.errors import DeviceError, InputError, NoBoardError
 from lippmann.fixed.registers import BOARD_REGISTERS, OPTICS_REGISTERS, SCENE_REGISTERS, Write
 
-#: Longest silence of a board before a request fails, s.
+#: Time without a reply after which a request fails, s.
 PATIENCE_S = 10.0
-#: Clock of the slowest, simulated board, Hz: bounds requests that process a frame.
+#: Clock of the slowest board, a simulated one, Hz. It sets the time-out of requests
+#: that process a frame.
 SLOWEST_HZ = 3e5
-#: Clocks for each pixel of a PRESENT: CRC and buffer swap, doubled for safety.
+#: Clock cycles per pixel of a PRESENT request: CRC and buffer swap, doubled.
 PRESENT_CLOCKS = 4
-#: Maximum of words in a READ or WRITE, and of tiles in a TILES request.
+#: Maximum number of words in a READ or WRITE request, and of tiles in a TILES request.
 MAX_WORDS, MAX_TILES = 64, 512
 #: Addresses of the first registers of the optics block and of the scene.
 OPTICS_BASE, SCENE_BASE = 0x200, 0x400
-#: Registers by name, with a block's prefix, and their addresses on the board.
+#: Registers with their board addresses, keyed by name with the block's prefix.
 REGISTERS = {
     prefix + name: replace(register, address=base + register.address)
     for prefix, base, registers in (
@@ -54,48 +55,49 @@ TILES_REPLY = struct.Struct("<HH")
 class Hello(NamedTuple):
     """A board's reply to HELLO."""
 
-    version: Annotated[int, key("version of the protocol")]
+    version: Annotated[int, key("protocol version")]
     identity: Annotated[int, key("identity of the board's display (`Display.identity` as a number)")]
-    width: Annotated[int, key("columns of the panel, px")]
-    height: Annotated[int, key("rows of the panel, px")]
-    tile: Annotated[int, key("side of a tile, px")]
-    max_packet: Annotated[int, key("longest packet that the board accepts, bytes before COBS")]
-    clock_hz: Annotated[int, key("frequency of the board's clock")]
+    width: Annotated[int, key("panel width, px")]
+    height: Annotated[int, key("panel height, px")]
+    tile: Annotated[int, key("side length of a tile, px")]
+    max_packet: Annotated[int, key("maximum packet length that the board accepts, bytes before COBS")]
+    clock_hz: Annotated[int, key("clock frequency of the board")]
     epoch: Annotated[int, key("number of buffer swaps, modulo 2^16")]
-    optics: Annotated[int, key("register `build` of the optics block")]
+    optics: Annotated[int, key("word of the optics block's register `build`")]
 
     @property
     def grid(self) -> TileGrid:
-        """The panel's tiles."""
+        """The tile grid of the panel."""
         return TileGrid(self.width, self.height)
 
 
 class TileTable(NamedTuple):
-    """CRC-32 of each tile (count,) of a buffer, 0 for an empty one, and the epoch."""
+    """The epoch, and the CRC-32 (count,) of each tile of a frame buffer; 0 for an empty tile."""
 
     epoch: int
     crcs: Crcs
 
 
 class Session:
-    """The open line to a board; a `with` block closes it. `info` is the latest reply to HELLO.
+    """The open connection to a board; a `with` block closes it. `info` is the latest reply to HELLO.
 
     A request is repeated until its reply arrives. It raises DeviceError when the board
-    refuses it, and NoBoardError without an answer for `patience_s` seconds.
+    refuses it, and NoBoardError when no reply arrives within `patience_s` seconds.
     """
 
     def __init__(self, line: Line, patience_s: float = PATIENCE_S) -> None:
         self.line, self.patience_s = line, patience_s
-        # Random, so that late replies to another program match no request of this one.
+        # A random start keeps late replies to other programs from matching a request.
         self._seq = secrets.randbits(16)
         self._round_trip = RoundTrip()
         self.info = self.hello()
 
     @classmethod
     def open(cls, url: str, baud: int = DEFAULT_BAUD, patience_s: float = PATIENCE_S) -> Self:
-        """Open a serial device, a pty, unix://PATH or socket://HOST:PORT, and send HELLO there.
+        """Open a serial device, a pty, unix://PATH or socket://HOST:PORT, and send HELLO.
 
-        Raises as `open_port`, and DeviceError when no board with this protocol answers.
+        Raises the errors of `open_port`, and DeviceError when no board with this
+        protocol answers.
         """
         line = Line(url, baud)
         try:
@@ -120,7 +122,7 @@ class Session:
         return self._seq
 
     def ask(self, kind: Kind, body: bytes, size: int, work_s: float = 0.0) -> bytes:
-        """Send a request; return the `size` bytes behind its status, or raise as `checked`."""
+        """Send a request; return the reply's `size` bytes after the status, or raise like `checked`."""
         status, answer = self.request(kind, body, work_s)
         return self.checked(kind, status, answer, size)
 
@@ -133,11 +135,11 @@ class Session:
         return body
 
     def request(self, kind: Kind, body: bytes, work_s: float = 0.0, seq: int | None = None) -> tuple[int, bytes]:
-        """Send a request until its reply arrives; return the status and the rest of the body.
+        """Repeat a request until its reply arrives; return the status and the rest of the body.
 
-        Repetitions have one sequence number, by default a new one: the board executes
-        them once. Raises NoBoardError `patience_s` after the time of the board's work;
-        a line that accepts no bytes adds `SEND_S`.
+        All repetitions have the same sequence number, by default a new one, so the
+        board executes the request once. Raises NoBoardError without a reply after
+        `work_s` plus `patience_s`; a line that accepts no bytes adds `SEND_S`.
         """
         seq = self.next_seq() if seq is None else seq
         packet = packed(kind, seq, body)
@@ -147,7 +149,7 @@ class Session:
             self.line.send(packet, min(SEND_S, self.patience_s))
             sent_at = time.monotonic()
             until = min(end, sent_at + self._round_trip.time_out_s + self.line.seconds(len(packet) + MAX_PACKET))
-            # A line may deliver other packets without end.
+            # Other packets may arrive endlessly, so the time is checked each time.
             while time.monotonic() < until:
                 reply = self.line.receive(until - time.monotonic())
                 if reply and reply.kind == kind | REPLY and reply.seq == seq and reply.body:
@@ -163,23 +165,23 @@ class Session:
             again = True
 
     def silence(self) -> NoBoardError:
-        """Return the error of a board that does not answer."""
+        """Return the error for a board that does not answer."""
         counts = self.line.reader
         what, remedy = "nothing answers", "check the board's power, the cable, the port and the baud rate"
         if counts.accepted:
             what = f"the board has not answered for {self.patience_s:g} s"
-            remedy = "check its power and the cable; of a virtual board, that its machine is not overloaded"
+            remedy = "check its power and the cable; for a virtual board, check that its machine is not overloaded"
         elif counts.bytes:
-            what = f"{counts.bytes} bytes came, but no packet: no board, or one at another baud rate"
-            what, remedy = f"{what} than {self.line.baud}", "give the board's rate"
+            what = f"{counts.bytes} bytes arrived, but no packet: not a board, or its baud rate is not"
+            what, remedy = f"{what} {self.line.baud}", "give the board's rate"
         return NoBoardError.at(self.line.url, what, remedy)
 
     def error(self, what: str, remedy: str) -> DeviceError:
-        """Return an error that names the board's port."""
+        """Return a DeviceError that names the board's port."""
         return DeviceError.at(self.line.url, what, remedy)
 
     def hello(self) -> Hello:
-        """Send HELLO, check the reply, keep it in `info`; DeviceError for an unsuitable board."""
+        """Send HELLO, check the reply and store it in `info`; raise DeviceError for an unsuitable board."""
         nonce = secrets.randbits(32)
         for spoken in VERSIONS:
             status, body = self.request(Kind.HELLO, HELLO_REQUEST.pack(spoken, nonce))
@@ -188,22 +190,22 @@ class Session:
         version, echo, *others = HELLO_REPLY.unpack(self.checked(Kind.HELLO, status, body, HELLO_REPLY.size))
         hello = Hello(version, *others)
         if version != spoken:
-            raise self.error(f"the board speaks version {version} of the protocol, this host {spoken}", "update one")
+            raise self.error(f"the board has protocol version {version}, this host has {spoken}", "update one of them")
         if echo != nonce:
-            raise self.error("the reply answers another HELLO", "check that no other program uses this line")
+            raise self.error("the reply belongs to another HELLO", "check that no other program uses this line")
         if hello.tile != TILE or hello.max_packet < MAX_PACKET or not 1 <= hello.grid.count <= 1 << 16:
             limits = f"panel {hello.width} x {hello.height}, tile {hello.tile}, packet {hello.max_packet}"
-            raise self.error(f"the board has limits that this host does not support ({limits})", "update one")
+            raise self.error(f"the board has limits that this host does not support ({limits})", "update one of them")
         self.info = hello
         return hello
 
     def must_be(self, before: Hello) -> None:
-        """Raise DeviceError for another display than that of the board before."""
+        """Raise DeviceError if the display's identity or size differs from that in `before`."""
         if (self.info.identity, self.info.width, self.info.height) != (before.identity, before.width, before.height):
-            raise self.error("another board answers than before", "stream an image that was rendered for its display")
+            raise self.error("another board answers now", "stream an image that was rendered for its display")
 
     def read(self, address: int, count: int = 1) -> list[int]:
-        """Return `count` words from a byte address on; InputError where there is no register."""
+        """Return `count` words starting at a byte address; raise InputError for an address without a register."""
         words: list[int] = []
         for first in range(0, count, MAX_WORDS):
             size = min(MAX_WORDS, count - first)
@@ -212,15 +214,15 @@ class Session:
         return words
 
     def word(self, name: str) -> int:
-        """Return a register's word, by its name in `REGISTERS`."""
+        """Return the word of the register with this name in `REGISTERS`."""
         return self.read(REGISTERS[name].address)[0]
 
     def fields(self, name: str) -> dict[str, int]:
-        """Return a register's fields, by its name in `REGISTERS`."""
+        """Return the fields of the register with this name in `REGISTERS`."""
         return REGISTERS[name].values(self.word(name))
 
     def write(self, address: int, words: Sequence[int]) -> None:
-        """Write 1 to 64 words from a byte address on, exactly once, all or none.
+        """Write 1 to 64 words starting at a byte address. The board writes them exactly once, all or none.
 
         Raises InputError for an address without a register, and for words that do not fit.
         """
@@ -231,7 +233,7 @@ class Session:
         self.ask(Kind.WRITE, ADDRESS.pack(_checked(address)) + struct.pack(f"<{len(words)}I", *words), 0)
 
     def write_all(self, writes: Iterable[Write]) -> None:
-        """Write registers of the optics block in order, neighbours in one request."""
+        """Write registers of the optics block in order; adjacent registers share a request."""
         runs: list[list[Write]] = []
         for one in writes:
             if runs and one.address == runs[-1][-1].address + 4 and len(runs[-1]) < MAX_WORDS:
@@ -242,7 +244,7 @@ class Session:
             self.write(OPTICS_BASE + run[0].address, [one.word for one in run])
 
     def tiles(self, buffer: int) -> TileTable:
-        """Return the CRCs of the tiles of a buffer, `BACK` or `FRONT`."""
+        """Return the tile CRCs of a frame buffer, `BACK` or `FRONT`."""
         count = self.info.grid.count
         crcs = np.empty(count, np.uint32)
         epochs = set()
@@ -255,13 +257,13 @@ class Session:
             epochs.add(epoch)
             crcs[first : first + size] = np.frombuffer(body[TILES_REPLY.size :], "<u4")
         if len(epochs) > 1:
-            raise self.error("its buffers were swapped during the query", "let one program at a time use the board")
+            raise self.error("the buffers were swapped during the query", "let one program at a time use the board")
         return TileTable(epochs.pop(), crcs)
 
     def present(self, epoch: int, crc: int) -> tuple[ReplyStatus, int]:
         """Swap the buffers if the back buffer's CRC-32 is `crc`.
 
-        Return OK and the new epoch, or the refusal and `epoch`.
+        Return OK and the new epoch, or the refusal's status and `epoch`.
         """
         clocks = PRESENT_CLOCKS * self.info.width * self.info.height
         status, body = self.request(Kind.PRESENT, PRESENT_REQUEST.pack(epoch, crc), clocks / SLOWEST_HZ)
@@ -271,7 +273,6 @@ class Session:
 
 
 def _checked(address: int) -> int:
-    """Return an address that a request can hold, else raise InputError."""
     if address % 4 or not 0 <= address < 1 << 16:
         raise InputError(f"0x{address:X} is not a register address; give a multiple of 4 up to 0xFFFC")
     return address

@@ -1,4 +1,4 @@
-"""Streaming of frames: tiles are sent in a window, lost ones again; the panel shows complete frames."""
+"""Stream frames to a board: send tiles in a window, repeat lost tiles, and show complete frames only."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ from lippmann.rendering.executors import Band, RenderedBand
 from lippmann.rendering.plan import Plan
 from lippmann.rendering.sinks import bands_of_plan
 
-#: Maximum of unacknowledged bytes: about 16 raw tiles.
+#: Maximum number of unacknowledged bytes, about 16 raw tiles.
 WINDOW_BYTES = 50_000
 
 TILE_REQUEST = struct.Struct("<HHB")
@@ -35,24 +35,24 @@ TILE_REPLY = struct.Struct("<H")
 @documented
 @dataclass
 class Sent:
-    """Counts of a frame's transfer, and the tiles that were sent (`known`) and have arrived."""
+    """Counts of a frame's transfer; `known` are the indices of sent tiles, `arrived` those of arrived tiles."""
 
-    crc: Annotated[int, key("CRC-32 of the frame, as the board confirmed it")] = 0
-    epoch: Annotated[int, key("the board's epoch that shows this frame")] = 0
+    crc: Annotated[int, key("CRC-32 of the frame, confirmed by the board")] = 0
+    epoch: Annotated[int, key("epoch of the board in which it shows this frame")] = 0
     tiles: Annotated[int, key("tiles of the frame")] = 0
-    skipped: Annotated[int, key("tiles that the board held already")] = 0
-    raw: Annotated[int, key("tiles that arrived raw")] = 0
-    solid: Annotated[int, key("tiles that arrived as one colour")] = 0
-    qoi: Annotated[int, key("tiles that arrived as QOI")] = 0
+    skipped: Annotated[int, key("tiles that the board already had")] = 0
+    raw: Annotated[int, key("tiles that arrived uncoded")] = 0
+    solid: Annotated[int, key("tiles that arrived coded as a single colour")] = 0
+    qoi: Annotated[int, key("tiles that arrived coded as QOI")] = 0
     copied: Annotated[int, key("tiles that the board copied from its front buffer")] = 0
     sends: Annotated[int, key("TILE packets sent")] = 0
     resends: Annotated[int, key("TILE packets that repeat a tile")] = 0
-    rounds: Annotated[int, key("1, and 1 more for each time that the frame was completed or started again")] = 0
-    unchanged: Annotated[bool, key("whether the board showed this frame already")] = False
-    payload_bytes: Annotated[int, key("bytes of the coded tiles that arrived")] = 0
+    rounds: Annotated[int, key("attempts to send the frame")] = 0
+    unchanged: Annotated[bool, key("whether the board already showed this frame")] = False
+    payload_bytes: Annotated[int, key("bytes of the arrived coded tiles")] = 0
     wire_bytes: Annotated[int, key("bytes written to the line")] = 0
     image_bytes: Annotated[int, key("bytes of the frame's pixels")] = 0
-    seconds: Annotated[float, key("from the first request until the frame was shown, without lost connections")] = 0.0
+    seconds: Annotated[float, key("time until the frame was shown, without lost connections, s")] = 0.0
 
     def __post_init__(self) -> None:
         self.known: set[int] = set()
@@ -60,12 +60,12 @@ class Sent:
 
     @property
     def rate(self) -> float:
-        """Bytes of the frame a second."""
+        """Transfer rate: bytes of the frame per second."""
         return self.image_bytes / self.seconds if self.seconds else 0.0
 
     @property
     def overhead(self) -> float:
-        """Bytes on the line beyond the coded tiles, as a fraction of the latter."""
+        """Bytes on the line in excess of the coded tiles, as a fraction of the coded tiles' bytes."""
         return self.wire_bytes / self.payload_bytes - 1.0 if self.payload_bytes else 0.0
 
 
@@ -78,11 +78,11 @@ def send_frame(
 ) -> Sent:
     """Send a frame (height, width, 3) uint8 and show it on the panel; `progress` counts tiles.
 
-    Tiles that the board holds are not sent: after a lost connection, call again with
-    the same frame. Each call adds to `counts`, also when it fails.
+    Tiles that the board already has are not sent. After a lost connection, call again
+    with the same frame. Each call adds to `counts`, also when the call fails.
 
-    Raises InputError for a frame of another size; NoBoardError without connection or
-    answer; DeviceError when the board refuses tiles, or another board took its place.
+    Raises InputError for a frame of a wrong size; NoBoardError without a connection or
+    a reply; DeviceError when the board refuses tiles, or another board answers.
     """
     check_progress(progress)
     grid = session.info.grid
@@ -105,12 +105,12 @@ def send_frame(
 
 
 def _show(session: Session, frame: Pixels, counts: Sent, progress: Progress | None, window_bytes: int) -> None:
-    """Send the missing tiles and present the frame, until the board shows it."""
+    """Send missing tiles and request the buffer swap until the board shows the frame."""
     crcs = session.info.grid.crcs(frame)
     status = ReplyStatus.OK
     for _ in range(MAX_ROUNDS):
         if status == ReplyStatus.STALE_EPOCH:
-            # The board was reset, or is another one.
+            # The board was reset or exchanged.
             before = session.info
             session.hello()
             session.must_be(before)
@@ -120,7 +120,7 @@ def _show(session: Session, frame: Pixels, counts: Sent, progress: Progress | No
         if back.epoch != front.epoch:
             status = ReplyStatus.STALE_EPOCH
             continue
-        # 0 marks an empty tile, also where the CRC of the tile is 0.
+        # A CRC of 0 marks an empty tile; a tile whose CRC is 0 is never found.
         in_front = (front.crcs == crcs) & (crcs != 0)
         if in_front.all():
             counts.epoch = front.epoch
@@ -130,7 +130,7 @@ def _show(session: Session, frame: Pixels, counts: Sent, progress: Progress | No
             return
         missing = np.flatnonzero((back.crcs != crcs) | (crcs == 0))
         if status == ReplyStatus.FRAME_CRC_DIFFERS and not len(missing):
-            # Every tile has the right CRC, the frame not: two contents share a CRC.
+            # All tile CRCs match but the frame's CRC does not, so a tile has other content.
             missing = np.arange(counts.tiles)
             in_front[:] = False
         status = _send_tiles(session, frame, front.epoch, missing.tolist(), in_front, counts, progress, window_bytes)
@@ -138,7 +138,7 @@ def _show(session: Session, frame: Pixels, counts: Sent, progress: Progress | No
             status, counts.epoch = session.present(front.epoch, counts.crc)
         if status == ReplyStatus.OK:
             return
-    what = f"the frame was sent {MAX_ROUNDS} times and is still not whole on the board"
+    what = f"the frame was sent {MAX_ROUNDS} times and is still not complete on the board"
     raise session.error(what, "check its power, and that no other program uses it")
 
 
@@ -152,7 +152,7 @@ def _send_tiles(
     progress: Progress | None = None,
     window_bytes: int = WINDOW_BYTES,
 ) -> ReplyStatus:
-    """Send tiles, have those `in_front` copied; return OK, or STALE_EPOCH after a swap."""
+    """Send tiles, or have them copied if they are `in_front`; return OK, or STALE_EPOCH after a swap."""
     grid = session.info.grid
     refused: set[int] = set()
 
@@ -187,10 +187,10 @@ def _send_tiles(
 
 
 class BoardSink:
-    """A `Sink` that sends each tile when its last row has come; `finish` shows the frame."""
+    """A `Sink` that sends a tile as soon as all its rows are known; `finish` shows the frame."""
 
     def __init__(self, session: Session, plan: Plan, force: bool = False) -> None:
-        """Raise InputError for a plan of another display or, with `force`, of another size."""
+        """Raise InputError for a plan of another display; with `force`, only for another panel size."""
         panel = plan.display.panel
         check_shape((panel.height_px, panel.width_px, 3), plan.display, session.info, force)
         self.bands = bands_of_plan(plan)
@@ -202,7 +202,7 @@ class BoardSink:
         self._sent = Sent()
 
     def add_rows(self, first: int, rows: Pixels) -> None:
-        """Take panel values (rows, width, 3) from row `first` on, each once; send complete tiles."""
+        """Add panel values (rows, width, 3), starting at row `first`, each row once; send complete tiles."""
         last = first + len(rows)
         self._frame[first:last] = rows
         self._missing[first:last] = False
@@ -216,13 +216,13 @@ class BoardSink:
         back = self._session.tiles(BACK)
         to_send = [tile for tile in complete if back.crcs[tile] != frame_crc(self._grid.cut(self._frame, tile))]
         in_front = np.zeros(self._grid.count, np.bool_)
-        # When the board's buffers were swapped meanwhile, `finish` begins again.
+        # If the board's buffers were swapped meanwhile, `finish` sends again.
         _send_tiles(self._session, self._frame, back.epoch, to_send, in_front, self._sent)
         self._sent.wire_bytes += self._session.line.written - written
         self._sent.seconds += time.monotonic() - begun
 
     def finish(self) -> Sent:
-        """Send missing tiles, show the frame, and return the counts; raises as `send_frame`."""
+        """Send missing tiles, show the frame and return the counts; raises like `send_frame`."""
         return send_frame(self._session, self._frame, counts=self._sent)
 
     def missing_bands(self) -> Sequence[Band]:
@@ -230,7 +230,7 @@ class BoardSink:
         return self.bands
 
     def take(self, rendered: RenderedBand) -> None:
-        """Send the tiles that are complete with a band."""
+        """Add a band's rows, and send the tiles that are complete."""
         values = panel_values(rendered.radiance, self._panel.transfer, self._panel.bits)
         self.add_rows(rendered.band.rows.start, values)
 
@@ -239,7 +239,7 @@ class BoardSink:
 
 
 class Sender:
-    """A thread that shows pictures on a board; while it sends one, only the newest waits."""
+    """A thread that shows pictures on a board; if several pictures wait, only the newest is sent."""
 
     def __init__(self, session: Session) -> None:
         self.frames = self.tiles = self.wire_bytes = 0
@@ -252,14 +252,14 @@ class Sender:
         self._thread.start()
 
     def send(self, pixels: Pixels) -> None:
-        """Hand over the next picture (height, width, 3); raise the error of an earlier one."""
+        """Queue the next picture (height, width, 3); raise the error of an earlier picture."""
         if self._error is not None:
             raise self._error
         self._newest.append(pixels.copy())
         self._calls.release()
 
     def finish(self) -> None:
-        """Show the newest picture and end the thread; raise as `send`."""
+        """Show the newest picture and end the thread; raises like `send`."""
         self._over = True
         self._calls.release()
         self._thread.join()
@@ -268,11 +268,11 @@ class Sender:
 
     def _run(self) -> None:
         while self._calls.acquire() and (self._newest or not self._over):
-            if not self._newest:  # an earlier turn has sent it
+            if not self._newest:  # already sent
                 continue
             try:
                 counts = send_frame(self._session, self._newest.pop())
-            except Exception as error:  # raised where pictures are made
+            except Exception as error:  # `send` and `finish` raise it
                 self._error = error
                 return
             self.frames += 1

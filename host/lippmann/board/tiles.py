@@ -1,4 +1,4 @@
-"""Tiles: squares of 32 x 32 pixels of a frame, each with its CRC-32 and shortest coding."""
+"""Tiles of 32 x 32 pixels: cut a frame into tiles, compute their CRC-32, choose the shortest coding."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ class Coding(IntEnum):
 
 
 class Coded(NamedTuple):
-    """A tile's coding and its data."""
+    """A coded tile: the coding and the coded bytes."""
 
     coding: Coding
     data: bytes
@@ -36,7 +36,7 @@ class Coded(NamedTuple):
 
 @dataclass(frozen=True)
 class TileGrid:
-    """Tiles of a frame, row by row; clipped at the right and lower edges."""
+    """Grid of a frame's tiles, numbered row by row; tiles are clipped at the right and lower edges."""
 
     width: int
     height: int
@@ -68,8 +68,8 @@ def frame_crc(frame: Pixels) -> int:
 
 
 def code_tile(pixels: Pixels) -> Coded:
-    """Return the shortest of raw, solid and QOI for a tile (rows, columns, 3)."""
-    # The link leaves out QOI's header of 14 bytes and its end marker of 8.
+    """Return the shortest coding of a tile (rows, columns, 3): raw, solid or QOI."""
+    # The link omits QOI's 14-byte header and 8-byte end marker.
     codings = [raw_tile(pixels), Coded(Coding.QOI, qoi.encode(pixels)[14:-8])]
     if (pixels == pixels[0, 0]).all():
         codings.append(Coded(Coding.SOLID, pixels[0, 0].tobytes()))
@@ -77,5 +77,5 @@ def code_tile(pixels: Pixels) -> Coded:
 
 
 def raw_tile(pixels: Pixels) -> Coded:
-    """Return the raw coding of a tile (rows, columns, 3): its bytes."""
+    """Return the raw coding of a tile (rows, columns, 3): its pixel bytes."""
     return Coded(Coding.RAW, pixels.tobytes())

@@ -1,4 +1,4 @@
-"""Virtual boards that keep their scanned-out frames, and the comparison of frames."""
+"""Run a virtual board and capture its scanned-out frames; compare frames."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from lippmann.display.description import Display
 from lippmann.fixed.scene_build import SceneBuild
 from lippmann.simulation import virtual_board
 
-#: Longest silence of a virtual board, s: it shares the machine.
+#: Time without a reply after which a virtual board counts as failed, s.
 PATIENCE_S = 300.0
 
 
@@ -24,8 +24,8 @@ PATIENCE_S = 300.0
 class CapturedBoard:
     """An open virtual board.
 
-    When it has ended, `frames` are those scanned out, (height, width, 3) uint8, without
-    repetitions, and `counts` those of `RunningBoard.stop`.
+    After the board has ended, `frames` contains the scanned-out frames (height, width,
+    3) uint8 without repetitions, and `counts` the result of `RunningBoard.stop`.
     """
 
     board: Board
@@ -35,7 +35,7 @@ class CapturedBoard:
 
 @contextmanager
 def capturing(display: Display, scene: SceneBuild | None = None) -> Iterator[CapturedBoard]:
-    """Run a virtual board, and keep its frames; raises as `virtual_board.start`."""
+    """Run a virtual board and capture its frames; raises like `virtual_board.start`."""
     with scratch_folder() as folder:
         virtual = virtual_board.start(display, capture=folder, scene=scene)
         try:
@@ -51,6 +51,6 @@ def capturing(display: Display, scene: SceneBuild | None = None) -> Iterator[Cap
 
 
 def frames_differ(frames: Sequence[Pixels], expected: Sequence[Pixels]) -> int:
-    """Return in how many pixels frames (height, width, 3) differ; missing frames count fully."""
+    """Return the number of differing pixels of frames (height, width, 3); missing frames count fully."""
     counts = [int((one != other).any(axis=2).sum()) for one, other in zip(frames, expected, strict=False)]
     return sum(counts) + sum(one.size // 3 for one in (*frames[len(counts) :], *expected[len(counts) :]))

@@ -1,17 +1,17 @@
-"""The least squares over all positions: array, gap, the camera's lens and poses.
+"""Bundle adjustment: fit array, gap, camera lens and camera poses to all positions by least squares.
 
-The camera is a pinhole with radial distortion, the same for all positions. A point X,
-mm in the panel's frame, is at x = R (X - C) from the camera: x to the right, y down, z
+All positions share one camera, a pinhole with radial distortion. A point X, mm in the
+panel's frame, has the camera coordinates x = R (X - C): x to the right, y down, z
 forward. With (a, b) = (x, y) / z and r^2 = a^2 + b^2 its pixel is
 
     (cx, cy) + f (1 + k1 r^2 + k2 r^4) (a, b).
 
-Each lenslet that a position sees gives two points: the panel point that it shows, and
-its middle in the photograph, between its seams. Both are fitted at once, weighted by
-their scatter, of which a fraction is smooth over the array (`SmoothErrors`). Weak
-priors hold what the data leave open; a parameter whose uncertainty is that of its prior
-was not determined. The covariance is a sandwich estimate over blocks of lenslets,
-because the errors of neighbours are correlated.
+Each lenslet that a position sees gives two points: the panel point that the lenslet
+shows, and the lenslet's middle in the photograph, between its seams. Both points are
+fitted together, weighted by their scatter. A fraction of the scatter is smooth over the
+array (`SmoothErrors`). Weak priors constrain parameters that the data do not determine;
+such a parameter has the uncertainty of its prior. The covariance is a sandwich estimate
+over blocks of lenslets, because the errors of neighbouring lenslets are correlated.
 """
 
 from __future__ import annotations
@@ -34,38 +34,38 @@ from lippmann.calibration.lenslet_measurement import Lenslets, regular
 from lippmann.display.description import Display
 from lippmann.optics.rays import Bools, Floats
 
-#: The array's parameters, and the step of each for differences: mm, radians, fractions.
+#: The array's parameters with their steps for finite differences: mm, radians, fractions.
 ARRAY = {"pitch_x": 1e-5, "pitch_y": 1e-5, "shear": 1e-6, "rotation": 1e-6, "offset_x": 1e-4, "offset_y": 1e-4}
 GAP = {"gap": 1e-4}
-#: Coefficients of the array's height over its mean, mm; places are in half widths and
-#: half heights of the panel.
+#: Coefficients of the array's height above its mean, mm, with steps. Coordinates are in
+#: units of the panel's half width and half height.
 BOW = {"tilt_x": 1e-4, "tilt_y": 1e-4, "bow_xx": 1e-4, "bow_yy": 1e-4, "bow_xy": 1e-4}
-#: Degrees of the polynomial of the slope by which blur moves the seams, pitches.
+#: Degrees of the polynomial in the slope that models how blur moves the seams.
 SEAMS = range(3, 10)
 LENS = {"focal": 1e-2, "middle_x": 1e-2, "middle_y": 1e-2, "k1": 1e-5, "k2": 1e-5}
 POSE = {"turn_x": 1e-6, "turn_y": 1e-6, "turn_z": 1e-6, "place_x": 1e-2, "place_y": 1e-2, "place_z": 1e-2}
-#: Prefixes of parameters that move points in a photograph, but change no rays.
+#: Prefixes of parameters that move points in a photograph but change no traced rays.
 STILL = "seams_", "turn_", "zoom_", *LENS
-#: Prefixes of parameters that change their own view only.
+#: Prefixes of parameters that affect a single view.
 OWN_VIEW = "turn_", "place_", "zoom_"
-#: Residuals beyond this many standard deviations are outliers.
+#: Minimum residual of an outlier, in standard deviations.
 OUTLIER = 4.5
-#: Blocks of lenslets along each side of the array, for the covariance.
+#: Number of lenslet blocks along each side of the array, for the covariance.
 BLOCKS = 9
-#: Factor of a residual within the interval in which a panel point is known to be.
+#: Weight of a residual that lies inside the interval of its panel point.
 WITHIN = 0.03
-#: Minimum scatter of a point, pixels, for data without errors.
+#: Minimum scatter of a point, pixels; it limits the weights of exact data.
 LEAST_SCATTER = 0.001
 SEED = 1911
 
 
 def rotation_of(vector: Floats) -> Floats:
-    """Return the matrix (3, 3) of a rotation vector, radians."""
+    """Return the rotation matrix (3, 3) of a rotation vector, radians."""
     return np.asarray(cv2.Rodrigues(np.asarray(vector, float))[0])
 
 
 def projected(points_mm: Floats, lens: Floats, turn: Floats, place_mm: Floats) -> Floats:
-    """Return the pixels (N, 2) of points (N, 3) for a lens (f, cx, cy, k1, k2) and a pose."""
+    """Return the pixels (N, 2) at which a lens (f, cx, cy, k1, k2) with a pose shows points (N, 3)."""
     x, y, z = rotation_of(turn) @ (points_mm - place_mm).T
     z = np.maximum(z, 1e-6)
     a, b = x / z, y / z
@@ -76,22 +76,23 @@ def projected(points_mm: Floats, lens: Floats, turn: Floats, place_mm: Floats) -
 
 @dataclass(frozen=True)
 class SmoothErrors:
-    """Errors that are smooth over the array: residual distortion, aberrations and seams.
+    """Model of errors that vary smoothly over the array: residual distortion, aberrations and seams.
 
-    For each of the four columns of residuals (panel points, photograph), scaled to
-    scatter 1, the model is
+    For each of the four residual columns (two of panel points, two of the photograph),
+    scaled to scatter 1, the model is
 
         e = n + t B m,   n and m normal with deviation 1,
 
-    where B are the six polynomials of the place on the array up to degree 2, and t is a
-    fraction. The covariance of e is I + t^2 B B^T. With B = U S V^T,
+    where B contains the six polynomials up to degree 2 of the position on the array,
+    and t is the fraction of smooth scatter. The covariance of e is I + t^2 B B^T. With
+    B = U S V^T,
 
         W = I - U (1 - 1 / sqrt(1 + t^2 S^2)) U^T
 
-    makes the covariance of W e the unit matrix, as generalised least squares needs.
+    makes the covariance of W e the unit matrix, as generalised least squares requires.
 
-    The fields, for N lenslets: B (N, 6), t (4,), U (N, 6), and 1 - 1/sqrt(...) for each
-    column, (4, 6).
+    The fields for N lenslets are B (N, 6), t (4,), U (N, 6), and 1 - 1/sqrt(...) (4,
+    6), with a row for each residual column.
     """
 
     modes: Floats
@@ -101,27 +102,27 @@ class SmoothErrors:
 
     @classmethod
     def of(cls, places: Floats, shares: Floats) -> SmoothErrors:
-        """Return the smooth errors of lenslets at places (N, 2); `shares` is t (4,)."""
+        """Return the model for lenslets at lattice points (N, 2); `shares` is t (4,)."""
         u, v = (2.0 * spread_out(places) - 1.0).T
         modes = np.stack([np.ones_like(u), u, v, u * u - 1.0 / 3.0, u * v, v * v - 1.0 / 3.0], axis=1)
         basis, values, _ = np.linalg.svd(modes, full_matrices=False)
         return cls(modes, shares, basis, 1.0 - 1.0 / np.sqrt(1.0 + np.outer(shares, values) ** 2))
 
     def whitened(self, values: Floats) -> Floats:
-        """Return W times values (N, 4), (N, 4, M) or (4 N, M)."""
+        """Return W times values; the values have shape (N, 4), (N, 4, M) or (4 N, M)."""
         flat = values.reshape(len(self.basis), 4, -1)
         part = np.einsum("nk,ncm->kcm", self.basis, flat) * self.lost.T[..., None]
         return np.asarray((flat - np.einsum("nk,kcm->ncm", self.basis, part)).reshape(values.shape))
 
 
 def spread_out(places: Floats) -> Floats:
-    """Return places (N, 2) scaled to the range from 0 to 1."""
+    """Return points (N, 2) scaled to the range from 0 to 1."""
     low, size = places.min(axis=0), np.maximum(np.ptp(places, axis=0), 1e-9)
     return np.asarray((places - low) / size)
 
 
 class Rays(NamedTuple):
-    """Outlines' middles (N, 3) and panel points (N, 2), mm; terms of the seams (N, 2, M)."""
+    """Middles of outlines (N, 3), mm, panel points (N, 2), mm, and seam polynomial terms (N, 2, M)."""
 
     middles: Floats
     points: Floats
@@ -130,26 +131,26 @@ class Rays(NamedTuple):
 
 @dataclass(frozen=True)
 class Problem:
-    """A nominal display and each position's lenslets; the parameters x are one vector of `blocks`."""
+    """A nominal display and the lenslets of each position. The parameter vector x concatenates `blocks`."""
 
     display: Display
     projections: Sequence[LensProjection]
     views: Sequence[Lenslets]
-    #: Blocks that are not fitted.
+    #: Names of parameter blocks that are not fitted.
     fixed: frozenset[str] = frozenset({"bow", "zoom"})
 
     def freeing(self, block: str) -> Problem:
-        """Return the problem in which a block is fitted too."""
+        """Return the problem in which this block is also fitted."""
         return replace(self, fixed=self.fixed - {block})
 
     @cached_property
     def seam_powers(self) -> tuple[tuple[int, int], ...]:
-        """The powers (j, k) of the slope in the polynomial of the seams."""
+        """Exponents (j, k) of the slope in the seam polynomial."""
         return powers(FOLDS[self.display.array.grid], SEAMS)
 
     @cached_property
     def blocks(self) -> dict[str, dict[str, float]]:
-        """Names and steps of the parameters of each block, in order."""
+        """Parameter names and steps of each block, in the order of x."""
         views = range(len(self.views))
         seams = {f"seams_{j}{k}": 1e-4 for j, k in self.seam_powers}  # pitches
         poses = {f"{name}_{k}": step for k in views for name, step in POSE.items()}
@@ -158,32 +159,32 @@ class Problem:
 
     @cached_property
     def steps(self) -> dict[str, float]:
-        """Steps of all parameters, in order."""
+        """Steps of all parameters, in the order of x."""
         return {name: step for block in self.blocks.values() for name, step in block.items()}
 
     @cached_property
     def free(self) -> list[int]:
-        """Indices of the parameters that are fitted."""
+        """Indices in x of the fitted parameters."""
         fitted = {name for block, names in self.blocks.items() if block not in self.fixed for name in names}
         return [at for at, name in enumerate(self.steps) if name in fitted]
 
     def part(self, x: Floats, block: str) -> Floats:
-        """Return the parameters of a block."""
+        """Return the parameters of a block as a view of x."""
         ends = dict(zip(self.blocks, accumulate(map(len, self.blocks.values())), strict=True))
         return x[ends[block] - len(self.blocks[block]) : ends[block]]
 
     def packed(self, **parts: npt.ArrayLike) -> Floats:
-        """Return the vector x of some blocks; the other parameters are 0."""
+        """Return the vector x built from some blocks; the parameters of other blocks are 0."""
         zeros = {block: np.zeros(len(names)) for block, names in self.blocks.items()}
         return np.concatenate([np.ravel(part) for part in (zeros | parts).values()])
 
     @cached_property
     def places(self) -> list[Floats]:
-        """Places of each view's lenslets on the lattice of pitch 1."""
+        """Positions of each view's lenslets on the lattice of pitch 1."""
         return [regular(self.display.array.grid, one.index) for one in self.views]
 
     def centres(self, x: Floats, places: Floats) -> Floats:
-        """Return lenslets' centres (N, 2), mm."""
+        """Return the centres (N, 2), mm, of lenslets at lattice points (N, 2)."""
         px, py, shear, turn, ox, oy = self.part(x, "array")
         down = py * places[:, 1]
         along = px * places[:, 0] + shear * down
@@ -191,13 +192,13 @@ class Problem:
         return np.stack([c * along - s * down + ox, s * along + c * down + oy], axis=1)
 
     def pose(self, x: Floats, k: int) -> tuple[Floats, Floats, Floats]:
-        """Return the lens, the rotation vector and the place of view k."""
+        """Return the lens, the rotation vector and the camera position of view k."""
         turn, place = self.part(x, "pose").reshape(-1, 2, 3)[k]
         zoom = self.part(x, "zoom")[k - 1] if k > 0 else 0.0
         return self.part(x, "lens") * [1.0 + zoom, 1.0, 1.0, 1.0, 1.0], turn, place
 
     def rays(self, x: Floats, k: int) -> Rays:
-        """Trace the rays of view k, which do not depend on lens or rotation."""
+        """Trace the rays of view k; the rays do not depend on camera lens or rotation."""
         place = self.pose(x, k)[2]
         projection, centres = self.projections[k], self.centres(x, self.places[k])
         u, v = 2.0 * centres.T / [[self.display.panel.width_mm], [self.display.panel.height_mm]]
@@ -208,11 +209,11 @@ class Problem:
         return Rays(np.column_stack([centres + outline, z]), centres + point, seam_terms)
 
     def aside(self, x: Floats, k: int, middles: Floats) -> Floats:
-        """Return how far readings are from the outlines' middles (N, 3), in pitches, (N, 2)."""
+        """Return the offsets (N, 2), in pitches, of readings from the outlines' middles (N, 3)."""
         return np.asarray((self.views[k].cell_px - projected(middles, *self.pose(x, k))) @ self.views[k].steps)
 
     def predict(self, x: Floats, k: int, rays: Rays | None = None) -> tuple[Floats, Floats]:
-        """Return the panel points (N, 2), mm, and the pixels (N, 2) of view k."""
+        """Return the predicted panel points (N, 2), mm, and photograph pixels (N, 2) of view k."""
         rays = rays or self.rays(x, k)
         moved = np.einsum("np,npa->na", self.aside(x, k, rays.middles), self.views[k].moves)
         middles = rays.middles.copy()
@@ -220,24 +221,24 @@ class Problem:
         return rays.points + moved, projected(middles, *self.pose(x, k))
 
     def residuals(self, x: Floats, k: int) -> Floats:
-        """Return the residuals (N, 4) of view k: panel and photograph, each in its pixels."""
+        """Return the residuals (N, 4) of view k: two in panel pixels, two in photograph pixels."""
         off = self.offsets(x, k)
         off[:, :2] -= (1.0 - WITHIN) * np.clip(off[:, :2], -self.views[k].half_px, self.views[k].half_px)
         return off
 
     def offsets(self, x: Floats, k: int, rays: Rays | None = None) -> Floats:
-        """Return the residuals (N, 4) of view k to the middles of the intervals."""
+        """Return the residuals (N, 4) of view k relative to the middles of the intervals."""
         panel, photo = self.predict(x, k, rays)
         view = self.views[k]
         return np.column_stack([(panel - view.panel_mm) / self.display.panel.pitches_mm, photo - view.photo_px])
 
     def priors(self, x: Floats) -> Floats:
-        """Return the residuals to the priors, in standard deviations."""
+        """Return the deviations from the priors, in standard deviations."""
         display, size = self.display, np.array(self.views[0].shape[::-1])
         depth, longer = display.aperture_distance_mm, float(size.max())
         focal, *middle = self.part(x, "lens")[:3]
-        # Standard deviations: of relative pitches, gap and bow over D, the logarithm of
-        # the focal length, lengths over the longer side, and seams in pitches.
+        # The divisors are the priors' standard deviations. Gap and bow are relative to
+        # D, pixel lengths to the photograph's longer side, seams are in pitches.
         parts: list[npt.ArrayLike] = [
             (x[:2] / display.array.pitches_mm - 1.0) / 0.01,
             (self.part(x, "gap") - display.gap_mm) / (0.3 * depth),
@@ -251,7 +252,7 @@ class Problem:
         return np.concatenate([np.asarray(part) for part in parts])
 
     def thinned(self, max_lenslets: int) -> Problem:
-        """Return the problem with at most so many random lenslets of each view."""
+        """Return the problem with at most `max_lenslets` random lenslets of each view."""
         rng = np.random.default_rng(SEED)
         fields, views = ("index", "photo_px", "panel_mm", "half_px", "cell_px", "moves"), []
         for view in self.views:
@@ -261,29 +262,29 @@ class Problem:
 
 
 class Weights(NamedTuple):
-    """The scatter of both points in each view, and which lenslets count, (N,)."""
+    """The scatter of panel points and of photograph points in each view, and masks (N,) of inliers."""
 
     scatter: list[tuple[float, float]]
     inliers: list[Bools]
 
     @classmethod
     def equal(cls, problem: Problem, scatter: tuple[float, float]) -> Weights:
-        """Return weights by which all lenslets count, with one scatter."""
+        """Return weights with the same scatter for all views and all lenslets as inliers."""
         return cls([scatter] * len(problem.views), [np.ones(len(one.index), bool) for one in problem.views])
 
     def measured(self, problem: Problem, x: Floats) -> Weights:
-        """Return the weights with the scatter of the residuals."""
+        """Return the weights with the scatter measured from the residuals."""
         return self._replace(scatter=[_scatter(problem.residuals(x, k)) for k in range(len(problem.views))])
 
     def rows(self) -> list[slice]:
-        """Return each view's rows in the Jacobian, four for each inlier."""
+        """Return each view's rows in the Jacobian; each inlier has four rows."""
         ends = [0, *accumulate(4 * int(one.sum()) for one in self.inliers)]
         return [slice(*both) for both in pairwise(ends)]
 
 
 @dataclass(frozen=True)
 class Solution:
-    """Parameters, their covariance (0 for fixed ones), and the weights of the lenslets."""
+    """Fitted parameters, their covariance (0 for fixed parameters), and the weights."""
 
     problem: Problem
     x: Floats
@@ -291,7 +292,7 @@ class Solution:
     weights: Weights
 
     def value(self, name: str) -> float:
-        """Return a parameter."""
+        """Return the value of a parameter."""
         return float(self.x[self._at(name)])
 
     def deviation(self, name: str) -> float:
@@ -307,15 +308,15 @@ class Solution:
         return list(self.problem.steps).index(name)
 
     def rms_px(self) -> tuple[float, float]:
-        """Return the inliers' RMS residuals, in pixels of panel and photograph."""
+        """Return the RMS residuals of the inliers, in panel pixels and in photograph pixels."""
         counting = [self.problem.residuals(self.x, k)[inliers] for k, inliers in enumerate(self.weights.inliers)]
         columns, rows, *photo = (np.concatenate(counting) ** 2).mean(axis=0)
         return math.sqrt(columns + rows), math.sqrt(sum(photo))
 
 
 def solve(problem: Problem, x: Floats, robust_only: bool = False) -> Solution:
-    """Fit the parameters from x on; without `robust_only`, again without outliers."""
-    problem = problem.thinned(8000)  # lenslets of each view
+    """Fit the parameters, starting at x; unless `robust_only`, fit again without outliers."""
+    problem = problem.thinned(8000)  # lenslets per view
     weights = Weights.equal(problem, (1.0, 1.0))
     for _ in range(2):
         x = _minimised(problem, x, weights, True)
@@ -331,13 +332,13 @@ def solve(problem: Problem, x: Floats, robust_only: bool = False) -> Solution:
 
 
 def first_fit(problem: Problem, x: Floats) -> Floats:
-    """Fit lens and poses alone."""
+    """Fit only lens and poses, and return x."""
     lens_only = replace(problem, fixed=frozenset(problem.blocks) - {"lens", "pose"})
     return _minimised(lens_only, x, Weights.equal(problem, (1e3, 1.0)), True)
 
 
 def _scatter(residuals: Floats) -> tuple[float, float]:
-    """Return the standard deviations of panel points and pixels, from the medians."""
+    """Return the standard deviations of panel and photograph residuals, estimated from medians."""
     panel, photo = (1.4826 * float(np.median(abs(part))) for part in (residuals[:, :2], residuals[:, 2:]))
     return max(panel, LEAST_SCATTER), max(photo, LEAST_SCATTER)
 
@@ -347,7 +348,7 @@ def _weighted(problem: Problem, x: Floats, weights: Weights, k: int) -> Floats:
 
 
 def _minimised(problem: Problem, x: Floats, weights: Weights, robust: bool) -> Floats:
-    """Return the parameters of least squares, with the robust loss or smooth errors."""
+    """Return the least-squares parameters, with a robust loss or with the model of smooth errors."""
     smooth = [] if robust else [_smooth(problem, weights, k) for k in range(len(problem.views))]
 
     def expand(part: Floats) -> Floats:
@@ -375,7 +376,7 @@ def _minimised(problem: Problem, x: Floats, weights: Weights, robust: bool) -> F
         slopes,
         x_scale="jac",
         loss="soft_l1" if robust else "linear",
-        f_scale=1.5,  # standard deviations from which on soft_l1 is about linear
+        f_scale=1.5,  # above this number of standard deviations, soft_l1 is about linear
         ftol=1e-8,  # relative change of the cost
         xtol=1e-12,
         gtol=1e-12,
@@ -387,14 +388,14 @@ def _minimised(problem: Problem, x: Floats, weights: Weights, robust: bool) -> F
 def _smooth(problem: Problem, weights: Weights, k: int) -> SmoothErrors:
     places, view, (panel, photo) = problem.places[k][weights.inliers[k]], problem.views[k], weights.scatter[k]
     across = float(np.sqrt(np.prod(np.std(view.photo_px, axis=0)) / max(1e-9, float(np.prod(places.std(axis=0))))))
-    # The minimum, pixels and lenslets, was measured on simulated photographs.
+    # These minimums were measured on simulated photographs.
     least = np.repeat([0.001 / panel, 0.0003 * across / photo], 2)
-    # The fraction of the scatter that is smooth, for each column.
+    # The first tuple is the smooth fraction of the scatter for each residual column.
     return SmoothErrors.of(places, np.maximum((0.12, 0.12, 0.2, 0.2), least))
 
 
 def jacobian(problem: Problem, x: Floats, weights: Weights) -> Floats:
-    """Return the Jacobian by central differences of the offsets, which have no kink."""
+    """Return the Jacobian from central differences of the offsets, which are smooth."""
     scatter, inliers = weights
     every = range(len(inliers))
     factors = []
@@ -420,7 +421,7 @@ def jacobian(problem: Problem, x: Floats, weights: Weights) -> Floats:
 
 
 def judged(problem: Problem, x: Floats, weights: Weights) -> Solution:
-    """Return the solution with its covariance over blocks of lenslets."""
+    """Return the solution with its covariance, estimated from blocks of lenslets."""
     matrix = jacobian(problem, x, weights)
     scale = np.maximum(np.linalg.norm(matrix, axis=0), 1e-300)
     matrix /= scale
@@ -442,7 +443,7 @@ def judged(problem: Problem, x: Floats, weights: Weights) -> Solution:
         groups += len(np.unique(block))
     inverse = np.linalg.pinv(matrix.T @ matrix, hermitian=True)
     sandwich = groups / max(1.0, groups - float(count)) * inverse @ meat @ inverse
-    # Never below the estimate from independent lenslets.
+    # The covariance is never below the estimate for independent lenslets.
     promised = np.sqrt(np.maximum(np.diag(inverse), 0.0))
     estimated = np.sqrt(np.maximum(np.diag(sandwich), 0.0))
     raised = np.maximum(promised, estimated) / np.maximum(estimated, 1e-300) / scale

@@ -1,10 +1,11 @@
-"""Pictures that prove a calibration by eye, and the judgement of their photographs.
+"""Draw pictures that show whether a calibration is correct, and judge their photographs.
 
-`1-white` is white for an eye at X and black elsewhere; `2-dark` is its opposite. A
-camera at X sees the reverse where the array is not as described.
+`1-white` looks white to an eye at X and black from other positions; `2-dark` is its
+inverse. Where the array differs from its description, a camera at X sees the inverse.
 
-`3-rings` gives each lenslet one colour, by its distance from the panel's middle. From a
-place without crosstalk, an eye sees rings, broken where a pixel has a wrong owner.
+`3-rings` gives each lenslet one colour, chosen by its distance from the panel's middle.
+An eye at a position without crosstalk sees rings; a ring is broken where a pixel is
+assigned to the wrong lenslet.
 """
 
 from __future__ import annotations
@@ -24,30 +25,31 @@ from lippmann.optics.lattice import Lattice
 from lippmann.rendering.integral_image import IntegralImage
 
 NAMES = ("1-white", "2-dark", "3-rings")
-#: Diameter of the pupil that sees white, in steps from one view to the next.
+#: Diameter of the pupil that sees white, in distances between adjacent views.
 VIEWS = 4.0
-#: Maximum fraction of dark's light in a right block; minimum fraction of right blocks.
+#: Maximum fraction of the light of `2-dark` in a correct block, and minimum fraction of
+#: correct blocks.
 MAX_DARK, MIN_RIGHT = 0.3, 0.95
 
 
 def rings(display: Display) -> Light:
-    """Return the picture of rings (height, width, 3): white or black by a lenslet's distance."""
+    """Return the picture of rings (height, width, 3), white and black."""
     panel, lattice = display.panel, Lattice.of(display.array)
     light = np.zeros((panel.height_px, panel.width_px, 3), np.float32)
     columns = np.arange(panel.width_px)[None]
     for row in range(panel.height_px):
         places = Pixels(display, columns, np.array([[row]]), (0, 0), None).places
         x, y = lattice.centre(places.i, places.j)
-        # No lenslet's middle lies on the edge of a ring: lattices have no distances
-        # 2.5, 5.5, ... Rings are 3 lenslets wide.
+        # Rings are 3 lenslets wide. No lenslet's centre lies on a ring's edge, because
+        # lattices have no distances 2.5, 5.5, ...
         ring = np.floor((np.hypot(x, y) / display.array.coarsest_mm + 0.5) / 3.0) % 2
         light[row] = ((ring == 0) & places.present)[0, :, None]
     return light
 
 
 def pictures(display: Display, eye_mm: tuple[float, float, float]) -> dict[str, IntegralImage]:
-    """Return the pictures by the names of their files."""
-    # The pupil spans some views, so that the eye's place need not be exact.
+    """Return the pictures, keyed by file name without extension."""
+    # The pupil spans several views, so the eye's position need not be exact.
     step = display.panel.coarsest_mm * eye_mm[2] / display.aperture_distance_mm
     white = draw(display, "white-for-eye", Eye(eye_mm, pupil_mm=VIEWS * step))
     dark = IntegralImage(1.0 - white.radiance, display, white.metadata)
@@ -57,10 +59,10 @@ def pictures(display: Display, eye_mm: tuple[float, float, float]) -> dict[str, 
 
 @dataclass(frozen=True)
 class Verdict:
-    """The verdict on photographs of white and dark: whether enough blocks are right.
+    """Verdict on the photographs of white and dark; `right`: enough blocks are correct.
 
-    The dark shares are dark's light in a block, as a fraction of both pictures': median
-    and 95th percentile.
+    `dark_share` and `worst_dark_share` are the median and the 95th percentile over
+    blocks: light of `2-dark` as a fraction of the light of both pictures.
     """
 
     right: bool
@@ -70,14 +72,14 @@ class Verdict:
 
 
 def judge_folder(folder: Path) -> Verdict:
-    """Judge the photographs 1-white and 2-dark of a folder, taken from the eye's place."""
+    """Judge a folder's photographs 1-white and 2-dark, taken from the eye's position."""
     if not folder.is_dir():
-        raise input_error(folder, "there is no such folder", "name that of the photographs")
+        raise input_error(folder, "there is no such folder", "name the folder of the photographs")
     paths = []
     for name in NAMES[:2]:
         files = [one for suffix in SUFFIXES if (one := folder / f"{name}{suffix}").is_file()]
         if not files:
-            remedy = f"photograph {name}.png from the eye's place, and put it there as {name}.jpg"
+            remedy = f"photograph {name}.png from the eye's position, and save it there as {name}.jpg"
             raise input_error(folder, f"the photograph of {name} is missing", remedy)
         paths.append(files[0])
     white = read_photograph(paths[0]).light
@@ -85,15 +87,15 @@ def judge_folder(folder: Path) -> Verdict:
 
 
 def judge(white: Light, dark: Light) -> Verdict:
-    """Judge the light of two photographs, (height, width)."""
-    side = max(2, round(1 / 48 * max(white.shape)))  # a block's, pixels
+    """Judge the light (height, width) of the photographs of white and dark."""
+    side = max(2, round(1 / 48 * max(white.shape)))  # side of a block, pixels
     height, width = (side * (length // side) for length in white.shape)
     shape = height // side, side, width // side, side
     means = [one[:height, :width].reshape(shape).mean(axis=(1, 3)) for one in (white, dark)]
     both = means[0] + means[1]
     panel = both > 0.2 * float(np.percentile(both, 95.0))  # darker blocks are outside the panel
     if float(both.max()) < 1e-3:
-        raise InputError("the photographs of white and dark are both black; expose longer, both alike")
+        raise InputError("the photographs of white and dark are both black; expose both longer, with equal exposure")
     inside = ndimage.binary_erosion(panel)  # blocks on the panel's edge show the mount too
     if inside.sum() < 9:
         raise InputError("the photographs show too little of the panel; come nearer")

@@ -1,16 +1,16 @@
-"""The pictures that tell a camera which panel point it sees: Gray code and phase shift.
+"""Pictures that encode panel coordinates for a camera: Gray code and phase shift.
 
-Light at the coordinate u (column or row, pixel centres at 1/2) of the phase picture n
-of N, for the period T:
+Phase picture n of N with period T has at coordinate u (column or row, pixel centres at
+1/2) the light
 
     I = 1/2 + 1/2 cos(2 pi (u / T - n / N)).
 
-The Gray code numbers the half periods floor(u / (T/2)). Phase and half period give u,
-also when the half period is misread next to its edge. With N = 8, the harmonics of a
-camera's tone curve up to the sixth do not change the phase.
+The Gray code encodes the index floor(u / (T/2)) of the half period. Phase and half
+period give u, even if the half period is misread near its edge. With N = 8, harmonics
+of the camera's tone curve up to the sixth do not change the phase.
 
-The first and the last picture show marks for aiming; their photographs are equal if the
-camera stood still.
+The first and the last picture show marks for aiming. Their photographs are equal if the
+camera did not move.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ from lippmann.errors import InputError, input_error
 from lippmann.rendering.integral_image import IntegralImage
 
 Kind = Literal["marks", "white", "black", "gray", "phase"]
-#: Period of the phase pictures, pixels, and number of their steps.
+#: Period in pixels, and number of phase pictures per axis.
 PERIOD_PX = 16
 STEPS = 8
 #: Name of the file that describes a set of patterns.
@@ -45,7 +45,7 @@ Pixels = npt.NDArray[np.uint8]
 
 @dataclass(frozen=True)
 class Pattern:
-    """A picture: place in the order, kind, axis (0 columns, 1 rows), and bit or step."""
+    """A picture: index in the set, kind, axis (0 columns, 1 rows), and number of the bit or step."""
 
     place: int
     kind: Kind
@@ -54,7 +54,7 @@ class Pattern:
 
     @property
     def stem(self) -> str:
-        """Name of its file without extension."""
+        """File name of the picture without extension."""
         coded = f"-{'xy'[self.axis]}-{self.number}" if self.kind in ("gray", "phase") else ""
         again = "-again" if self.kind == "marks" and self.number > 0 else ""
         return f"{self.place:02d}-{self.kind}{coded}{again}"
@@ -62,21 +62,21 @@ class Pattern:
 
 @dataclass(frozen=True)
 class PatternsFile:
-    """The file `patterns.toml` beside the pictures."""
+    """Contents of the file `patterns.toml`."""
 
     display: Annotated[str, key("name of the display")]
-    identity: Annotated[str, key("its identity when the pictures were drawn")]
-    width_px: Annotated[Side, key("width of its panel")]
-    height_px: Annotated[Side, key("height of its panel")]
+    identity: Annotated[str, key("identity of the display when the pictures were drawn")]
+    width_px: Annotated[Side, key("panel width, px")]
+    height_px: Annotated[Side, key("panel height, px")]
     code: Annotated[Literal["gray+phase"], key("kind of code")]
     period_px: Annotated[int, key("period of the phase pictures, pixels", low=4, high=256)]
-    steps: Annotated[int, key("phase pictures for each direction", low=3, high=64)]
-    files: Annotated[tuple[str, ...], key("the pictures in their order", shape="a list of file names")]
+    steps: Annotated[int, key("number of phase pictures per axis", low=3, high=64)]
+    files: Annotated[tuple[str, ...], key("file names of the pictures in order", shape="a list of file names")]
 
 
 @dataclass(frozen=True)
 class PatternSet:
-    """The pictures for a panel of some size."""
+    """The set of pictures for a panel size."""
 
     width_px: int
     height_px: int
@@ -85,17 +85,17 @@ class PatternSet:
 
     @classmethod
     def of(cls, display: Display) -> PatternSet:
-        """Return the set for a display's panel."""
+        """Return the set of pictures for a display's panel."""
         return cls(display.panel.width_px, display.panel.height_px)
 
     @property
     def sides_px(self) -> tuple[int, int]:
-        """Width and height of the panel."""
+        """Panel width and height in pixels."""
         return self.width_px, self.height_px
 
     @property
     def half_px(self) -> float:
-        """Half a period, the Gray code's finest stripes."""
+        """Half a period, which is the width of the finest Gray code stripes."""
         return 0.5 * self.period_px
 
     def bits(self, axis: int) -> int:
@@ -104,7 +104,7 @@ class PatternSet:
 
     @cached_property
     def patterns(self) -> tuple[Pattern, ...]:
-        """The pictures in their order."""
+        """All pictures in order."""
         kinds: list[tuple[Kind, int, int]] = [("marks", 0, 0), ("white", 0, 0), ("black", 0, 0)]
         for axis in (0, 1):
             kinds += [("gray", axis, bit) for bit in reversed(range(self.bits(axis)))]
@@ -114,7 +114,7 @@ class PatternSet:
         return tuple(Pattern(place, *one) for place, one in enumerate(kinds))
 
     def level(self, pattern: Pattern, at_px: Floats) -> Floats:
-        """Return the light, 0 to 1, of a coded picture at coordinates along its axis."""
+        """Return a coded picture's light, 0 to 1, at coordinates along the picture's axis."""
         if pattern.kind == "phase":
             turns = at_px / self.period_px - pattern.number / self.steps
             return np.asarray(0.5 + 0.5 * np.cos(2.0 * np.pi * turns))
@@ -126,21 +126,21 @@ class PatternSet:
         return complex(np.exp(2j * np.pi * pattern.number / self.steps))
 
     def half_of(self, code: npt.NDArray[np.integer]) -> npt.NDArray[np.integer]:
-        """Return the half periods that Gray codes number."""
+        """Return the half-period indices of Gray codes."""
         half = code.copy()
         for shift in (8, 4, 2, 1):
             half ^= half >> half.dtype.type(shift)
         return half
 
     def point(self, phase: Floats, half: npt.NDArray[np.integer]) -> Singles:
-        """Return the coordinates, pixels, with a phase (radians) nearest to half periods' middles."""
+        """Return coordinates, pixels: those with the given phase (radians) nearest to the half periods' middles."""
         fine = (phase * np.float32(self.period_px / (2.0 * np.pi))).astype(np.float32)
         near = (half.astype(np.float32) + np.float32(0.5)) * np.float32(self.half_px)
         periods = np.round((near - fine) * np.float32(1.0 / self.period_px))
         return np.asarray(fine + periods * np.float32(self.period_px), np.float32)
 
     def light(self, pattern: Pattern) -> Singles:
-        """Return a picture's light (height, width), 0 to 1, perhaps as a broadcast view."""
+        """Return a picture's light (height, width), 0 to 1; the array may be a read-only broadcast."""
         shape = self.height_px, self.width_px
         if pattern.kind == "marks":
             return _marks(*shape)
@@ -158,7 +158,7 @@ class PatternSet:
 
     @property
     def files(self) -> tuple[str, ...]:
-        """Names of the pictures' files, in their order."""
+        """File names of all pictures, in order."""
         return tuple(f"{one.stem}.png" for one in self.patterns)
 
     def text(self, display: Display) -> str:
@@ -169,7 +169,7 @@ class PatternSet:
 
 
 class AxisCode:
-    """Gray code, doubtful bits, and phase wave of each camera pixel in one direction."""
+    """Gray code, number of doubtful bits, and phase wave of each camera pixel, along one axis."""
 
     def __init__(self, patterns: PatternSet, axis: int, shape: tuple[int, ...]) -> None:
         self.patterns, self.axis = patterns, axis
@@ -177,28 +177,28 @@ class AxisCode:
         self.wave = np.zeros(shape, np.complex64)
 
     def add(self, pattern: Pattern, share: Floats) -> None:
-        """Add a photograph, whose light is -1/2 for black and 1/2 for white."""
+        """Add a photograph; `share` is its light, scaled to -1/2 for black and 1/2 for white."""
         if pattern.kind == "gray":
             self.code |= (share > 0.0).astype(np.uint16) << np.uint16(pattern.number)
-            self.doubtful += abs(share) < 0.12  # near the middle between black and white
+            self.doubtful += abs(share) < 0.12  # near the mean of black and white
         else:
             self.wave += share * np.complex64(self.patterns.turn(pattern))
 
     @property
     def amplitude(self) -> Singles:
-        """Amplitude of the cosine, as a fraction of the black to white range's."""
+        """Amplitude of the cosine, relative to that of the full range from black to white."""
         return abs(self.wave) * np.float32(4.0 / self.patterns.steps)
 
     def points(self) -> tuple[Singles, npt.NDArray[np.bool_]]:
-        """Return each pixel's coordinate, pixels of the panel, and whether it is reliable."""
+        """Return each camera pixel's panel coordinate, pixels, and whether the coordinate is reliable."""
         points = self.patterns.point(np.angle(self.wave), self.patterns.half_of(self.code))
-        # A weaker cosine is noise; at an edge of the code, one bit is doubtful.
+        # A weaker cosine is noise. At a code edge, one bit is doubtful.
         good = (self.amplitude > 0.2) & (self.doubtful <= 1)
         return points, good & (points >= 0.0) & (points <= self.patterns.sides_px[self.axis])
 
 
 def _marks(height: int, width: int) -> Singles:
-    """Return a black frame, a cross, and a block in the top left corner."""
+    """Return the picture of marks: a black frame, a cross, and a block in the top left corner."""
     light = np.ones((height, width), np.float32)
     y, x = np.arange(height)[:, None], np.arange(width)[None]
     line = max(1, min(height, width) // 24)
@@ -209,7 +209,7 @@ def _marks(height: int, width: int) -> Singles:
 
 
 def write_patterns(patterns: PatternSet, display: Display, folder: Path) -> list[Path]:
-    """Write pictures and `patterns.toml`; return the pictures' files. Raises as `make_folder`."""
+    """Write the pictures and `patterns.toml`; return the pictures' paths. Raises like `make_folder`."""
     make_folder(folder)
     files = [folder / name for name in patterns.files]
     for pattern, file in zip(patterns.patterns, files, strict=True):
@@ -221,7 +221,7 @@ def write_patterns(patterns: PatternSet, display: Display, folder: Path) -> list
 
 
 def read_patterns(path: Path, display: Display) -> PatternSet:
-    """Read `patterns.toml`; refuse a set for a panel of another size."""
+    """Read `patterns.toml`; raise InputError for a set made for another panel size."""
     raw = toml.read(PatternsFile, toml.load(path, "patterns"), str(path))
     panel = display.panel
     if (raw.width_px, raw.height_px) != (panel.width_px, panel.height_px):
@@ -232,5 +232,5 @@ def read_patterns(path: Path, display: Display) -> PatternSet:
         raise input_error(path, what, "name the display file that the patterns were drawn for")
     patterns = PatternSet(raw.width_px, raw.height_px, raw.period_px, raw.steps)
     if raw.files != patterns.files:
-        raise InputError(f"{path}: files: the list is not that of its code; draw the patterns again")
+        raise InputError(f"{path}: files: the list does not match period_px and steps; draw the patterns again")
     return patterns

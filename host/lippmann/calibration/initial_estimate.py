@@ -1,8 +1,9 @@
-"""One numbering of the lenslets for all positions, and the first values of the least squares.
+"""Number the lenslets consistently in all positions, and estimate initial parameters for the fit.
 
-Each position numbers the lenslets from its own start. The panel point that a lenslet
-shows is off its centre by the slope to the camera times about the gap. Gaps around the
-nominal one are tried: with the true numbering, the positions agree.
+Each position numbers the lenslets from its own origin. The panel point that a lenslet
+shows is offset from the lenslet's centre by about the gap times the slope to the
+camera. Gaps around the nominal gap are tried. For the correct numbering, the positions
+agree.
 """
 
 from __future__ import annotations
@@ -22,36 +23,36 @@ from lippmann.display.description import Display, Grid
 from lippmann.optics.lattice import HALF_SQRT3
 from lippmann.optics.rays import Floats
 
-#: Range of plausible focal lengths, in longer sides of the photograph.
+#: Range of plausible focal lengths, in units of the photograph's longer side.
 FOCALS = (0.4, 8.0)
 
 
 def first_lens(planes_mm: list[Floats], photos_px: list[Floats], shape: tuple[int, int]) -> Floats:
-    """Return a first lens (f, cx, cy, k1, k2), pixels, from each view's plane points (N, 3) and pixels (N, 2)."""
+    """Return an initial lens (f, cx, cy, k1, k2), pixels, from each view's plane points (N, 3) and pixels (N, 2)."""
     size = shape[1], shape[0]
     objects, images = ([one.astype(np.float32) for one in many] for many in (planes_mm, photos_px))
     matrix = cv2.initCameraMatrix2D(objects, images, size, 1.0)
     focal = float(matrix[0, 0])
     longer = max(size)
     if not (np.isfinite(focal) and FOCALS[0] * longer < focal < FOCALS[1] * longer):
-        focal = float(longer)  # that of a telephone's main camera
+        focal = float(longer)  # typical of a telephone's main camera
     return np.array([focal, 0.5 * size[0], 0.5 * size[1], 0.0, 0.0])
 
 
 def first_pose(plane_mm: Floats, photo_px: Floats, lens: Floats) -> tuple[Floats, Floats]:
-    """Return the rotation vector and place, mm, of a camera that sees points (N, 3) at pixels (N, 2)."""
+    """Return rotation vector and position, mm, of a camera that sees points (N, 3) at pixels (N, 2)."""
     matrix = np.array([[lens[0], 0, lens[1]], [0, lens[0], lens[2]], [0, 0, 1]])
     _, turn, shift = cv2.solvePnP(plane_mm, photo_px, matrix, np.zeros(5), flags=cv2.SOLVEPNP_IPPE)
     vector = np.array(turn, np.float64).ravel()
     return vector, -rotation_of(vector).T @ np.array(shift, np.float64).ravel()
 
 
-#: Gaps that are tried, as fractions of D around the nominal one.
+#: Differences of the tried gaps from the nominal gap, as fractions of D.
 GAPS = np.linspace(-0.35, 0.35, 57)
 
 
 def array_of(grid: Grid, steps: Floats, offset: Floats) -> Floats:
-    """Return pitches, shear, rotation (radians) and offset of a lattice with its steps in columns."""
+    """Return pitches, shear, rotation (radians) and offset of a lattice; the columns of `steps` are its basis."""
     turn = math.atan2(steps[1, 0], steps[0, 0])
     c, s = math.cos(turn), math.sin(turn)
     along, up = np.array([[c, s], [-s, c]]) @ steps[:, 1]
@@ -65,7 +66,7 @@ def array_of(grid: Grid, steps: Floats, offset: Floats) -> Floats:
 def starts(
     display: Display, views: Sequence[Lenslets], view_lattices: Sequence[SeenLattice]
 ) -> list[tuple[Problem, Floats]]:
-    """Return the likeliest numberings with first values of the parameters, the best first."""
+    """Return the most likely numberings with their initial parameters, the best first."""
     planes = [
         np.column_stack([one.points(view.index), np.zeros(len(view.index))])
         for one, view in zip(view_lattices, views, strict=True)
@@ -83,7 +84,7 @@ def starts(
         moved = projection.traced(np.tile(aside / place[2], (len(gaps), 1)), gaps, ())[1]
         grown = projection.traced(np.tile([-1e-3, 0.0], (len(gaps), 1)), gaps, ())[1][:, :1] / 1e-3 / place[2] + 1.0
         zero = one.origin - moved
-        # The camera's distance from the lenslet: that from the point seen, over `grown`.
+        # The distance to the lenslet is the distance to the panel point divided by `grown`.
         true_place = np.hstack([zero + aside / grown, place[2] / grown])
         lattices.append((zero, one.basis / grown[..., None], true_place))
     zeros, bases, true_places = (np.stack(part, axis=1) for part in zip(*lattices, strict=True))
@@ -91,12 +92,12 @@ def starts(
     inverse = np.linalg.inv(basis)
     off = (zeros - zeros[:, :1]) @ inverse.swapaxes(1, 2)
     shift = np.round(off).astype(np.int64)
-    # Prefer gaps near the nominal one.
+    # Prefer gaps near the nominal gap.
     rank = np.sqrt(((off - shift) ** 2).sum(axis=2).mean(axis=1)) + 0.02 * abs(GAPS)
     order = np.argsort(rank)
     _, first_of_each = np.unique(shift[order].reshape(len(gaps), -1), axis=0, return_index=True)
     likely = []
-    # At most three numberings are fitted, and none that is worse by a fifth of a pitch.
+    # Fit at most three numberings, all within 0.2 pitches of the best.
     for g in order[np.sort(first_of_each)[:3]]:
         if rank[g] >= rank.min() + 0.2:
             break

@@ -1,9 +1,9 @@
-"""The lattice of the panel points that a camera sees: the lenslets' centres from one position.
+"""Find the lattice that the panel points seen from one camera position form.
 
-The paraxial point seen through the lenslet at L from C is P = L (1 + D/Cz) - C D/Cz: an
-affine image of the array's lattice. Rotations and scales of the nominal lattice are
-tried by the sum of exp(2 pi i k . P) over points near the panel's middle; the best is
-followed outwards by least squares.
+A camera at C sees through the lenslet at L the paraxial panel point P = L (1 + D/Cz) -
+C D/Cz. The points P are an affine image of the array's lattice. Rotations and scales of
+the nominal lattice are rated by the sum of exp(2 pi i k . P) over points near the
+panel's middle; the best lattice is extended outwards by least squares.
 """
 
 from __future__ import annotations
@@ -21,13 +21,13 @@ from lippmann.optics.lattice import Lattice
 from lippmann.optics.rays import Bools, Floats
 from lippmann.optics.system import PanelFrame
 
-#: Maximum errors of the nominal file: rotation, degrees, and relative pitch.
+#: Maximum errors of the display file: rotation in degrees, and relative pitch error.
 MAX_ROTATION_DEG, MAX_STRETCH = 8.0, 0.05
-#: Radius of the first region, in pitches.
+#: Radius of the initial region, in pitches.
 FIRST_RADIUS = 4.0
-#: A point belongs to a lattice point in whose cell, scaled by this factor, it lies.
+#: Scale of a lattice point's cell; panel points inside the scaled cell are near.
 NEAR = 0.6
-MAX_POINTS, SEED = 80_000, 1909  # of a fit
+MAX_POINTS, SEED = 80_000, 1909
 REMEDY = (
     "check the panel's width_px and dpi, and grid, pitch_mm and gap_mm in the display file; rotation may be off by "
     "5 degrees, pitch by 1 % and gap by 20 %"
@@ -36,51 +36,51 @@ REMEDY = (
 
 @dataclass(frozen=True)
 class SeenLattice:
-    """Points origin + basis @ (i, j), mm in the panel's frame; the basis' columns are the steps."""
+    """Lattice of points origin + basis @ (i, j), mm in the panel's frame."""
 
     origin: Floats
     basis: Floats
     grid: Grid
 
     def steps(self, points_mm: Floats) -> Floats:
-        """Return points (N, 2) in steps (i, j), not rounded."""
+        """Return unrounded lattice coordinates (i, j) of points (N, 2)."""
         return np.asarray((points_mm - self.origin) @ np.linalg.inv(self.basis).T)
 
     def points(self, steps: npt.NDArray[np.number]) -> Floats:
-        """Return the points of steps (N, 2), mm."""
+        """Return the points, mm, at lattice coordinates (N, 2)."""
         return np.asarray(self.origin + steps @ self.basis.T)
 
     def near(self, points_mm: Floats) -> tuple[npt.NDArray[np.int64], Bools]:
-        """Return the nearest lattice points (i, j), (N, 2), and which points are near, (N,)."""
+        """Return the nearest lattice points (i, j) (N, 2), and a mask (N,) of points that are near theirs."""
         steps = self.steps(points_mm)
         index = np.round(steps)
         return index.astype(np.int64), within(steps - index, self.grid, NEAR)
 
 
 def within(steps: Floats, grid: Grid, share: float) -> Bools:
-    """Tell which points (..., 2), in steps from a lattice point, are in its scaled cell."""
+    """Return which points (..., 2) lie in a lattice point's cell, scaled by `share`; points are relative to it."""
     i, j = steps[..., 0], steps[..., 1]
     if grid == "square":
         return np.asarray(np.maximum(abs(i), abs(j)) < 0.5 * share)
-    # A cell's sides are perpendicular to the lines to the six neighbours.
+    # The sides of a hexagonal cell are perpendicular to the lines to the neighbours.
     return np.asarray(np.maximum(np.maximum(abs(i + 0.5 * j), abs(0.5 * i + j)), 0.5 * abs(i - j)) < 0.5 * share)
 
 
 def steps_of(display: Display) -> Floats:
-    """Return the steps in i and j of a display's lattice as columns, mm."""
+    """Return the basis of a display's lattice, mm; the columns are the steps in i and j."""
     lattice, frame = Lattice.of(display.array), PanelFrame.of(display)
     columns = [frame.turn(*lattice.centre(i, j)) for i, j in ((1.0, 0.0), (0.0, 1.0))]
     return np.array(columns, float).T
 
 
 def find_lattice(name: str, points_mm: Floats, display: Display) -> SeenLattice:
-    """Find the lattice of a position's points (N, 2), mm; refuse one far from the nominal."""
+    """Find the lattice of a position's points (N, 2), mm; refuse a lattice far from the nominal lattice."""
     nominal = steps_of(display)
-    # The lattice is enlarged by D over the distance, at least 1.5 widths of the panel.
+    # D / distance magnifies the lattice; the distance is at least 1.5 panel widths.
     growth = min(0.5, display.aperture_distance_mm / (1.5 * display.panel.width_mm))
     pitch = display.array.coarsest_mm
     best: tuple[float, SeenLattice] | None = None
-    # Several middles of the first region are tried, as some may be hidden.
+    # Try several middles of the initial region, as a part of the panel may be hidden.
     low, high = np.percentile(points_mm, (5.0, 95.0), axis=0)
     for shares in [*itertools.product((0.5, 0.35, 0.65), repeat=2)][:5]:
         middle = low + (high - low) * shares
@@ -89,19 +89,19 @@ def find_lattice(name: str, points_mm: Floats, display: Display) -> SeenLattice:
             best = match
         if best is not None and best[0] > 0.8:  # good enough
             break
-    if best is None or best[0] < 0.55:  # a third of random points are near
+    if best is None or best[0] < 0.55:  # random points give about 0.33
         what = f"the points seen on the panel form no lattice like that of '{display.name}'"
         percent = 0.0 if best is None else 100.0 * best[0]
         raise input_error(name, f"{what} ({percent:.0f} % of them near lattice points)", REMEDY)
-    # A better lattice may lie beyond the edge of the search.
+    # The best lattice may lie outside the searched range.
     change = best[1].basis @ np.linalg.inv(nominal)
     turn = math.degrees(math.atan2(change[1, 0] - change[0, 1], change[0, 0] + change[1, 1]))
     stretch = math.sqrt(abs(float(np.linalg.det(change)))) - 1.0
     beyond = not -MAX_STRETCH < stretch < (1.0 + MAX_STRETCH) * (1.0 + growth) - 1.0
     if abs(turn) > MAX_ROTATION_DEG or beyond:
         raise InputError(
-            f"{name}: the points seen on the panel are turned by {turn:.2f} degrees, and their distances "
-            f"(pitch times magnification) differ by {100.0 * stretch:.2f} %, against the display file; {REMEDY}"
+            f"{name}: the points seen on the panel are rotated by {turn:.2f} degrees, and their distances "
+            f"(pitch times magnification) differ by {100.0 * stretch:.2f} %, compared with the display file; {REMEDY}"
         )
     return best[1]
 
@@ -109,10 +109,10 @@ def find_lattice(name: str, points_mm: Floats, display: Display) -> SeenLattice:
 def _followed(
     points_mm: Floats, middle: Floats, nominal: Floats, grid: Grid, pitch: float, growth: float
 ) -> tuple[float, SeenLattice] | None:
-    """Follow the lattice outwards; return the fraction of points near it, and the lattice."""
+    """Extend the lattice outwards; return the fraction of points near lattice points, and the lattice."""
     distance = np.hypot(*(points_mm - middle).T)
     first = points_mm[distance < FIRST_RADIUS * pitch]
-    if len(first) < 200:  # some for each lenslet
+    if len(first) < 200:  # several per lenslet
         return None
     basis, origin = _searched(_some(first)[:10_000], middle, nominal, growth)
     lattice, radius, farthest = SeenLattice(origin, basis, grid), FIRST_RADIUS, distance.max() / pitch
@@ -136,7 +136,7 @@ def _some(points_mm: Floats) -> Floats:
 
 
 def _searched(points_mm: Floats, middle: Floats, nominal: Floats, growth: float) -> tuple[Floats, Floats]:
-    """Return the rotated and scaled steps, and the origin, with the most coherent points."""
+    """Return the rotated and scaled basis, and the origin, that maximise the points' coherence."""
     step = 0.12 / FIRST_RADIUS
     turns = np.arange(-math.radians(MAX_ROTATION_DEG) * 1.2, math.radians(MAX_ROTATION_DEG) * 1.2, step)
     scales = np.arange(1.0 - 1.3 * MAX_STRETCH, (1.0 + 1.3 * MAX_STRETCH) * (1.0 + growth), step)
@@ -152,7 +152,7 @@ def _searched(points_mm: Floats, middle: Floats, nominal: Floats, growth: float)
 
 
 def _fitted(points_mm: Floats, lattice: SeenLattice) -> SeenLattice | None:
-    """Return the lattice fitted to the points near a first one; None with too few."""
+    """Fit a lattice to the points near a previous lattice; return None if too few points are near."""
     index, near = lattice.near(points_mm)
     if near.sum() < 100 or np.ptp(index[near], axis=0).min() < 2:
         return None

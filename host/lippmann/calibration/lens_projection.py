@@ -1,14 +1,16 @@
-"""What a camera sees of a lenslet, by exact rays: its outline, and where its rays meet the panel.
+"""Model a lenslet's outline and panel point as seen by a camera, fitted to exact rays.
 
-A camera sees the lenslet with the vertex L on a plane at the height h of its seams.
-With the slope s = (C - L) / (Cz - h), the middle of the outline is at L + c(s) on this
-plane, and the rays through the inner cell around it meet the panel, on average, at
-L + w(s). A cell looks alike in n = 4 or 6 directions and in a mirror, so both are sums
-of few powers. With s = x + i y along the array's axes, s* = x - i y, and real c, a, b,
+A camera at C sees the outline of the lenslet with the vertex L on a plane at the height
+h of the seams. With the slope s = (C - L) / (Cz - h), the outline's middle is at L +
+c(s) on this plane, and the rays through the inner cell around the middle meet the
+panel, on average, at L + w(s). A cell has n-fold rotational symmetry (n = 4 or 6) and
+mirror symmetry, so c and w need few powers. With s = x + i y along the array's axes, s*
+= x - i y, and real c, a, b,
 
     c(s) = sum of c_jk s^j (s*)^k,   w(s) = -sum of (a_jk + gap b_jk) s^j (s*)^k,   j - k = 1, 1 - n, 1 + n, ...
 
-They are fitted to exact rays (Snell's law at each face): a paraxial D would lack terms.
+The coefficients are fitted to exact rays (Snell's law at each face), because a paraxial
+D would omit higher-order terms.
 """
 
 from __future__ import annotations
@@ -30,15 +32,16 @@ from lippmann.optics.sample_points import R2_STEPS, square_to_cell
 from lippmann.optics.system import PanelFrame
 from lippmann.optics.trace import trace_to_panel
 
-#: Height of an outline in sags of the corners: the mean over the cell's sides.
+#: Height of an outline, relative to the sag of the corners; mean over the cell's sides.
 SEAM = {"square": 2.0 / 3.0, "hex": 5.0 / 6.0}
-#: Directions in which a cell looks alike.
+#: Order of a cell's rotational symmetry.
 FOLDS = {"square": 4, "hex": 6}
-#: Degrees j + k of the sums, for steep lenslets too.
+#: Degrees j + k of the sums; the high degrees serve steep lenslets.
 DEGREES = range(1, 12)
-#: Rays across the inner cell; directions of slopes, prime: no symmetry repeats one.
+#: Number of rays across the inner cell, and number of slope directions. The latter is
+#: prime, so no symmetry repeats a direction.
 ACROSS, DIRECTIONS = 13, 17
-#: Points on the edge of an outline.
+#: Number of points on the edge of an outline.
 EDGE_POINTS = 96
 
 
@@ -53,12 +56,12 @@ def outline_mm(display: Display) -> float:
 
 @dataclass(frozen=True)
 class LensProjection:
-    """The a, b and c of the module's formulas, for slopes as fractions of the steepest."""
+    """Coefficients a, b and c of the module's formulas, for slopes divided by `steepest`."""
 
     fixed: Floats
     per_gap: Floats
     aside: Floats
-    #: One of `FOLDS`, and the direction of the array's first axis, degrees.
+    #: Order of the symmetry (see `FOLDS`), and direction of the array's first axis, degrees.
     folds: int
     rotation_deg: float
     outline_mm: float
@@ -67,7 +70,7 @@ class LensProjection:
     def traced(
         self, slope: Floats, gap_mm: Floats | float, others: Sequence[tuple[int, int]]
     ) -> tuple[Floats, Floats, Floats]:
-        """Return c and w (N, 2), mm, and the terms `others` (N, 2, M), for slopes (N, 2) and one gap or N."""
+        """Return c and w (N, 2), mm, and the terms `others` (N, 2, M), for slopes (N, 2) and gaps: one or (N,)."""
         every, turn = powers(self.folds, DEGREES), np.exp(1j * np.deg2rad(self.rotation_deg))
         each = turn * terms((slope[:, 0] + 1j * slope[:, 1]) / (self.steepest * turn), every)
         c, fixed, per_gap = (each @ np.stack([self.aside, self.fixed, self.per_gap], axis=1)).T
@@ -79,7 +82,7 @@ class LensProjection:
 
 @cache
 def powers(folds: int, degrees: range) -> tuple[tuple[int, int], ...]:
-    """Return the (j, k) of the module's formulas with j + k in `degrees`."""
+    """Return the exponents (j, k) of the module's formulas with j + k in `degrees`."""
     return tuple((n - k, k) for n in degrees for k in range(n + 1) if (n - 2 * k - 1) % folds == 0)
 
 
@@ -91,9 +94,9 @@ def terms(slope: npt.NDArray[np.complex128], exponents: Sequence[tuple[int, int]
 
 
 def fit_projection(display: Display, steepest: float, distance_mm: float) -> LensProjection:
-    """Fit the projection of a lenslet, for cameras at a distance, with slopes up to `steepest`."""
+    """Fit the projection of a lenslet for cameras at `distance_mm`, with slopes up to `steepest`."""
     plain = _plain(display)
-    radii = np.linspace(0.0, max(steepest, 0.05), 10)[1:]  # without 0
+    radii = np.linspace(0.0, max(steepest, 0.05), 10)[1:]
     angles = np.arange(DIRECTIONS) * (2.0 * np.pi / DIRECTIONS) + 0.1
     slopes = np.stack([np.outer(radii, f(angles)).ravel() for f in (np.cos, np.sin)], axis=1)
     height = outline_mm(display)
@@ -117,19 +120,19 @@ def fit_projection(display: Display, steepest: float, distance_mm: float) -> Len
 
 
 def means(points: Floats, chosen_points: Bools) -> Floats:
-    """Return the means (N, 2) of the chosen (N, M) of points (N, M, 2)."""
+    """Return the means (N, 2) of points (N, M, 2) over the mask `chosen_points` (N, M)."""
     count = np.maximum(chosen_points.sum(axis=1), 1)[:, None]
     return np.asarray((points * chosen_points[..., None]).sum(axis=1) / count)
 
 
 def axes_at(angle_deg: float) -> Floats:
-    """Return the matrix that turns rows (x, y) into coordinates along axes at an angle."""
+    """Return the matrix that converts rows (x, y) into coordinates along axes rotated by an angle."""
     c, s = np.cos(np.deg2rad(angle_deg)), np.sin(np.deg2rad(angle_deg))
     return np.array([[c, -s], [s, c]])
 
 
 def movement(display: Display, slopes: Floats, distance_mm: float) -> float:
-    """Return the movement of panel points over the inner cell, mm per mm, for slopes (N, 2)."""
+    """Return how far panel points move per distance moved in the inner cell, mm per mm, for slopes (N, 2)."""
     inner, at, arrives = inner_rays(display, slopes, distance_mm)
     inner, at = (one - means(one, arrives)[:, None] for one in (np.broadcast_to(inner, at.shape), at))
     moves = np.linalg.lstsq(inner[arrives], at[arrives], rcond=None)[0]
@@ -137,10 +140,10 @@ def movement(display: Display, slopes: Floats, distance_mm: float) -> float:
 
 
 def inner_rays(display: Display, slopes: Floats, distance_mm: float) -> tuple[Floats, Floats, Bools]:
-    """Trace rays through a lenslet's inner cell from cameras in directions of slopes (N, 2).
+    """Trace rays through a lenslet's inner cell from cameras in the directions of slopes (N, 2).
 
-    Return places in the cell (M, 2) and on the panel (N, M, 2), mm along its axes, and
-    which rays arrive, (N, M).
+    Return the points in the cell (M, 2) and on the panel (N, M, 2), mm along the
+    panel's axes, and a mask (N, M) of rays that arrive.
     """
     plain, height = _plain(display), outline_mm(display)
     axes = axes_at(display.array.rotation_deg)
@@ -152,26 +155,26 @@ def inner_rays(display: Display, slopes: Floats, distance_mm: float) -> tuple[Fl
 
 
 def _plain(display: Display) -> Display:
-    """Return the display with lenslet (0, 0) in the middle, unrotated, on a panel that no ray misses."""
+    """Return the display with an unrotated array, lenslet (0, 0) in the middle, and a panel that no ray misses."""
     panel = replace(display.panel, width_px=MAX_SIDE_PX, height_px=MAX_SIDE_PX)
     array = replace(display.array, rotation_deg=0.0, offset_mm=(0.0, 0.0), extent_mm=None)
     return replace(display, panel=panel, array=array, viewing_distance_mm=None, viewing_axis_mm=(0.0, 0.0))
 
 
 def _middles(display: Display, slopes: Floats, height_mm: float, distance_mm: float) -> Floats:
-    """Return the middles of the outline for slopes (N, 2), (N, 2) mm.
+    """Return the outline's middles (N, 2), mm, for slopes (N, 2).
 
-    They are means over the points that `measure_lenslets` assigns to the lenslet.
+    A middle is the mean over the points that `measure_lenslets` assigns to the lenslet.
     """
     lattice = Lattice.of(display.array)
     axes = np.array([lattice.centre(1.0, 0.0), lattice.centre(0.0, 1.0)])
     to_steps, grown = np.linalg.inv(axes), 1.0 + display.aperture_distance_mm / distance_mm
-    inside = _cell(display, MIDDLE, 12)  # points across the cell
-    # Directions differ from slope to slope.
+    inside = _cell(display, MIDDLE, 12)
+    # Each slope has its own directions.
     angles = 2.0 * np.pi / EDGE_POINTS * (np.arange(EDGE_POINTS) + R2_STEPS[0] * np.arange(len(slopes))[:, None] % 1.0)
     ways = np.stack([np.cos(angles), np.sin(angles)], axis=2)
     middles = np.zeros_like(slopes)
-    for _ in range(3):  # rounds
+    for _ in range(3):
         arrives, at = _traced(display, slopes, middles[:, None] + inside, height_mm, distance_mm)
         fits = [_movement(inside[one] @ to_steps, at[k, one] @ to_steps / grown) for k, one in enumerate(arrives)]
         centre, moves, shift = (np.array(part) for part in zip(*fits, strict=True))
@@ -184,7 +187,7 @@ def _middles(display: Display, slopes: Floats, height_mm: float, distance_mm: fl
             own = (at @ to_steps / grown - centre[:, None] - points @ to_steps @ moves) @ np.linalg.inv(
                 np.eye(2) - moves
             )
-            there = arrives & within(own - shift[:, None], display.array.grid, NEAR)  # given to the lenslet
+            there = arrives & within(own - shift[:, None], display.array.grid, NEAR)  # assigned to the lenslet
             low, high = np.where(there, half, low), np.where(there, high, half)
         edge = 0.5 * (low + high)
         area = 0.5 * (edge**2).sum(axis=1)
@@ -193,7 +196,7 @@ def _middles(display: Display, slopes: Floats, height_mm: float, distance_mm: fl
 
 
 def _movement(across: Floats, landed: Floats) -> tuple[Floats, Floats, Floats]:
-    """Return panel points' median, movement across the cell, and mean own place, in steps."""
+    """Return the panel points' median, their movement across the cell, and their mean lattice point, in steps."""
     if len(across) < 3:
         return np.zeros(2), np.zeros((2, 2)), np.zeros(2)
     centre = np.asarray(np.median(landed, axis=0))
@@ -203,10 +206,10 @@ def _movement(across: Floats, landed: Floats) -> tuple[Floats, Floats, Floats]:
 
 
 def _cell(display: Display, share: float, across: int) -> Floats:
-    """Return points (N, 2) all over a cell scaled by `share`, mm."""
+    """Return points (N, 2), mm, spread over a cell that is scaled by `share`."""
     side = (np.arange(across) + 0.5) / across
     s, t = (one.ravel() for one in np.meshgrid(side, side))
-    if display.array.grid == "hex":  # equal areas of the three rhombi
+    if display.array.grid == "hex":  # three rhombi of equal area
         s, t = (np.repeat(np.arange(3), len(s)) + np.tile(s, 3)) / 3.0, np.tile(t, 3)
     return share * np.stack(square_to_cell(NumpyBackend(), s, t, Lattice.of(display.array)), axis=1)
 
@@ -216,7 +219,8 @@ def _traced(
 ) -> tuple[Bools, Floats]:
     """Trace rays from cameras through points (N, M, 2) of the plane of outlines.
 
-    Return which pass lenslet (0, 0), (N, M), and their panel points (N, M, 2), mm.
+    Return a mask (N, M) of rays that pass lenslet (0, 0), and panel points (N, M, 2),
+    mm.
     """
     camera = np.column_stack([slopes * distance_mm, np.full(len(slopes), height_mm + distance_mm)])[:, None]
     to = np.concatenate([through, np.full((*through.shape[:2], 1), height_mm)], axis=2)

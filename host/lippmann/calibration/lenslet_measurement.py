@@ -1,9 +1,9 @@
-"""The panel point that a position sees through each lenslet, and where in the photograph the lenslet is.
+"""Measure, for each lenslet in a position's photographs, its middle and the panel point seen through it.
 
-A pixel that sees the panel point of lenslet (i, j) lies in the outline of that lenslet.
-A map from the photograph to the lattice of pitch 1 is fitted to these pixels, a
-homography after a radial correction. It gives each pixel's place in its cell, also
-where the panel is dark or a decoded point is wrong.
+A pixel that sees the panel point of lenslet (i, j) lies in the outline of this lenslet.
+A map from the photograph to the lattice of pitch 1 is fitted to these pixels: a
+homography after a radial correction. The map gives each pixel's position in its cell,
+even where the panel is dark or a decoded point is wrong.
 """
 
 from __future__ import annotations
@@ -24,35 +24,35 @@ from lippmann.optics.lattice import HALF_SQRT3, Lattice, number_lenslets
 from lippmann.optics.rays import Bools, Floats, Indices
 
 Values = npt.NDArray[np.floating]
-#: Distance of a cell's corner from its centre, pitches, with some reserve.
+#: Maximum distance of a cell's corner from its centre, pitches, with a margin.
 CORNER = 0.75
-#: Typical changes of the map's numbers.
+#: Typical sizes of changes in the map's parameters.
 SCALES = (10.0, 10.0, 1.0, 10.0, 10.0, 1.0, 0.1, 0.1, 0.1, 0.1)
 
 
 def regular(grid: Grid, index: npt.NDArray[np.number]) -> Floats:
-    """Return the centres of lenslets (N, 2) of the lattice of pitch 1."""
+    """Return the centres (N, 2) of lenslets (i, j) on the lattice of pitch 1."""
     return np.stack(Lattice(grid, 1.0).centre(*index.T.astype(float)), axis=1)
 
 
 @dataclass(frozen=True)
 class Outline:
-    """Map of a photograph to the lattice around `origin`; `size_px` is its longer side."""
+    """Map from a photograph to the lattice around `origin`; `size_px` is the photograph's longer side."""
 
     lattice: Lattice
     middle_px: Floats
     size_px: float
     numbers: Floats
     origin: Floats
-    #: Fraction of pixels that see the lenslet in whose outline they lie.
+    #: Fraction of pixels that see the panel through the lenslet in whose outline they lie.
     agree: float = 1.0
 
     def cells(self, photo_px: Values) -> Floats:
-        """Return pixels (N, 2) as points of the lattice of pitch 1."""
+        """Map pixels (N, 2) to points of the lattice of pitch 1."""
         return self.origin + _mapped(self.numbers, (photo_px - self.middle_px) / self.size_px)
 
     def steps(self, photo_px: Values) -> Floats:
-        """Return pixels (N, 2) in steps (i, j) of the lattice, not rounded."""
+        """Map pixels (N, 2) to unrounded lattice coordinates (i, j)."""
         x, y = self.cells(photo_px).T
         if self.lattice.grid == "hex":
             y = y / HALF_SQRT3
@@ -60,14 +60,14 @@ class Outline:
         return np.stack([x, y], axis=1)
 
     def located(self, photo_px: Values) -> tuple[Indices, Floats]:
-        """Return the lenslets (i, j) in whose outlines pixels lie, and places from centres."""
+        """Return the lenslets (i, j) in whose outlines pixels lie, and the pixels' offsets from the centres."""
         x, y = self.cells(photo_px).T
         i, j, dx, dy = self.lattice.locate(NumpyBackend(), x, y)
         return np.stack([i, j], axis=1).astype(np.int64), np.stack([dx, dy], axis=1)
 
 
 def _mapped(numbers: Floats, at: Values) -> Floats:
-    """Apply a map, 8 numbers of a homography and 2 radial ones, to scaled points."""
+    """Apply a map to scaled points; `numbers` are 8 homography and 2 radial coefficients."""
     square = (at**2).sum(axis=1)
     scale = 1.0 + square * (numbers[8] + square * numbers[9])
     homography = np.append(numbers[:8], 1.0).reshape(3, 3)
@@ -75,9 +75,8 @@ def _mapped(numbers: Floats, at: Values) -> Floats:
 
 
 def fit_outline(name: str, grid: Grid, photo_px: Values, index: Indices, shape: tuple[int, int]) -> Outline:
-    """Fit the map to pixels (N, 2) that see complete lenslets (i, j); refuse it if few agree."""
+    """Fit the map to pixels (N, 2) that see complete lenslets (i, j); raise InputError if too few pixels agree."""
     rng = np.random.default_rng(1910)
-    # Pixels that the map is fitted to.
     some = rng.choice(len(photo_px), min(40_000, len(photo_px)), replace=False)
     middle, size = np.array(shape[::-1]) / 2.0, float(max(shape))
     at, cells = (photo_px - middle) / size, regular(grid, index)
@@ -101,30 +100,29 @@ def fit_outline(name: str, grid: Grid, photo_px: Values, index: Indices, shape: 
 
 
 def _off(numbers: Floats, at: Values, targets: Values) -> Floats:
-    """Return the residuals (2 N,) of a map."""
     return np.ravel(_mapped(numbers, at) - targets)
 
 
 def _check_agreement(name: str, share: float) -> None:
-    if share < 0.5:  # of the pixels
+    if share < 0.5:
         what = f"only {100.0 * share:.0f} % of the pixels see the lenslet in front of them"
         raise input_error(name, what, "check that all photographs are of one position, and of this display's patterns")
 
 
-#: Part of a cell whose pixels count: others see through two lenslets.
+#: Scale of the inner cell; pixels outside it may see through two lenslets.
 INNER = 0.7
-#: Part of a cell in which points move evenly.
+#: Scale of the cell in which panel points move linearly.
 MIDDLE = 0.7
-#: Maximum of readings of a position: 30 for each of 100,000 lenslets.
+#: Maximum number of readings per position: 30 for each of 100,000 lenslets.
 MAX_READINGS, SEED = 3_000_000, 1914
-#: Minimum pixels of a complete lenslet's neighbours for the map's fit, as a fraction of
-#: the largest one's: by perspective, few, large lenslets differ much.
+#: Minimum number of pixels of a complete lenslet's neighbours, as a fraction of the
+#: largest neighbour's number. The value allows for perspective.
 NEIGHBOURS = 0.8
 
 
 @dataclass(frozen=True)
 class Readings:
-    """Panel points (M, 2), places (M, 2) in the cell of pitch 1, and ascending lenslets (M,)."""
+    """Panel points (M, 2), their positions (M, 2) in the cell of pitch 1, and their lenslets (M,), ascending."""
 
     panel_px: npt.NDArray[np.float32]
     local: npt.NDArray[np.float32]
@@ -133,10 +131,11 @@ class Readings:
 
 @dataclass(frozen=True)
 class Lenslets:
-    """What a position sees through N lenslets (i, j), `index` (N, 2).
+    """Measurements of a position's N lenslets (i, j), `index` (N, 2).
 
-    `photo_px` (N, 2) are their middles in the photograph, `panel_mm` (N, 2) the panel
-    points seen through their inner cells, within `half_px` (N, 2) pixels of the panel.
+    `photo_px` (N, 2) are the lenslets' middles in the photograph, `panel_mm` (N, 2) the
+    panel points seen through their inner cells, known to +- `half_px` (N, 2) panel
+    pixels.
     """
 
     name: str
@@ -145,11 +144,11 @@ class Lenslets:
     photo_px: Floats
     panel_mm: Floats
     half_px: Floats
-    #: Pixels of the cells' middles, to which the panel points belong, (N, 2); size of a
-    #: pixel in the cell of pitch 1, (2, 2); movement of the panel points over the cell,
-    #: (N, 2, 2), and its mean, (2, 2), mm per pitch.
+    #: Photograph pixels (N, 2) of the cells' middles, to which the panel points belong.
     cell_px: Floats
+    #: Size (2, 2) of a photograph pixel in the cell of pitch 1.
     steps: Floats
+    #: Movement (N, 2, 2) of the panel points over the cell, mm per pitch, and its mean.
     moves: Floats
     spread: Floats
     #: Fraction of pixels that see the lenslet in front of them.
@@ -161,16 +160,15 @@ class Lenslets:
 def _match_pixels(
     decoded: Decoded, lattice: SeenLattice, points_mm: Floats, grid: Grid
 ) -> tuple[Outline, Indices, Bools]:
-    """Return the outlines, the lenslets (i, j) of the pixels, and which pixels see their own.
+    """Return the outline, the lenslet (i, j) that each pixel sees, and a mask of pixels that lie in its outline.
 
-    The panel point that a pixel q sees through lenslet l is l + B (q - l), in steps of
-    the lattice; in focus, B is 0. Each round improves the outlines and B.
+    A pixel q sees through lenslet l the panel point l + B (q - l), in lattice steps. B
+    is 0 if the panel is in focus. Each iteration improves the outline and B.
     """
     panel_steps = lattice.steps(points_mm)
     index, near = lattice.near(points_mm)
-    for _ in range(3):  # rounds
-        # At the panel's edges and at dust, a lenslet is partly dark: its middle is not
-        # that of its pixels.
+    for _ in range(3):
+        # The pixels of a partly dark lenslet, at an edge or at dust, do not give its middle.
         names, groups = number_lenslets(index[near])
         complete = np.flatnonzero(near)[are_complete(names, np.bincount(groups), NEIGHBOURS)[groups]]
         outline = fit_outline(decoded.name, grid, decoded.photo_px[complete], index[complete], decoded.shape)
@@ -182,15 +180,15 @@ def _match_pixels(
         own = _centred((panel_steps - at @ moves) @ np.linalg.inv(np.eye(2) - moves), at, some)
         index = np.round(own).astype(np.int64)
         near = within(own - index, grid, NEAR)
-    return outline, index, near & (abs(at - index) < 0.7).all(axis=1)  # pixels far aside are wrong
+    return outline, index, near & (abs(at - index) < 0.7).all(axis=1)
 
 
 def measure_lenslets(decoded: Decoded, lattice: SeenLattice, display: Display) -> Lenslets:
-    """Average the pixels of each lenslet's inner cell."""
+    """Return measurements of all lenslets, averaged over the pixels of each inner cell."""
     points = decoded.points_mm(display)
     outline, index, own_pixels = _match_pixels(decoded, lattice, points, display.array.grid)
     home, local = outline.located(decoded.photo_px)
-    # Pixels beyond the cell count for the middle in the photograph too: seams are bent.
+    # Pixels outside the cell also count for the photograph's middle; seams are curved.
     names, both = number_lenslets(np.concatenate([home, index[own_pixels]]))
     groups, of_own = both[: len(home)], both[len(home) :]
     counts = np.bincount(of_own, minlength=len(names))
@@ -203,13 +201,13 @@ def measure_lenslets(decoded: Decoded, lattice: SeenLattice, display: Display) -
         at, middle, spread = _averages(points, local, good, groups, len(names))
         off = points - at[groups] - (local - middle[groups]) @ spread
         far = np.hypot(*off.T)
-        # Pixels beyond 6 standard deviations are wrong.
+        # Drop pixels beyond 6 standard deviations.
         good &= far < 6.0 * max(1e-9, 1.4826 * float(np.median(abs(off[good]))) * 1.5)
     at, middle, spread = _averages(points, local, good, groups, len(names))
     number = np.bincount(groups[good], minlength=len(names))
     usual = np.median(number[number > 0]) if (number > 0).any() else 0.0
-    # A neighbour with a dark side would move the seam, and with it the lenslet's
-    # middle. A lenslet needs a third of the usual number of pixels.
+    # A partly dark neighbour would shift the seam, and thus the lenslet's middle. A
+    # valid lenslet has at least 0.35 times the median number of pixels.
     valid = (number >= max(2.0, 0.35 * usual)) & are_complete(names, counts, 0.9)
     _check_steady(decoded.name, names, counts, outline.agree)
     if valid.sum() < 30:
@@ -242,29 +240,30 @@ def measure_lenslets(decoded: Decoded, lattice: SeenLattice, display: Display) -
 
 
 def _centred(own: Floats, at: Floats, some: Bools) -> Floats:
-    """Return the pixels' lattice points without the mean aberration in the middle of their cell."""
+    """Return the pixels' lattice points, less the mean aberration in the middle of each pixel's cell."""
     home = np.round(at).astype(np.int64)
     names, groups = number_lenslets(home)
     number = np.bincount(groups[some], minlength=len(names))
     off = _sums((own - home)[some], groups[some], len(names)) / np.maximum(number, 1)[:, None]
-    # Fewer than three pixels give no reliable mean.
+    # A mean of fewer than three pixels is unreliable.
     return np.asarray(own - np.where(number[:, None] >= 3, off, 0.0)[groups])
 
 
 def _check_steady(name: str, index: Indices, counts: Indices, agree: float) -> None:
-    """Refuse photographs between which camera or display moved."""
+    """Raise InputError if camera or display moved between the photographs."""
     least = 0.3 * float(np.median(counts[counts > 0])) if (counts > 0).any() else 0.0
     inside = _surrounded(*_table(index, counts), least)
     share = float((are_complete(index, counts, NEIGHBOURS) & inside).sum() / max(1, inside.sum()))
-    # Good photographs have 0.79 and 0.98, with a tenth wrong 0.69 and 0.93, blurred by
-    # 3 pixels 0.39 and 0.99, moved by 3 pixels 0.25 and 0.85.
+    # Measured (share, agree): (0.79, 0.98) for good photographs, (0.69, 0.93) with 10 %
+    # wrong pixels, (0.39, 0.99) for 3 pixels of blur, (0.25, 0.85) for 3 pixels of
+    # movement.
     if share < 0.45 and agree < 0.96:
         what = f"the photographs do not fit together: only {100.0 * share:.0f} % of the lenslets are the same in all"
         raise input_error(name, what, "focus on the array, fix camera and display, and take the position again")
 
 
 def _table(index: Indices, counts: Indices) -> tuple[Floats, Indices]:
-    """Return the counts by (i, j) with a margin of two, and the lenslets' places there (2, N)."""
+    """Return a table of counts over (i, j) with a margin of two, and the lenslets' table indices (2, N)."""
     low = index.min(axis=0) - 2
     table = np.zeros(index.max(axis=0) - low + 3)
     places = (index - low).T
@@ -273,7 +272,7 @@ def _table(index: Indices, counts: Indices) -> tuple[Floats, Indices]:
 
 
 def _surrounded(table: Floats, places: Indices, least: Floats | float) -> Bools:
-    """Tell which lenslets have, on each side, more than `least` pixels in one of the next two."""
+    """Return which lenslets have, on each side, a lenslet with more than `least` pixels among the next two."""
     i, j = places
     inside = np.ones(len(i), bool)
     for di, dj in ((1, 0), (-1, 0), (0, 1), (0, -1)):
@@ -282,15 +281,14 @@ def _surrounded(table: Floats, places: Indices, least: Floats | float) -> Bools:
 
 
 def are_complete(index: Indices, counts: Indices, neighbours: float) -> Bools:
-    """Tell which lenslets (N, 2) are inside, with about as many pixels as their largest neighbour.
+    """Return which lenslets (N, 2) are surrounded, and have about as many pixels as their largest neighbour.
 
-    The four neighbours must have the fraction `neighbours` of its pixels.
+    On each of four sides, a lenslet needs the fraction `neighbours` of these pixels.
     """
     table, places = _table(index, counts)
     i, j = places
     largest = np.max([table[i + di, j + dj] for di in (-1, 0, 1) for dj in (-1, 0, 1) if (di, dj) != (0, 0)], axis=0)
     noise = 0.6 * np.sqrt(largest)
-    # A lenslet with fewer pixels is partly hidden.
     return np.asarray(_surrounded(table, places, neighbours * largest - noise) & (counts >= 0.95 * largest - noise))
 
 
@@ -299,7 +297,7 @@ def _sums(values: Floats, groups: Indices, count: int) -> Floats:
 
 
 def _averages(points: Floats, local: Floats, good: Bools, groups: Indices, count: int) -> tuple[Floats, Floats, Floats]:
-    """Return means of points and places in the cell (M, 2), and how points move with places."""
+    """Return the mean points and mean cell positions (M, 2), and the points' derivative by cell position."""
     number = np.maximum(np.bincount(groups[good], minlength=count), 1)[:, None]
     at, middle = (_sums(one[good], groups[good], count) / number for one in (points, local))
     across = local[good] - middle[groups[good]]

@@ -1,8 +1,8 @@
-"""The panel point that each camera pixel sees, from photographs of the patterns.
+"""Decode the panel point that each camera pixel sees from photographs of the patterns.
 
-The phase of a pixel's light gives the point within a period, its Gray code the period.
-A pixel counts if its light changes enough between black and white, is not clipped,
-follows the phase pictures' cosine, and has at most one doubtful bit in each direction.
+The phase of a pixel's light gives the point within a period, and the Gray code gives
+the period. A pixel is used if its light changes enough between black and white, is not
+clipped, follows the phase pictures' cosine, and has at most one doubtful bit per axis.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from lippmann.errors import input_error
 from lippmann.optics.rays import Bools, Floats
 from lippmann.optics.system import PanelFrame
 
-#: Number of pixels by whose values the photographs are judged.
+#: Number of sample pixels for checks of the photographs.
 SAMPLES, SEED = 8000, 1908
 
 
@@ -31,8 +31,8 @@ SAMPLES, SEED = 8000, 1908
 class Decoded:
     """The panel points `panel_px` (N, 2) that a camera's pixels `photo_px` (N, 2) see.
 
-    `shape` is the photographs' (height, width), `modulation` the phase pictures' median
-    amplitude as a fraction of the black to white range.
+    `shape` is the photographs' (height, width). `modulation` is the median amplitude of
+    the phase pictures, as a fraction of the range from black to white.
     """
 
     name: str
@@ -42,7 +42,7 @@ class Decoded:
     modulation: float
 
     def points_mm(self, display: Display) -> Floats:
-        """Return the panel points (N, 2) that the pixels see, in the panel's frame."""
+        """Return the seen panel points (N, 2), mm in the panel's frame."""
         return np.stack(PanelFrame.of(display).panel_from_pixel(*self.panel_px.astype(np.float64).T), axis=1)
 
 
@@ -53,9 +53,9 @@ def decode_position(
     shape: tuple[int, int] | None = None,
     progress: Progress = lambda *_: None,
 ) -> Decoded:
-    """Decode the photographs of a position; `pitch_px` is the lenslets' pitch, panel pixels.
+    """Decode the photographs of a position; `pitch_px` is the lenslet pitch in panel pixels.
 
-    Raises InputError, with the photograph and a remedy, for other patterns, sizes or
+    Raises InputError, naming the photograph and a remedy, for wrong patterns, size or
     order, wrong exposure, blur, a moved camera, or a panel partly out of view.
     """
 
@@ -96,16 +96,16 @@ def decode_position(
 
 
 def _find_lit(path: Path, white: Light, black: Light, clipped: Bools) -> tuple[Light, Bools]:
-    """Return white's light over black, and where it suffices; refuse a wrong exposure."""
+    """Return the difference of white and black, and a mask where it suffices; refuse a wrong exposure."""
     span = white - black
     bright = float(np.percentile(span.ravel()[:: max(1, span.size // 200_000)], 95.0))
-    if bright < 0.02:  # the maximum is 1
+    if bright < 0.02:
         what = f"is too dark: white is {100.0 * bright:.1f} % brighter than black"
         raise input_error(path, what, "expose longer; all photographs alike, with a fixed exposure")
-    # Pixels with less contrast do not count.
+    # Ignore pixels with less contrast.
     lit = span > 0.1 * bright
     clipped_share = float((clipped & lit).sum()) / max(1, int(lit.sum()))
-    # Where black is clipped too, no pixel counts as lit.
+    # Pixels that are clipped even in black are not lit, so count them over all pixels.
     overall = float(clipped.mean())
     if clipped_share > 0.2 or overall > 0.5:
         what = f"is too bright: {100.0 * max(clipped_share, overall):.0f} % of the panel is clipped"

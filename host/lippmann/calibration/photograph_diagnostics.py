@@ -1,4 +1,4 @@
-"""Diagnostics of photographs by some thousand pixels: order, exposure, blur, movement, view."""
+"""Check photographs on some thousand sample pixels: order, exposure, blur, movement, view."""
 
 from __future__ import annotations
 
@@ -14,15 +14,15 @@ from lippmann.calibration.coded_patterns import AxisCode, Pattern, PatternSet
 from lippmann.calibration.photographs import Light, Position
 from lippmann.errors import input_error
 
-#: Maximum residual of a phase photograph to the cosine through all, in amplitudes.
+#: Maximum residual of a phase photograph from the fitted cosine, in amplitudes.
 MAX_RESIDUAL = 0.35
-#: Minimum fraction of points on the plane as which a camera sees the panel.
+#: Minimum fraction of sample points that fit a plane.
 MIN_ON_PLANE = 0.6
 
 
 @dataclass(frozen=True)
 class Samples:
-    """Light of pixels `at` (rows, columns) over the black to white range, 0 in its middle."""
+    """Light of sample pixels `at` (rows, columns), scaled to -1/2 for black and 1/2 for white."""
 
     patterns: PatternSet
     position: Position
@@ -32,26 +32,26 @@ class Samples:
 
 
 class Fit(NamedTuple):
-    """How well photographs agree, as fractions of the range, the amplitude and the pixels."""
+    """Measures of the agreement between photographs."""
 
-    #: Median amplitude of the phase pictures.
+    #: Median amplitude of the phase pictures, as a fraction of the black to white range.
     modulation: float
-    #: Residual of each phase photograph to the cosine.
+    #: Residual of each phase photograph from the fitted cosine, in amplitudes.
     residuals: dict[Pattern, float]
-    #: Pixels whose phase and Gray code disagree, away from the code's edges.
+    #: Fraction of pixels whose phase and Gray code disagree by more than an edge allows.
     disagree: float
-    #: Points on the plane of the panel, and the plane's homography from the photograph.
+    #: Fraction of points that fit the homography `panel_from_photo`.
     on_plane: float
     panel_from_photo: cv2.typing.MatLike
 
     @property
     def bad(self) -> float:
-        """A measure that exchanged photographs raise."""
+        """Measure of disagreement, which exchanged photographs increase."""
         return float(np.mean(list(self.residuals.values()))) + self.disagree + (1.0 - self.on_plane)
 
 
 def fit(samples: Samples, pitch_px: float) -> Fit:
-    """Decode the samples, and measure how well the photographs agree."""
+    """Decode the samples, and measure the agreement of the photographs."""
     patterns, points, modulations, disagree = samples.patterns, [], [], []
     residuals: dict[Pattern, float] = {}
     for axis in (0, 1):
@@ -63,7 +63,7 @@ def fit(samples: Samples, pitch_px: float) -> Fit:
         mean, strong = np.mean([*phases.values()], axis=0), code.amplitude > 0.5 * np.median(code.amplitude)
         for one, light in phases.items():
             expected = mean + 2.0 / patterns.steps * (code.wave / patterns.turn(one)).real
-            # The median, because some pixels may see dust or a reflection.
+            # A median, because some pixels may see dust or a reflection.
             off = abs(light - expected) / np.maximum(0.5 * code.amplitude, 1e-6)
             residuals[one] = 1.4826 * float(np.median(off[strong]))
         modulations.append(float(np.median(code.amplitude)))
@@ -72,19 +72,19 @@ def fit(samples: Samples, pitch_px: float) -> Fit:
         disagree.append(float((abs(points[-1] - middle)[strong] > 0.75 * patterns.half_px).mean()))
     panel = np.stack(points, axis=1).astype(np.float32)
     photo = np.stack(samples.at[::-1], axis=1).astype(np.float32) + np.float32(0.5)
-    # Parallax of the lenslets moves points off the plane, by less than 1.5 pitches.
+    # The lenslets' parallax moves points off the plane by less than 1.5 pitches.
     plane, mask = cv2.findHomography(photo, panel, cv2.RANSAC, 1.5 * pitch_px, maxIters=500)
     share = float(np.mean(mask)) if np.size(plane) == 9 else 0.0
     return Fit(min(modulations), residuals, max(disagree), share, plane)
 
 
 def check_samples(samples: Samples, pitch_px: float) -> float:
-    """Refuse photographs that do not agree; return the phase pictures' relative amplitude."""
+    """Raise InputError for photographs that disagree; return the relative amplitude of the phase pictures."""
     position, patterns = samples.position, samples.patterns
     match = fit(samples, pitch_px)
     residuals = match.residuals
     worst = max(residuals, key=lambda one: residuals[one])
-    if match.modulation < 0.25:  # sharp photographs have more
+    if match.modulation < 0.25:
         path = position.of(next(one for one in patterns.patterns if one.kind == "phase"))
         contrast = f"keep {100.0 * match.modulation:.0f} % of their contrast"
         what = f"is blurred: stripes of {patterns.period_px} panel pixels {contrast}"
@@ -113,7 +113,7 @@ def _check_light(samples: Samples) -> None:
         along = np.arange(patterns.sides_px[pattern.axis]) + 0.5
         expected = float(patterns.level(pattern, along).mean())
         got = float(np.clip(share, -1.0, 1.0).mean()) + 0.5
-        if abs(got - expected) > 0.2 * (1.0 if pattern.kind == "phase" else 1.5):  # of the black to white range
+        if abs(got - expected) > 0.2 * (1.0 if pattern.kind == "phase" else 1.5):
             name, more = samples.position.of(pattern), "brighter" if got > expected else "darker"
             what = f"is {more} than its pattern ({100.0 * got:.0f} % of white, expected {100.0 * expected:.0f} %)"
             remedy = "fix the camera's exposure for all photographs, and name each one as its pattern"
@@ -121,11 +121,11 @@ def _check_light(samples: Samples) -> None:
 
 
 def _exchanged(samples: Samples, match: Fit, pitch_px: float) -> tuple[Pattern, Pattern] | None:
-    """Return two photographs whose exchange makes all agree, or None."""
-    step = max(1, len(samples.at[0]) // 800)  # enough pixels to judge an exchange
+    """Return two photographs whose exchange makes all photographs agree, or None."""
+    step = max(1, len(samples.at[0]) // 800)
     shares = {one: share[::step] for one, share in samples.shares.items()}
     at = tuple(one[::step] for one in samples.at)
-    best, pair = 0.5 * match.bad, None  # an exchange must halve it
+    best, pair = 0.5 * match.bad, None  # an exchange must halve the measure
     for one, other in itertools.combinations(shares, 2):
         if one.kind != other.kind:
             continue
@@ -162,12 +162,12 @@ def _check_view(samples: Samples, match: Fit) -> None:
 def check_marks(
     position: Position, first: Pattern, last: Pattern, before: Light, after: Light, lit: npt.NDArray[np.bool_]
 ) -> None:
-    """Refuse photographs if camera or light changed between first and last."""
+    """Raise InputError if the camera moved or the light changed between first and last photograph."""
     rows, columns = np.flatnonzero(lit.any(axis=1)), np.flatnonzero(lit.any(axis=0))
     if len(rows) < 8 or len(columns) < 8:
         return
     part = slice(rows[0], rows[-1] + 1), slice(columns[0], columns[-1] + 1)
-    # Both are blurred by 1.5 pixels before the comparison.
+    # Blur both pictures by 1.5 pixels before comparing them.
     before, after = (
         np.asarray(cv2.GaussianBlur(np.ascontiguousarray(one[part]), (0, 0), 1.5), np.float32)
         for one in (before, after)
@@ -176,10 +176,10 @@ def check_marks(
     if not 0.8 < scale < 1.25:
         what = f"has {100.0 * scale:.0f} % of the light of {position.of(first).name}"
         raise input_error(position.of(last), what, "fix the camera's exposure, and the room's light")
-    # The shift, by least squares over the gradients.
+    # Estimate the shift by least squares from the gradients.
     down, right = np.gradient(before)
     slopes = np.stack([right.ravel(), down.ravel()], axis=1)
     moved = float(np.hypot(*np.linalg.lstsq(slopes, (before - after).ravel(), rcond=None)[0]))
-    if moved > 0.4:  # pixels
+    if moved > 0.4:
         what = f"the camera moved by {moved:.1f} pixels after {position.of(first).name}"
         raise input_error(position.of(last), what, "fix the camera on a tripod, and take the position again")

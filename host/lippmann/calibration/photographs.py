@@ -1,4 +1,4 @@
-"""The photographs of a folder: their patterns and their light."""
+"""Find the photographs in a folder, match them to patterns, and read their light."""
 
 from __future__ import annotations
 
@@ -16,16 +16,16 @@ from lippmann.calibration.coded_patterns import FILE, Pattern, PatternSet, read_
 from lippmann.display.description import Display
 from lippmann.errors import input_error, not_there
 
-#: Extensions of photographs.
+#: File extensions of photographs.
 SUFFIXES = (".png", ".jpg", ".jpeg", ".tif", ".tiff", ".bmp")
-#: Maximum of pixels of a photograph.
+#: Maximum number of pixels in a photograph.
 MAX_PIXELS = 64_000_000
 Light = npt.NDArray[np.float32]
 
 
 @dataclass(frozen=True)
 class Position:
-    """The photographs from a camera position, in the patterns' order."""
+    """The photographs of a camera position, in the order of the patterns."""
 
     name: str
     photographs: tuple[Path, ...]
@@ -36,26 +36,26 @@ class Position:
 
 
 class Photograph(NamedTuple):
-    """Light (height, width) float32, 0 to 1, and where a channel is clipped."""
+    """Light (height, width) float32, 0 to 1, and a mask of pixels with a clipped channel."""
 
     light: Light
     clipped: npt.NDArray[np.bool_]
 
 
 def pattern_set(folder: Path, display: Display) -> PatternSet:
-    """Return a folder's patterns, from its `patterns.toml` or else the usual ones."""
+    """Return the pattern set from a folder's `patterns.toml`, or the default set without such a file."""
     own = folder / FILE
     if own.exists() and not own.is_file():
-        raise input_error(own, not_there(own), "copy the one that lippmann calibrate patterns wrote")
+        raise input_error(own, not_there(own), "copy the file that lippmann calibrate patterns wrote")
     return read_patterns(own, display) if own.is_file() else PatternSet.of(display)
 
 
 def positions(folder: Path, patterns: PatternSet) -> list[Position]:
-    """Return the positions in a folder's sub-folders, or in itself; refuse incomplete ones."""
+    """Return the positions in a folder's sub-folders, or in the folder itself; refuse incomplete positions."""
     if not folder.is_dir():
-        raise input_error(folder, "no such folder", "give the folder that holds position-1, position-2 and so on")
+        raise input_error(folder, "no such folder", "give the folder that contains position-1, position-2 and so on")
     folders = [one for one in folder.iterdir() if one.is_dir() and _photographs(one)]
-    # position-10 after position-9
+    # sort position-10 after position-9
     folders.sort(key=lambda one: (int("".join(filter(str.isdigit, one.name)) or 0), one.name))
     return [_position(one, patterns) for one in folders or [folder]]
 
@@ -65,7 +65,7 @@ def _photographs(folder: Path) -> dict[str, Path]:
     for one in sorted(folder.iterdir()):
         if one.suffix.lower() in SUFFIXES:
             if one.stem in photographs:
-                what = f"{photographs[one.stem].name} and {one.name} are photographs of one pattern"
+                what = f"{photographs[one.stem].name} and {one.name} are photographs of the same pattern"
                 raise input_error(folder, what, "keep one of them")
             photographs[one.stem] = one
     return photographs
@@ -75,7 +75,7 @@ def _position(folder: Path, patterns: PatternSet) -> Position:
     photographs = _photographs(folder)
     if not photographs:
         remedy = f"put one photograph of each pattern there, such as {patterns.patterns[0].stem}.jpg"
-        raise input_error(folder, "holds no photographs", remedy)
+        raise input_error(folder, "contains no photographs", remedy)
     stems = [one.stem for one in patterns.patterns]
     absent = [stem for stem in stems if stem not in photographs]
     unknown = [stem for stem in photographs if stem not in stems]
@@ -85,7 +85,7 @@ def _position(folder: Path, patterns: PatternSet) -> Position:
         raise input_error(folder, what, remedy)
     if absent:
         more = f" (and {len(absent) - 1} others)" if absent[1:] else ""
-        raise input_error(folder, f"the photograph of {absent[0]} is missing{more}", "take it, and name it so")
+        raise input_error(folder, f"the photograph of {absent[0]} is missing{more}", f"add {absent[0]}.jpg")
     if unknown:
         what = f"{photographs[unknown[0]].name} belongs to no pattern"
         remedy = f"draw the patterns again: this panel has {len(stems)}, the last is {stems[-1]}"
@@ -93,7 +93,7 @@ def _position(folder: Path, patterns: PatternSet) -> Position:
     return Position(folder.name, tuple(photographs[stem] for stem in stems))
 
 
-#: Light of each value of a photograph: cameras encode approximately as sRGB does.
+#: Light of each photograph value; cameras encode approximately like sRGB.
 _CURVES = {
     np.dtype(kind): decode(np.arange(np.iinfo(kind).max + 1, dtype=np.float32) / np.iinfo(kind).max, "srgb")
     for kind in (np.uint8, np.uint16)
@@ -101,21 +101,21 @@ _CURVES = {
 
 
 def decode_values(values: npt.NDArray[np.integer]) -> Light:
-    """Return the light, 0 to 1, of a camera's values, uint8 or uint16."""
+    """Return the light, 0 to 1, of camera values (uint8 or uint16)."""
     curve = _CURVES[values.dtype]
     return np.asarray(cv2.LUT(values, curve) if values.dtype == np.uint8 else curve[values], np.float32)
 
 
 def read_photograph(path: Path, shape: tuple[int, int] | None = None) -> Photograph:
-    """Read an sRGB photograph as its channels' mean light; refuse another `shape` (height, width)."""
+    """Read an sRGB photograph's light, averaged over the channels; refuse a `shape` other than given."""
     raw = read_numbers(path, MAX_PIXELS, "is not a photograph that can be read", "give a PNG, JPEG or TIFF file")
     if raw.dtype not in _CURVES:
-        raise input_error(path, f"holds {raw.dtype} values", "save it with 8 or 16 bits for each colour")
+        raise input_error(path, f"contains {raw.dtype} values", "save it with 8 or 16 bits per colour")
     if shape is not None and raw.shape[:2] != shape:
         what = f"is {raw.shape[1]} x {raw.shape[0]} pixels, the first photograph {shape[1]} x {shape[0]}"
         raise input_error(path, what, "take all photographs with one camera and one setting, without turning it")
     values = raw[..., :3] if raw.ndim == 3 else raw[..., None]
-    top = int(0.985 * np.iinfo(values.dtype).max)  # clipped from here on
+    top = int(0.985 * np.iinfo(values.dtype).max)  # minimum clipped value
     light = np.zeros(values.shape[:2], np.float32)
     clipped = np.zeros(values.shape[:2], np.bool_)
     for channel in range(values.shape[2]):

@@ -1,4 +1,4 @@
-"""A calibration's result: display, uncertainties, warnings, and the field of residuals."""
+"""Result of a calibration: display, uncertainties, warnings, and the field of residuals."""
 
 from __future__ import annotations
 
@@ -20,12 +20,12 @@ from lippmann.display.description import Array, Display, check_radius, display_t
 from lippmann.errors import InputError, LippmannError, input_error, reason
 from lippmann.optics.rays import Floats
 
-#: Maximum uncertainties of determined parameters: fractions of the pitch, of D (gap)
-#: and of the radius; degrees.
+#: Maximum uncertainties of determined parameters: rotation in degrees, gap relative to
+#: D, radius relative to itself, others relative to the pitch.
 OPEN = {"pitch_x": 2e-4, "pitch_y": 2e-4, "gap": 0.02, "offset": 0.02, "rotation": 0.01, "radius": 0.02}
-#: Positions of the camera that determine all parameters.
+#: Number of camera positions that determines all parameters.
 ENOUGH_POSITIONS = 3
-#: Columns of the field (see `Calibration`).
+#: Number of columns of `Calibration.field`.
 FIELD_COLUMNS = 8
 
 
@@ -37,7 +37,7 @@ class ContradictionError(LippmannError):
 
 @dataclass(frozen=True)
 class Parameter:
-    """A parameter, half its 95 % interval, and whether the photographs determined it."""
+    """A parameter with its uncertainty (half of the 95 % interval), and whether it was determined."""
 
     name: str
     value: float
@@ -48,7 +48,7 @@ class Parameter:
 
 
 class FoundCamera(TypedDict):
-    """A position of the camera, and what it saw."""
+    """A fitted camera position, with statistics of its photographs."""
 
     name: str
     place_mm: Annotated[list[float], msgspec.Meta(min_length=3, max_length=3)]
@@ -60,12 +60,12 @@ class FoundCamera(TypedDict):
 
 @dataclass(frozen=True)
 class Findings:
-    """What a calibration's .npz holds beside the field."""
+    """Contents of a calibration's .npz file, without the field."""
 
     parameters: tuple[Parameter, ...]
     remarks: tuple[str, ...]
     cameras: Annotated[tuple[FoundCamera, ...], msgspec.Meta(min_length=1)]
-    #: The lens: focal length and principal point, px, and distortion.
+    #: Camera lens: focal length and principal point in pixels, distortion coefficients.
     lens: dict[str, float]
     rms_panel_px: float
     rms_photo_px: float
@@ -74,16 +74,16 @@ class Findings:
 
 @dataclass(frozen=True, eq=False)
 class Calibration(Findings):
-    """The display as mounted, and how well it is known."""
+    """The calibrated display, with uncertainties and residuals."""
 
     display: Display
     nominal: Display
-    #: A row for each lenslet of each position: position, i, j, centre x and y, mm,
-    #: residual right and down, px, inlier.
+    #: A row for each lenslet of each position. The columns are position, i, j, centre x
+    #: and y in mm, residual right and down in px, and inlier (0 or 1).
     field: Floats
 
     def summary(self) -> dict[str, Any]:
-        """Return all but the field, for JSON."""
+        """Return all results except the field, as values for JSON."""
         findings = {one.name: msgspec.to_builtins(getattr(self, one.name)) for one in fields(Findings)}
         head = {"display": self.display.name, "identity": self.display.identity}
         return {**head, **findings, "lenslets": len(self.field)}
@@ -93,7 +93,7 @@ class Calibration(Findings):
         return next(one for one in self.parameters if one.name == name)
 
     def save(self, path: Path) -> Path:
-        """Write the display file and a .npz with all else; return the latter."""
+        """Write the display file, and all other results to a .npz file; return the path of the .npz file."""
         sidecar = path.with_suffix(".npz")
         with replacing(path) as partial:
             partial.write_text(display_text(self.display), encoding="utf-8")
@@ -104,7 +104,7 @@ class Calibration(Findings):
 
 
 def _bytes(text: str) -> npt.NDArray[np.uint8]:
-    """Return a text as an array that needs no pickle."""
+    """Return a text as an array of bytes."""
     return np.frombuffer(text.encode(), np.uint8)
 
 
@@ -115,7 +115,7 @@ def _text(array: npt.NDArray[Any]) -> str:
 
 
 def load_calibration(path: Path) -> Calibration:
-    """Return what `Calibration.save` wrote; refuse a broken or another display's .npz."""
+    """Read the files of `Calibration.save`; refuse a .npz file that is broken or of another display."""
     display = load_display(path)
     sidecar = path.with_suffix(".npz")
     remedy = "give a display file that lippmann calibrate solve wrote"
@@ -136,7 +136,7 @@ def load_calibration(path: Path) -> Calibration:
 
 
 def display_of(nominal: Display, solution: Solution) -> Display:
-    """Return the display with the fitted array and gap; ContradictionError if it cannot be built."""
+    """Return the display with fitted array and gap; raise ContradictionError if it is physically impossible."""
     value, array = solution.value, nominal.array
     pitch_mm, gap = (value("pitch_x"), value("pitch_y")), value("gap")
     extent = array.extent_mm
@@ -159,15 +159,15 @@ def display_of(nominal: Display, solution: Solution) -> Display:
         check_radius(mounted, "array.radius_mm")
         mounted = replace(mounted, thickness_mm=max(mounted.thickness_mm, mounted.sag_mm))
     except InputError as error:
-        raise ContradictionError(f"the array that was found cannot be built ({error})") from None
+        raise ContradictionError(f"the fitted array is physically impossible ({error})") from None
     return replace(nominal, array=mounted, gap_mm=max(0.0, gap))
 
 
 def parameters_of(nominal: Display, solution: Solution) -> tuple[Parameter, ...]:
-    """Return the array's numbers with 95 % intervals."""
+    """Return the parameters of array and gap with 95 % intervals."""
     array, factor = nominal.array, float(students_t.ppf(0.975, 60))
     (px, py), depth, degree = array.pitches_mm, nominal.aperture_distance_mm, math.degrees(1.0)
-    # Unit and its size, the file's value, the maximum uncertainty if determined.
+    # Columns: unit, size of the unit, value in the file, maximum uncertainty.
     rows = {
         "pitch_x": ("mm", 1.0, px, OPEN["pitch_x"] * px),
         "pitch_y": ("mm", 1.0, py, OPEN["pitch_y"] * py),
@@ -187,7 +187,7 @@ def parameters_of(nominal: Display, solution: Solution) -> tuple[Parameter, ...]
 
 
 def find_warnings(parameters: tuple[Parameter, ...], solution: Solution) -> tuple[str, ...]:
-    """Return warnings of undetermined parameters, with remedies."""
+    """Return warnings about undetermined parameters, with remedies."""
     undetermined = [one.name for one in parameters if not one.determined]
     views = len(solution.problem.views)
     if not undetermined:
@@ -197,21 +197,21 @@ def find_warnings(parameters: tuple[Parameter, ...], solution: Solution) -> tupl
     pairs += [(f"offset_{axis}", f"place_{axis}_{k}") for axis in "xy" for k in range(views)]
     pairs += [(f"offset_{axis}", f"middle_{axis}") for axis in "xy"]
     alike = [(a, b, r) for a, b in pairs if abs(r := solution.correlation(a, b)) > 0.98]
-    words = {"place": "the camera's place", "middle": "the lens's principal point", "focal": "the lens's focal length"}
+    words = {"place": "the camera position", "middle": "the lens's principal point", "focal": "the lens's focal length"}
     pairs_text = sorted({f"{a} and {words.get(b.split('_')[0], b)}" for a, b, _ in alike})
     text = f"not determined: {', '.join(undetermined)}"
     warnings.append(text + (f"; the photographs cannot tell apart {', '.join(pairs_text)}" if pairs_text else ""))
     if views < ENOUGH_POSITIONS:
         more = ENOUGH_POSITIONS - views
         warnings.append(
-            f"{views} position{'s' * (views > 1)} of the camera; photograph from {more} more, a third of the distance "
-            "aside and at other distances, to determine them"
+            f"{views} position{'s' * (views > 1)} of the camera; to determine them, photograph from {more} more, at other "
+            "distances, and a third of the distance aside"
         )
         if views == 1:
             x, y, z = (solution.value(f"place_{axis}_0") for axis in "xyz")
             half = 1.96 * solution.deviation("place_z_0")
             place = f"({x:.0f}, {y:.0f}, {z:.0f} +- {half:.0f}) mm"
-            warnings.append(f"the file is right for eyes near {place}, where the camera was found, not elsewhere")
+            warnings.append(f"the file is correct only for eyes near {place}, the camera's fitted position")
     else:
-        warnings.append("photograph from places farther aside, at distances that differ by half")
+        warnings.append("photograph from positions farther aside, at distances that differ by half")
     return tuple(warnings)

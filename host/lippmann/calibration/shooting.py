@@ -1,4 +1,4 @@
-"""Patterns shown one after the other, each photographed by a webcam."""
+"""Show the patterns one after the other, and photograph each with a webcam."""
 
 from __future__ import annotations
 
@@ -27,18 +27,18 @@ logger = logging.getLogger("lippmann")
 
 @contextmanager
 def open_webcam(number: int) -> Iterator[cv2.VideoCapture]:
-    """Open a webcam at its largest size with fixed settings; warn of refused ones.
+    """Open a webcam at its maximum size with fixed settings; warn about refused settings.
 
-    Raises DeviceError when there is no such camera.
+    Raises DeviceError when the camera does not open.
     """
-    # The error below says it, not OpenCV's lines about its drivers.
+    # Silence OpenCV's messages about drivers; the error below reports the problem.
     cv2.utils.logging.setLogLevel(cv2.utils.logging.LOG_LEVEL_SILENT)
     camera = cv2.VideoCapture(number)
     try:
         if not camera.isOpened():
             raise DeviceError(f"camera {number} does not open; choose another --camera, and close other programs")
         if refused := fix_settings(camera):
-            what = f"camera {number} ({camera.getBackendName()}) does not let {', '.join(refused)} be set"
+            what = f"camera {number} ({camera.getBackendName()}) refuses to set {', '.join(refused)}"
             remedy = "set it in the camera's own program, so that all photographs are alike"
             warnings.warn(f"{what}; {remedy}", LippmannWarning, stacklevel=3)
         size = [int(camera.get(side)) for side in SIZE]
@@ -49,22 +49,22 @@ def open_webcam(number: int) -> Iterator[cv2.VideoCapture]:
 
 
 def fix_settings(camera: cv2.VideoCapture) -> list[str]:
-    """Set the largest size and fix automatic settings; return the names of refused ones."""
-    # The size, which the driver lowers to its largest, may reset other settings.
+    """Set the maximum size, and switch automatic settings off; return the names of refused settings."""
+    # Set the size first, as it may reset other settings; the driver limits the size.
     sizes = [camera.set(side, 10_000) for side in SIZE]
     refused = [] if all(sizes) else ["the size"]
-    # "Manual" is 1 in V4L2's enumeration, where 0.25 is rounded to 0, which is
-    # automatic; other drivers take 0.25.
+    # V4L2 needs 1 for manual exposure: it would round 0.25 to 0, which means automatic.
+    # Other drivers need 0.25.
     manual = 1.0 if camera.getBackendName() in ("V4L", "V4L2") else 0.25
     settings = {
         "exposure": (cv2.CAP_PROP_AUTO_EXPOSURE, manual),
         "focus": (cv2.CAP_PROP_AUTOFOCUS, 0.0),
         "white balance": (cv2.CAP_PROP_AUTO_WB, 0.0),
-        # Setting a gain switches the automatic gain off.
+        # Writing a gain disables the automatic gain.
         "gain": (cv2.CAP_PROP_GAIN, camera.get(cv2.CAP_PROP_GAIN)),
     }
     for name, (prop, value) in settings.items():
-        if not camera.set(prop, value) or abs(camera.get(prop) - value) > 1e-3:  # refused silently
+        if not camera.set(prop, value) or abs(camera.get(prop) - value) > 1e-3:  # the driver may refuse silently
             refused.append(name)
     return refused
 
@@ -79,7 +79,7 @@ def shoot(
     average: int = 1,
     progress: Progress = lambda *_: None,
 ) -> list[Path]:
-    """Show each pattern, wait, and write the mean of `average` frames; return the files.
+    """Show each pattern, wait `settle_s`, and write the mean of `average` frames; return the files' paths.
 
     Raises DeviceError when the camera gives no picture.
     """
@@ -89,7 +89,7 @@ def shoot(
         interrupts.check()
         show(patterns.panel_values(pattern, display))
         time.sleep(settle_s)
-        for _ in range(4):  # frames in the camera's buffers
+        for _ in range(4):  # discard buffered frames
             camera.grab()
         files.append(folder / f"{pattern.stem}.png")
         photograph = average_frames(camera, average, pattern.stem)
@@ -100,7 +100,7 @@ def shoot(
 
 
 def average_frames(camera: cv2.VideoCapture, count: int, name: str) -> Pixels:
-    """Return the mean of `count` frames in linear light; DeviceError without a frame for `name`."""
+    """Return the mean of `count` frames, computed in linear light; raise DeviceError if a frame is missing."""
     light = np.zeros(1, np.float32)
     for _ in range(count):
         good, frame = camera.read()

@@ -1,7 +1,7 @@
-"""A camera in front of a display: pose, lens with radial distortion, pupil, focus, vignetting, sensor.
+"""Model of a camera in front of a display: pose, lens distortion, pupil, focus, vignetting, sensor.
 
-A direction's normalised coordinates x, y are its slopes to the optical axis, to the
-right and down in the picture. With r^2 = x^2 + y^2 its pixel is
+The normalised coordinates x, y of a direction are its slopes against the optical axis,
+to the right and down in the picture. With r^2 = x^2 + y^2, the direction's pixel is
 
     u = cx + f x (1 + k1 r^2 + k2 r^4),   v = cy + f y (1 + k1 r^2 + k2 r^4).
 """
@@ -20,18 +20,18 @@ from lippmann.optics.rays import Floats
 
 Point = tuple[float, float, float]
 Light = npt.NDArray[np.float32]
-#: A photograph's values, (height, width) or (height, width, 3), uint8 or uint16.
+#: Values of a photograph, (height, width) or (height, width, 3), uint8 or uint16.
 CameraValues = npt.NDArray[np.unsignedinteger]
 
 
 @dataclass(frozen=True)
 class Camera:
-    """A camera: mm in the display's frame, pixels in the photograph; the middle of pixel (0, 0) is (0.5, 0.5).
+    """A camera; lengths are mm in the display's frame, and the middle of pixel (0, 0) is at (0.5, 0.5).
 
     `principal_px` defaults to the picture's middle. `pupil_mm` is the diameter of the
-    entrance pupil, `focus_mm` the distance in focus along the axis, by default the
-    point looked at. `blur_px` is the deviation of a Gaussian blur. `vignetting` is the
-    fraction of light that the corners lose beyond the cosine to the fourth power.
+    entrance pupil. `focus_mm` is the focus distance along the axis, by default that of
+    `look_at_mm`. `blur_px` is the standard deviation of a Gaussian blur. `vignetting`
+    is the fraction of light that the corners lose in addition to the cosine-fourth law.
     """
 
     position_mm: Point
@@ -49,12 +49,12 @@ class Camera:
     vignetting: float = 0.0
 
     def __post_init__(self) -> None:
-        """Refuse a camera behind the display, and a distortion that folds the picture."""
+        """Raise InputError for a camera behind the display, or a distortion that folds the picture."""
         if not self.position_mm[2] > 0.0:
             raise InputError(f"camera: z {self.position_mm[2]:g} mm is behind the display; give z > 0")
         if not self.focal_px > 0.0:
             raise InputError(f"camera: focal length {self.focal_px:g} px is not positive; give it in pixels")
-        # Newton's method does not return to border points that the lens cannot show.
+        # Where the distortion folds, Newton's method does not find the border points again.
         border = self.border()
         u, v = self.pixel(*self.slopes(*border))
         if not max(np.abs(u - border[0]).max(), np.abs(v - border[1]).max()) < 1e-6:
@@ -62,12 +62,12 @@ class Camera:
 
     @property
     def centre_px(self) -> tuple[float, float]:
-        """The principal point."""
+        """Principal point in pixels."""
         return self.principal_px or (0.5 * self.width_px, 0.5 * self.height_px)
 
     @property
     def axes(self) -> Floats:
-        """Unit vectors right, down and forward in the picture, rows of (3, 3)."""
+        """Camera axes: the rows (3, 3) are unit vectors to the right, down and forward."""
         forward = np.subtract(self.look_at_mm, self.position_mm)
         forward = forward / np.linalg.norm(forward)
         right = np.cross(forward, (0.0, 1.0, 0.0))
@@ -79,7 +79,7 @@ class Camera:
 
     @property
     def focus_distance_mm(self) -> float:
-        """Distance in focus, along the optical axis."""
+        """Focus distance along the optical axis."""
         return self.focus_mm or float(np.linalg.norm(np.subtract(self.look_at_mm, self.position_mm)))
 
     def pixel(self, x: npt.ArrayLike, y: npt.ArrayLike) -> tuple[Floats, Floats]:
@@ -116,7 +116,7 @@ class Camera:
     def rays(
         self, u: npt.ArrayLike, v: npt.ArrayLike, pupil: tuple[npt.ArrayLike, npt.ArrayLike] = (0.0, 0.0)
     ) -> tuple[Floats, Floats]:
-        """Return origins (N, 3), mm, and unit directions (N, 3) of pixels; `pupil` is in the unit disc."""
+        """Return ray origins (N, 3), mm, and unit directions (N, 3) for pixels and `pupil` points in the unit disc."""
         x, y = self.slopes(u, v)
         axes, radius, focus = self.axes, 0.5 * self.pupil_mm, self.focus_distance_mm
         px, py = (radius * np.asarray(p, np.float64) + 0.0 * x for p in pupil)
@@ -126,16 +126,16 @@ class Camera:
         return origin, towards / np.sqrt(ax * ax + ay * ay + focus * focus)[:, None]
 
     def brightness(self) -> Floats:
-        """Return the lens's transmission (height, width), 1 on the optical axis."""
+        """Return the relative illumination (height, width), which is 1 on the optical axis."""
         u, v = np.meshgrid(np.arange(self.width_px) + 0.5, np.arange(self.height_px) + 0.5)
         x, y = self.slopes(u, v)
         square = x * x + y * y
         corner = max(a * a + b * b for a, b in zip(*self.slopes(*self.border()), strict=True))
-        # A simple lens darkens by the fourth power of the cosine.
+        # Cosine-fourth law of a simple lens.
         return np.asarray((1.0 + square) ** (-2.0) * (1.0 - self.vignetting * square / corner))
 
     def border(self) -> tuple[Floats, Floats]:
-        """Return pixel coordinates along the picture's edges, with the corners."""
+        """Return pixel coordinates of points along the picture's edges, corners included."""
         u, v = np.meshgrid(*(np.linspace(0.0, side, 33) for side in (self.width_px, self.height_px)))
         edge = np.pad(np.zeros((31, 31), bool), 1, constant_values=True)
         return u[edge], v[edge]
@@ -143,7 +143,7 @@ class Camera:
 
 @dataclass(frozen=True)
 class Sensor:
-    """A small camera's sensor; `exposure` is white over the full well: above 1, it is clipped."""
+    """A camera sensor; `exposure` is the level of white relative to the full well, and clips above 1."""
 
     exposure: float = 0.8
     full_well_e: float = 10000.0
@@ -152,14 +152,14 @@ class Sensor:
     transfer: Transfer = "srgb"
 
     def gain(self, white: Light) -> float:
-        """Return the fraction of the full well for light 1, from a white panel's picture."""
-        brightest = float(np.percentile(white, 99.5))  # ignores the brightest pixels
+        """Return the fraction of the full well per unit of light, so that the picture `white` has `exposure`."""
+        brightest = float(np.percentile(white, 99.5))  # ignore the brightest pixels
         return self.exposure / brightest if brightest > 0.0 else 0.0
 
     def values(self, light: Light, gain: float, rng: np.random.Generator) -> CameraValues:
-        """Return a photograph's values, uint8 or uint16, with photon and read noise."""
+        """Return the photograph's values, uint8 or uint16, with photon noise and read noise."""
         electrons = np.maximum(light * np.float32(gain * self.full_well_e), 0.0)
-        # The Poisson distribution of photons is nearly normal from ten photons on.
+        # Above ten photons, the Poisson distribution is nearly normal.
         deviation = np.sqrt(electrons + np.float32(self.read_noise_e**2))
         electrons += deviation * rng.standard_normal(electrons.shape, np.float32)
         return encoded_values(np.clip(electrons / self.full_well_e, 0.0, 1.0), self.transfer, self.bits)

@@ -1,7 +1,8 @@
-"""Photographs of patterns on a display, computed as a camera takes them.
+"""Simulate a camera's photographs of patterns on a display.
 
-Rays from all camera pixels are traced once, against the light. They give a sparse
-matrix from panel to camera pixels, with which each photograph is one multiplication.
+Rays from all camera pixels are traced once, against the light. The result is a sparse
+matrix from panel pixels to camera pixels. Each photograph is then a product with this
+matrix.
 """
 
 from __future__ import annotations
@@ -26,26 +27,26 @@ from lippmann.optics.backend import NumpyBackend
 from lippmann.optics.rays import Bools, Floats, Hits, Indices, gets_through
 from lippmann.optics.trace import trace_to_panel
 
-#: Rays traced at once.
+#: Maximum number of rays traced at once.
 CHUNK_RAYS = 1 << 20
-#: Colours of a photograph.
 COLOURS = 3
-#: Traces origins (N, 3) and unit directions (N, 3) to the panel.
+#: Function that traces rays with origins (N, 3) and unit directions (N, 3) to the panel.
 Tracer = Callable[[Floats, Floats], Hits]
-#: Samples of rows of a picture: first and last camera pixel of the rows, then each
-#: sample's camera pixel, panel coordinates (N, 2), and whether it sees the panel.
+#: Samples of some picture rows: the rows' first camera pixel, the pixel after their
+#: last, each sample's camera pixel, its panel coordinates (N, 2), and whether it sees
+#: the panel.
 Band = tuple[int, int, Indices, Floats, Bools]
 
 
 @dataclass(frozen=True)
 class Projection:
-    """Fractions of panel pixels' light (columns) that reach camera pixels (rows)."""
+    """Matrices of the fraction of each panel pixel's light (column) in each camera pixel (row)."""
 
-    matrices: tuple[sparse.csr_matrix, ...]  # one, or one for each colour
-    brightness: Floats  # transmission of the lens (height, width)
+    matrices: tuple[sparse.csr_matrix, ...]  # one matrix, or one per colour
+    brightness: Floats  # relative illumination (height, width)
 
     def photograph(self, light: Light) -> Light:
-        """Return the picture of a panel's linear light, both (height, width) or (height, width, 3)."""
+        """Return the photograph of a panel's linear light; both are (height, width) or (height, width, 3)."""
         grey = light.ndim == 2 and len(self.matrices) == 1
         planes = [light]
         if not grey:
@@ -56,7 +57,7 @@ class Projection:
 
 
 def collect_projection(display: Display, camera: Camera, bands: Iterator[Band]) -> Projection:
-    """Return the projection from samples in bands of rows; those off the panel are dark."""
+    """Return the projection from samples in bands of rows; samples that miss the panel are dark."""
     panel, layout = display.panel, layout_of(display.panel.subpixels)
     parts: list[list[sparse.csr_matrix]] = [[] for _ in range(1 if layout is None else COLOURS)]
     for first, last, pixel, place, sees in bands:
@@ -67,7 +68,7 @@ def collect_projection(display: Display, camera: Camera, bands: Iterator[Band]) 
         weights = [share] if layout is None else [np.zeros_like(share) for _ in range(COLOURS)]
         if layout is not None:
             for k, gain, inside in layout.emitters(NumpyBackend(), place[:, 0], place[:, 1]):
-                # A white sub-pixel, the colours' common part, stays dark.
+                # A white sub-pixel, which shows the colours' common part, is ignored.
                 if k < COLOURS:
                     weights[k] += np.where(inside, gain * share, 0.0)
         for part, weight in zip(parts, weights, strict=True):
@@ -81,9 +82,9 @@ def collect_projection(display: Display, camera: Camera, bands: Iterator[Band]) 
 def trace_projection(
     display: Display, camera: Camera, samples: int = 3, seed: int = 0, tracer: Tracer | None = None
 ) -> Projection:
-    """Trace what a camera sees of a display, by `samples` x `samples` rays a pixel.
+    """Return the projection from a display to a camera, from `samples` x `samples` rays per camera pixel.
 
-    `tracer` traces them, by default through the exact lenslets.
+    `tracer` traces the rays; by default, they are traced through the exact lenslets.
     """
     rng = np.random.default_rng((seed, 0x51))
     trace = tracer or (lambda origin, direction: trace_to_panel(display, origin, direction, engine="fast"))
@@ -109,20 +110,20 @@ def trace_projection(
 
 
 class Bench:
-    """A display and a camera without disturbances, which subclasses add."""
+    """An undisturbed test bench of a display and a camera; subclasses add disturbances."""
 
     def project(self, display: Display, camera: Camera, samples: int, seed: int) -> Projection:
-        """Return what a camera sees of the display as built."""
+        """Return the projection from the display to the camera."""
         return trace_projection(display, camera, samples, seed)
 
     def move(self, camera: Camera) -> Camera:
-        """Return the camera of the second half of the photographs."""
+        """Return the camera for the second half of the photographs."""
         return camera
 
     def photograph(
         self, projection: Projection, light: Light, sensor: Sensor, gain: float, seed: int, rng: np.random.Generator
     ) -> CameraValues:
-        """Return the camera's values for a pattern's light."""
+        """Return the camera values for a pattern's light."""
         return sensor.values(projection.photograph(light), gain, rng)
 
 
@@ -139,18 +140,18 @@ def photograph_folder(
     bench: Bench = UNDISTURBED,
     samples: int = 3,
 ) -> list[Path]:
-    """Photograph a folder of patterns on a display as built; return the photographs in order.
+    """Simulate photographs of a folder of patterns on a display; return their paths in order.
 
-    `patterns` holds PNG files of the panel's size, ordered by name; `output`, made if
-    missing, gets photographs of the same names. `samples` is the number of rays across
-    each camera pixel, and down. `seed` is for rays, noise and disturbances.
+    `patterns` contains PNG files of the panel's size, ordered by name. The photographs
+    get the same names in `output`, which is created if missing. Each camera pixel has
+    `samples` x `samples` rays. `seed` controls rays, noise and disturbances.
 
-    Raises InputError without patterns, for another size, or if it cannot write.
+    Raises InputError for missing patterns, a wrong size, or an unwritable folder.
     """
     output = Path(output)
     names = sorted(Path(patterns).glob("*.png"))
     if not names:
-        raise input_error(patterns, "holds no patterns", "write them: lippmann calibrate patterns")
+        raise input_error(patterns, "contains no patterns", "write them: lippmann calibrate patterns")
     before = after = bench.project(display, camera, samples, seed)
     if bench.move(camera) != camera:
         after = bench.project(display, bench.move(camera), samples, seed)
@@ -164,13 +165,13 @@ def photograph_folder(
         values = bench.photograph(projection, panel_light(name, display.panel), sensor, gain, seed, rng)
         written.append(output / name.name)
         with replacing(written[-1]) as partial:
-            # Noise has no repetitions: Huffman's code alone is as small, and faster.
+            # Noise has no repetitions, so Huffman coding alone is as small and faster.
             Image.fromarray(values).save(partial, "PNG", compress_level=1, compress_type=zlib.Z_HUFFMAN_ONLY)
     return written
 
 
 def panel_light(path: Path, panel: Panel) -> Light:
-    """Return a panel's linear light (height, width), or with 3 colours, for a PNG file."""
+    """Return the panel's linear light (height, width) or (height, width, 3) for a PNG file."""
     with Image.open(path) as picture:
         if picture.size != (panel.width_px, panel.height_px):
             width, height = picture.size

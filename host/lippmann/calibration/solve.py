@@ -1,4 +1,4 @@
-"""The calculation from a folder of photographs to the calibration."""
+"""Compute a calibration from a folder of photographs."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ from lippmann.optics.rays import Floats
 
 
 class Radius(NamedTuple):
-    """A radius and its standard deviation, mm; `effect` is the deviation's on the parameters."""
+    """A lenslet radius and its standard deviation, mm; `effect` is the parameter change for one deviation."""
 
     value_mm: float
     deviation_mm: float
@@ -44,23 +44,22 @@ class Radius(NamedTuple):
 
 
 def radius_of(display: Display, solution: Solution) -> Radius:
-    """Return the radius that explains the measured movements; refuse them without one."""
+    """Return the radius that explains the measured movements; raise InputError if no radius does."""
     views = solution.problem.views
     radii = np.array([_of_position(display, solution, k, view) for k, view in enumerate(views)])
     value = float(radii.mean())
     scatter = float(radii.std(ddof=1)) / np.sqrt(len(radii)) if len(radii) > 1 else 0.02 * value
-    # Blur and aberrations add 0.3 %, measured on simulated photographs.
+    # Blur and aberrations add 0.3 %, as measured on simulated photographs.
     return Radius(value, float(np.hypot(scatter, 0.003 * value)))
 
 
 def _of_position(display: Display, solution: Solution, k: int, view: Lenslets) -> float:
     place = np.array([solution.value(f"place_{axis}_{k}") for axis in "xyz"])
     centres = solution.problem.centres(solution.x, solution.problem.places[k])
-    # 48 lenslets give the mean movement.
     some = np.random.default_rng(1913).permutation(len(centres))[:48]
     slopes = (place[:2] - centres[some]) / place[2]
     old = display.array.radius_mm
-    # The movement over the aperture, mm per mm, is the same in both directions.
+    # Movement over the aperture, mm per mm, averaged over both directions.
     across = np.trace(view.spread @ axes_at(display.array.rotation_deg)) / 2.0
     measured = float(across / np.mean(display.array.pitches_mm))
 
@@ -69,30 +68,32 @@ def _of_position(display: Display, solution: Solution, k: int, view: Lenslets) -
         array = replace(array, thickness_mm=max(array.thickness_mm, array.sag_mm))
         return movement(replace(display, array=array), slopes, float(place[2])) - measured
 
-    # The radius is sought from 3/4 to 4/3 of the file's; a dome spans its cell.
+    # Search from 3/4 to 4/3 of the file's radius; a dome must span its cell.
     low, high = max(0.75 * old, 1.001 * display.array.half_diagonal_mm), 1.33 * old
     if off(low) * off(high) > 0.0:
-        what = f"no radius from {low:.4g} to {high:.4g} mm moves the panel's points as photographed"
+        what = f"no radius from {low:.4g} to {high:.4g} mm explains how the panel's points move"
         raise input_error(view.name, what, "correct radius_mm, thickness_mm or index in the display file")
     return float(brentq(off, low, high, rtol=1e-5))
 
 
 logger = logging.getLogger("lippmann")
-#: Maximum scatter of the panel points of a valid result, the larger of pixels and
-#: pitches, and maximum of outliers. Random displays scatter by up to 0.3 px.
+#: Limits of a valid result: maximum scatter of the panel points, as the larger of a
+#: value in pixels and one in pitches, and maximum fraction of outliers. The scatter of
+#: random displays is at most 0.3 px.
 MAX_SCATTER_PX, MAX_SCATTER, MAX_OUTLIERS = 0.5, 0.03, 0.35
 
 
 def calibrate(
     folder: Path, nominal: Display, bow: bool = False, radius: bool = False, progress: Progress = lambda *_: None
 ) -> Calibration:
-    """Return the calibration of a nominal display by a folder of photographs.
+    """Calibrate a nominal display with a folder of photographs.
 
-    With `bow` and `radius`, tilts and curvatures of the array and the lenslets' radius
-    are fitted too.
+    `bow` also fits tilts and curvatures of the array, `radius` also fits the lenslets'
+    radius.
 
-    Raises InputError for unusable photographs, with the photograph and a remedy;
-    ContradictionError when they contradict each other or the display file.
+    Raises InputError for unusable photographs, naming the photograph and a remedy;
+    raises ContradictionError when the photographs contradict each other or the display
+    file.
     """
     patterns = pattern_set(folder, nominal)
     pitch_px = nominal.array.coarsest_mm / min(nominal.panel.pitches_mm)
@@ -102,7 +103,6 @@ def calibrate(
     for position in positions(folder, patterns):
         decoded = decode_position(position, patterns, pitch_px, shape, progress)
         shape = decoded.shape
-        # Tens of pixels for each of 100,000 lenslets.
         some = np.random.default_rng(1907).permutation(len(decoded.panel_px))[:3_000_000]
         lattices.append(find_lattice(position.name, decoded.points_mm(nominal)[some], nominal))
         views.append(measure_lenslets(decoded, lattices[-1], nominal))
@@ -132,13 +132,13 @@ def calibrate(
 def _number_lenslets(
     nominal: Display, views: list[Lenslets], lattices: list[SeenLattice], progress: Progress
 ) -> tuple[Problem, Floats]:
-    """Return the problem with the likeliest numbering, and its first values."""
+    """Return the problem with the most likely numbering, and its initial parameters."""
     logger.info("numbering")
     likely = starts(nominal, views, lattices)
     trials = []
     for number, (problem, start) in enumerate(likely):
         progress(number, len(likely))
-        sample = problem.thinned(400)  # lenslets of each position, for a trial
+        sample = problem.thinned(400)  # lenslets per position
         trial = solve(sample, first_fit(sample, start), robust_only=True)
         trials.append((_cost(trial), problem, trial.x))
     _, problem, x = min(trials, key=lambda one: one[0])
@@ -146,24 +146,24 @@ def _number_lenslets(
 
 
 def _refine(problem: Problem, x: Floats) -> tuple[Problem, Solution]:
-    """Solve, and refine the panel points by the solution while the fit gets no worse."""
+    """Solve the problem; refine the panel points with the solution as long as the fit does not get worse."""
     solution = solve(problem, x, robust_only=True)
-    if 1.96 * solution.deviation("gap") > 0.1 * problem.display.aperture_distance_mm:  # the gap is unknown
-        # A free gap would absorb errors of the model, and change pitch and offset.
+    if 1.96 * solution.deviation("gap") > 0.1 * problem.display.aperture_distance_mm:
+        # A free, undetermined gap would absorb model errors and change pitch and offset.
         problem, x = replace(problem, fixed=problem.fixed | {"gap"}), solution.x.copy()
         problem.part(x, "gap")[:] = problem.display.gap_mm
         solution = solve(problem, x, robust_only=True)
     for _ in range(3):
         finer = trace_again(solution, problem)
         again = solve(finer, solution.x)
-        if _scatter(again) > 2.0 * _scatter(solution) + 0.02:  # px; a wrong gap adds scatter
+        if _scatter(again) > 2.0 * _scatter(solution) + 0.02:  # a wrong gap adds scatter
             break
         problem, solution = finer, again
     return problem, solution
 
 
 def _fit_radius(problem: Problem, solution: Solution) -> tuple[Problem, Solution, Radius]:
-    """Fit the radius too; return problem, solution and radius."""
+    """Fit the radius together with the parameters; return problem, solution and radius."""
 
     def with_radius(radius_mm: float) -> Problem:
         array = replace(nominal.array, radius_mm=radius_mm)
@@ -174,13 +174,13 @@ def _fit_radius(problem: Problem, solution: Solution) -> tuple[Problem, Solution
         radius = radius_of(display_of(problem.display, solution), solution)
         problem = with_radius(radius.value_mm)
         solution = solve(problem, solution.x)
-    # The uncertainty of the radius adds to that of the other parameters.
+    # The radius's uncertainty adds to the uncertainties of the other parameters.
     wider = solve(with_radius(radius.value_mm + radius.deviation_mm), solution.x)
     return problem, solution, radius._replace(effect=wider.x - solution.x)
 
 
 def trace_again(solution: Solution, problem: Problem) -> Problem:
-    """Return the problem with rays and points of the fitted display, if that can be built."""
+    """Return the problem with rays and points of the fitted display; unchanged if the display is impossible."""
     try:
         built = display_of(problem.display, solution)
     except ContradictionError:
@@ -197,12 +197,12 @@ def trace_again(solution: Solution, problem: Problem) -> Problem:
 
 
 def _scatter(solution: Solution) -> float:
-    """Return the scatter of panel points in the worst view, pixels."""
+    """Return the maximum over all views of the panel points' scatter, pixels."""
     return max(panel for panel, _ in solution.weights.scatter)
 
 
 def _cost(solution: Solution) -> float:
-    """Return a numbering's cost: its scatter, raised by outliers."""
+    """Return the cost of a numbering: its scatter, increased by its outliers."""
     scatter = float(np.mean([math.hypot(*one) for one in solution.weights.scatter]))
     return scatter * (1.0 + 5.0 * _outliers(solution))
 
@@ -212,18 +212,18 @@ def _outliers(solution: Solution) -> float:
 
 
 def _check_zoom(solution: Solution) -> None:
-    """Refuse positions at another magnification, which would falsify pitch and gap."""
+    """Raise ContradictionError if the camera's magnification differs between positions."""
     problem = solution.problem.freeing("zoom")
     zoomed = solve(problem, solution.x)
     zooms = {name: zoomed.value(name) for name in problem.blocks["zoom"]}
-    # Unchanged lenses differed by 1 standard deviation, lenses changed by half a per
-    # cent by 5 and more.
+    # Measured: unchanged lenses differ by 1 standard deviation, a change of 0.5 % gives
+    # at least 5.
     limits = {name: max(4.0 * zoomed.deviation(name), 0.002) for name in zooms}
     sure = [name for name, zoom in zooms.items() if abs(zoom) > limits[name]]
     if not sure:
         return
     views = [view.name for view in problem.views]
-    # If all others differ from the first in one direction, the first is odd.
+    # If all others differ from the first in one direction, the first position is wrong.
     first = len(sure) == len(zooms) > 1 and len({zooms[name] > 0.0 for name in sure}) == 1
     worst = max(sure, key=lambda name: abs(zooms[name]))
     odd, zoom = (views[0], -zooms[worst]) if first else (views[list(zooms).index(worst) + 1], zooms[worst])
@@ -234,8 +234,8 @@ def _check_zoom(solution: Solution) -> None:
 
 
 def _bow_warnings(solution: Solution, is_fitted: bool) -> tuple[str, ...]:
-    """Return the warning of a significant bow, with its height at the corners."""
-    # A bow below 6 standard deviations is not significant.
+    """Return a warning if the bow is significant; it reports the height at the corners."""
+    # A bow of less than 6 standard deviations is not significant.
     if not any(abs(solution.value(name)) > 6.0 * solution.deviation(name) for name in BOW):
         return ()
     height = solution.value("bow_xx") + solution.value("bow_yy")
@@ -249,7 +249,7 @@ def _bow_warnings(solution: Solution, is_fitted: bool) -> tuple[str, ...]:
 def _result(
     nominal: Display, problem: Problem, solution: Solution, warnings: tuple[str, ...], radius: Radius | None
 ) -> Calibration:
-    """Return the calibration; refuse one that the data contradict."""
+    """Return the calibration; raise ContradictionError if scatter or outliers are too large."""
     pitch_px = nominal.array.finest_mm / min(nominal.panel.pitches_mm)
     outliers, scatter = _outliers(solution), _scatter(solution)
     if scatter > max(MAX_SCATTER_PX, MAX_SCATTER * pitch_px) or outliers > MAX_OUTLIERS:
@@ -280,7 +280,7 @@ def _result(
         )
         centres, residual = problem.centres(solution.x, problem.places[k]), problem.residuals(solution.x, k)
         inliers = np.asarray((abs(residual[:, :2]) < OUTLIER * solution.weights.scatter[k][0]).all(axis=1))
-        # Measured less expected; pixel rows count down.
+        # Measured minus expected value; the y axis is flipped, as pixel rows count down.
         off = residual[:, :2] * [-1.0, 1.0]
         rows.append(np.column_stack([np.full(len(inliers), k), view.index, centres, off, inliers]))
     warnings = (*warnings, *find_warnings(parameters, solution))

@@ -1,20 +1,20 @@
-"""Intervals, finer than the panel's pixels, for the point that a lenslet shows.
+"""Find subpixel intervals for the panel points that lenslets show.
 
-A reading is the middle of the panel's pixel that a camera pixel sees. With the mean
-point t of a lenslet, and the movement s(p) of the point over its cell, the camera's
-pixels p of the lenslet read on average
+A reading is the middle of the panel pixel that a camera pixel sees. With the mean point
+t of a lenslet and the movement s(p) of the point over the cell, the lenslet's camera
+pixels p have the mean reading
 
     f(t) = mean of S(t + s(p) + 1/2 a^2 L(p), b(p)),   S(u, b) = mean of floor(v) + 1/2
 
-over normal v with mean u and deviation b: it grows with t in blurred steps. The
-photograph's blur has the deviation a in the cell, and the camera's pupil adds c on the
-panel: b(p)^2 = a^2 |s'(p)|^2 + c^2. L is the sum of the second derivatives of s. For
-each position, a and c are those whose S is nearest to the readings.
+over normally distributed v with mean u and deviation b. f increases with t in blurred
+steps. The photograph's blur has the deviation a in the cell, and the camera's pupil
+adds c on the panel: b(p)^2 = a^2 |s'(p)|^2 + c^2. L is the sum of the second
+derivatives of s. For each position, a and c are fitted to the readings.
 
-So a mean that was read gives an interval of t: short where points move by a pixel or
-more over the cell, a pixel wide in focus. The middle of a wide interval is no
-measurement: its error is alike for many neighbours. The movement is that of exact rays
-through the array of a first solution.
+A mean reading therefore gives an interval of t. The interval is short where points move
+by a pixel or more over the cell, and a pixel wide in focus. The middle of a wide
+interval is not a measurement, because its error is similar for many neighbours. The
+movement is computed from exact rays through the array of a first solution.
 """
 
 from __future__ import annotations
@@ -36,19 +36,19 @@ from lippmann.optics.system import PanelFrame
 
 Values = npt.NDArray[np.floating]
 Singles = npt.NDArray[np.float32]
-#: The a and the c of the module's formula.
+#: The deviations a and c of the module's formulas.
 Blur = tuple[float, float]
-#: Tolerance of a mean of readings, panel pixels.
+#: Tolerance of a mean reading, panel pixels.
 TOLERANCE = 0.02
-#: Lenslets of a view that are sampled.
+#: Number of sampled lenslets per view.
 SAMPLED, SEED = 60, 1912
-#: Powers of the place in the cell and of the slope, for steep lenslets' aberrations.
+#: Exponents of the cell position and of the slope; the high ones serve steep lenslets.
 PLACE = [(a, b) for a in range(8) for b in range(8 - a)]
 SLOPE = [(a, b) for a in range(4) for b in range(4 - a)]
 
 
 def _derivative(axis: int) -> Floats:
-    """Return the derivative matrix of `PLACE` along an axis of the cell."""
+    """Return the matrix of the derivative of the monomials `PLACE` along an axis of the cell."""
     powers, step = np.array(PLACE), np.arange(2) == axis
     return np.where((powers[:, None] + step == powers).all(axis=2), powers[:, axis], 0.0)
 
@@ -58,18 +58,18 @@ ALONG = (_derivative(0), _derivative(1))
 
 @dataclass(frozen=True)
 class Movement:
-    """How panel points (pixels) move over a cell: a polynomial in slope and place."""
+    """Movement of panel points over a cell, pixels: a polynomial in slope and cell position."""
 
-    factors: Floats  # (slope powers, place powers, 2)
-    slope: Floats  # the mean, from which slopes count
-    inner: Floats  # places (M, 2) all over the inner cell
+    factors: Floats  # (slope monomials, cell monomials, 2)
+    slope: Floats  # mean slope, subtracted from slopes
+    inner: Floats  # points (M, 2) spread over the inner cell
 
     def _own(self, slopes: Floats) -> Floats:
-        """Return the factors of `PLACE` (N, powers, 2) for slopes (N, 2)."""
+        """Return the coefficients (N, monomials, 2) of `PLACE` for slopes (N, 2)."""
         return np.asarray(np.tensordot(_powers(slopes - self.slope, SLOPE), self.factors, axes=1))
 
     def over_cell(self, slopes: Floats, aside: Floats) -> Floats:
-        """Return the mean movement over cells moved `aside` (N, 2), (N, 2, 2) pixels per pitch."""
+        """Return the mean movement (N, 2, 2), pixels per pitch, over cells shifted by `aside` (N, 2)."""
         own, mean = self._own(slopes), _powers(self.inner, PLACE).mean(axis=0)
         ways = np.array([mean @ one for one in ALONG])
         bends = np.array([[mean @ one @ other for other in ALONG] for one in ALONG])
@@ -77,7 +77,7 @@ class Movement:
         return np.asarray(np.einsum("dp,npa->nda", ways, own) + half)
 
     def of(self, local: Values, slopes: Floats, aside: Floats, group: Indices) -> Moved:
-        """Return the movement from the cells' means at places (M, 2) of ascending lenslets (M,)."""
+        """Return the movement, relative to each cell's mean, at positions (M, 2); `group` (M,) ascends."""
         own, at = self._own(slopes), np.asarray(local + aside[group], np.float32)
         own[:, 0] -= np.einsum("nd,nda->na", aside, self.over_cell(slopes, aside))
         ways = [one @ own for one in ALONG]
@@ -85,7 +85,7 @@ class Movement:
         factors = np.concatenate([own, *ways, bent], axis=2).astype(np.float32)
         ends = np.searchsorted(group, np.arange(len(slopes) + 1))
         moved = np.empty((len(at), 8), np.float32)
-        # About 65,536 readings are computed at once.
+        # Compute about 65,536 readings at once.
         for lenslets in np.array_split(np.arange(len(slopes)), min(len(slopes), 1 + len(at) // 65_536)):
             first = ends[lenslets[0]]
             powers = _place_powers(at[first : ends[lenslets[-1] + 1]])
@@ -97,37 +97,37 @@ class Movement:
 
 @dataclass(frozen=True)
 class Moved:
-    """The movement s, pixels, |s'| per pitch, and L of M readings, (M, 2) each."""
+    """The s in pixels, |s'| in pixels per pitch, and L of M readings, (M, 2) each."""
 
     shift: Singles
     change: Singles
     bent: Singles
 
     def along(self, axis: int, some: Bools | slice = slice(None)) -> Moved:
-        """Return those of columns (0) or rows (1), (M,) each."""
+        """Return the values (M,) of columns (`axis` 0) or rows (`axis` 1)."""
         return Moved(*(one[some, axis] for one in (self.shift, self.change, self.bent)))
 
     def blurred(self, blur: Blur) -> tuple[Singles, Singles]:
-        """Return the movement of the mean, and the deviation b."""
+        """Return the movement of the mean and the deviation b for a blur."""
         a, c = map(np.float32, blur)
-        edge = np.maximum(np.hypot(a * self.change, c), np.float32(1e-3))  # the minimum of b
+        edge = np.maximum(np.hypot(a * self.change, c), np.float32(1e-3))  # minimum of b
         return self.shift + np.float32(0.5) * a * a * self.bent, edge
 
 
 def _place_powers(local: Values) -> Singles:
-    """Return the powers `PLACE` (powers, N) of places (N, 2)."""
+    """Return the monomials `PLACE` (monomials, N) at positions (N, 2)."""
     x, y = (np.cumprod([np.ones_like(one), *[one] * 7], axis=0, dtype=np.float32) for one in local.T)
     return np.asarray([x[a] * y[b] for a, b in PLACE])
 
 
 def _powers(values: Values, exponents: Sequence[tuple[int, int]]) -> Floats:
-    """Return x^a y^b (N, pairs) of values (N, 2)."""
+    """Return the monomials x^a y^b (N, pairs) at values (N, 2)."""
     x, y = values.T.astype(np.float64)
     return np.stack([x**a * y**b for a, b in exponents], axis=1)
 
 
 def movement_of(display: Display, slopes: Floats, distance_mm: float) -> Movement:
-    """Fit the movement of a view with slopes (N, 2) to exact rays."""
+    """Fit a view's movement to exact rays; the slopes are (N, 2)."""
     some = slopes[np.random.default_rng(SEED).permutation(len(slopes))[:SAMPLED]]
     inner, at, arrives = inner_rays(display, some, distance_mm)
     local = inner @ axes_at(display.array.rotation_deg) / display.array.pitches_mm[0]
@@ -140,10 +140,10 @@ def movement_of(display: Display, slopes: Floats, distance_mm: float) -> Movemen
 
 
 def refined(view: Lenslets, display: Display, slopes: Floats, aside: Floats, movement: Movement) -> Lenslets:
-    """Return the view with the middles and half widths of its readings' intervals.
+    """Return the view with the middles and half widths of the intervals of its readings.
 
-    The cells that were read are `aside` (N, 2) pitches from the movement's. Half widths
-    leave out the tolerance.
+    The read cells are shifted by `aside` (N, 2) pitches from the cells of the movement.
+    The half widths exclude the tolerance.
     """
     readings, frame = view.readings, PanelFrame.of(display)
     assert readings is not None
@@ -159,11 +159,11 @@ def refined(view: Lenslets, display: Display, slopes: Floats, aside: Floats, mov
 
 
 def read(at: Singles, edge: Singles) -> Singles:
-    """Return S of the module's formula, less 1/2, at points (M,) for deviations (M,)."""
+    """Return S - 1/2 of the module's formula at points (M,) for deviations (M,)."""
     near = np.rint(at)
     mean = near - 1 + ndtr((at - near) / edge)
     wide = edge > 0.17  # pixels
-    if wide.any():  # several edges: the first terms of the Fourier series
+    if wide.any():  # use the Fourier series
         turn, fade = 2.0 * math.pi * at[wide], -2.0 * np.square(math.pi * edge[wide])
         waves = np.exp(fade) * np.sin(turn) + 0.5 * np.exp(4.0 * fade) * np.sin(2.0 * turn)
         mean[wide] = at[wide] - 0.5 + waves / math.pi
@@ -171,7 +171,7 @@ def read(at: Singles, edge: Singles) -> Singles:
 
 
 def blur_of(readings: Readings, moved: Moved, count: int) -> Blur:
-    """Return the a and c with which S is nearest to the readings of some lenslets."""
+    """Fit the deviations a and c of S to the readings of some lenslets."""
     lenslets = np.random.default_rng(SEED).permutation(count)[:SAMPLED]
     number = np.full(count, -1)
     number[lenslets] = np.arange(len(lenslets))
@@ -194,16 +194,16 @@ def blur_of(readings: Readings, moved: Moved, count: int) -> Blur:
             parts.append(error)
         return np.concatenate(parts)
 
-    # First values are 0.02 pitches and 0.03 pixels.
+    # Initial values are 0.02 pitches and 0.03 pixels.
     a, c = least_squares(off, (0.02, 0.03), bounds=(0.0, 0.3), diff_step=0.02, xtol=1e-2, ftol=1e-4, max_nfev=12).x
     return float(a), float(c)
 
 
 def interval(panel_px: Singles, shift: Singles, edge: Singles, group: Indices, count: int) -> tuple[Floats, Floats]:
-    """Return the minimum and maximum t whose f is a lenslet's mean reading, within the tolerance."""
+    """Return the minimum and maximum t at which f equals the mean reading within the tolerance."""
     number = np.maximum(np.bincount(group, minlength=count), 1)
     mean = np.bincount(group, weights=panel_px, minlength=count) / number
-    # Single precision suffices relative to the pixel of the mean.
+    # Relative to the pixel of the mean, single precision suffices.
     pixel = np.floor(mean)
     sides = []
     for target in (mean - TOLERANCE, mean + TOLERANCE):

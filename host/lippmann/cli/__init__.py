@@ -1,4 +1,4 @@
-"""The command `lippmann`: one file a command."""
+"""The command `lippmann`; each subcommand has a module."""
 
 from __future__ import annotations
 
@@ -19,31 +19,31 @@ from lippmann.base.files import is_full, new_folders, no_space, remove_empty
 from lippmann.cli.output import logs_on_stderr
 from lippmann.errors import InputError, LippmannError, MissingLibraryError, NoSpaceError, missing_library, printable
 
-#: Commands in the order of the work. Each is `command` in the module of its name.
+#: Commands in the order of typical work; each is `command` in the module of its name.
 COMMANDS = (
     *("inspect", "fit", "trace", "vectors", "regress", "render", "layers", "animate", "capture", "observe", "view"),
     *("pattern", "calibrate", "export", "board", "stream", "play", "display", "live", "demo", "report", "doctor"),
 )
-#: Commands of earlier versions, and what replaces each.
+#: Commands of earlier versions, with their replacements.
 OLD_COMMANDS = {"bench": "measurements of Lippmann itself are made in a checkout: python -m tools.bench"}
 
 
 def summary_of(command: str) -> str:
-    """Return the first sentence of a command's help, from the source, as imports take seconds."""
+    """Return the first sentence of a command's help; it is read from the source, as imports take seconds."""
     source = Path(__file__).with_name(f"{command}.py").read_text(encoding="utf-8")
     body = source.partition("\ndef command(")[2]
     return body.partition('"""')[2].partition("\n")[0].strip('"')
 
 
 class _Commands(click.Group):
-    """Loads a command's module when it is called: help and completion are quick."""
+    """Group that loads a command's module only when the command is called, so help and completion are fast."""
 
     def list_commands(self, ctx: click.Context) -> list[str]:
         return list(COMMANDS)
 
     def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
         if cmd_name not in COMMANDS:
-            # Shell completion asks for parts of names.
+            # Shell completion passes incomplete names.
             if ctx.resilient_parsing:
                 return None
             if cmd_name in OLD_COMMANDS:
@@ -58,7 +58,7 @@ class _Commands(click.Group):
 
     def shell_complete(self, ctx: click.Context, incomplete: str) -> list[CompletionItem]:
         commands = [CompletionItem(name, help=summary_of(name)) for name in COMMANDS if name.startswith(incomplete)]
-        # click completes the group's options.
+        # Let click complete the options of the group.
         return commands + click.Command.shell_complete(self, ctx, incomplete)
 
 
@@ -69,10 +69,10 @@ class _Commands(click.Group):
 )
 @click.version_option(__version__, prog_name="lippmann")
 def cli() -> None:
-    """Integral photography: describe a display, trace its lenslets, render for it, look at it.
+    """Integral photography: describe a display, trace its lenslets, render for it, and look at it.
 
-    Exit codes: 0 done; 1 device failed; 2 bad usage or input; 3 library or disk space
-    missing; 4 wrong rays or display; 70 a fault of Lippmann's, please report it; 130,
+    Exit codes: 0 success; 1 device failed; 2 invalid usage or input; 3 library or disk
+    space missing; 4 wrong rays or display; 70 fault in Lippmann, please report it; 130,
     143, 129 ended by Ctrl-C, SIGTERM, loss of the terminal.
 
     Example: lippmann inspect scenes/displays/paper-square.toml
@@ -80,7 +80,7 @@ def cli() -> None:
 
 
 def run(arguments: list[str], command: click.Command = cli, name: str | None = "lippmann") -> int:
-    """Run the command line, or another command (None: by its own name); return the exit code."""
+    """Run the command line or another command, and return the exit code; `name` None means the command's own name."""
     if sys.stdout is None:
         print("lippmann: stdout is closed; open it, or send it to /dev/null", file=sys.stderr)
         return MissingLibraryError.exit_code
@@ -91,7 +91,7 @@ def run(arguments: list[str], command: click.Command = cli, name: str | None = "
     except SystemExit:
         raise
     except BrokenPipeError:
-        # A reader that closes the pipe is no failure.
+        # A reader that closes the pipe is not a failure.
         _drop_output()
         return 0
     except BaseException as error:
@@ -101,12 +101,12 @@ def run(arguments: list[str], command: click.Command = cli, name: str | None = "
     return code if isinstance(code, int) else 0
 
 
-#: The message about a full disk without a file's name.
+#: Message about a full disk if the file is unknown.
 FULL_DISK = "cannot write: no space left on the device; free space or choose another place"
-MAX_LETTERS = 1000  # of an error's line
+MAX_LETTERS = 1000  # maximum length of an error line
 #: Exit code of an unexpected error (EX_SOFTWARE of sysexits.h).
 FAULT_CODE = 70
-#: Remedies for files that cannot be opened.
+#: Remedies for files that cannot be opened, keyed by error type.
 CANNOT_OPEN: dict[type[OSError], str] = {
     PermissionError: "you may not open it; change its permissions, or name another file",
     IsADirectoryError: "is a folder; name a file",
@@ -115,11 +115,11 @@ CANNOT_OPEN: dict[type[OSError], str] = {
 
 
 def _explain(error: BaseException) -> tuple[str, int]:
-    """Return the line and the exit code for an error."""
+    """Return the message line and the exit code for an error."""
     if was_interrupted(error):
         return "interrupted; nothing half-written is left", interrupts.exit_code()
     if isinstance(error, click.exceptions.NoSuchOption | click.exceptions.NoSuchCommand) and error.possibilities:
-        del error.possibilities[1:]  # all but the likeliest
+        del error.possibilities[1:]  # keep the most likely name
     if isinstance(error, click.ClickException):
         return error.format_message() + _usage(error), InputError.exit_code
     if is_full(error):
@@ -141,7 +141,7 @@ def _explain(error: BaseException) -> tuple[str, int]:
 
 
 def _fault(error: BaseException) -> str:
-    """Write an unexpected error's traceback to a file; return the message."""
+    """Write the traceback of an unexpected error to a file; return the message for the user."""
     what = f"a fault of Lippmann's ({type(error).__name__}: {error})"
     trace = "".join(traceback.format_exception(error))
     try:
@@ -155,7 +155,7 @@ def _fault(error: BaseException) -> str:
 
 
 def _usage(error: click.ClickException) -> str:
-    """Return a pointer to the help, and the usage if an option resembles no other."""
+    """Return a hint at --help; add the usage if no known option resembles the given option."""
     if isinstance(error, click.exceptions.NoArgsIsHelpError):
         return ""
     if isinstance(error, click.exceptions.NoSuchOption) and not error.possibilities and error.ctx is not None:
@@ -164,7 +164,7 @@ def _usage(error: click.ClickException) -> str:
 
 
 def was_interrupted(error: BaseException | None) -> bool:
-    """Tell whether Ctrl-C or SIGTERM caused an error, which libraries may wrap."""
+    """Return whether Ctrl-C or SIGTERM caused an error, even if a library wrapped it."""
     if interrupts.received:
         return True
     while error is not None:
@@ -179,7 +179,7 @@ def _fail(message: str, code: int, as_json: bool) -> int:
         click.echo(message, err=True)
         return code
     line = printable(" ".join(message.split()))
-    if len(line) > MAX_LETTERS:  # it quotes a file
+    if len(line) > MAX_LETTERS:  # the message quotes a file
         line = f"{line[: MAX_LETTERS // 2]} ... {line[-MAX_LETTERS // 2 :]}"
     click.echo(f"lippmann: {line}", err=True)
     try:
@@ -192,5 +192,5 @@ def _fail(message: str, code: int, as_json: bool) -> int:
 
 
 def _drop_output() -> None:
-    """Discard stdout's buffer, which Python would flush into a closed pipe or full disk."""
+    """Discard the buffer of stdout; Python would flush it into a closed pipe or onto a full disk."""
     os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())

@@ -31,7 +31,7 @@ from lippmann.scenes.placement import SCALE_RANGE, warn_if_unplaced
 from lippmann.scenes.scene import check_scene_file
 
 MAX_VIEW_PX = 4096
-#: Maximum frame rate of a GIF: viewers show frames for at least 20 ms.
+#: Maximum frame rate of a GIF, as viewers show each frame for at least 20 ms.
 GIF_SPEED = 50.0
 
 
@@ -40,20 +40,22 @@ def command(
     film_path: Name = argument("FILM"),
     display: Display = DISPLAY,
     output: Folder = FOLDER,
-    scale: float = option("Scale about the display's centre.", 1.0, click.FloatRange(*SCALE_RANGE)),
+    scale: float = option("Scale of the film, relative to the display's centre.", 1.0, click.FloatRange(*SCALE_RANGE)),
     fit: bool = option("Fit the film into the display's depth range."),
     options: RenderOptions = RENDERING,
-    video: Name | None = option("Lossless video of the panel's frames.", metavar="FILE.mkv"),
-    view: Name | None = option("View of an eye: .mp4, .gif or .png."),
-    eye: Point | None = option("The eye of --view, mm."),
-    width: int | None = option(f"Pixels of --view.  [default: {api.VIEW_PX}]", kind=click.IntRange(2, MAX_VIEW_PX)),
+    video: Name | None = option("Also write a lossless video of the panel's frames.", metavar="FILE.mkv"),
+    view: Name | None = option("Also write an eye's view: .mp4, .gif or .png."),
+    eye: Point | None = option("Position of the eye of --view, mm."),
+    width: int | None = option(
+        f"Width of --view, pixels.  [default: {api.VIEW_PX}]", kind=click.IntRange(2, MAX_VIEW_PX)
+    ),
     cluster: str | None = SCHEDULER,
     seed: int = SEED,
     device: str = DEVICE,
 ) -> None:
     """Render a film, frame by frame, for a display.
 
-    Frames that are up to date are kept: after an interruption the same command continues.
+    Frames that are up to date are kept, so the same command continues after an interruption.
 
     Example: lippmann animate scenes/films/swim.toml --display scenes/displays/paper-square.toml -o out/swim
     """
@@ -99,7 +101,7 @@ def command(
 
 
 def _view_window(path: Name, film: Film, display: Display, width_px: int, settings: Settings) -> Window:
-    """Return the window of --view; refuse a bad file and frames beyond the memory limit."""
+    """Return the window of --view; raise InputError for an unsuitable file or too little memory."""
     suffix = check_output(path, VIEW_SUFFIXES + ANIMATION_SUFFIXES).suffix.lower()
     if suffix == ".gif" and film.frames_per_second > GIF_SPEED:
         raise InputError(f"{path}: a GIF shows at most {GIF_SPEED:g} frames a second; choose .mp4, .png or .apng")

@@ -22,7 +22,7 @@ from lippmann.errors import InputError, device_error, did_you_mean, input_error
 from lippmann.fixed.registers import BOARD_REGISTERS, Field, Register
 
 WORD = Field(0, 32)
-#: Bytes of the scene's registers; addresses of layers' looks; the field of a slot.
+#: Size of the scene's register block, bytes.
 SCENE_BYTES = 0x400
 LOOKS = {register.address for name, register in REGISTERS.items() if name.endswith("_look")}
 LOOK_SLOT = REGISTERS["scene.layer_0_look"].fields["slot"]
@@ -30,7 +30,7 @@ LOOK_SLOT = REGISTERS["scene.layer_0_look"].fields["slot"]
 
 @click.group("board")
 def command() -> None:
-    """Start a virtual board; use a real or virtual one.
+    """Start a virtual board, and use a real or virtual board.
 
     Example: lippmann board info
     """
@@ -43,12 +43,12 @@ command.add_command(stop_command)
 @make_command("program", command)
 def program_command(
     file: Path = argument("FILE.bit"),
-    board: str | None = option("Kind of board, for a bitstream that names none.", metavar="NAME"),
+    board: str | None = option("Name of the board, for a bitstream without one.", metavar="NAME"),
     serial: str | None = option("Serial number of the board's USB adapter."),
-    flash: bool = option("Write the flash memory: it outlasts power-off."),
-    display_path: Path | None = option("Refuse a bitstream for another display."),
+    flash: bool = option("Write the flash memory, which keeps the bitstream without power."),
+    display_path: Path | None = option("Refuse a bitstream that is not for this display file."),
 ) -> None:
-    """Load a bitstream into an FPGA board by openFPGALoader, without --flash until power-off.
+    """Load a bitstream into an FPGA board with openFPGALoader; without --flash, it is lost at power-off.
 
     Example: lippmann board program build/bitstream/ulx3s-vga-square.bit
     """
@@ -93,7 +93,7 @@ def info_command(*, open_board: OpenBoard = OPEN_BOARD) -> None:
 
 @make_command("setup", command)
 def setup_command(display: Display = DISPLAY, force: bool = FORCE_BOARD, open_board: OpenBoard = OPEN_BOARD) -> None:
-    """Write a display's optics to the board, for its rays and test patterns.
+    """Write a display's optics to the board, which uses them for rays and test patterns.
 
     Example: lippmann board setup --display scenes/displays/vga-square.toml
     """
@@ -104,14 +104,14 @@ def setup_command(display: Display = DISPLAY, force: bool = FORCE_BOARD, open_bo
 
 @make_command("abort", command)
 def abort_command(*, open_board: OpenBoard = OPEN_BOARD) -> None:
-    """End the frame that a board's optics trace, or drop a waiting start.
+    """End the frame that the board's optics trace, or cancel a pending start.
 
-    Requests that need the optics are refused until then. The panel's picture stays.
+    While the optics trace, other requests for them are refused. The panel's picture stays.
 
     Example: lippmann board abort
     """
     with open_board() as board:
-        ran = board.frame_runs()  # it may end by itself
+        ran = board.frame_runs()  # the frame may end by itself
         board.abort()
         text = "the frame was ended" if ran else "no frame ran"
         emit({"port": board.line.url, "aborted": ran}, f"{board.line.url}: {text}")
@@ -131,10 +131,12 @@ def reset_command(*, open_board: OpenBoard = OPEN_BOARD) -> None:
 @make_command("check", command)
 def check_command(
     display: Display = DISPLAY,
-    region: tuple[int, ...] | None = option("Compare only these pixels.", kind=vector("LEFT,TOP,WIDTH,HEIGHT", int)),
+    region: tuple[int, ...] | None = option(
+        "Compare only the pixels of this region.", kind=vector("LEFT,TOP,WIDTH,HEIGHT", int)
+    ),
     open_board: OpenBoard = OPEN_BOARD,
 ) -> None:
-    """Compare the board's rays with the integer twin's, bit for bit, by one CRC-32.
+    """Compare the board's rays bit for bit with the integer twin's rays, using one CRC-32.
 
     Example: lippmann board check --display scenes/displays/vga-square.toml
     """
@@ -159,10 +161,10 @@ def read_command(
     count: int = argument(None, 1, kind=click.IntRange(1, 64)),
     open_board: OpenBoard = OPEN_BOARD,
 ) -> None:
-    """Read COUNT registers from a name or an address on.
+    """Read COUNT registers, starting at a register's name or address.
 
-    Names of the optics block (address 0x200) begin with `optics.`, those of the scene
-    (0x400) with `scene.`.
+    Register names of the optics block (address 0x200) begin with `optics.`; register
+    names of the scene (0x400) begin with `scene.`.
 
     Example: lippmann board read display
     """
@@ -224,7 +226,7 @@ def write_command(
 
 
 def _check_scene(board: Board, name: str, address: int, count: int) -> int:
-    """Return a board's slots, 0 for registers outside the scene; refuse missing ones."""
+    """Return the board's number of slots, or 0 for registers outside the scene; refuse missing registers."""
     if not SCENE_BASE <= address < SCENE_BASE + SCENE_BYTES:
         return 0
     build = SceneBoard(board).build
@@ -235,7 +237,7 @@ def _check_scene(board: Board, name: str, address: int, count: int) -> int:
 
 
 def _register(name: str) -> Register:
-    """Return a register by name, or by address without its fields."""
+    """Return the register of a name; for an address, return a register without fields."""
     if name in REGISTERS:
         return REGISTERS[name]
     try:
@@ -255,7 +257,7 @@ def _number(where: str, text: str, field: Field) -> int:
     try:
         number = int(text, 0)
     except ValueError:
-        raise input_error(where, "is not an integer", "give one such as 12 or 0x1F") from None
+        raise input_error(where, "is not an integer", "give an integer such as 12 or 0x1F") from None
     low, high = field.limits
     if not low <= number <= high:
         raise input_error(where, "is out of range", f"give {low} to {high}")
@@ -263,10 +265,10 @@ def _number(where: str, text: str, field: Field) -> int:
 
 
 def _changed(register: str, fields: dict[str, Field], values: tuple[str, ...], word: int) -> int:
-    """Return a register's word after changes to its fields."""
+    """Return a register's word with changed fields."""
     names = [value.partition("=")[0] for value in values]
     if len(set(names)) < len(names):
-        raise InputError(f"{' '.join(values)}: a field is named twice; name each once")
+        raise InputError(f"{' '.join(values)}: a field is named twice; name each field once")
     for name, value in zip(names, values, strict=True):
         if name not in fields:
             remedy = did_you_mean(name, fields) or f"choose from {', '.join(fields)}"

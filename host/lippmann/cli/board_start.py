@@ -27,29 +27,30 @@ from lippmann.simulation import virtual_board
 
 #: Pause between two checks of a running board, s.
 CHECK_S = 0.1
-#: Variable with the process that waits for a background board, which ends without it.
+#: Environment variable with the id of the process that waits for a background board.
+#: The board ends if this process has ended.
 LAUNCHER = "LIPPMANN_LAUNCHER"
-#: Maximum time to write the last captured frames, s.
+#: Maximum time for writing the last captured frames, s.
 CAPTURE_SECONDS = 10.0
 ERRORS = {kind.exit_code: kind for kind in LippmannError.__subclasses__()}
 
 
 def _drawing(
     *,
-    layers: int | None = option("The board draws scenes of so many layers.", kind=click.IntRange(1, 8)),
-    slots: int | None = option("Slots for textures.  [default: layers + 1]", kind=click.IntRange(1, 15)),
-    slot: tuple[int, int] | None = option("Texels of a slot.  [default: 256x192]", kind=TEXELS),
-    bilinear: bool = option("Interpolate texels."),
-    samples: int | None = option("Rays for each pixel.  [default: 1]", kind=click.Choice([1, 2, 4])),
+    layers: int | None = option("Number of layers of a board that draws scenes.", kind=click.IntRange(1, 8)),
+    slots: int | None = option("Number of slots for textures.  [default: layers + 1]", kind=click.IntRange(1, 15)),
+    slot: tuple[int, int] | None = option("Size of a slot in texels.  [default: 256x192]", kind=TEXELS),
+    bilinear: bool = option("Interpolate between texels."),
+    samples: int | None = option("Rays per pixel.  [default: 1]", kind=click.Choice([1, 2, 4])),
 ) -> SceneBuild | None:
-    """Return the build of a board that draws; None without --layers."""
+    """Return the build of the scene block; None without --layers."""
     if layers is not None:
         width, height = slot or (SceneBuild.width, SceneBuild.height)
         return SceneBuild(layers, slots, width, height, bilinear, samples or 1)
     values = {"--slots": slots, "--slot": slot, "--bilinear": bilinear or None, "--samples": samples}
     names = [name for name, value in values.items() if value is not None]
     if names:
-        raise input_error(", ".join(names), "only a board that draws has this", "add --layers N")
+        raise input_error(", ".join(names), "only a board that draws scenes has this", "add --layers N")
     return None
 
 
@@ -59,22 +60,26 @@ DRAWING: Any = _drawing
 @make_command("start")
 def start_command(
     display: Display = DISPLAY,
-    line: virtual_board.Port | None = option("Kind of port.  [default: unix; tcp with --tcp-port]"),
-    tcp_port: int | None = option("TCP port on loopback; 0: any free port.", kind=click.IntRange(0, 65535)),
-    baud: int | None = option("Simulate a UART of this rate.  [default: no UART]", kind=click.IntRange(1)),
-    fraction_bits: int | None = option("Word length.  [default: 16; 18 for nearest texels]", kind=FRACTION_BITS),
-    capture: Folder | None = option("Write each new frame as PNG; made when missing."),
-    ready: Path | None = option("JSON file with the URL while the board runs."),
-    trace: Path | None = option("Write waveforms of the clocks --trace-clocks.", metavar="FILE.fst"),
+    line: virtual_board.Port | None = option("Type of port.  [default: unix; tcp with --tcp-port]"),
+    tcp_port: int | None = option("TCP port on loopback; 0 selects a free port.", kind=click.IntRange(0, 65535)),
+    baud: int | None = option("Simulate a UART with this baud rate.  [default: no UART]", kind=click.IntRange(1)),
+    fraction_bits: int | None = option(
+        "Fraction bits of words.  [default: 16; 18 for nearest texels]", kind=FRACTION_BITS
+    ),
+    capture: Folder | None = option("Folder for a PNG of each new frame; created if missing."),
+    ready: Path | None = option("JSON file with the URL; it exists while the board runs."),
+    trace: Path | None = option("Write waveforms of the clock cycles --trace-clocks.", metavar="FILE.fst"),
     scene: SceneBuild | None = DRAWING,
-    memory: virtual_board.Memory = option("Frames in block RAM, or SDRAM with a real board's controller.", "block"),
+    memory: virtual_board.Memory = option(
+        "Memory of the frames: block RAM, or SDRAM with a real board's controller.", "block"
+    ),
     background: bool = option("Return when the board is ready; needs --ready."),
     trace_clocks: tuple[int, int] = option(None, (0, 10**6), (click.IntRange(0), click.IntRange(1)), show_default=True),
 ) -> None:
     """Run a virtual board until Ctrl-C.
 
-    Verilator simulates its RTL. The port is a Unix socket that only you may open, TCP
-    on loopback, or a pty.
+    Verilator simulates the board's RTL. The port is a Unix socket that only you may
+    open, TCP on loopback, or a pty.
 
     Example: lippmann board start --display scenes/displays/paper-square.toml --capture
     out
@@ -113,7 +118,7 @@ def start_command(
 def _serve(
     board: virtual_board.RunningBoard, display: Display, line: str, capture: Path | None, ready: Path | None
 ) -> None:
-    """Run a board to its end or Ctrl-C; write its ready file and frames, print its URL."""
+    """Serve a board until it ends or Ctrl-C; write its ready file and frames, and print its URL."""
     size = {"width": display.panel.width_px, "height": display.panel.height_px}
     about = {"display": display.name, "identity": display.identity, **size}
     result = {"url": board.url, "pid": os.getpid(), **about, "line": line}
@@ -139,27 +144,27 @@ def _serve(
                         virtual_board.keep_as_png(capture, display, after)
                     time.sleep(CHECK_S)
         except KeyboardInterrupt:
-            interrupts.received.clear()  # the usual end
+            interrupts.received.clear()  # Ctrl-C is the usual end
     speed = f"{counts['clocks'] / counts['seconds'] / 1e6:.2f} M clocks/s, {counts['frames']} frames"
     log(f"{speed}, {counts['bytes_in']} bytes in, {counts['bytes_out']} out")
 
 
 def _check_places(capture: Path | None, ready: Path | None, trace: Path | None) -> None:
-    """Make the folder of --capture; refuse bad folders and a running board's ready file."""
+    """Create the folder of --capture; refuse unsuitable folders, and the ready file of a running board."""
     change = "choose another folder or change permissions"
     if capture:
         try:
             capture.mkdir(parents=True, exist_ok=True)
         except PermissionError:
-            raise input_error("--capture", f"{capture} cannot be made", change) from None
-        except OSError:  # refused below
+            raise input_error("--capture", f"{capture} cannot be created", change) from None
+        except OSError:  # the checks below refuse it
             pass
     folders = {"--capture": capture, "--ready": ready and ready.parent, "--trace": trace and trace.parent}
     for name, place in folders.items():
         if not place:
             continue
         if not place.exists():
-            raise input_error(name, f"no folder {place}", "make it first")
+            raise input_error(name, f"no folder {place}", "create it first")
         if not place.is_dir():
             raise input_error(name, f"{place} is a file", "name a folder")
         if not os.access(place, os.W_OK):
@@ -172,12 +177,12 @@ def _check_places(capture: Path | None, ready: Path | None, trace: Path | None) 
 
 
 def _in_background(ready: Path) -> None:
-    """Run the command in a new session; return when its ready file exists."""
+    """Run this command in a new session; return when the ready file exists."""
     ready.unlink(missing_ok=True)
     output = Path(f"{ready}.log")
     if (failure := _failure(output)) is not None:
         log(f"the board before had ended: {failure} (exit code {failure.exit_code})")
-    # With --json the last line of the log is the error.
+    # With --json, the last line of the log is the error.
     arguments = [word for word in click.get_current_context().obj if word not in ("--background", "--json")]
     words = [sys.executable, "-P", "-m", "lippmann", *arguments, "--json"]
     environment = {**os.environ, LAUNCHER: str(os.getpid())}
@@ -194,7 +199,7 @@ def _in_background(ready: Path) -> None:
             while process.poll() is None and not ready.exists() and not ended:
                 time.sleep(CHECK_S)
         if not ready.exists():
-            # A full disk, or a crash, leaves no message in the log.
+            # After a crash, or on a full disk, the log has no message.
             what = f"the board ended without a message ({process.returncode})"
             silent = DeviceError(f"{what}; start it without --background to see more")
             failure = _failure(output) or (no_space(str(output)) if on_full_disk(output) else silent)
@@ -203,17 +208,17 @@ def _in_background(ready: Path) -> None:
         result = json.loads(ready.read_text())
         emit(result, f"{result['url']} (lippmann board stop --ready {shlex.quote(str(ready))} ends it)")
         sys.stdout.flush()
-    except BrokenPipeError:  # the reader has closed the pipe
+    except BrokenPipeError:  # the reader of stdout has ended
         raise
-    except (KeyboardInterrupt, OSError):  # or the URL cannot be printed
-        os.killpg(process.pid, signal.SIGTERM)  # its compilers too
+    except (KeyboardInterrupt, OSError):  # OSError: the URL cannot be printed
+        os.killpg(process.pid, signal.SIGTERM)  # including its compilers
         process.wait()
         output.unlink()
         raise
 
 
 def _failure(output: Path) -> LippmannError | None:
-    """Return the error in the last line of a board's log, or None."""
+    """Return the error in the last line of a board's log; None if there is no error."""
     try:
         last = json.loads(own_text(output).splitlines()[-1])
         return ERRORS.get(last["exit_code"], DeviceError)(last["error"])
@@ -227,9 +232,9 @@ def _remove_ready(ready: Path) -> None:
 
 
 def _content(ready: Path) -> dict[str, Any]:
-    """Return `url` and `pid` of a ready file; nothing of another file."""
+    """Return `url` and `pid` of a ready file; return an empty dict for any other file."""
     try:
-        if not ready.is_file():  # a pipe would block
+        if not ready.is_file():  # reading a pipe would block
             return {}
         content = json.loads(ready.read_text())
         return {"url": str(content["url"]), "pid": int(content["pid"])}
@@ -238,7 +243,7 @@ def _content(ready: Path) -> dict[str, Any]:
 
 
 def _alive(pid: int | None) -> bool:
-    """Tell whether a process runs this command."""
+    """Return whether a process runs `lippmann board start`."""
     try:
         words = Path(f"/proc/{pid}/cmdline").read_bytes().split(b"\0")
     except OSError:
@@ -264,7 +269,7 @@ def stop_command(ready: Path = option("The --ready file of the board's start."))
         raise type(failure)(f"its board had ended already: {failure} (exit code {failure.exit_code})")
     url, pid = content["url"], content["pid"]
     os.kill(pid, signal.SIGINT)
-    # The board waits for its simulator, then writes frames.
+    # The board stops its simulator first, and then writes frames.
     seconds = virtual_board.STOP_SECONDS + CAPTURE_SECONDS
     until = time.monotonic() + seconds
     while _alive(pid):  # the ready file disappears before the process

@@ -33,7 +33,7 @@ PANEL_PORT = option("Stream the patterns to this board, which drives the panel."
 def command() -> None:
     """Calibrate a display from photographs of its mounted array.
 
-    Draw patterns, photograph them from three places, solve, check.
+    The steps: draw patterns, photograph them from three positions, solve, check.
 
     Example: lippmann calibrate patterns scenes/displays/vga-square.toml -o out/patterns
     """
@@ -53,15 +53,15 @@ def _panel(display: Display, port: str | None, baud: int | None, monitor: int) -
 @make_command("patterns", command)
 def patterns_command(
     display: Display = argument("DISPLAY.toml"),
-    output: Folder = option("Folder for the patterns and patterns.toml."),
+    output: Folder = option("Output folder for the patterns and patterns.toml."),
     port: str | None = PANEL_PORT,
     baud: int | None = BAUD,
-    wait_s: float = option("Seconds that a board shows each pattern.", 2.0, finite(0.0)),
+    wait_s: float = option("Time for which a board shows each pattern, s.", 2.0, finite(0.0)),
 ) -> None:
     """Draw the patterns for a camera: Gray code, phase shift, white, black, marks.
 
-    Show them one after the other, full-screen and unscaled, or let a board show them
-    with --port.
+    Show the patterns one after the other, full-screen and unscaled; --port lets a board
+    show them.
 
     Example: lippmann calibrate patterns scenes/displays/vga-square.toml -o out/patterns
     """
@@ -75,7 +75,7 @@ def patterns_command(
             time.sleep(wait_s)
     names = [one.name for one in files]
     result = {"folder": output, "patterns": names, "period_px": patterns.period_px, "streamed": port is not None}
-    text = f"{output}: {len(files)} patterns and {FILE}; photograph each from 3 places into position-1, -2, -3"
+    text = f"{output}: {len(files)} patterns and {FILE}; photograph each from 3 positions into position-1, -2, -3"
     emit(result, text, display)
 
 
@@ -90,23 +90,23 @@ def _check_same_panel(built: Display, display: Display) -> None:
 @make_command("shoot", command)
 def shoot_command(
     display: Display = argument("DISPLAY.toml"),
-    output: Folder = option("Folder for the photographs, such as photos/position-1."),
+    output: Folder = option("Output folder for the photographs, such as photos/position-1."),
     camera: int = option("Number of the webcam.", 0, click.IntRange(0, 999)),
-    monitor: int = option("Monitor that is the panel.", 0, click.IntRange(0)),
+    monitor: int = option("Number of the monitor that is the panel.", 0, click.IntRange(0)),
     port: str | None = PANEL_PORT,
     baud: int | None = BAUD,
-    settle_s: float = option("Seconds between a pattern and its photograph.", 0.4, finite(0.0)),
-    average: int = option("Camera frames averaged for a photograph.", 4, click.IntRange(1, 64)),
-    simulated: Display | None = option("Photograph this display, as built, by simulation."),
+    settle_s: float = option("Delay between a pattern and its photograph, s.", 0.4, finite(0.0)),
+    average: int = option("Number of camera frames averaged per photograph.", 4, click.IntRange(1, 64)),
+    simulated: Display | None = option("Simulate photographs of the display in this file."),
     place: Point | None = option("Position of the simulated camera, mm.", flag="--from"),
-    width: int = option("Width of simulated photographs.", 1280, click.IntRange(64, 16384)),
-    focal: float = option("Focal length of the lens, in widths of a photograph.", 2.5, finite(0.1)),
-    seed: int = option("Seed of the simulated rays and noise.", 0, click.IntRange(0)),
+    width: int = option("Width of simulated photographs, pixels.", 1280, click.IntRange(64, 16384)),
+    focal: float = option("Focal length of the simulated lens, in photograph widths.", 2.5, finite(0.1)),
+    seed: int = option("Random seed of simulated rays and noise.", 0, click.IntRange(0)),
     device: str = DEVICE,
 ) -> None:
     """Show each pattern and photograph it with a webcam, or by simulation.
 
-    Run it once for each position of the camera, which must not move meanwhile.
+    Run the command once per camera position. The camera must not move during a run.
 
     Example: lippmann calibrate shoot mine.toml -o photos/position-1 --camera 0
     --monitor 1
@@ -119,7 +119,7 @@ def shoot_command(
         if simulated is None or place is None:
             raise InputError("a simulated camera needs both --simulated BUILT.toml and --from X,Y,Z")
         _check_same_panel(simulated, display)
-        # One focal length for all positions: a zoom would look like another distance.
+        # All positions share a focal length, as a zoom would look like another distance.
         focal_px, height = focal * width, round(width * 0.75)
         eye = Camera(place, (0.0, 0.0, 0.0), 0.0, width, height, focal_px, pupil_mm=1.0, blur_px=0.5)
         with own_variant(device), tempfile.TemporaryDirectory() as folder:
@@ -144,14 +144,14 @@ def shoot_command(
 def solve_command(
     photos: Path = argument("PHOTOS"),
     display_path: Path = DISPLAY,
-    output: Path = option("The calibrated display file, .toml; a .npz for `report` beside it."),
+    output: Path = option("Calibrated display file (.toml); a .npz for `report` is written beside it."),
     bow: bool = option("Also fit tilts and curvatures of the array."),
     radius: bool = option("Also fit the lenslets' radius."),
 ) -> None:
-    """Solve photographs for the array's rotation, pitches, shear, offset and gap, with uncertainties.
+    """Compute the array's rotation, pitches, shear, offset and gap from photographs, with uncertainties.
 
-    PHOTOS holds a folder for each camera position, position-1 and so on; a photograph
-    has the name of its pattern.
+    PHOTOS contains a folder per camera position: position-1 and so on. Each photograph
+    has the file name of its pattern.
 
     Example: lippmann calibrate solve photos --display mine.toml -o calibrated.toml
     """
@@ -159,7 +159,7 @@ def solve_command(
 
     nominal, path = load_display(display_path), check_output(output, (".toml",))
     if path.exists() and path.samefile(display_path):
-        raise input_error(output, "is the nominal display file", "give the calibrated one another name")
+        raise input_error(output, "is the nominal display file", "give the output another name")
     with progress_bar("photographs") as progress:
         solution = calibrate(photos, nominal, bow, radius, progress)
     sidecar_path = solution.save(path)
@@ -177,26 +177,28 @@ def solve_command(
     emit({**solution.summary(), "output": output, "kept": sidecar_path}, lines)
 
 
-#: Minimum fraction of the panel that the eye must see without crosstalk.
+#: Minimum fraction of the panel that an eye sees without crosstalk.
 MIN_OWN_SHARE = 0.5
-#: Fraction below which crosstalk is logged; above, only corners of cells have some.
+#: Fraction below which crosstalk is logged; at higher fractions, only the corners of
+#: cells have crosstalk.
 LOGGED_SHARE = 0.95
 
 
 @make_command("check", command)
 def check_command(
     display: Display = argument("CALIBRATED.toml"),
-    output: Folder | None = option("Folder for the pictures."),
-    eye: Point | None = option("The eye that sees white, mm."),
-    photos: Folder | None = option("Judge photographs of 1-white and 2-dark in this folder."),
+    output: Folder | None = option("Output folder for the pictures."),
+    eye: Point | None = option("Position of the eye that sees white, mm."),
+    photos: Folder | None = option("Judge the photographs of 1-white and 2-dark in this folder."),
     device: str = DEVICE,
 ) -> int:
-    """Draw pictures that prove a calibration, or judge photographs of them.
+    """Draw pictures that show whether a calibration is correct, or judge photographs of these pictures.
 
-    1-white is white for the eye, else black; 2-dark is its opposite; 3-rings shows
-    rings to every eye. Photograph them from the eye's position.
+    The eye sees 1-white as white; from other positions it is black. 2-dark is the
+    inverse of 1-white. 3-rings shows rings to every eye. Photograph the pictures from
+    the eye's position.
 
-    Exit code 0: right; 4: a part of the panel is wrong.
+    Exit code 0: the calibration is correct; 4: a part of the panel is wrong.
 
     Example: lippmann calibrate check calibrated.toml --eye 0,0,600 -o out/check
     """
@@ -213,7 +215,7 @@ def check_command(
     own, place = status_share(display, eye)["ok"], ",".join(f"{x:g}" for x in eye)
     if own < MIN_OWN_SHARE:
         what = f"the eye sees {100.0 * own:.0f} % of the panel through the lenslets in front, else neighbours' pixels"
-        raise input_error(f"--eye {place}", what, "choose a place nearer to the axis, or farther away")
+        raise input_error(f"--eye {place}", what, "choose a position nearer to the axis, or farther away")
     make_folder(output)
     with own_variant(device):
         images = pictures(display, eye)
@@ -229,11 +231,11 @@ def check_command(
 @make_command("report", command)
 def report_command(
     display_path: Path = argument("CALIBRATED.toml"),
-    output: Folder = option("Folder for the page."),
-    eye: Point | None = option("The eye of the two views.  [default: the first camera]"),
+    output: Folder = option("Output folder for the page."),
+    eye: Point | None = option("Position of the eye of the two views, mm.  [default: the first camera]"),
     device: str = DEVICE,
 ) -> None:
-    """Write a page about a calibration: uncertainties, residuals, an eye's view before and after.
+    """Write a page about a calibration: uncertainties, residuals, and an eye's view before and after.
 
     Example: lippmann calibrate report calibrated.toml -o out/calibration
     """

@@ -26,7 +26,7 @@ from lippmann.rendering.sampling import Aperture
 from lippmann.scenes.placement import warn_if_unplaced
 from lippmann.scenes.scene import Scene, check_scene_file
 
-#: Parameters of `lippmann.capture` in `Settings`.
+#: Names of the parameters of `lippmann.capture` in `Settings`.
 CAPTURE_SETTINGS = ("samples", "integrator", "max_depth", "seed", "memory_mb", "shading")
 
 
@@ -36,12 +36,12 @@ def command(
     setup_path: Path = option("Set-up file (.toml)."),
     output: Path = PICTURE,
     rotate: bool | None = option(
-        "Rotate elemental images by 180 degrees, for correct depth.  [default: yes, unless lenslets are concave]",
+        "Rotate elemental images by 180 degrees for correct depth.  [default: yes, except for concave lenslets]",
         flag="--rotate/--no-rotate",
     ),
-    size: int | None = option("Width of the image, pixels; the window stays.  [default: the display's]"),
-    display_out: Path | None = option("Also write the file of the display for the image (.toml)."),
-    aperture: Aperture | None = option("For a pickup: full lenslet, or chief rays.  [default: full]"),
+    size: int | None = option("Width of the image, pixels; the window does not change.  [default: the display's]"),
+    display_out: Path | None = option("Also write the display file (.toml) for the image."),
+    aperture: Aperture | None = option("Rays of a pickup: full lenslet, or chief rays.  [default: full]"),
     settings: Settings = SETTINGS,
     seed: int = SEED,
     device: str = DEVICE,
@@ -94,7 +94,7 @@ def _text(result: dict[str, Any]) -> str:
 
 
 def _geometry(setup: Setup, scene: Scene, rotated: bool) -> dict[str, Any]:
-    """Return the distances of a capture by the lens equations."""
+    """Return the distances and other geometry of a capture, computed with the lens equations."""
     far, near = scene.depth_range_mm
     depth = shown_depth(setup, [far, near], rotated)
     image = "real" if depth.min() >= 0.0 else "virtual" if depth.max() <= 0.0 else "real and virtual"

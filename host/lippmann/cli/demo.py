@@ -43,30 +43,30 @@ from lippmann.simulation.virtual_board import board_build, compile_board
 SCENE = "fish/fish.xml"
 DISPLAY = "displays/paper-square.toml"
 DRAWN_DISPLAY = "displays/vga-square.toml"
-#: What the board draws, by name: a film of layers, and layers at rest.
+#: Paths that the board draws, keyed by name: a film of layers, and layers at rest.
 FILMS = {"fish": "films/swim-layers.toml", "chart": "layers/chart"}
 EYE_DISTANCE_MM = 600.0
-#: Travel of the eye to each side, mm.
+#: Maximum movement of the eye to each side, mm.
 REACH_MM = 30.0
 FRAMES = 15
-#: Views of layers at rest; a film has one for each frame.
+#: Number of views of layers at rest; a film has a view per frame.
 STILL_VIEWS = 16
 VIEW_WIDTH_PX, DRAWN_VIEW_WIDTH_PX = 500, 400
 VIEW_SAMPLES = 64
-#: Side of the central region whose rays are compared, pixels.
+#: Side of the central region in which rays are compared, pixels.
 REGION_PX = 512
 
 
 @make_command("demo")
 def command(
     scenes: str = SCENES,
-    output: Folder = option("Folder for the results.", Path("out/demo")),
+    output: Folder = option("Output folder for the results.", Path("out/demo")),
     device: str = DEVICE,
 ) -> None:
-    """Run the main steps once: render, stream, draw, observe.
+    """Run the main steps once: render, stream, draw and observe.
 
-    Streams the rendered fish to a virtual board; a second board draws layers by itself;
-    an eye sees both panels.
+    The rendered fish is streamed to a virtual board. A second board draws layers by
+    itself. An eye observes both panels.
 
     Example: lippmann demo
     """
@@ -86,7 +86,7 @@ def command(
             check = check_rays(captured.board, display, columns, rows)
             transfer = send_frame(captured.board, frame, progress)
             crc_equal = captured.board.panel_crc() == transfer.crc
-        # The views are of the scanned-out frame.
+        # The views show the scanned-out frame.
         pixels = captured.frames[-1]
         scanned = replace(image, radiance=decode(pixels / np.float32(255.0), panel.transfer))
         scanned.save(out / "panel.png")
@@ -128,7 +128,7 @@ def _render(scene: Scene, display: Display, out: Path, device: str) -> IntegralI
 
 @contextlib.contextmanager
 def _compile_boards(streamed: Display, drawn: Display) -> Iterator[None]:
-    """Compile both virtual boards while the block runs; a board that starts waits for its program."""
+    """Compile both virtual boards while the block runs; a starting board waits for its program."""
     with ThreadPoolExecutor(1) as background:
         boards = [background.submit(compile_board, streamed), background.submit(compile_board, drawn, SceneBuild())]
         try:
@@ -139,7 +139,7 @@ def _compile_boards(streamed: Display, drawn: Display) -> Iterator[None]:
 
 
 def _steps(result: dict[str, Any], panel: Panel) -> Iterator[tuple[str, str]]:
-    """Yield a sentence for each step, and its file."""
+    """Yield a sentence about each step, and the step's file."""
     yield f"rendered {panel.width_px} x {panel.height_px} pixels in {result['render_seconds']:.1f} s", "fish.png"
     yield "the same in linear radiance", "fish.exr"
     yield f"the board traced {result['rays_compared']} rays: every word equals the integer twin's", ""
@@ -156,14 +156,14 @@ def _steps(result: dict[str, Any], panel: Panel) -> Iterator[tuple[str, str]]:
 
 
 def _middle(size: int) -> tuple[int, int]:
-    """Return first and last pixel of the compared region along a side."""
+    """Return the first and the last pixel of the compared region along a side."""
     width = min(REGION_PX, size)
     first = (size - width) // 2
     return first, first + width - 1
 
 
 def _views(scene: Scene, image: IntegralImage, out: Path) -> tuple[list[Direct], list[float]]:
-    """Write an animation of views, and three beside direct renders; return these and the PSNR, dB."""
+    """Write an animation of views, and three views beside direct renders; return the renders and PSNR in dB."""
     window, coarse = whole_window(image.display, VIEW_WIDTH_PX), whole_window(image.display)
     eyes = [Eye((float(x), 0.0, EYE_DISTANCE_MM)) for x in np.linspace(-REACH_MM, REACH_MM, FRAMES)]
     views = list(map(image_viewer(image, window, 16), with_progress("observe", eyes)))
@@ -174,14 +174,14 @@ def _views(scene: Scene, image: IntegralImage, out: Path) -> tuple[list[Direct],
     captions = [f"through the lenslets, eye at x = {eye.position_mm[0]:+.0f} mm" for eye in eyes[three]]
     pictures = views[three] + [direct.radiance for direct in directs]
     write_contact_sheet(out / "views.png", pictures, captions + ["the scene itself"] * 3)
-    # A view resolves one pixel for each lenslet.
+    # A view resolves one pixel per lenslet.
     panel_views = map(image_viewer(image, coarse, VIEW_SAMPLES), eyes[three])
     scene_views = map(scene_viewer(scene, coarse, Settings(samples=VIEW_SAMPLES)), eyes[three])
     return directs, list(map(psnr_db, panel_views, scene_views))
 
 
 def _draw_films(scenes: Path, out: Path) -> dict[str, dict[str, Any]]:
-    """Have a virtual board draw the films; write animations `drawn-NAME.gif`; return figures."""
+    """Draw the films on a virtual board, and write animations `drawn-NAME.gif`; return figures by name."""
     display = load_display(scenes / DRAWN_DISPLAY)
     window = whole_window(display, DRAWN_VIEW_WIDTH_PX)
     log("starting a virtual board that draws (compiled once, half a minute) ...")
@@ -190,7 +190,7 @@ def _draw_films(scenes: Path, out: Path) -> dict[str, dict[str, Any]]:
         film = load_layer_film(scenes / path)
         panels, results[name] = _draw(display, film, name)
         count = len(panels) if film.frames > 1 else STILL_VIEWS
-        # The eye moves from left to right and back.
+        # Move the eye from left to right and back.
         eyes = [Eye((-REACH_MM * math.cos(math.tau * k / count), 0.0, EYE_DISTANCE_MM)) for k in range(count)]
         viewers = [image_viewer(panel, window, 16) for panel in panels]
         views = [viewers[k % len(panels)](eye) for k, eye in enumerate(with_progress("observe", eyes))]
@@ -199,17 +199,17 @@ def _draw_films(scenes: Path, out: Path) -> dict[str, dict[str, Any]]:
 
 
 def _draw(display: Display, film: LayerFilm, name: str) -> tuple[list[IntegralImage], dict[str, Any]]:
-    """Have a virtual board draw a film; return its frames and their figures."""
+    """Draw a film on a virtual board; return the frames and their figures."""
     build = SceneBuild()
     with progress_bar(f"draw the {name}") as progress, capturing(display, build) as captured:
-        captured.board.panel_crc()  # a black frame has been scanned out
+        captured.board.panel_crc()  # wait until a black frame was scanned out
         scene = SceneBoard(captured.board)
         loaded, slots = load_textures(scene, display, film)
         played = play_film(scene, display, film, slots, every_frame=True, progress=progress)
-        captured.board.panel_crc()  # and the last one
+        captured.board.panel_crc()  # wait for the last frame
     optics, frames = board_build(display, build), captured.frames[1:]
     drawn = [draw(display, optics, film.at(frame)[0], build) for frame in range(film.frames)]
-    # Of equal frames in a row, one is captured.
+    # Successive equal frames are captured only once.
     expected = [np.zeros_like(drawn[0])]
     expected += [one for one, before in zip(drawn, [*expected, *drawn], strict=False) if (one != before).any()]
     panels = [IntegralImage(decode(frame / np.float32(255.0), display.panel.transfer), display) for frame in frames]

@@ -19,20 +19,20 @@ from lippmann.errors import InputError
 def command(
     image: Name = argument("IMAGE"),
     display: Display | None = option("Display file whose panel is the monitor."),
-    port: str | None = option("A board that reports the monitor's display.", metavar="URL"),
+    port: str | None = option("Port of a board that reports the monitor's display.", metavar="URL"),
     baud: int | None = BAUD,
-    monitor: int = option("Number of the monitor, from 0.", 0, click.IntRange(0)),
-    seconds: float | None = option("Duration.  [default: until Escape or q]", kind=finite(0.0)),
+    monitor: int = option("Number of the monitor; the first is 0.", 0, click.IntRange(0)),
+    seconds: float | None = option("Duration in seconds.  [default: until Escape or q]", kind=finite(0.0)),
     force: bool = FORCE,
 ) -> None:
-    """Show an image full-screen and unscaled on a monitor, the panel behind the microlens array.
+    """Show an image full-screen and unscaled on a monitor that is the panel behind the microlens array.
 
     Example: lippmann display out/fish.png --display scenes/displays/uhd-4k.toml
     --monitor 1
     """
     check_input(image)
     if display is None and port is None:
-        raise InputError("give the display with --display FILE, or a board that knows it with --port URL")
+        raise InputError("give the display with --display FILE, or a board of this display with --port URL")
     panel = None if display is None else display.panel
     if display is not None:
         target = Target(int(display.identity, 16), display.panel.width_px, display.panel.height_px)

@@ -17,7 +17,7 @@ from lippmann.cli.output import emit
 from lippmann.errors import EXTRA_MODULES, DeviceError, LippmannError, MissingLibraryError, missing_library, to_install
 from lippmann.simulation.toolchain import RTL_TOOLS
 
-#: The error when the libraries of ports are missing, else None.
+#: Error if the libraries for ports are missing; otherwise None.
 NO_PORTS: MissingLibraryError | None = None
 try:
     from lippmann.board.bitstreams import LOADER
@@ -31,13 +31,13 @@ NO_ANSWER = "the port opens, but no board answers at any baud rate; check the bo
 
 @make_command("doctor")
 def command(
-    port: str | None = option("Look for a board at this port, at each common baud rate (1 s each).", metavar="URL"),
+    port: str | None = option("Search for a board at this port at all common baud rates (1 s each).", metavar="URL"),
 ) -> int:
-    """Check libraries, rendering, the RTL's tools and serial ports.
+    """Check libraries, rendering, RTL tools and serial ports.
 
-    Exit code 3: something required is missing; with --port, 1: no board answers. Only
-    simulation (`trace --engine rtl`, the virtual board), synthesis and proofs require
-    the RTL's tools.
+    Exit code 3: something required is missing. With --port, exit code 1: no board
+    answers. RTL tools are required only for simulation (`trace --engine rtl`, the
+    virtual board), synthesis and proofs.
 
     Example: lippmann doctor
     """
@@ -88,11 +88,11 @@ def command(
 def _check_ports(check: Callable[..., None]) -> None:
     try:
         fpga_boards()
-    except LippmannError as error:  # in the file of a user's own board
+    except LippmannError as error:  # a user's own board file is invalid
         check("board files", False, str(error), needed=False)
     adapters = adapter_ports()
     for url in ports():
-        # Opening a port resets some devices.
+        # Open only known adapters, as opening a port resets some devices.
         trouble = port_trouble(url) if url in adapters else None
         detail = "serial port, can be opened" if url in adapters else "serial port, not a known USB adapter: not opened"
         check(url, trouble is None, f"{_board_text(url)}{trouble or detail}", needed=False)
@@ -108,7 +108,7 @@ def _board_text(url: str) -> str:
 
 
 def _packages() -> Iterator[tuple[str, str]]:
-    """Yield the required packages from Lippmann's metadata, and the extra of each or ""."""
+    """Yield each required package of Lippmann's metadata, with its extra or ""."""
     yield "drjit", "render"  # required by Mitsuba
     for line in metadata.requires("lippmann") or []:
         package, _, condition = line.partition(";")

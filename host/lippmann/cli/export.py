@@ -50,30 +50,32 @@ def command() -> None:
 @make_command("povray", command)
 def povray(
     scene_path: Name = argument("SCENE"),
-    display: Display | None = option("Display file (.toml): export the rays of its pixels."),
-    setup_path: Path | None = option("Set-up file (.toml): export its camera and lenses."),
+    display: Display | None = option("Display file (.toml); export the rays of its pixels."),
+    setup_path: Path | None = option("Set-up file (.toml); export its camera and lenses."),
     output: Folder = FOLDER,
-    model: Model | None = option("Lens model of a display's rays.  [default: exact]"),
+    model: Model | None = option("Lens model for the rays of --display.  [default: exact]"),
     device: str = DEVICE,
 ) -> None:
-    """Write files that POV-Ray 3.7 renders to linear images.
+    """Write files from which POV-Ray 3.7 renders linear images.
 
-    With a set-up, its optics are objects in POV-Ray's scene: the image of `lippmann
-    capture --no-rotate`. With a display, POV-Ray traces one ray for each pixel.
+    With --setup, the optics become objects in POV-Ray's scene, and the image equals
+    that of `lippmann capture --no-rotate`. With --display, POV-Ray traces one ray per
+    pixel.
 
-    docs/reference/povray.md lists what a scene may contain; anything else is an error.
+    docs/reference/povray.md lists the scene elements that can be exported; other
+    elements are errors.
 
     Example: lippmann export povray scenes/fish/fish.xml --setup
     scenes/setups/fig8a.toml -o out/pov
     """
     if (display is None) == (setup_path is None):
-        raise InputError("give one of --display and --setup")
+        raise InputError("give either --display or --setup")
     if model and setup_path:
         raise InputError("--model is for --display; leave it out with --setup")
     path = check_scene_file(scene_path)
     make_folder(output, "choose another place with -o")
     if kind_of(path) != "mitsuba":
-        raise input_error(scene_path, "is no Mitsuba scene", "give an .xml: POV-Ray's export takes no other")
+        raise input_error(scene_path, "is not a Mitsuba scene", "give an .xml file, the only format of this export")
     if setup_path:
         setup = load_setup(setup_path)
         view, panel = setup_view(setup), setup.display.panel
@@ -100,7 +102,7 @@ def povray(
 
 @dataclass(frozen=True)
 class _Subject:
-    """A scene, or a display that shows an image, and its viewer."""
+    """A scene, or a display that shows an image, with the function that computes its views."""
 
     display: Display
     window: Window
@@ -108,7 +110,7 @@ class _Subject:
     scene: Scene | None
 
     def place(self, eye: Point | None) -> Point:
-        """Return the position of an eye, or of the middle one, mm."""
+        """Return the position of the given eye, or of the middle eye, mm."""
         return eyes_of(self.display, 1)[0] if eye is None else eye
 
 
@@ -116,7 +118,7 @@ def _subject(
     source: Name = argument("SOURCE"),
     display: Display = DISPLAY,
     width: int = option("Width of a view, pixels.", 400, click.IntRange(1, MAX_VIEW_PX)),
-    samples: int = option("Rays for each pixel.", 16, click.IntRange(1, MAX_SAMPLES)),
+    samples: int = option("Rays per pixel.", 16, click.IntRange(1, MAX_SAMPLES)),
     moved: Moved = MOVED,
     seed: int = SEED,
     device: str = DEVICE,
@@ -139,8 +141,8 @@ def _subject(
 SUBJECT: Any = _subject
 CONE = option("Angle between the outermost eyes, degrees.  [default: the viewing zone]", kind=finite(0.0))
 DISTANCE = option("Distance of the eyes, mm.  [default: the display's]", kind=finite(0.0))
-EYE = option("Position of the eye, mm.  [default: the middle one]")
-LINEAR = option("EXR files of linear light instead of PNG.")
+EYE = option("Position of the eye, mm.  [default: the middle eye]")
+LINEAR = option("Write EXR files of linear light instead of PNG files.")
 DEPTHS = vector("Z,Z,...", remedy="give a list of numbers such as -20,0,20")
 TILES = click.IntRange(1, MAX_NUMBERS)
 
@@ -148,16 +150,16 @@ TILES = click.IntRange(1, MAX_NUMBERS)
 @make_command("quilt", command)
 def quilt(
     subject: _Subject = SUBJECT,
-    output: Path = option("The quilt, .png, .tif or .exr; its name gets the tiling."),
-    columns: int = option("Views across.", 8, TILES),
-    rows: int = option("Views up.", 6, TILES),
+    output: Path = option("Quilt file (.png, .tif, .exr); the tiling is added to its name."),
+    columns: int = option("Number of views from left to right.", 8, TILES),
+    rows: int = option("Number of views from bottom to top.", 6, TILES),
     cone: float | None = CONE,
     distance: float | None = DISTANCE,
 ) -> None:
     """Write a quilt for Looking Glass displays and their tools: NAME_qs8x6a0.75.png.
 
-    SOURCE is a scene, or an integral image seen through the lenslets. The leftmost
-    eye's view is at the bottom left.
+    SOURCE is a scene, or an integral image that is seen through the lenslets. The view
+    of the leftmost eye is at the bottom left.
 
     Example: lippmann export quilt scenes/fish/fish.xml --display
     scenes/displays/vga-square.toml -o fish.png
@@ -191,13 +193,13 @@ def quilt(
 def views(
     subject: _Subject = SUBJECT,
     output: Folder = FOLDER,
-    across: int = option("Eyes from left to right.", 9, TILES),
-    down: int = option("Rows of eyes, from the bottom.", 1, TILES),
+    across: int = option("Number of eyes from left to right.", 9, TILES),
+    down: int = option("Number of rows of eyes, from the bottom.", 1, TILES),
     cone: float | None = CONE,
     distance: float | None = DISTANCE,
     linear: bool = LINEAR,
 ) -> None:
-    """Write the views of a scene or an integral image, a file each, and views.json with their eyes.
+    """Write the views of a scene or an integral image to a file each, and the eyes to views.json.
 
     Example: lippmann export views fish.exr --display scenes/displays/paper-square.toml
     -o out/views
@@ -216,12 +218,14 @@ def focal_stack(
     subject: _Subject = SUBJECT,
     output: Folder = FOLDER,
     eye: Point | None = EYE,
-    pupil: float = option("Diameter of the pupil, or of a camera's lens, mm.", 10.0, finite(0.0)),
-    depths: tuple[float, ...] | None = option("Depths z in focus, mm.  [default: five in the scene]", kind=DEPTHS),
-    count: int = option("Number of depths through the scene.", 5, TILES),
+    pupil: float = option("Diameter of the pupil or of a camera lens, mm.", 10.0, finite(0.0)),
+    depths: tuple[float, ...] | None = option(
+        "Depths z in focus, mm.  [default: five depths in the scene]", kind=DEPTHS
+    ),
+    count: int = option("Number of depths in the scene.", 5, TILES),
     linear: bool = LINEAR,
 ) -> None:
-    """Write what an eye with a wide pupil sees, focused at one depth after the other, a file each.
+    """Write the views of an eye with a wide pupil that focuses at several depths, a file per depth.
 
     Example: lippmann export focal-stack scenes/fish/fish.xml --display
     scenes/displays/vga-square.toml -o out/focus
@@ -232,7 +236,7 @@ def focal_stack(
     elif subject.scene is not None:
         focus = focus_depths(subject.scene.depth_range_mm, count)
     else:
-        raise InputError("an image does not tell depths; give --depths")
+        raise InputError("an image contains no depths; give --depths")
     eyes = [Eye(at, pupil, z) for z in focus]
     names = _write_folder(subject, eyes, output, "focus", linear)
     pictures = [{"file": name, "focus_mm": z} for name, z in zip(names, focus, strict=True)]
@@ -243,10 +247,10 @@ def focal_stack(
 @make_command("depth", command)
 def depth(
     subject: _Subject = SUBJECT,
-    output: Path = option("Depths z: .tif in mm, or .png in 16 bits, the farthest 0."),
+    output: Path = option("Depth file: .tif in mm, or 16-bit .png with 0 for the farthest depth."),
     eye: Point | None = EYE,
 ) -> None:
-    """Write the depth z of a scene in each pixel of an eye's view.
+    """Write the depth z of a scene at each pixel of an eye's view.
 
     Pixels without a surface get the farthest depth.
 
@@ -255,7 +259,7 @@ def depth(
     """
     path = check_output(output, (".tif", ".tiff", ".png"))
     if subject.scene is None:
-        raise InputError("an integral image does not tell depths; give the scene")
+        raise InputError("an integral image contains no depths; give the scene")
     at = Eye(subject.place(eye)).position_mm
     depths = first_depths(subject.scene, at, subject.window)
     hit = np.isfinite(depths)
@@ -273,12 +277,12 @@ def depth(
 
 
 def _write_folder(subject: _Subject, eyes: list[Eye], folder: Path, stem: str, linear: bool) -> list[str]:
-    """Write what eyes see, a file each; return the names. Refuse a folder with other such files."""
+    """Write each eye's view to a file; return the names. Refuse a folder with files of another export."""
     make_folder(folder, "choose another place with -o")
     names = [f"{stem}_{k:04d}.{'exr' if linear else 'png'}" for k in range(len(eyes))]
     others = sorted({path.name for path in folder.glob(f"{stem}_[0-9][0-9][0-9][0-9].*")} - set(names))
     if others:
-        raise input_error(folder, f"holds {others[0]} of another export", "choose another -o, or remove the folder")
+        raise input_error(folder, f"contains {others[0]} of another export", "choose another -o, or remove the folder")
     for name, eye in zip(names, with_progress("views", eyes), strict=True):
         write_picture(folder / name, subject.view_from(eye), {})
     return names

@@ -28,27 +28,27 @@ from lippmann.scenes.scene import check_scene_file
 @make_command("fit")
 def command(
     display: Display = argument("DISPLAY.toml"),
-    tolerance: float = option("Maximum error, pixels of the reconstructed view; above 0.", TOLERANCE),
+    tolerance: float = option("Maximum error, in pixels of the reconstructed view; greater than 0.", TOLERANCE),
     depths: tuple[float, float] | None = option(
-        "The scene's range of z, mm.  [default: the display's depth range]", kind=vector("FAR,NEAR")
+        "Depth range z of the scene, mm.  [default: the display's depth range]", kind=vector("FAR,NEAR")
     ),
-    scene: Path | None = option("Scene (.xml): also choose its layers for a board that draws."),
-    tolerance_db: float = option("Minimum PSNR of the layers' view, wherever the eye moves, dB.", TOLERANCE_DB),
+    scene: Path | None = option("Scene (.xml); also choose its layers for a board that draws scenes."),
+    tolerance_db: float = option("Minimum PSNR of the layers' view at any eye position, dB.", TOLERANCE_DB),
     slot: tuple[tuple[int, int], ...] = option(
-        f"Size of a slot to try; may be repeated.  [default: {', '.join(f'{w}x{h}' for w, h in SLOTS)}]",
+        f"Slot size to try; may be repeated.  [default: {', '.join(f'{w}x{h}' for w, h in SLOTS)}]",
         SLOTS,
         TEXELS,
         multiple=True,
     ),
-    block_rams: int = option("Maximum block RAMs for the drawing.", BLOCK_RAMS, click.IntRange(1)),
-    multipliers: int = option("Maximum multipliers for the drawing.", MULTIPLIERS, click.IntRange(1)),
+    block_rams: int = option("Maximum number of block RAMs for drawing.", BLOCK_RAMS, click.IntRange(1)),
+    multipliers: int = option("Maximum number of multipliers for drawing.", MULTIPLIERS, click.IntRange(1)),
     moved: Moved = MOVED,
     seed: int = SEED,
     device: str = DEVICE,
 ) -> None:
-    """Choose the cheapest lens model, samples and RTL build; with --scene also layers and a build for them.
+    """Choose the cheapest lens model, samples and RTL build; with --scene, also layers and their build.
 
-    Errors of the display's chief rays stay within --tolerance. The reasons are printed.
+    Errors of the display's chief rays stay within --tolerance. The command prints its reasons.
 
     Example: lippmann fit scenes/displays/paper-square.toml --depths -40,30
     """
@@ -123,5 +123,5 @@ def _layers(choice: LayerChoice, tolerance_db: float) -> Iterator[str]:
 
 
 def _cut(decibels: float) -> str:
-    """Return decibels rounded down, so that no value below a tolerance shows as it."""
+    """Format decibels, rounded down, so that a value below the tolerance is not shown as the tolerance."""
     return f"{math.floor(100.0 * decibels) / 100.0:.2f}"

@@ -1,9 +1,10 @@
-"""Makes a command of a function whose parameters have options and arguments as defaults.
+"""Convert a function to a command; its parameters' defaults declare options and arguments.
 
-Type and flag follow from the parameter unless stated: `scene_path` is --scene, `wait_s`
---wait, `output` -o. Flags, and options that may be None, need no default. A function or
-class as default is a group: `scene: Scene = _scene` has the options of `_scene` and
-gets its result; its parameters without default get the command's values.
+By default, type and flag follow from the parameter: `scene_path` becomes --scene,
+`wait_s` --wait, `output` -o. Flags, and options that may be None, need no default. A
+function or class as default is a group: `scene: Scene = _scene` adds the options of
+`_scene`, and receives the result of `_scene`. A group's parameters without default
+receive the command's values.
 """
 
 from __future__ import annotations
@@ -24,13 +25,13 @@ from lippmann.errors import did_you_mean
 
 Function = Callable[..., Any]
 REQUIRED = inspect.Parameter.empty
-#: The path of a folder, and the name of a file or folder as the user wrote it.
+#: Types for the path of a folder, and for a file or folder name as the user wrote it.
 Folder = NewType("Folder", Path)
 Name = NewType("Name", str)
 
 
 class Kind(click.ParamType[Any]):
-    """A type of options: its form in help texts; `read` converts a text or raises ValueError."""
+    """Type of an option. `form` is shown in help texts; `read` converts a text or raises ValueError."""
 
     name = "kind"
 
@@ -38,19 +39,19 @@ class Kind(click.ParamType[Any]):
         self.form, self.read = form, read
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
-        """Read a text."""
+        """Convert a text with `read`; fail with the message of a ValueError."""
         try:
             return self.read(value) if isinstance(value, str) else value
         except ValueError as error:
             self.fail(str(error), param, ctx)
 
     def get_metavar(self, param: click.Parameter, ctx: click.Context) -> str:
-        """Return the form."""
+        """Return the form that help texts show."""
         return self.form
 
 
 def path_kind(read: Callable[[str], object], form: str = "FILE") -> Kind:
-    """Return the type of a path; an empty one is refused."""
+    """Return the option type of a path; the type refuses an empty path."""
 
     def read_path(text: str) -> object:
         if not text:
@@ -60,29 +61,29 @@ def path_kind(read: Callable[[str], object], form: str = "FILE") -> Kind:
     return Kind(form, read_path)
 
 
-#: Types of options by the types of parameters.
+#: Option types, keyed by the type of the parameter.
 KINDS: dict[object, Kind] = {Path: path_kind(Path), Folder: path_kind(Path, "FOLDER"), Name: path_kind(str)}
-#: The option of every command; see `lippmann.cli.output`.
-JSON = click.Option(("--json", "as_json"), is_flag=True, help="One JSON object on stdout.")
+#: Option --json, which every command has; see `lippmann.cli.output`.
+JSON = click.Option(("--json", "as_json"), is_flag=True, help="Print one JSON object to stdout.")
 
 
 class Choice(click.Choice[str]):
-    """One of some values; for a wrong one the message names the likeliest."""
+    """Type of an option with fixed values; the message about an invalid value suggests the nearest value."""
 
     def get_invalid_choice_message(self, value: object, ctx: click.Context | None) -> str:
-        """Return the message about a wrong value."""
+        """Return the message about an invalid value."""
         return f"{super().get_invalid_choice_message(value, ctx)} {did_you_mean(str(value), map(str, self.choices))}"
 
 
 @dataclass(frozen=True)
 class Declared:
-    """An option or argument: its flag (None: an argument; "": from the name), and click's attributes."""
+    """An option or argument with click's attributes; flag None means an argument, "" a flag from the name."""
 
     flag: str | None
     attributes: Mapping[str, Any]
 
     def parameter(self, name: str, kind: object) -> click.Parameter:
-        """Return click's parameter for a name and type."""
+        """Return click's parameter for the name and type of a function's parameter."""
         attributes: dict[str, Any] = dict(self.attributes)
         if NoneType in get_args(kind):
             kind = get_args(kind)[0]
@@ -93,7 +94,7 @@ class Declared:
             attributes["required"] = kind is not bool
         if attributes["type"] is None:
             attributes["type"] = Choice(get_args(kind)) if get_origin(kind) is Literal else KINDS.get(kind, kind)
-        # A text may be a file's name.
+        # Complete file names, as a text may be a file name.
         if attributes["type"] is str or getattr(attributes["type"], "form", "") in ("FILE", "FOLDER"):
             attributes["shell_complete"] = lambda *_: [CompletionItem("", type="file")]
         if self.flag is None:
@@ -103,27 +104,27 @@ class Declared:
 
 
 def flag_of(name: str) -> str:
-    """Return the flag of a parameter."""
+    """Return the flag for the name of a parameter."""
     return "-o" if name == "output" else "--" + re.sub("_(path|s)$", "", name).replace("_", "-")
 
 
 def option(text: str | None, default: object = REQUIRED, kind: object = None, flag: str = "", **more: object) -> Any:
-    """Declare an option; `kind` is click's type, `more` are further arguments of `click.Option`."""
+    """Declare an option; `kind` is click's type, `more` are other arguments of `click.Option`."""
     show = not (default is None or default is REQUIRED or isinstance(default, bool | tuple))
     return Declared(flag, {"help": text, "show_default": show, "type": kind, "default": default, **more})
 
 
 def argument(metavar: str | None = None, default: object = REQUIRED, kind: object = None, **more: object) -> Any:
-    """Declare an argument."""
+    """Declare an argument; `more` are other arguments of `click.Argument`."""
     return Declared(None, {"metavar": metavar, "type": kind, "default": default, **more})
 
 
 def make_command(name: str, into: click.Group | None = None) -> Callable[[Function], click.Command]:
-    """Return a decorator that makes a command of a function, whose docstring is its help."""
+    """Return a decorator that converts a function to a command; the docstring becomes the help text."""
 
     def decorate(function: Function) -> click.Command:
         def callback(**values: object) -> object:
-            # Parsing reads no files: a `functools.partial` reads one here.
+            # Files are not read during parsing; a `functools.partial` reads its file here.
             read = {name: value() if isinstance(value, functools.partial) else value for name, value in values.items()}
             return _call(function, read)
 
@@ -136,7 +137,7 @@ def make_command(name: str, into: click.Group | None = None) -> Callable[[Functi
 
 
 def parameters(function: Function) -> Iterator[click.Parameter]:
-    """Yield the options and arguments that a function declares."""
+    """Yield click's options and arguments for a function's parameters."""
     hints = get_type_hints(function)
     for name, default in _defaults(function).items():
         if isinstance(default, Declared):
@@ -151,6 +152,6 @@ def _call(function: Function, values: Mapping[str, object]) -> object:
 
 
 def _defaults(function: Function) -> dict[str, object]:
-    """Return the default of each parameter; None for one without."""
+    """Return the defaults, keyed by parameter; None for a parameter without default."""
     signature = inspect.signature(function).parameters.items()
     return {name: None if parameter.default is REQUIRED else parameter.default for name, parameter in signature}

@@ -31,9 +31,9 @@ from lippmann.optics.display_properties import (
 )
 from lippmann.optics.zones import Zone, viewing_distance
 
-#: File types of --zones and --draw.
+#: File extensions for --zones and --draw.
 DRAWING_SUFFIXES = (".svg", ".png")
-#: Module and class of each kind of TOML file.
+#: Module and class that declare each kind of TOML file.
 FILES = {
     "display": ("lippmann.display.description", "DisplayFile"),
     "setup": ("lippmann.capturing.capture_setup", "SetupFile"),
@@ -56,15 +56,15 @@ def schema_of(kind: str) -> dict[str, Any]:
 @make_command("inspect")
 def command(
     display_path: Name | None = argument("DISPLAY.toml"),
-    schema: str | None = option("Print the JSON Schema of a kind of TOML file.", kind=Choice(tuple(FILES))),
-    eye: Point | None = option("Also print what an eye at this position sees, mm."),
-    zones: Path | None = option("Draw the zones of eyes from above.", metavar="FILE.svg|.png"),
+    schema: str | None = option("Print the JSON Schema of this kind of TOML file.", kind=Choice(tuple(FILES))),
+    eye: Point | None = option("Position of an eye, mm; also print its view's properties."),
+    zones: Path | None = option("Draw the viewing zones, seen from above.", metavar="FILE.svg|.png"),
     draw: Path | None = option("Draw the panel and some lenslets.", metavar="FILE.svg|.png"),
 ) -> None:
-    """Print the properties of a display file, with units and warnings, and what eyes will see.
+    """Print the properties of a display file, with units, warnings, and the views from several distances.
 
-    With --schema print the JSON Schema with which an editor checks TOML files, and read
-    no display.
+    --schema prints a JSON Schema, with which an editor can check TOML files; no display
+    file is read.
 
     Example: lippmann inspect scenes/displays/paper-square.toml
     """
@@ -92,7 +92,7 @@ def command(
         "eye": eye_view and _as_json(eye_view),
     }
     if pictures:
-        from lippmann.eye import display_drawing  # it loads the engines
+        from lippmann.eye import display_drawing  # imported late, as it loads the engines
 
         if zones:
             display_drawing.draw_zones(display, zones, eye)
@@ -112,13 +112,13 @@ def _as_json(view: EyeView) -> dict[str, object]:
 
 
 def _crosstalk(view: EyeView) -> str:
-    """Return the fraction of crosstalk, or "dark" for an eye that gets no light."""
+    """Return the fraction of crosstalk as text, or "dark" for an eye that receives no light."""
     share = view.status_share
     return percent(share["crosstalk"], not view.sees_all) if share["ok"] or share["crosstalk"] else "dark"
 
 
 def _table(display: Display, views: list[EyeView]) -> Iterator[str]:
-    """Yield the headings, and a line for each eye."""
+    """Yield the heading of the table, and a line for each eye."""
     form = "{:>8}  {:<12}{:<17}{:<18}{:<12}{:<10}{}"
     yield form.format("z, mm", "crosstalk", "zone, mm", "depth, mm", "view step", "lenslet", "moire")
     for view in views:

@@ -40,7 +40,7 @@ from lippmann.scenes.scene import Part, Scene, check_scene_file, load_scene
 
 #: Default number of layers.
 COUNT = 4
-#: Numbers of layers that --costs measures.
+#: Numbers of layers for which --costs measures decibels.
 MEASURED = (1, 2, 3, 4, 6, 8)
 
 
@@ -50,11 +50,11 @@ def command(
     display: Display = DISPLAY,
     output: Folder = FOLDER,
     count: int | None = option(f"Number of layers.  [default: {COUNT}]", kind=click.IntRange(1, MAX_LAYERS)),
-    apart: str | None = option("Shapes by id (`*`, `?`) with a layer of their own, to move."),
-    slot: tuple[int, int] = option("Maximum texels of a layer.  [default: 256x192]", SLOT, TEXELS),
-    samples: int = option("Samples for each texel.", 16, click.IntRange(1, 4096)),
-    filter: Filter = option("Texture filter of the printed hardware and decibels.", "nearest"),
-    costs: Path | None = option("Table of decibels for 1 to --count layers.", metavar="OUT.csv"),
+    apart: str | None = option("Ids of shapes (`*`, `?`) that get a movable layer of their own."),
+    slot: tuple[int, int] = option("Maximum size of a layer in texels.  [default: 256x192]", SLOT, TEXELS),
+    samples: int = option("Samples per texel.", 16, click.IntRange(1, 4096)),
+    filter: Filter = option("Texture filter for the printed hardware and decibels.", "nearest"),
+    costs: Path | None = option("Also write a table of decibels for 1 to --count layers.", metavar="OUT.csv"),
     light: Settings = LIGHT,
     moved: Moved = MOVED,
     seed: int = SEED,
@@ -62,8 +62,8 @@ def command(
 ) -> None:
     """Cut a scene into layers that a board draws by itself.
 
-    SCENE is a Mitsuba scene, or a folder with pictures.toml: pictures with opacity, and
-    their depths.
+    SCENE is a Mitsuba scene, or a folder with a pictures.toml, which lists pictures
+    with opacity and their depths.
 
     Example: lippmann layers scenes/chart/chart.xml --display
     scenes/displays/vga-square.toml --scale 0.25 -o out/chart
@@ -72,7 +72,7 @@ def command(
     cuts: list[tuple[Cut, list[float]]]
     if is_pictures(scene_path):
         if moved.changes or apart is not None or table:
-            raise InputError(f"{scene_path}: pictures have places; leave out --apart, --costs and placements")
+            raise InputError(f"{scene_path}: pictures have fixed positions; leave out --apart, --costs and placements")
         cut, names = cut_pictures(scene_path, display, slot)
         if count not in (None, len(names)):
             what = f"its {len(names)} pictures make {len(names)} layers, not {count}"
@@ -103,7 +103,7 @@ def command(
 
 
 def _split_parts(scene: Scene, apart: str | None) -> tuple[Scene, Scene | None]:
-    """Return what is cut by depths, and the shapes `apart`."""
+    """Return the part of the scene that is cut by depth, and the shapes `apart`."""
     if apart is None:
         return scene, None
     others = load_scene(scene.path, scene.placement, part=Part(apart, matching=False))
@@ -136,7 +136,7 @@ def _text(file: Path, cut: Cut, names: tuple[str, ...], rows: list[Row]) -> Iter
 
 
 def _warn_if_undrawable(cut: Cut, display: Display, names: tuple[str, ...]) -> None:
-    """Warn when a board's registers cannot hold the layers."""
+    """Warn if the layers exceed the range of a board's registers."""
     try:
         scene_words(display, cut.stack, scene_build_of(cut.stack, "nearest", 1), names=names)
     except InputError as error:

@@ -31,7 +31,7 @@ from lippmann.rendering.plan import report_and_choose_model
 from lippmann.scenes.placement import Placement
 from lippmann.scenes.scene import check_scene_file
 
-#: Width of the view of --eye, pixels.
+#: Width of the view for --eye, pixels.
 VIEW_PX = 480
 
 
@@ -39,30 +39,32 @@ VIEW_PX = 480
 def command(
     scene_path: Name = argument("SCENE"),
     display: Display = DISPLAY,
-    monitor: int | None = option("Fill this monitor: the panel.  [default: a window]", kind=click.IntRange(0)),
-    window: bool | None = option(
-        "Show a window; --no-window: only the board of --port.  [default: --window]", flag="--window/--no-window"
+    monitor: int | None = option(
+        "Number of the monitor that is the panel.  [default: a window]", kind=click.IntRange(0)
     ),
-    port: str | None = option("Also send the picture to this board.", metavar="URL"),
+    window: bool | None = option(
+        "Show a window; --no-window uses only the board of --port.  [default: --window]", flag="--window/--no-window"
+    ),
+    port: str | None = option("Port of a board that also shows the picture.", metavar="URL"),
     baud: int | None = BAUD,
     force: bool = FORCE_BOARD,
-    eye: Point | None = option("Second window with the view of this eye, mm."),
+    eye: Point | None = option("Position of an eye, mm; a second window shows its view."),
     turn: float = option("Rotate the scene, degrees per second.", 0.0),
-    turn_seconds: float | None = option("Duration of the rotation.  [default: to the end]", kind=finite(0.0)),
-    seconds: float | None = option("End after this time, with a complete picture.", kind=finite(0.0)),
-    samples: int = option("Samples for each pixel of a complete picture.", MAX_SAMPLES, click.IntRange(1)),
-    model: ModelOption = option("Lens model; auto chooses the cheapest, once.", "auto"),
+    turn_seconds: float | None = option("Duration of the rotation, s.  [default: to the end]", kind=finite(0.0)),
+    seconds: float | None = option("End after this time in seconds, with a complete picture.", kind=finite(0.0)),
+    samples: int = option("Samples per pixel of a complete picture.", MAX_SAMPLES, click.IntRange(1)),
+    model: ModelOption = option("Lens model; auto chooses the cheapest model once.", "auto"),
     settings: Settings = LIGHT,
     moved: Moved = MOVED,
     seed: int = SEED,
     device: str = DEVICE,
 ) -> None:
-    """Show a scene on a display, and move it by hand.
+    """Show a scene on a display, and move the scene by hand.
 
-    Drag to turn, with the right button to shift, scroll to scale; arrow keys turn, with
-    Shift they shift, PageUp brings nearer, + and - scale, r resets, q or Escape ends.
-    At rest the picture becomes finer. A film plays; Space stops it, comma and full stop
-    step.
+    Drag to rotate; drag with the right button to shift; scroll to scale. Arrow keys
+    rotate, and shift with Shift. PageUp moves the scene nearer, + and - scale, r
+    resets, q or Escape ends. At rest, the picture becomes finer. Films play; Space
+    stops a film, comma and full stop step through it.
 
     Example: lippmann live scenes/fish/fish.xml --display scenes/displays/vga-square.toml --eye 0,0,600
     """
@@ -79,7 +81,7 @@ def command(
     lens_model = report_and_choose_model(scene, display, options)
     picture = LivePicture(scene, display, lens_model, settings)
     if view is not None:
-        view.draw(np.zeros((panel.height_px, panel.width_px, 3), np.float32), moving=True)  # compiles it
+        view.draw(np.zeros((panel.height_px, panel.width_px, 3), np.float32), moving=True)  # compile it
     hand = Hand(scene.placement, picture.middle_mm, panel.width_mm / panel.width_px)
     with contextlib.ExitStack() as stack:
         sender, checked = None, None if force else display
@@ -112,7 +114,7 @@ def _emit_result(
 
 
 def _load_film(path: str) -> Film | None:
-    """Return the film of a file, or None; refuse layers, which only a board draws."""
+    """Return the film of a file; None if the file is not a film; refuse layers, which only a board draws."""
     if is_layers(path):
         raise input_error(path, "is a folder of layers", "play it on a board: lippmann play")
     return load_film(path) if is_film(path) else None
@@ -121,22 +123,22 @@ def _load_film(path: str) -> Film | None:
 def _check_panels(
     display: Display, monitor: int | None, port: str | None, window: bool | None, eye: Point | None
 ) -> None:
-    """Refuse contradicting options; raise before the render if there is no such window."""
+    """Raise InputError for contradicting options, or if the window cannot be opened."""
     if monitor is not None and port is not None:
         raise InputError("--monitor and --port both name a panel; leave one out")
     if window is not None and monitor is not None:
         raise InputError("--monitor fills a monitor instead of a window; leave one out")
     if window is False and (port is None or eye is not None):
-        raise InputError("--no-window shows nothing but on a board: give --port, and leave out --eye")
+        raise InputError("--no-window needs a board: give --port, and leave out --eye")
     if window is not False:
         check_screens((display.panel.width_px, display.panel.height_px), monitor)
 
 
 def _film_scale(moved: Moved) -> float | None:
-    """Return the scale of a film; None to fit it. Refuse other placement options."""
+    """Return the scale of a film, or None for --fit; refuse other placement options."""
     for name in moved.changes.keys() - {"scale", "fit"}:
         raise InputError(f"{flag_of(name)} does not place a film; use --scale, --fit or its [world]")
     if moved.fit and moved.scale is not None:
         raise InputError("--scale and --fit both place the film; leave one out")
     scale = 1.0 if moved.scale is None else moved.scale
-    return None if moved.fit else Placement(scale).scale  # refuses a scale out of range
+    return None if moved.fit else Placement(scale).scale  # raises for a scale out of range

@@ -26,7 +26,7 @@ from lippmann.rendering.sampling import Window
 
 MAX_VIEW_PX = 16384
 SWEEP_FRAMES = 21
-#: Panel size, pixels, above which views read the rows that they see from the file.
+#: Panel size in pixels above which views read only the needed rows of the file.
 STORED_PX = 1 << 26
 
 
@@ -34,28 +34,30 @@ STORED_PX = 1 << 26
 def command(
     image_path: Name = argument("IMAGE"),
     display: Display = DISPLAY,
-    eye: Point = option("Position of the eye, mm; the display is at z = 0, the viewer at z > 0."),
-    output: Path = option(".png, .exr or .tif; with --sweep .mp4, .gif or .png.", metavar="VIEW"),
+    eye: Point = option("Position of the eye, mm; the display is at z = 0, viewers at z > 0."),
+    output: Path = option("Output file: .png, .exr or .tif; with --sweep, .mp4, .gif or .png.", metavar="VIEW"),
     width: int = option("Width of the view, pixels.", api.VIEW_PX, click.IntRange(1, MAX_VIEW_PX)),
-    samples: int = option("Rays for each pixel of the view.", 16, click.IntRange(1, MAX_SAMPLES)),
+    samples: int = option("Rays per pixel of the view.", 16, click.IntRange(1, MAX_SAMPLES)),
     pupil: float = option("Diameter of the pupil, mm.", 0.0),
-    focus: float = option("Depth z on which the eye focuses, mm.", 0.0),
+    focus: float = option("Depth z at which the eye focuses, mm.", 0.0),
     model: Model = LENS_MODEL,
-    no_crosstalk: bool = option("Draw crosstalk black."),
-    rotation_error: float = option("Rotation of the array, degrees.", 0.0),
-    offset_error: tuple[float, float] = option("Shift of the array, mm.", (0.0, 0.0), vector("X,Y")),
-    gap_error: float = option("Change of the gap, mm.", 0.0),
-    pitch_scale: float = option("Factor on the array's pitch.", 1.0),
+    no_crosstalk: bool = option("Show crosstalk as black."),
+    rotation_error: float = option("Rotation error of the array, degrees.", 0.0),
+    offset_error: tuple[float, float] = option("Offset error of the array, mm.", (0.0, 0.0), vector("X,Y")),
+    gap_error: float = option("Error of the gap, mm.", 0.0),
+    pitch_scale: float = option("Scale factor of the array's pitch.", 1.0),
     sweep: tuple[float, float] | None = option("Animate an eye that moves from x = X0 to X1.", kind=vector("X0,X1")),
-    frames: int | None = option(f"Views of a sweep.  [default: {SWEEP_FRAMES}]", kind=click.IntRange(2, 1000)),
-    sheet: Path | None = option("Contact sheet of a sweep.", metavar="SHEET.png"),
+    frames: int | None = option(
+        f"Number of views in a sweep.  [default: {SWEEP_FRAMES}]", kind=click.IntRange(2, 1000)
+    ),
+    sheet: Path | None = option("Also write a contact sheet of the sweep.", metavar="SHEET.png"),
     force: bool = FORCE,
     seed: int = SEED,
     device: str = DEVICE,
 ) -> None:
-    """Compute what an eye sees through the lenslets, with crosstalk.
+    """Compute the view of an eye through the lenslets, with crosstalk.
 
-    The -error options and --pitch-scale misalign the array.
+    The options --...-error and --pitch-scale misalign the array.
 
     Example: lippmann observe fish.exr --display scenes/displays/paper-square.toml --eye
     50,0,600 -o view.png
@@ -90,9 +92,9 @@ def command(
 
 
 def _load_image(path: str, display: Display, force: bool, count: int, window: Window) -> IntegralImage:
-    """Load the image, if large row by row; refuse views beyond the memory limit."""
+    """Load the image; large images are read row by row. Refuse views that exceed the memory limit."""
     panel_px = display.panel.width_px * display.panel.height_px
-    # The panel's light on host and device; each view twice.
+    # Both the panel's light and each view are stored twice, on host and device.
     values = 2 * min(STORED_PX, panel_px) + 2 * count * window.width_px * window.height_px
     what = f"{count} views of {window.width_px} x {window.height_px} pixels"
     needed_mb = BASE_MEMORY_MB + 3 * 4 * values / 1e6
@@ -103,7 +105,7 @@ def _load_image(path: str, display: Display, force: bool, count: int, window: Wi
 def _emit_result(
     path: Path, sheet: Path | None, window: Window, eyes: list[Eye], views: list[View], built: Display
 ) -> None:
-    """Print what was written and seen; log a dark border."""
+    """Print the output files and fractions of rays; log a note if the view has a dark border."""
     dark = max(view.status_share["blocked"] for view in views)
     if dark > 0.02:
         where = "beside the panel" if built.array.extent_mm is None else "beside the panel or on the array's mount"
@@ -117,7 +119,7 @@ def _emit_result(
 
 
 def _check_files(image: str, output: Path, sheet: Path | None, frames: int | None, moves: bool) -> Path:
-    """Refuse conflicting outputs and options; return the output's path."""
+    """Raise InputError for conflicting outputs and options; return the output's path."""
     if not moves and output.suffix.lower() in {*VIEW_SUFFIXES, *ANIMATION_SUFFIXES}.difference(SUFFIXES):
         remedy = f"give --sweep X0,X1 too, or choose from {', '.join(SUFFIXES)}"
         raise input_error(output, "is a moving view", remedy)
@@ -127,9 +129,9 @@ def _check_files(image: str, output: Path, sheet: Path | None, frames: int | Non
             raise InputError(f"{flag} is for a sweep; give --sweep X0,X1 too")
     for written in filter(None, (output, sheet)):
         if written.exists() and Path(image).exists() and written.samefile(image):
-            raise InputError(f"{written}: is the image itself; give the view another name")
+            raise InputError(f"{written}: is the input image; give the view another name")
     if sheet:
         if sheet.resolve() == path.resolve():
-            raise InputError(f"{sheet}: is the animation too; give the sheet another name")
+            raise InputError(f"{sheet}: is also the animation; give the sheet another name")
         check_output(sheet, (".png",))
     return path

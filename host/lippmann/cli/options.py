@@ -1,4 +1,4 @@
-"""Parameter types and options that most commands share."""
+"""Parameter types and options that many commands share."""
 
 from __future__ import annotations
 
@@ -15,17 +15,18 @@ from lippmann.errors import InputError
 from lippmann.fixed.words import FRACTIONS, WIDEST
 
 Point = tuple[float, float, float]
-#: Maximum length of a list of numbers, and size of a number: mm, and seconds that Python can wait.
+#: Maximum length of a list of numbers, and maximum size of a number. Python can wait
+#: for so many seconds.
 MAX_NUMBERS, MAX_NUMBER = 100, 1e9
 
 
 def is_given(name: str) -> bool:
-    """Tell whether the user gave a parameter of the command that runs."""
+    """Return whether the user gave a parameter of the running command."""
     return click.get_current_context().get_parameter_source(name) is not ParameterSource.DEFAULT
 
 
 def vector(form: str, number: type[float] = float, remedy: str = "") -> Kind:
-    """Return the type of finite numbers, separated as in `form`: 0,0,600 or 256x192."""
+    """Return the option type of finite numbers, separated as in `form`: 0,0,600 or 256x192."""
     separator = "," if "," in form else "x"
     size = form.count(separator) + 1
 
@@ -34,7 +35,7 @@ def vector(form: str, number: type[float] = float, remedy: str = "") -> Kind:
             numbers = tuple(map(number, text.split(separator)))
             right = 1 <= len(numbers) <= MAX_NUMBERS if form.endswith("...") else len(numbers) == size
             right = right and all(map(math.isfinite, numbers))
-        except (ValueError, OverflowError):  # an integer too large for a float
+        except (ValueError, OverflowError):  # OverflowError: too large for a float
             right = False
         if not right:
             how = remedy or f"give {size} {'whole' if number is int else 'finite'} numbers with commas"
@@ -45,7 +46,7 @@ def vector(form: str, number: type[float] = float, remedy: str = "") -> Kind:
 
 
 def finite(least: float = -math.inf) -> Kind:
-    """Return the type of a finite number from `least` on."""
+    """Return the option type of a finite number that is at least `least`."""
 
     def read(text: str) -> float:
         number: float = click.FLOAT(text)
@@ -59,29 +60,29 @@ def finite(least: float = -math.inf) -> Kind:
     return Kind("FLOAT", read)
 
 
-#: Texels of a slot, across and down.
+#: Option type for the size of a slot in texels.
 TEXELS = vector("WIDTHxHEIGHT", int, "give texels across and down, such as 256x192")
 
 KINDS |= {float: finite(), Point: vector("X,Y,Z")}
 KINDS[Display] = path_kind(lambda text: functools.partial(load_display, text))
-#: The path or the display, by the parameter's type.
+#: Option --display; the parameter's type decides between path and loaded display.
 DISPLAY = option("Display file (.toml).", flag="--display")
-FOLDER = option("Output folder; made when missing.")
-PICTURE = option(".exr or .tif linear, .png for the panel.", metavar="OUT")
-SCENES = option("The project's folder of scenes.", "scenes", path_kind(str, "FOLDER"))
-DEVICE = option("Where the fast engine and Mitsuba run.", "auto", Choice(["auto", "llvm", "cuda"]))
+FOLDER = option("Output folder; created if missing.")
+PICTURE = option("Output file: linear .exr or .tif, or .png for the panel.", metavar="OUT")
+SCENES = option("Folder of the project's scenes.", "scenes", path_kind(str, "FOLDER"))
+DEVICE = option("Device on which the fast engine and Mitsuba run.", "auto", Choice(["auto", "llvm", "cuda"]))
 LENS_MODEL = option("Lens model.", "exact")
-FORCE = option("Accept an image that was rendered for another display, or names none.")
+FORCE = option("Accept an image of another display, or of an unknown display.")
 SEED = option("Random seed.", 0, click.IntRange(0, 2**32 - 1))
 FRACTION_BITS = click.IntRange(FRACTIONS[0], FRACTIONS[-1])
 
-#: The word lengths of files, and of commands with --engine.
-FILE_BITS = option("Word length of fixed-point files.", WIDEST, FRACTION_BITS)
-ENGINE_BITS = option(f"Word length of the engines twin and rtl.  [default: {WIDEST}]", kind=FRACTION_BITS)
+#: Options for the word length of files, and for commands with --engine.
+FILE_BITS = option("Fraction bits of words in fixed-point files.", WIDEST, FRACTION_BITS)
+ENGINE_BITS = option(f"Fraction bits of words in the engines twin and rtl.  [default: {WIDEST}]", kind=FRACTION_BITS)
 
 
 def shipped_scenes(path: str) -> Path:
-    """Return the project's folder of scenes; refuse another folder."""
+    """Return the folder of the project's scenes; raise InputError for another folder."""
     if not (Path(path) / "displays/paper-square.toml").is_file():
         raise InputError(f"{path}: the project's scenes are not there; run in the project's top folder")
     return Path(path)

@@ -1,4 +1,4 @@
-"""Options of commands that use a board: port and baud rate."""
+"""Options port and baud rate of commands that use a board."""
 
 from __future__ import annotations
 
@@ -16,15 +16,15 @@ from lippmann.display.description import Display
 from lippmann.errors import input_error
 
 PORT = option(
-    "The board's port: a device, a pty, unix://PATH or socket://HOST:PORT.  [default: the only board that answers]",
+    "Port of the board: a device, a pty, unix://PATH or socket://HOST:PORT.  [default: the only board that answers]",
     metavar="URL",
 )
-BAUD = option("Baud rate of a serial port.  [default: that of a known board, else 115200]", kind=click.IntRange(1))
-FORCE_BOARD = option("Accept a board that drives another display.")
+BAUD = option("Baud rate of a serial port.  [default: the rate of a known board, or 115200]", kind=click.IntRange(1))
+FORCE_BOARD = option("Accept a board of another display.")
 
 
 def chosen_port(port: str | None, baud: int | None) -> tuple[str, int]:
-    """Return port and baud rate; without a port, find the only board. Raises as `find_board`."""
+    """Return port and baud rate; without a port, search for the only board. Raises like `find_board`."""
     url = find_board(baud=baud, allowed=_confirmed) if port is None else port
     return url, baud or usual_baud(url)
 
@@ -34,7 +34,8 @@ def opened_board(
 ) -> Board:
     """Open a board; check its display and, with `frames`, its panel.
 
-    Raises as `chosen_port`, `Board.open`, `check_board` and `Board.check_panel`.
+    Raises the errors of `chosen_port`, `Board.open`, `check_board` and
+    `Board.check_panel`.
     """
     board = Board.open(*chosen_port(port, baud))
     try:
@@ -55,18 +56,18 @@ def _open_board(*, port: str | None = PORT, baud: int | None = BAUD) -> OpenBoar
     return functools.partial(opened_board, port, baud)
 
 
-#: `opened_board` for --port and --baud.
+#: Group that provides `opened_board` with the values of --port and --baud.
 OPEN_BOARD: Any = _open_board
 
 
 def _confirmed(urls: list[str]) -> bool:
-    """Ask on a terminal whether to write to ports that may be other devices."""
+    """Ask the user on a terminal whether to write to ports that may be other devices."""
     question = f"No board on a known USB adapter. Send a query to {', '.join(urls)}? Other devices may react to it"
     return sys.stdin is not None and sys.stdin.isatty() and click.confirm(question, err=True)
 
 
 def check_board(board: Board, display: Display, action: str = "") -> None:
-    """Refuse a board that drives another display; `action` names what --force would do."""
+    """Raise InputError for a board of another display; `action` names the action that --force allows."""
     identity = f"{board.info.identity:016x}"
     if identity != display.identity:
         what = f"the board drives display {identity}, '{display.name}' is {display.identity}"

@@ -1,4 +1,4 @@
-"""Shared options of rendering and of a scene's placement."""
+"""Options for rendering and for placing a scene that several commands share."""
 
 from __future__ import annotations
 
@@ -21,66 +21,68 @@ from lippmann.scenes.scene import Scene, load_scene
 
 def _light(
     seed: int,
-    integrator: str = option("lights; Mitsuba's direct, path, ...; or scene: the file's own.", "lights"),
-    max_depth: int = option("Surfaces that a ray may meet, 1 to 1000.", 4),
+    integrator: str = option("Integrator: lights; Mitsuba's direct, path, ...; or scene for the file's own.", "lights"),
+    max_depth: int = option("Maximum number of surfaces per ray, 1 to 1000.", 4),
 ) -> Settings:
     return Settings(integrator=integrator, max_depth=max_depth, seed=seed)
 
 
-#: Light transport; the command has --seed too.
+#: Group of light-transport options; the command also has --seed.
 LIGHT: Any = _light
 
 
 def _settings(
     aperture: Aperture | None,
-    samples: int = option("Samples for each pixel, 1 to 65536.", 4),
+    samples: int = option("Samples per pixel, 1 to 65536.", 4),
     light: Settings = LIGHT,
     memory_mb: float | None = option("Memory limit, MB.  [default: 80 % of the free memory]"),
-    shading: Shading = option("Irradiance cache: always (shared), never (each), or by a trial (auto, 45 dB).", "auto"),
+    shading: Shading = option(
+        "Irradiance cache: always (shared), never (each), or if a trial reaches 45 dB (auto).", "auto"
+    ),
 ) -> Settings:
     return replace(light, samples=samples, aperture=aperture or "full", memory_mb=memory_mb, shading=shading)
 
 
-#: The settings of a render; the command has --seed and --aperture too.
+#: Group of render settings; the command also has --seed and --aperture.
 SETTINGS: Any = _settings
 
 
 def _render_options(
-    model: ModelOption = option("Lens model; auto chooses the cheapest within --tolerance.", "auto"),
-    tolerance: float = option("Error that auto allows, pixels of the reconstructed view; above 0.", TOLERANCE),
+    model: ModelOption = option("Lens model; auto chooses the cheapest model within --tolerance.", "auto"),
+    tolerance: float = option("Maximum error for auto, pixels of the reconstructed view; greater than 0.", TOLERANCE),
     engine: Engine = option("Engine that traces the rays; rtl simulates the FPGA.", "fast"),
     fraction_bits: int | None = ENGINE_BITS,
-    aperture: Aperture = option("Chief rays, or rays over the whole lenslet.", "chief"),
+    aperture: Aperture = option("Chief rays only, or rays over the full lenslet.", "chief"),
     settings: Settings = SETTINGS,
 ) -> RenderOptions:
     return RenderOptions(model, tolerance, engine, fraction_bits, settings)
 
 
-#: The options of a render; the command has --seed too.
+#: Group of render options; the command also has --seed.
 RENDERING: Any = _render_options
 SCHEDULER = option("Render on the workers of this Dask scheduler: tcp://HOST:8786.", metavar="ADDRESS")
 
 
 @dataclass(frozen=True)
 class Moved:
-    """The options that change a scene's placement."""
+    """Group of options that change a scene's placement."""
 
-    scale: float | None = option("mm for each scene unit.")
-    rotate: Point | None = option("Degrees about x, then y, then z.")
+    scale: float | None = option("Scale, mm per scene unit.")
+    rotate: Point | None = option("Rotation about x, then y, then z, degrees.")
     offset: Point | None = option("Position of the scene's origin, mm.")
-    depth: float | None = option("Move the scene towards the viewer, mm.")
+    depth: float | None = option("Distance to move the scene towards the viewer, mm.")
     near: float | None = option("Depth z at which primary rays start, mm.")
     far: float | None = option("Farthest depth z of interest, mm.")
     fit: bool = option("Fit the scene into the display's depth range.")
-    from_camera: bool = option("Place the scene as its file's camera sees it.")
+    from_camera: bool = option("Place the scene as the camera in its file sees it.")
 
     @property
     def changes(self) -> dict[str, Any]:
-        """The values of the options in use, by name."""
+        """Values of the given options, keyed by name."""
         return {name: value for name, value in vars(self).items() if value is not None and value is not False}
 
     def arrange(self, scene_path: Path) -> Arrange | None:
-        """Return how to place the scene for the display; refuse options without effect."""
+        """Return how the scene is placed for the display; raise InputError for options without effect."""
         if not (self.fit or self.from_camera):
             return None if self.changes.keys() - {"rotate"} else usual_arrange(scene_path)
         first, allowed = ("fit", {"fit", "rotate"}) if self.fit else ("from-camera", {"from_camera"})
@@ -89,7 +91,7 @@ class Moved:
         return "fit" if self.fit else "camera"
 
     def placement(self, scene_path: Path) -> Placement:
-        """Return the placement beside the scene, changed by the options."""
+        """Return the placement from the scene's placement file, changed by the options."""
         own = placement_beside(scene_path)
         x, y, z = own.offset_mm if self.offset is None else self.offset
         names = {"scale": "scale", "rotate": "rotation_deg", "near": "near_mm", "far": "far_mm"}

@@ -1,4 +1,4 @@
-"""Output of the commands: logs and warnings on stderr, the result on stdout."""
+"""Print the output of commands: logs and warnings on stderr, the result on stdout."""
 
 from __future__ import annotations
 
@@ -18,26 +18,26 @@ if TYPE_CHECKING:
     from lippmann.display.description import Display
 
 logger = logging.getLogger("lippmann")
-#: Exit code of a command that has worked, and judged something wrong.
+#: Exit code of a command that ran successfully and judged its input as wrong.
 FOUND_WRONG = 4
 
 
 def log(message: str) -> None:
-    """Write one line to stderr."""
+    """Write a line to stderr."""
     click.echo(printable(message), err=True)
 
 
 def as_json() -> bool:
-    """Tell whether the command that runs has --json."""
+    """Return whether the running command has --json."""
     return bool(click.get_current_context().params["as_json"])
 
 
 def emit(result: Mapping[str, Any], text: str | Iterable[str], display: Display | None = None) -> None:
-    """Print `text`; with --json a result, and its display, as one object."""
+    """Print `text`; with --json, print the result and its display as one JSON object instead."""
     if display is not None:
         result = {"display": display.name, "identity": display.identity, **result}
     if as_json():
-        # JSON has no infinities and no NaN; null replaces them.
+        # JSON has no infinities and no NaN, so null replaces them.
         finite = json.loads(json.dumps(result, default=os.fspath), parse_constant=lambda _: None)
         click.echo(json.dumps(finite))
     else:
@@ -45,17 +45,17 @@ def emit(result: Mapping[str, Any], text: str | Iterable[str], display: Display 
 
 
 class _StderrLines(logging.Handler):
-    """Writes each record as one line to stderr."""
+    """Log handler that writes each record as one line to stderr."""
 
     def emit(self, record: logging.LogRecord) -> None:
-        """Write a record; a warning begins with "note:"."""
+        """Write a record; the line of a warning begins with "note:"."""
         prefix = "note: " if record.levelno >= logging.WARNING else ""
         log(prefix + record.getMessage())
 
 
 @contextmanager
 def logs_on_stderr() -> Iterator[None]:
-    """Write the package's warnings and logs, from INFO on, to stderr."""
+    """Write the package's warnings, and logs of level INFO or higher, to stderr while the block runs."""
     handler, level = _StderrLines(), logger.level
     logger.addHandler(handler)
     logger.setLevel(logging.INFO)

@@ -22,9 +22,13 @@ def command(
     kind: Kind = argument("KIND"),
     display: Display = DISPLAY,
     output: Path = PICTURE,
-    eye: Point | None = option("The eye of white-for-eye, mm."),
-    lens: tuple[int, int] | None = option("The lenslet of single-lens.  [default: 0,0]", kind=vector("I,J", int)),
-    fraction_bits: int | None = option("Word length of a board that draws it.  [default: exact]", kind=FRACTION_BITS),
+    eye: Point | None = option("Position of the eye for white-for-eye, mm."),
+    lens: tuple[int, int] | None = option(
+        "Indices of the lenslet for single-lens.  [default: 0,0]", kind=vector("I,J", int)
+    ),
+    fraction_bits: int | None = option(
+        "Fraction bits of a board that draws the pattern.  [default: exact]", kind=FRACTION_BITS
+    ),
     device: str = DEVICE,
 ) -> None:
     """Draw a test pattern for a display's panel.

@@ -24,15 +24,15 @@ from lippmann.motion.layer_film import check_keys, load_layer_film
 def command(
     film_path: Name = argument("FILM"),
     display: Display = DISPLAY,
-    repeat: int = option("Play the film so many times; 0: until Ctrl-C.", 1, click.IntRange(0)),
-    every_frame: bool = option("Wait until the panel shows each frame: virtual boards are slow."),
+    repeat: int = option("Number of repetitions; 0 plays until Ctrl-C.", 1, click.IntRange(0)),
+    every_frame: bool = option("Wait until the panel shows each frame, for slow virtual boards."),
     force: bool = FORCE_BOARD,
     open_board: OpenBoard = OPEN_BOARD,
 ) -> int:
-    """Play a film of layers, or show a folder of layers, on a board that draws.
+    """Play a film of layers, or show a folder of layers, on a board that draws scenes.
 
-    FILM is a film file of layers, or a folder of lippmann layers. Textures that the
-    board lacks are sent first. The last frame stays on the panel.
+    FILM is a film file of layers, or a folder of `lippmann layers`. Missing textures
+    are sent to the board first. The last frame stays on the panel.
 
     Example: lippmann play scenes/films/swim-layers.toml --display
     scenes/displays/vga-square.toml
@@ -52,7 +52,7 @@ def command(
         played, code = Played(), 0
         try:
             play_film(scene, display, film, slots, repeat, every_frame, played=played)
-        except KeyboardInterrupt:  # the end of --repeat 0
+        except KeyboardInterrupt:  # the usual end of --repeat 0
             code = interrupts.exit_code()
     emit({"port": board.line.url, "film": film_path, **vars(played), "load": vars(loaded)}, _text(loaded, played))
     return code

@@ -1,4 +1,4 @@
-"""Progress on the terminal: a bar with the remaining time, or lines."""
+"""Show progress on the terminal: a bar with the remaining time, or lines."""
 
 from __future__ import annotations
 
@@ -10,15 +10,15 @@ from contextlib import contextmanager
 from lippmann.base.progress import Item, Progress, report_each
 from lippmann.cli.output import as_json, log
 
-#: Time between two lines.
+#: Time between two lines, s.
 LOGGED_S = 30.0
-#: Shortest work whose rate gives a useful estimate.
+#: Minimum working time for an estimate of the remaining time, s.
 MIN_RATE_S = 5.0
 
 
 @contextmanager
 def progress_bar(label: str) -> Iterator[Progress]:
-    """Provide a callback that draws a bar, or logs lines with --json or without a terminal."""
+    """Provide a callback that draws a bar; with --json or without a terminal, it logs lines instead."""
     if as_json() or not sys.stderr.isatty():
         yield _progress_lines(label)
         return
@@ -39,7 +39,7 @@ def progress_bar(label: str) -> Iterator[Progress]:
 
 
 def with_progress(label: str, items: Collection[Item]) -> Iterator[Item]:
-    """Yield the items; a bar counts them."""
+    """Yield the items while a progress bar counts them."""
     with progress_bar(label) as progress:
         yield from report_each(items, progress)
 
@@ -47,7 +47,7 @@ def with_progress(label: str, items: Collection[Item]) -> Iterator[Item]:
 def _progress_lines(label: str) -> Progress:
     """Return a callback that logs a line every `LOGGED_S` seconds while work advances.
 
-    The rate begins with the first report: no earlier run's work, no compilation.
+    The rate is measured from the first report, so it excludes compilation and earlier runs.
     """
     started = logged = time.monotonic()
     first: tuple[float, int] | None = None

@@ -30,24 +30,25 @@ from lippmann.optics.rays import Model
 
 @make_command("regress")
 def command(
-    display: Display | None = option("Display file (.toml). With --rays."),
-    rays_path: Path | None = option("Rays to judge: .npz, .csv or .mem."),
-    stream: bool = option("Judge the answers to lippmann vectors --stream on stdin."),
-    inputs_path: Path | None = option("Inputs of a .mem.  [default: inputs.mem beside it]"),
+    display: Display | None = option("Display file (.toml) for --rays."),
+    rays_path: Path | None = option("File of rays to judge: .npz, .csv or .mem."),
+    stream: bool = option("Judge answers to lippmann vectors --stream, read from stdin."),
+    inputs_path: Path | None = option("File of the inputs of a .mem file.  [default: inputs.mem in its folder]"),
     model: Model = LENS_MODEL,
     fraction_bits: int = FILE_BITS,
-    tolerance_urad: float | None = option("Tolerance of directions in numbers.  [default: 2]"),
-    tolerance_nm: float | None = option("Tolerance of points in numbers.  [default: 50]"),
-    bounds_path: Path | None = option("Bounds by step and hard case (.toml), for both tolerances."),
-    junit: Path | None = option("JUnit XML of the verdicts, for continuous integration."),
-    report: Folder | None = option("Folder for a page with plots of the errors."),
+    tolerance_urad: float | None = option("Tolerance of directions, microradians.  [default: 2]"),
+    tolerance_nm: float | None = option("Tolerance of points, nm.  [default: 50]"),
+    bounds_path: Path | None = option("File of bounds per step and hard case (.toml), instead of tolerances."),
+    junit: Path | None = option("Also write the verdicts as JUnit XML for continuous integration."),
+    report: Folder | None = option("Output folder for a page with plots of the errors."),
 ) -> int:
     """Check the rays of another ray tracer or RTL design.
 
-    Numbers are compared with golden; the tolerances grow by the effect of rounding the
-    inputs to float32. Words must equal the RTL's twin's. The first wrong step is named.
+    Numbers are compared with golden, and the effect of rounding the inputs to float32
+    is added to the tolerances. Words must equal those of the RTL's twin. The command
+    names the first wrong step.
 
-    Exit code 0: every ray is right; 4: some are wrong.
+    Exit code 0: all rays are correct; 4: some rays are wrong.
 
     Example: lippmann regress --display scenes/displays/paper-square.toml --rays
     rays.npz
@@ -58,7 +59,7 @@ def command(
         for name in ("display", "rays_path", "inputs_path", "model", "fraction_bits"):
             if is_given(name):
                 flag = flag_of(name)
-                raise input_error(flag, "the stream has it", f"leave out {flag} or --stream")
+                raise input_error(flag, "the stream contains it", f"leave out {flag} or --stream")
         return _judge_stream(bounds, output)
     if rays_path is None or display is None:
         raise InputError("no rays; give --display and --rays, or --stream")
@@ -68,7 +69,9 @@ def command(
 def _read_bounds(path: Path | None, urad: float | None, nm: float | None) -> Bounds:
     for key, value, name in (("direction_urad", urad, "--tolerance-urad"), ("point_nm", nm, "--tolerance-nm")):
         if value is not None and path:
-            raise input_error(name, "the file of bounds has it", f"write {key} there, or leave out --bounds")
+            raise input_error(
+                name, "conflicts with --bounds", f"write {key} into the file of bounds, or leave out --bounds"
+            )
         if value is not None and value <= 0.0:
             raise input_error(name, f"{value:g} is not positive", "give a positive number")
     if path:
@@ -77,20 +80,20 @@ def _read_bounds(path: Path | None, urad: float | None, nm: float | None) -> Bou
 
 
 class _Output:
-    """The files of --junit and --report."""
+    """Writer of the files of --junit and --report."""
 
     def __init__(self, junit: Path | None, report: Path | None) -> None:
         self.junit, self.report, self.maps = junit, report, None
         if junit:
             check_output(junit, (".xml",))
         if report:
-            from lippmann.conformance.regress_page import ErrorMaps  # it loads the plots' libraries
+            from lippmann.conformance.regress_page import ErrorMaps  # imported late, as it loads plot libraries
 
             make_folder(report)
             self.maps = ErrorMaps()
 
     def judge(self, foreign: ForeignRays, bounds: Bounds, two_faults: bool = True) -> Verdict:
-        """Judge a set, and count its errors."""
+        """Judge a set, and add its errors to the maps."""
         verdict = judge(foreign, bounds, two_faults)
         if self.maps is not None:
             self.maps.add(foreign, bounds)
@@ -99,7 +102,7 @@ class _Output:
     def write(
         self, verdicts: list[tuple[str, Verdict]], words: bool, ended: str | None, about: Mapping[str, object]
     ) -> None:
-        """Write the verdicts; `ended` is why the stream ended early, `about` what was judged."""
+        """Write the verdicts; `ended` is the error of a stream that ended early, `about` describes the input."""
         texts = {name: value if isinstance(value, str) else json.dumps(value) for name, value in about.items() if value}
         if self.junit:
             from lippmann.conformance.junit import write_junit
@@ -128,7 +131,7 @@ def _judge_file(path: Path, foreign: ForeignRays, bounds: Bounds, output: _Outpu
 
 
 def _judge_stream(bounds: Bounds, output: _Output) -> int:
-    """Judge the stream on stdin, also if it ends early."""
+    """Judge the stream on stdin, even if it ends early; return the exit code."""
     if sys.stdin is None:
         raise InputError("stdin is closed; run lippmann vectors --stream | YOUR PROGRAM | lippmann regress --stream")
     verdicts: list[tuple[str, Verdict]] = []
@@ -136,7 +139,7 @@ def _judge_stream(bounds: Bounds, output: _Output) -> int:
     reader = StreamReader(bounded_lines(sys.stdin.buffer))
     try:
         for name, foreign in reader.sets():
-            # A search for two faults takes 10 s: repeat it only if there are more rays than then.
+            # A search for two faults takes 10 s, so repeat it only for larger sets.
             search = not any(one.searched and one.rays >= len(foreign.inputs.pixels) for _, one in verdicts)
             verdict = output.judge(foreign, bounds, search)
             verdicts.append((name, verdict))
@@ -156,7 +159,7 @@ def _judge_stream(bounds: Bounds, output: _Output) -> int:
         lines.append(f"stream: {reader.hash}")
     about = {"made": reader.command, "hash": reader.hash or None, "bounds": asdict(bounds)}
     output.write(verdicts, words, ended, about)
-    # The keys of every failure.
+    # Add the keys that every failed command prints.
     failure = {"error": ended, "exit_code": code} if ended is not None else {}
     total = {"right": not (wrong or ended), "rays": rays, "wrong": wrong, "ended": ended, "covered": points}
     emit({**total, **about, **failure, "sets": sets}, lines if verdicts else "nothing was judged")

@@ -40,18 +40,18 @@ def command(
     moved: Moved = MOVED,
     seed: int = SEED,
     filter: Filter = option("Texture filter for layers.", "nearest"),
-    workers: int | None = option("Local processes that share the render.", kind=click.IntRange(1, MAX_WORKERS)),
+    workers: int | None = option("Number of local processes that render.", kind=click.IntRange(1, MAX_WORKERS)),
     scheduler: str | None = SCHEDULER,
     device: str = DEVICE,
 ) -> None:
     """Render the integral image of a scene, or of a folder of layers, for a display.
 
-    SCENE is Mitsuba's .xml, a mesh, splats, a quilt, a folder of views, or a .toml of a
-    picture and its depths. Layers take --engine golden (default), twin or rtl,
+    SCENE is a Mitsuba .xml, a mesh, splats, a quilt, a folder of views, or a .toml of a
+    picture and its depths. For layers, use --engine golden (default), twin or rtl,
     --samples 1, 2 or 4, --scale and --offset.
 
-    A large or long render, or one by workers, keeps its bands in OUT.bands: after an
-    interruption the command continues.
+    A large or long render, or a render by workers, stores its bands in OUT.bands, so
+    the same command continues after an interruption.
 
     Example: lippmann render scenes/fish/fish.xml --display
     scenes/displays/paper-square.toml -o fish.exr
@@ -82,7 +82,7 @@ def command(
         "model": metadata["model"], "engine": metadata["engine"], "integrator": options.settings.integrator,
         "samples": options.settings.samples, "seed": seed, "shading": metadata.get("shading"),
         "device": None if scene_file is None else current_device(), **measured,
-        # With the times of `measured`, all of the process.
+        # With the times in `measured`, these add up to the time of the process.
         "start_seconds": start_seconds, "load_seconds": load_seconds, "write_seconds": write_seconds,
         "peak_memory_mb": peak_memory_mb(),
     }  # fmt: skip
@@ -102,7 +102,7 @@ def _summary(path: Path, display: Display, metadata: dict[str, str], measured: d
 def _open_scene(
     path: Path, display: Display, options: RenderOptions, moved: Moved, device: str, keeps_bands: bool
 ) -> Iterator[Plan]:
-    """Yield the plan of a scene; refuse options of layers."""
+    """Yield the plan of a scene; raise InputError for options of layers."""
     if is_given("filter"):
         raise InputError("--filter is for layers; leave it out with a scene")
     with open_scene(path, moved.placement(path), device) as scene:
@@ -111,7 +111,7 @@ def _open_scene(
 
 @contextlib.contextmanager
 def _open_layers(path: str, display: Display, options: RenderOptions, moved: Moved, filter: Filter) -> Iterator[Plan]:
-    """Yield the plan of layers; refuse options of scenes."""
+    """Yield the plan of layers; raise InputError for options of scenes."""
     for name in moved.changes.keys() - {"scale", "offset"} | {one for one in SCENE_OPTIONS if is_given(one)}:
         raise InputError(f"{flag_of(name)} is for scenes; leave it out with layers")
     stack, names = load_named_layers(path)

@@ -23,17 +23,17 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class ReportOptions:
-    """The options of a report."""
+    """Options of `lippmann report`."""
 
-    output: Folder = option("Folder for the report; made when missing.", Path("out/report"))
-    against: Folder | None = option("Folder of the run to compare with.  [default: the folder of -o]")
+    output: Folder = option("Output folder for the report; created if missing.", Path("out/report"))
+    against: Folder | None = option("Folder of the earlier run for comparison.  [default: the folder of -o]")
     scenes: str = SCENES
-    quick: bool = option("Trial with few measurements and no simulation.")
+    quick: bool = option("Run a trial with few measurements and no simulation.")
     seed: int = SEED
     device: str = DEVICE
 
     def words(self) -> str:
-        """Return the options that the figures depend on."""
+        """Return the command-line options on which the figures depend."""
         return f"--scenes {self.scenes} --seed {self.seed} --device {self.device}{' --quick' if self.quick else ''}"
 
 
@@ -46,15 +46,15 @@ def command(
 ) -> None:
     """Measure speed and error of each engine and lens model on displays, and write a report.
 
-    It also lists changes since an earlier run. Run it in the project's top folder on an
-    idle machine.
+    The report also lists changes since an earlier run. Run the command in the project's
+    top folder on an idle machine.
 
     Example: lippmann report -o out/report
     """
     from lippmann.conformance.engine_report import QUICK, TABLES, Plan, display_sections, make_report
 
     plan = replace(QUICK if options.quick else Plan(), display_files=display)
-    plan.load_displays(shipped_scenes(options.scenes))  # refuses a wrong file before any measurement
+    plan.load_displays(shipped_scenes(options.scenes))  # refuse invalid files before measuring
     words = "".join(f" --display {file}" for file in display)
 
     def measure(scenes: Path, before: Stored | None) -> tuple[Page, Comparison]:
@@ -67,10 +67,10 @@ def command(
 def write_report(
     options: ReportOptions, tables: Sequence[str], measure: Callable[[Path, Stored | None], tuple[Page, Comparison]]
 ) -> None:
-    """Write a report of some tables, and print what changed.
+    """Write a report of some tables, and print the changes since the earlier run.
 
-    `measure` gets the folder of scenes and the earlier run. An invalid run, or an output
-    that cannot be written, raises InputError before.
+    `measure` receives the folder of scenes and the earlier run. Raises InputError
+    before measuring if the earlier run is invalid or the output is not writable.
     """
     from lippmann.conformance.engine_report import PAGE
     from lippmann.conformance.figures import read_stored
@@ -78,7 +78,7 @@ def write_report(
     scenes, folder = shipped_scenes(options.scenes), options.output
     before = read_stored(options.against or folder, tables)
     if options.against and before is None:
-        raise input_error(options.against, "holds no run of the report", "name a folder with report-*.csv")
+        raise input_error(options.against, "contains no run of the report", "name a folder with report-*.csv")
     make_folder(folder, "choose another place")
     for name in (f"{PAGE}.md", f"{PAGE}.html"):
         check_output(folder / name, (".md", ".html"))
@@ -101,7 +101,7 @@ def write_report(
 
 
 def comparison_lines(comparison: Comparison) -> list[str]:
-    """Return the lines about the earlier run."""
+    """Return the lines that describe the comparison with the earlier run."""
     then = f"the run of {comparison.before.get('date')}"
     if not comparison.before:
         return ["no run before to compare with"]

@@ -30,17 +30,19 @@ def command(
     images: tuple[Name, ...] = argument("IMAGE...", kind=KINDS[Name], nargs=-1),
     port: str | None = PORT,
     baud: int | None = BAUD,
-    display: Display | None = option("The board's display file; its curve and bits must be the image's."),
-    transfer: TransferName | None = option("The panel's curve, as in the image.  [default: the image's, or srgb]"),
+    display: Display | None = option("Display file of the board; the image's curve and bits must match it."),
+    transfer: TransferName | None = option(
+        "Transfer curve of the panel and the image.  [default: the image's, or srgb]"
+    ),
     force: bool = FORCE,
-    resume_s: float = option("Seconds to wait for a board whose line is lost; then continue.", 0.0, finite(0.0)),
-    verify: bool = option("Compare the CRC-32 of the scanned-out frame with the image's."),
+    resume_s: float = option("Time to wait for a board after a lost connection, s; then continue.", 0.0, finite(0.0)),
+    verify: bool = option("Compare the CRC-32 of the scanned-out frame with that of the image."),
 ) -> None:
     """Stream images to the panel of a board.
 
-    Several images make an animation. The panel keeps a frame until the next has arrived
-    and its CRC-32 is right. Tiles that the board holds are not sent: after an
-    interruption, run the command again.
+    Several images make an animation. The panel keeps a frame until the next frame is
+    complete and its CRC-32 is correct. Tiles that the board already has are not sent,
+    so run the command again after an interruption.
 
     Example: lippmann stream out/fish.exr --verify
     """
@@ -57,7 +59,7 @@ def command(
             raise device_error(url, what, f"{END_SCENE}; or stream without --verify")
         stream.board.check_panel()
         panel = None if display is None else display.panel
-        # All files are checked first, before the panel changes.
+        # Check all files before the panel changes.
         files = [check_frame(image, hello, transfer, panel, force) for image in images]
         assumptions = [file.assumption for file in files if file.assumption]
         if assumptions:
@@ -74,7 +76,7 @@ def command(
 
 
 class _Stream:
-    """A board that is opened again when its line is lost, within `resume_s` seconds."""
+    """A board that is reopened within `resume_s` seconds after its connection is lost."""
 
     def __init__(self, url: str, baud: int, resume_s: float, verify: bool) -> None:
         self._url, self._baud, self._resume_s, self._verify = url, baud, resume_s, verify
@@ -85,7 +87,7 @@ class _Stream:
         self.board.close()
 
     def send(self, frame: Pixels, label: str) -> Sent:
-        """Show and perhaps verify a frame; continue it when the line is lost."""
+        """Show a frame, verify it if requested, and resume it after a lost connection."""
         total = Sent()
         hello = self.board.info
         arrived, was_reset = -1, False
@@ -115,7 +117,7 @@ class _Stream:
                         was_reset = True
 
     def _opened(self) -> Board:
-        """Open the board when it answers. Raises as `Board.open`."""
+        """Open the board as soon as it answers; raises like `Board.open`."""
         deadline = time.monotonic() + self._resume_s
         while True:
             try:

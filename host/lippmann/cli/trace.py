@@ -25,7 +25,7 @@ from lippmann.optics.lattice import Lattice
 from lippmann.optics.rays import Engine, Floats, Model, Status
 from lippmann.optics.sample_points import square_to_cell
 
-#: Memory for each ray, bytes (measured with golden).
+#: Memory per ray in bytes, measured with golden.
 RAY_BYTES = 350
 ARRAYS = ("origin_mm", "direction", "status", "lenslet", "centre_mm", "local_mm")
 
@@ -36,20 +36,20 @@ def command(
     engine: Engine = option("Engine that traces the rays.", "golden"),
     model: Model = LENS_MODEL,
     pixels: Name = option(
-        "N random pixels; or u, v in .npy, .npz (array `pixel`) or .csv: integers for pixel centres, else coordinates.",
+        "Number of random pixels; or .npy, .npz (array `pixel`) or .csv with u, v: integer pixels, or coordinates.",
         metavar="N|FILE",
     ),
-    aperture: Literal["chief", "full"] = option("Chief rays, or random points of the cell.", "chief"),
+    aperture: Literal["chief", "full"] = option("Chief rays, or rays to random points of the cell.", "chief"),
     fraction_bits: int | None = ENGINE_BITS,
-    wavelength_nm: float | None = option("nm; the array must name its glass.", flag="--wavelength"),
+    wavelength_nm: float | None = option("Wavelength, nm; the array must name its glass.", flag="--wavelength"),
     seed: int = SEED,
     device: str = DEVICE,
     output: Path = option(None, metavar="RAYS.npz"),
 ) -> None:
     """Trace rays from pixels through the lenslets.
 
-    The .npz holds pixel, origin_mm, direction, status, lenslet and more. Status: 0 ok,
-    1 missed surface, 2 total internal reflection, 3 blocked, 4 crosstalk.
+    The .npz contains pixel, origin_mm, direction, status, lenslet and more. Status: 0
+    ok, 1 missed surface, 2 total internal reflection, 3 blocked, 4 crosstalk.
 
     Example: lippmann trace --display scenes/displays/paper-square.toml --pixels 1000 -o
     rays.npz
@@ -66,7 +66,7 @@ def command(
     if engine == "fast":
         device = start_mitsuba(device)
     if engine == "rtl":
-        # Compiling the RTL is not tracing time.
+        # Compile the RTL first, so that compilation is not timed.
         trace(display, pixel[:1], None if points is None else points[:1], model, engine, device, fraction_bits)
     started = time.perf_counter()
     rays = trace(display, pixel, points, model, engine, device, fraction_bits)
@@ -85,30 +85,30 @@ def command(
 
 
 def _pixels(spec: str, display: Display, random: np.random.Generator) -> Floats:
-    """Return pixel coordinates (N, 2) of a count or a file."""
+    """Return pixel coordinates (N, 2): as many random pixels as `spec` says, or those of a file."""
     panel = display.panel
     size = np.array([panel.width_px, panel.height_px])
     if re.fullmatch(r"[+-]?[0-9]{1,18}", spec):
         count = int(spec)
         if not 1 <= count <= MAX_RAYS:
             raise input_error("--pixels", f"{count} is out of range", f"give 1 to {MAX_RAYS}, or a file")
-        check_expanded("--pixels", f"{count} rays", count * RAY_BYTES, "give fewer")
+        check_expanded("--pixels", f"{count} rays", count * RAY_BYTES, "give fewer rays")
         columns, rows = (random.integers(0, side, count) for side in size)
         return np.stack([columns, rows], axis=1).astype(np.float64) + 0.5
     if not Path(spec).is_file():
         raise input_error(spec, not_there(Path(spec)), "give a number of rays or a .npy, .npz or .csv file")
     table = _table(Path(spec))
     if table.size == 0:
-        raise input_error(spec, "holds no pixels", "give columns u, v")
+        raise input_error(spec, "contains no pixels", "give columns u, v")
     if table.ndim != 2 or table.shape[1] != 2 or table.dtype.kind not in "iuf":
-        raise input_error(spec, f"holds {table.dtype} of shape {table.shape}", "give numbers of shape (N, 2)")
+        raise input_error(spec, f"contains {table.dtype} of shape {table.shape}", "give numbers of shape (N, 2)")
     values = np.asarray(table, np.float64)
     if not np.isfinite(values).all():
-        raise input_error(spec, "holds values that are not finite", "remove them")
+        raise input_error(spec, "contains values that are not finite", "remove them")
     if (values == np.floor(values)).all():
         values = values + 0.5
     if (values < 0.0).any() or (values > size).any():
-        outside = f"holds pixels outside the panel of {panel.width_px} x {panel.height_px}"
+        outside = f"contains pixels outside the panel of {panel.width_px} x {panel.height_px}"
         raise input_error(spec, outside, "give columns u, v within it")
     return values
 

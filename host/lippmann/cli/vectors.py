@@ -23,21 +23,21 @@ from lippmann.optics.rays import Model
 @make_command("vectors")
 def command(
     display_path: Path = DISPLAY,
-    case: str = option("Hard case, or all; an unknown name lists them.", "all"),
+    case: str = option("Hard case, or all; an unknown name lists the cases.", "all"),
     model: Model = LENS_MODEL,
     fraction_bits: int = FILE_BITS,
     count: int = option("Approximate number of rays in each set.", 24, click.IntRange(1, 10_000)),
     seed: int = SEED,
     output: Folder | None = option("New output folder."),
-    stream: bool = option("Write the rays as lines to stdout, for a program."),
-    words: bool = option("With --stream: words of the RTL, hexadecimal."),
-    random: int = option("With --stream: random rays after the hard ones.", 0, click.IntRange(0, 10**8)),
+    stream: bool = option("Write the rays as text lines to stdout, for a program."),
+    words: bool = option("With --stream: write hexadecimal words of the RTL."),
+    random: int = option("With --stream: number of random rays after the hard cases.", 0, click.IntRange(0, 10**8)),
 ) -> None:
     """Write test vectors: rays that are hard to compute.
 
-    Each set holds rays with 50-digit results (.npz), and as words of the RTL (.csv,
-    $readmemh). For lines instead: lippmann vectors --stream | YOUR PROGRAM | lippmann
-    regress --stream.
+    Each set contains rays with 50-digit results (.npz), and the rays as words of the
+    RTL (.csv, $readmemh). To use text lines instead, run lippmann vectors --stream |
+    YOUR PROGRAM | lippmann regress --stream.
 
     Example: lippmann vectors --display scenes/displays/paper-square.toml -o vectors
     """
@@ -49,14 +49,16 @@ def command(
     if stream:
         if output or as_json():
             other = "--json" if output is None else "-o"
-            raise input_error(other, "the questions go to stdout", f"leave out {other} or --stream")
+            raise input_error(
+                other, "conflicts with --stream, which writes to stdout", f"leave out {other} or --stream"
+            )
         line += f" --stream{' --words' * words}{f' --random {random}' * bool(random)}"
         questions = Stream(display, case, model, seed, count, random, fraction_bits if words else None)
         sys.stdout.writelines(f"{question}\n" for question in questions.lines(line))
         sys.stdout.flush()
         return
     if words or random:
-        raise input_error("--words" if words else "--random", "is of a stream", "add --stream")
+        raise input_error("--words" if words else "--random", "needs --stream", "add --stream")
     if output is None:
         raise InputError("no output; give a folder with -o, or --stream")
     sets = hard_sets(display, case, seed, count)

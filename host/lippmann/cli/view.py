@@ -32,29 +32,29 @@ from lippmann.scenes.scene import check_scene_file
 def command(
     image_path: Name = argument("IMAGE"),
     display: Display = DISPLAY,
-    output: Path | None = option("The page.  [default: IMAGE with .html]", metavar="PAGE.html"),
+    output: Path | None = option("Output page.  [default: IMAGE with .html]", metavar="PAGE.html"),
     direct: tuple[tuple[Point, Name], ...] = option(
-        "Direct render from this eye, through the panel's window; may be repeated.",
+        "Position of an eye, and its direct render through the panel's window; may be repeated.",
         (),
         (KINDS[Point], KINDS[Name]),
         multiple=True,
         metavar="X,Y,Z PICTURE",
     ),
-    scene_path: Path | None = option("Render direct views from a grid of eyes.", metavar="SCENE"),
+    scene_path: Path | None = option("Scene of which direct views are rendered from a grid of eyes.", metavar="SCENE"),
     moved: Moved = MOVED,
     frames_per_second: float = option("Frame rate of a film.", FRAMES_PER_SECOND, finite(0.1)),
     title: str | None = option("Heading of the page.  [default: the image's name]"),
-    serve: bool = option("Write no file; serve the page on this machine until Ctrl-C."),
-    tcp_port: int = option("Port of --serve; 0: any free port.", 0, click.IntRange(0, 65535)),
+    serve: bool = option("Serve the page on this machine until Ctrl-C instead of writing a file."),
+    tcp_port: int = option("TCP port of --serve; 0 selects a free port.", 0, click.IntRange(0, 65535)),
     force: bool = FORCE,
     seed: int = SEED,
     device: str = DEVICE,
 ) -> None:
-    """Make a browser page that shows an integral image.
+    """Create a browser page that shows an integral image.
 
-    It shows what an eye sees through the lenslets. It is one file, and needs WebGL 2
-    but no network. IMAGE may be a folder of frames from lippmann animate: the page
-    plays them.
+    The page shows the view of an eye through the lenslets. The page is one file, and
+    needs WebGL 2 but no network. IMAGE may be a folder of frames from `lippmann
+    animate`, which the page plays.
 
     Example: lippmann view fish.png --display scenes/displays/paper-square.toml -o
     fish.html
@@ -90,7 +90,7 @@ def command(
 
 
 def _page_path(image_path: str, output: Path | None, serve: bool, tcp_port: int) -> Path | None:
-    """Return the page's file, None with --serve; refuse conflicting options."""
+    """Return the page's path, or None with --serve; raise InputError for conflicting options."""
     if serve and output:
         raise InputError("--serve writes no file; leave out -o or --serve")
     if tcp_port and not serve:
@@ -103,7 +103,7 @@ def _page_path(image_path: str, output: Path | None, serve: bool, tcp_port: int)
 
 
 def frames_of(path: str) -> list[str | Path]:
-    """Return the frames of a film's folder in order, or the image."""
+    """Return the paths of a film's frames in order, or the path of a single image."""
     if not Path(path).is_dir():
         return [path]
     files = sorted(Path(path).glob(f"{FRAME_STEM}*"))
@@ -115,7 +115,7 @@ def frames_of(path: str) -> list[str | Path]:
 
 
 def _read_direct(eye: Point, path: str, display: Display) -> Direct:
-    """Read a direct render; errors name its file."""
+    """Read a direct render; errors name the render's file."""
     direct = Direct(Eye(eye).position_mm, read_picture(path).radiance)
     try:
         check_direct(direct, display)

@@ -1,1 +1,1 @@
-"""Judges rays and engines: hard cases, vectors, faults, coverage, speed against error."""
+"""Judge rays and engines: hard cases, test vectors, faults, coverage, speed and error."""

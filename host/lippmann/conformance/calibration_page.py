@@ -1,4 +1,4 @@
-"""The page of `lippmann calibrate report`."""
+"""Create the page of `lippmann calibrate report`."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ POSITION, _, _, X, Y, RIGHT, DOWN, KEPT = range(len(FIELD))
 
 
 def draw_residuals(field: Floats, cameras: Rows) -> Plot:
-    """Draw the residuals over the array, one picture per position."""
+    """Draw the residuals over the array, with one plot per camera position."""
     picture, axes = make_axes(1, max(1, len(cameras)))
     rng = np.random.default_rng(1)
     for axis, k in zip(axes[0], range(len(cameras)), strict=False):
@@ -39,7 +39,7 @@ def draw_residuals(field: Floats, cameras: Rows) -> Plot:
 
 
 def draw_histogram(field: Floats) -> Plot:
-    """Draw the distribution of the residuals."""
+    """Draw histograms of the residuals."""
     picture, axes = make_axes(1, 2)
     used = field[field[:, KEPT] > 0]
     for axis, column, label in zip(axes[0], (RIGHT, DOWN), ("residual to the right", "residual down"), strict=True):
@@ -49,7 +49,7 @@ def draw_histogram(field: Floats) -> Plot:
 
 
 def draw_views(nominal: Display, display: Display, eye: Eye) -> Plot:
-    """Draw an eye's views of rings: by the nominal file, the calibrated one, and an ideal display."""
+    """Draw an eye's views of rings with the nominal file, with the calibrated file, and on an ideal display."""
     window = whole_window(display, min(640, display.panel.width_px))
     picture, axes = make_axes(1, 3, (4.0, 3.2))
     views = {"before": (nominal, display), "after": (display, display), "ideal": (nominal, nominal)}
@@ -65,7 +65,7 @@ def draw_views(nominal: Display, display: Display, eye: Eye) -> Plot:
 
 
 def digits(number: float, half: float) -> str:
-    """Round a number to two digits of its uncertainty; 0 has no sign."""
+    """Return a number rounded to two digits of its uncertainty, and never "-0"."""
     places = max(0, 1 - math.floor(math.log10(half))) if half > 0.0 else 6
     return f"{round(number, places) + 0.0:.{places}f}"
 
@@ -73,7 +73,7 @@ def digits(number: float, half: float) -> str:
 def calibration_page(
     origin: Mapping[str, str], calibration: Calibration, eye_mm: tuple[float, float, float] | None = None
 ) -> Page:
-    """Return the page of a calibration, by default for an eye at the first camera."""
+    """Return the page of a calibration; by default, the eye is at the first camera position."""
     summary, nominal, display = calibration.summary(), calibration.nominal, calibration.display
     place = tuple(summary["cameras"][0]["place_mm"]) if eye_mm is None else eye_mm
     views_plot = draw_views(nominal, display, Eye((place[0], place[1], place[2])))

@@ -1,4 +1,4 @@
-"""Compares foreign rays with golden's. On an edge, rounding changes lenslet or status."""
+"""Compare foreign rays with golden's. A ray is on an edge if rounding can change its lenslet or status."""
 
 from __future__ import annotations
 
@@ -18,36 +18,36 @@ from lippmann.conformance.ray_sets import Bools, ForeignRays, PanelRays, Selecti
 from lippmann.errors import did_you_mean, input_error
 from lippmann.optics.rays import Floats
 
-Urad = Annotated[float, key("how far directions may be off, microradians", above=0.0)]
-Nm = Annotated[float, key("how far points may be off, nm", above=0.0)]
-#: Arrays of points, one per step.
+Urad = Annotated[float, key("maximum error of directions, microradians", above=0.0)]
+Nm = Annotated[float, key("maximum error of points, nm", above=0.0)]
+#: Names of the arrays of points; each belongs to a step of the trace.
 Step = Literal["panel_mm", "start_mm", "near_mm", "centre_mm", "local_mm", "origin_mm"]
 
-#: Arrays of integers.
+#: Names of the integer arrays.
 INTEGERS = ("home", "lenslet", "status")
-#: Directions of displacements: to find edges, and with `SHARES` all sides of an edge.
+#: Directions of the displacements that find edges.
 AXES = np.array([[1.0, 0.0], [0.0, 1.0], [-1.0, 0.0], [0.0, -1.0]])
 AROUND = np.concatenate([AXES, AXES @ [[1.0, 1.0], [-1.0, 1.0]]])
 SHARES = (1.0, 0.5, 0.25, 0.0625)
-#: Rays that are displaced together, some ten kilobytes each.
+#: Number of rays displaced at once; each needs some ten kilobytes.
 AT_ONCE = 4096
 
 
 @documented
 @dataclass(frozen=True, kw_only=True)
 class StepBound:
-    """The bound of a step."""
+    """The error bound of a step."""
 
-    array: Annotated[Step, key("the step's array, as in a file of rays")]
+    array: Annotated[Step, key("array of the step, as in a file of rays")]
     point_nm: Nm
 
 
 @documented
 @dataclass(frozen=True, kw_only=True)
 class CaseBound:
-    """The bounds of a hard case; for a ray in several, the largest."""
+    """The error bounds of a hard case; a ray in several cases gets the largest bound."""
 
-    point: Annotated[str, key("a coverage point, such as `grazing-exit`")]
+    point: Annotated[str, key("coverage point, such as `grazing-exit`")]
     direction_urad: Urad | None = None
     point_nm: Nm | None = None
 
@@ -55,7 +55,7 @@ class CaseBound:
 @documented
 @dataclass(frozen=True, kw_only=True)
 class Bounds:
-    """A file of bounds. A step or case without a bound has that of all rays."""
+    """Contents of a file of bounds. A step or case without its own bound has the bound of all rays."""
 
     direction_urad: Urad = 2.0
     point_nm: Nm = 50.0
@@ -63,7 +63,7 @@ class Bounds:
     case: Annotated[tuple[CaseBound, ...], key("")] = ()
 
     def limits(self, inputs: PanelRays, rays: Arrays) -> Arrays:
-        """Return each array's bounds (N,), radians and mm; `rays` are golden's."""
+        """Return the bounds (N,) of each array, radians or mm; `rays` are golden's rays."""
         steps = {one.array: one.point_nm for one in self.step}
         met = points_met(inputs, rays) if self.case else {}
         limits: Arrays = {}
@@ -78,7 +78,7 @@ class Bounds:
 
 
 def load_bounds(path: Path) -> Bounds:
-    """Read a file of bounds; raise InputError for what is wrong in it."""
+    """Read a file of bounds; raise InputError for an invalid file."""
     bounds = toml.read(Bounds, toml.load(path, "bounds"), str(path))
     for name, bounded in (("step", [one.array for one in bounds.step]), ("case", [one.point for one in bounds.case])):
         for number, one in enumerate(bounded):
@@ -95,7 +95,7 @@ def load_bounds(path: Path) -> Bounds:
 
 @dataclass(frozen=True)
 class FieldSummary:
-    """One array: its largest difference (`worst`), the smallest and largest allowed (`limits`)."""
+    """Summary of an array: maximum difference (`worst`), and minimum and maximum allowed difference (`limits`)."""
 
     field: str
     stage: str
@@ -108,11 +108,11 @@ class FieldSummary:
 
 @dataclass(frozen=True)
 class Comparison:
-    """N foreign rays and golden's.
+    """Comparison of N foreign rays with golden's rays.
 
-    `limits` (N,) are the differences allowed in each array. `edge` (N,) marks rays on
-    an edge, `excused` those of them that equal golden's on some side. Of rays in
-    `alone` only the status is compared.
+    `limits` (N,) are the allowed differences, keyed by array. `edge` (N,) marks rays on
+    an edge. `excused` marks rays on an edge that equal golden's ray on one side of the
+    edge. For rays in `alone`, only the status is compared.
     """
 
     inputs: PanelRays
@@ -125,31 +125,31 @@ class Comparison:
 
     @cached_property
     def wrong_by(self) -> dict[str, Bools]:
-        """The rays that are wrong, by array."""
+        """Masks (N,) of wrong rays, keyed by array."""
         return {name: self.wrong_in(name, values) for name, values in self.fields.items()}
 
     @cached_property
     def wrong(self) -> Bools:
-        """The rays that are wrong in some array."""
+        """Mask (N,) of rays that are wrong in at least one array."""
         return np.asarray(np.any(list(self.wrong_by.values()), axis=0))
 
     @property
     def wrong_arrays(self) -> list[str]:
-        """The arrays in which some ray is wrong."""
+        """Names of the arrays with at least one wrong ray."""
         return [name for name, wrong in self.wrong_by.items() if wrong.any()]
 
     def far(self, name: str, values: Floats, other: Arrays) -> Floats:
-        """Return the `distance` of values from `other`; 0 where the file has none."""
+        """Return the `distance` of values from `other`; 0 where the file contains no value."""
         return np.where(self.alone & (name != "status"), 0.0, distance(name, values, other[name]))
 
     def wrong_in(self, name: str, values: Floats) -> Bools:
-        """Tell which values of an array are wrong."""
+        """Return a mask (N,) of wrong values of an array."""
         far = self.far(name, values, self.golden)
         excused = self.excused & np.isfinite(far) & (name != "panel_mm")
         return (far > self.limits[name]) & ~excused
 
     def select(self, rays: Selection) -> Comparison:
-        """Select rays."""
+        """Return the comparison of selected rays."""
         fields, golden, limits = (
             {name: array[rays] for name, array in arrays.items()} for arrays in (self.fields, self.golden, self.limits)
         )
@@ -157,13 +157,13 @@ class Comparison:
         return Comparison(self.inputs.select(rays), fields, golden, limits, *masks)
 
     def later(self, lag: int) -> Comparison:
-        """Compare each ray with the values `lag` rays after it."""
+        """Return the comparison of golden's ray k with the foreign values of ray k + `lag`."""
         rays = np.arange(max(0, -lag), len(self.edge) - max(0, lag))
         fields = {name: values[rays + lag] for name, values in self.fields.items()}
         return replace(self.select(rays), fields=fields, alone=self.alone[rays + lag])
 
     def summary(self, name: str) -> FieldSummary:
-        """Summarise one array."""
+        """Return the summary of an array."""
         unit, scale = ("microradian" if name == "direction" else "nm"), 1e6
         if name in INTEGERS:
             unit, scale = "rays", 1.0
@@ -175,15 +175,15 @@ class Comparison:
         return FieldSummary(name, FIELDS[name][0], len(plain), wrong, float(far.max(initial=0.0)), limits, unit)
 
 
-@np.errstate(all="ignore")  # values of any size are compared
+@np.errstate(all="ignore")  # values may overflow
 def compare(
     foreign: ForeignRays, bounds: Bounds, moves_mm: tuple[Floats, Floats] | None = None, every: bool = True
 ) -> Comparison:
-    """Compare arrays with golden's.
+    """Compare foreign rays with golden's rays.
 
-    Each ray may be off by its bound plus the effect of moving panel point and aim by
-    `moves_mm`, (N, 2) each; by default the `roundings`. Without `every`, only rays
-    beyond their bounds are moved.
+    The allowed difference of a ray is its bound plus the effect of moving its panel
+    point and its aim by `moves_mm`, (N, 2) each; the default moves are the `roundings`.
+    Without `every`, only rays that exceed their bounds are moved.
     """
     inputs = foreign.inputs
     rays, n = golden(inputs), len(inputs.pixels)
@@ -206,7 +206,7 @@ def compare(
 
 
 def _effect_of_moves(compared: Comparison, panel_mm: Floats, aim_mm: Floats) -> tuple[Arrays, Bools]:
-    """Return rays' moves by displacements, and which change status or lenslet, (N,)."""
+    """Return how far displacements move rays, and a mask (N,) of rays that change status or lenslet."""
     n = len(compared.edge)
     largest = {name: np.zeros(n) for name in ("direction", "local_mm", "origin_mm")}
     edge = np.zeros(n, bool)
@@ -221,7 +221,7 @@ def _effect_of_moves(compared: Comparison, panel_mm: Floats, aim_mm: Floats) -> 
 
 
 def _displaced(inputs: PanelRays, panel_mm: Floats, aim_mm: Floats, ways: Floats = AXES) -> Iterator[PanelRays]:
-    """Yield rays with panel points, then aims, displaced by (N, 2) mm in directions (M, 2)."""
+    """Yield rays with displaced panel points or displaced aims, (N, 2) mm, for each direction (M, 2)."""
     aimed = replace(inputs, aperture=inputs.aims)
     for step in ways:
         yield replace(aimed, pixels=inputs.pixels + step * panel_mm / inputs.display.panel.pitches_mm)
@@ -229,7 +229,7 @@ def _displaced(inputs: PanelRays, panel_mm: Floats, aim_mm: Floats, ways: Floats
 
 
 def _on_some_side(compared: Comparison, panel_mm: Floats, aim_mm: Floats) -> Bools:
-    """Tell which rays on an edge equal golden's on some side of it, (N,)."""
+    """Return a mask (N,) of rays on an edge that equal golden's ray on one side of the edge."""
     sides = [compared.golden]
     for share in SHARES:
         sides += map(golden, _displaced(compared.inputs, share * panel_mm, share * aim_mm, AROUND))
@@ -242,7 +242,7 @@ def _on_some_side(compared: Comparison, panel_mm: Floats, aim_mm: Floats) -> Boo
         values = np.array([side[name] for side in sides])
         low = np.where(same[..., None], values, np.inf).min(axis=0)
         high = np.where(same[..., None], values, -np.inf).max(axis=0)
-        # Values may leave the range of the displaced rays by its width plus the limits.
+        # Values may exceed the displaced rays' range by the range's width plus the limits.
         beyond = np.maximum(low - fields[name], fields[name] - high) - np.maximum(high - low, 0.0)
         far = np.where(np.isfinite(beyond), np.maximum(beyond, 0.0), np.inf)
         right &= alone | (np.linalg.norm(far, axis=1) <= compared.limits[name])
@@ -250,7 +250,7 @@ def _on_some_side(compared: Comparison, panel_mm: Floats, aim_mm: Floats) -> Boo
 
 
 def roundings(inputs: PanelRays) -> tuple[Floats, Floats]:
-    """Return float32 roundings of points and aims, (N, 2) mm, at least four of half a pitch."""
+    """Return float32 rounding errors of points and aims, (N, 2) mm; the minimum is four times that of half a pitch."""
     pitch, pixel = inputs.display.array.coarsest_mm, np.array(inputs.display.panel.pitches_mm)
 
     def rounding(values: Floats) -> Floats:
@@ -261,7 +261,7 @@ def roundings(inputs: PanelRays) -> tuple[Floats, Floats]:
 
 
 def distance(name: str, values: Floats, expected: Floats) -> Floats:
-    """Return the distance of values from expected ones, (N,), never NaN; 0 or 1 for integers."""
+    """Return the distances (N,) of values from expected values, never NaN; integers give 0 or 1."""
     if name in INTEGERS:
         return np.asarray((values != expected).any(axis=1), np.float64)
     far = np.linalg.norm(values - expected, axis=1)

@@ -1,4 +1,4 @@
-"""Coverage points: which hard cases the rays of a set contain."""
+"""Coverage points: count which hard cases occur in a set of rays."""
 
 from __future__ import annotations
 
@@ -17,57 +17,57 @@ from lippmann.optics.model_choice import in_cells_mm
 from lippmann.optics.rays import Floats, Status, gets_through
 
 Arrays = Mapping[str, Floats]
-#: Cosines to the normal below which a ray grazes a face, or is near total reflection.
+#: Maximum cosine of a grazing ray, and of a ray at the onset of total reflection.
 GRAZING, FLAT = 0.05, 1e-3
-#: Radii in half diagonals: maximum of a steep dome, minimum of a flat one.
+#: Maximum radius of a steep dome, minimum radius of a flat dome, in half diagonals.
 STEEP, NEARLY_FLAT = 1.05, 100.0
 
-#: The meaning of each point, in the order of the ray.
+#: Meaning of each coverage point, in the order in which a ray passes them.
 POINTS = {
     # Panel and lattice.
-    "pixel-on-an-edge": "A pixel's point on the edge of a cell, within roundings.",
-    "pixel-on-a-corner": "A pixel's point where three or four cells meet, within roundings.",
-    "tie": "A pixel's point exactly on an edge, so that the tie rule decides.",
-    "aperture-point-on-a-seam": "An aperture point on the edge of its cell, within roundings.",
-    "chief-ray": "A ray to the lenslet's centre.",
-    "tiny-coordinate": "A coordinate, not 0, whose square underflows.",
-    "turned-array": "Rows that are along neither the panel's rows nor its columns.",
-    "two-pitches": "Two pitches that differ.",
-    "shear": "A shear.",
-    "far-offset": "An array whose origin is a hundred pitches and more from the panel's centre.",
-    "wide-panel": "A panel of the most pixels that a file may have.",
-    "converged-eye": "Elemental images that converge on an eye.",
-    "eye-aside": "An eye that is in front of no point of the panel.",
-    "missing-lenslet": "A ray whose lenslet lies beyond the array's end.",
+    "pixel-on-an-edge": "A pixel's point lies on the edge of a cell, within rounding error.",
+    "pixel-on-a-corner": "A pixel's point lies where three or four cells meet, within rounding error.",
+    "tie": "A pixel's point lies exactly on an edge, so the tie rule decides.",
+    "aperture-point-on-a-seam": "An aperture point lies on the edge of its cell, within rounding error.",
+    "chief-ray": "A ray aims at its lenslet's centre.",
+    "tiny-coordinate": "A nonzero coordinate is so small that its square underflows.",
+    "turned-array": "The array's rows are parallel neither to the panel's rows nor to its columns.",
+    "two-pitches": "The two pitches of the array differ.",
+    "shear": "The array has a shear.",
+    "far-offset": "The array's origin is at least a hundred pitches from the panel's centre.",
+    "wide-panel": "The panel has the maximum width that a file may have.",
+    "converged-eye": "The elemental images converge on an eye.",
+    "eye-aside": "The eye is in front of no point of the panel.",
+    "missing-lenslet": "A ray's lenslet lies beyond the array's end.",
     # Lens.
-    "contact": "No gap between panel and array.",
-    "gap-of-the-focal-length": "A panel in the focal plane, within 10^-5 of the focal length.",
-    "steep-dome": "A nearly hemispherical dome.",
-    "flat-dome": "A nearly flat dome.",
-    "low-index": "Glass that hardly refracts: an index below 1.01.",
-    "high-index": "Glass of an index above 2.",
-    "grazing-launch": "A ray that leaves the panel within 3 degrees of it.",
-    "grazing-exit": "A ray that leaves the last face within 3 degrees of it.",
-    "onset-of-total-reflection": "A ray that leaves the last face within 0.06 degrees of it.",
-    "far-cell": "A ray that leaves through a lenslet two steps and more from the pixel's.",
+    "contact": "There is no gap between panel and array.",
+    "gap-of-the-focal-length": "The panel lies in the focal plane, within 10^-5 of the focal length.",
+    "steep-dome": "The domes are nearly hemispherical.",
+    "flat-dome": "The domes are nearly flat.",
+    "low-index": "The glass hardly refracts: its index is below 1.01.",
+    "high-index": "The glass has an index above 2.",
+    "grazing-launch": "A ray leaves the panel at less than 3 degrees to the panel.",
+    "grazing-exit": "A ray leaves the last face at less than 3 degrees to the face.",
+    "onset-of-total-reflection": "A ray leaves the last face at less than 0.06 degrees to the face.",
+    "far-cell": "A ray leaves through a lenslet at least two steps from the pixel's lenslet.",
     # Fate.
-    "ok": "A ray that leaves through its own lenslet.",
-    "missed": "A ray that meets no dome.",
-    "internal-reflection": "A ray that is totally reflected.",
-    "blocked": "A ray that a dome, a wall or the array's end stops.",
-    "crosstalk": "A ray that leaves through another lenslet.",
+    "ok": "A ray leaves through its own lenslet.",
+    "missed": "A ray meets no dome.",
+    "internal-reflection": "A ray is totally reflected.",
+    "blocked": "A dome, a wall or the array's end stops a ray.",
+    "crosstalk": "A ray leaves through another lenslet.",
 }
-#: Points that no ray in words can meet, and why.
+#: Coverage points that rays in RTL words cannot meet, with the reason.
 BEYOND_WORDS = {
-    "tiny-coordinate": "words have a fixed point",
-    "wide-panel": "the registers hold 16383 pixels",
-    "low-index": "the registers hold an index of 1.16 to 2.2",
-    "grazing-launch": "the registers hold slopes of up to 60 degrees",
+    "tiny-coordinate": "words are fixed-point numbers",
+    "wide-panel": "registers are limited to 16383 pixels",
+    "low-index": "registers are limited to an index from 1.16 to 2.2",
+    "grazing-launch": "registers are limited to slopes up to 60 degrees",
 }
 
 
 def points_met(inputs: PanelRays, rays: Arrays) -> dict[str, Bools]:
-    """Tell which rays meet each of `POINTS`, (N,); `rays` are golden's."""
+    """Return a mask (N,) of the rays that meet each of `POINTS`; `rays` are golden's rays."""
     display, aims = inputs.display, inputs.aims
     array, panel = display.array, display.panel
     on_edge, on_corner = _border(inputs, in_cells_mm(display, inputs.pixels))
@@ -108,12 +108,12 @@ def points_met(inputs: PanelRays, rays: Arrays) -> dict[str, Bools]:
 
 
 def covered(inputs: PanelRays, rays: Arrays) -> dict[str, int]:
-    """Count the rays of `points_met`."""
+    """Return the number of rays that meet each coverage point."""
     return {name: int(np.count_nonzero(which)) for name, which in points_met(inputs, rays).items()}
 
 
 def summary(sets: Iterable[Mapping[str, int]], words: bool = False) -> tuple[dict[str, int], str]:
-    """Count the rays at points (for words not `BEYOND_WORDS`), and name points without rays."""
+    """Return the number of rays at each point (for words without `BEYOND_WORDS`), and a line naming unmet points."""
     totals = sum(map(Counter, sets), Counter[str]())
     counts = {name: totals[name] for name in POINTS if not (words and name in BEYOND_WORDS)}
     missing = [name for name, rays in counts.items() if not rays]
@@ -122,7 +122,7 @@ def summary(sets: Iterable[Mapping[str, int]], words: bool = False) -> tuple[dic
 
 
 def tied_sides(inputs: PanelRays) -> tuple[Bools, ...]:
-    """Tell which pixels' points (N,) are exactly on a cell's left and, if square, lower side."""
+    """Return masks (N,) of pixels exactly on the left side and, for square cells, on the lower side of a cell."""
     array = inputs.display.array
     x, y = in_cells_mm(inputs.display, inputs.pixels).T
     left_side = x - array.shear * y == -0.5 * array.pitches_mm[0]
@@ -131,12 +131,12 @@ def tied_sides(inputs: PanelRays) -> tuple[Bools, ...]:
 
 
 def tied(inputs: PanelRays) -> Bools:
-    """Tell which pixels' points (N,) lie on `tied_sides`."""
+    """Return a mask (N,) of pixels that lie on any of the `tied_sides`."""
     return np.asarray(np.any(tied_sides(inputs), axis=0))
 
 
 def _border(inputs: PanelRays, points: Floats) -> tuple[Bools, Bools]:
-    """Tell which points (N, 2) mm are within roundings of an edge, and of two edges."""
+    """Return which points (N, 2), mm, lie on an edge, and which on two edges, within rounding error."""
     array, panel = inputs.display.array, inputs.display.panel
     lattice = Lattice.of(array)
     roundings = 8.0 * np.spacing(np.abs(inputs.pixels).max() * panel.coarsest_mm + array.coarsest_mm)
@@ -147,12 +147,12 @@ def _border(inputs: PanelRays, points: Floats) -> tuple[Bools, Bools]:
 
 
 def _tiny(coordinates: Floats) -> Bools:
-    """Tell which points (N, 2) have a nonzero coordinate whose square underflows."""
+    """Return which points (N, 2) have a nonzero coordinate whose square underflows."""
     return np.asarray(((coordinates != 0.0) & (np.abs(coordinates) < 1e-154)).any(axis=1))
 
 
 def _exit_cosine(inputs: PanelRays, rays: Arrays) -> Floats:
-    """Return the cosine of exit ray and last face's normal, 1 for lost rays."""
+    """Return the cosine between exit ray and normal of the last face; 1 for lost rays."""
     array = inputs.display.array
     normal = np.tile([0.0, 0.0, 1.0], (len(rays["status"]), 1))
     if array.plano_side == "panel":

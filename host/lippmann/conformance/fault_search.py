@@ -1,4 +1,4 @@
-"""Faults beyond `faults`: fitted numbers of the display, and pairs of faults."""
+"""Search for more faults than `faults` lists: fitted parameters of the display, and pairs of faults."""
 
 from __future__ import annotations
 
@@ -28,9 +28,9 @@ from lippmann.conformance.ray_sets import PanelRays, unit_vectors
 from lippmann.display.description import Display
 from lippmann.optics.rays import Floats
 
-#: Separator of the names of two faults.
+#: Separator between the names of two faults.
 PAIR = "; and "
-#: Fitted numbers of the display, and the step that uses each.
+#: Fitted parameters of the display, with the step that uses each parameter.
 FITTED = {
     "array.index": "first face",
     "gap_mm": "first face",
@@ -48,12 +48,12 @@ FITTED = {
     "array.offset_mm[1]": "panel",
 }
 
-#: Candidates of a fit, relative to the display's number (0, offsets: to a pitch).
+#: Relative changes tried by a fit; relative to the pitch for offsets and values of 0.
 LOOKED = (-0.5, -0.3, -0.2, -0.1, -0.05, -0.02, -0.01, 0.01, 0.02, 0.05, 0.1, 0.2, 0.3, 0.5)
 
 
 def fitted(inputs: PanelRays, values: Arrays) -> Iterator[Variant]:
-    """Yield constants, word lengths and numbers of the display fitted to foreign rays."""
+    """Yield constants, word lengths and display parameters that are fitted to foreign rays."""
     rays = golden(inputs)
     for name, what, unit, arrays in (
         ("direction", "direction", "", ("direction",)),
@@ -70,8 +70,8 @@ def fitted(inputs: PanelRays, values: Arrays) -> Iterator[Variant]:
 
 
 def fitted_together(inputs: PanelRays, values: Arrays) -> Iterator[tuple[Variant, ...]]:
-    """Yield pairs of the display's numbers fitted at once, without an unchanged one."""
-    from scipy.optimize import least_squares  # at its first use: right rays need no fit
+    """Yield pairs of display parameters that are fitted together; leave out unchanged parameters."""
+    from scipy.optimize import least_squares  # imported late, as correct rays need no fit
 
     numbers = _numbers(inputs.display)
     for names in combinations(numbers, 2):
@@ -105,7 +105,7 @@ def _wrong_number(name: str, value: float, expected: float) -> Variant:
 
 
 def _numbers(display: Display) -> dict[str, float]:
-    """Return the display's parameters, keyed as `FITTED`: one pitch or two, and no shear of 0."""
+    """Return the display's parameters, keyed as in `FITTED`; a shear of 0 is left out."""
     numbers = {}
     for name in FITTED:
         path, _, entry = name.partition("[")
@@ -116,8 +116,8 @@ def _numbers(display: Display) -> dict[str, float]:
 
 
 def _word_lengths(direction: Floats) -> Iterator[Variant]:
-    """Yield word lengths, if all components are multiples of a power of two."""
-    for bits in range(4, 23):  # a float32 has more
+    """Yield the rounding and the truncation of directions, if all components are multiples of a power of two."""
+    for bits in range(4, 23):
         scaled = np.ldexp(direction, bits)
         if np.isfinite(scaled).all() and (scaled == np.round(scaled)).all():
             for name, cut in (("rounded", np.round), ("truncated", np.floor)):
@@ -127,21 +127,21 @@ def _word_lengths(direction: Floats) -> Iterator[Variant]:
 
 
 def _fit_number(name: str, value: float, inputs: PanelRays, direction: Floats) -> Iterator[Variant]:
-    """Yield a number of the display fitted to directions (N, 3), if any gives rays."""
-    # Offsets repeat after a pitch, so their size says nothing about their error.
+    """Yield a display parameter fitted to directions (N, 3), if any value gives rays."""
+    # Offsets repeat after a pitch, so their size does not predict their error.
     unit = value if value and "offset" not in name else inputs.display.array.coarsest_mm
 
     @cache
     def loss(candidates: float) -> float:
-        """Return the median error, which ignores rays that change lenslet or status."""
+        """Return the median error, which is robust against rays that change lenslet or status."""
         try:
             rays = with_number(name, candidates, inputs).trace()
         except NO_RAYS:
             return math.inf
         return float(np.median(np.linalg.norm(rays.direction - direction, axis=1)))
 
-    # On a panel of many lenslets, steps between `LOOKED` lead to other lenslets: these,
-    # up to 2 %, move its corner by 1/4 pitch each.
+    # On a large panel, the steps of `LOOKED` skip lenslets. These finer steps, up to 2
+    # %, move the panel's corner by 1/4 pitch each.
     panel = inputs.display.panel
     step = 0.25 * inputs.display.array.finest_mm / (0.5 * math.hypot(panel.width_mm, panel.height_mm))
     near = step * np.arange(-int(0.02 / step), int(0.02 / step) + 1, dtype=np.float64)
@@ -150,10 +150,10 @@ def _fit_number(name: str, value: float, inputs: PanelRays, direction: Floats) -
         candidates += [*map(float, range(-180, 180)), *(value + math.degrees(turn) for turn in near)]
     elif name == "array.shear" or "pitch_mm" in name:
         candidates += [value + share * (1.0 if name == "array.shear" else unit) for share in near]
-    # Of rotations by 60 or 180 degrees, equal within rounding error, take the nearest.
+    # Rotations that differ by a symmetry fit equally well; take the nearest rotation.
     best = min(candidates, key=lambda candidate: (round(loss(candidate), 9), abs(candidate - value)))
     width = 0.02 * abs(unit)
-    for _ in range(48):  # to 2e-11 of the first width
+    for _ in range(48):  # to 2e-11 of the initial width
         best = min((best - width, best, best + width), key=loss)
         width *= 0.6
     if math.isfinite(loss(best)):
@@ -161,7 +161,7 @@ def _fit_number(name: str, value: float, inputs: PanelRays, direction: Floats) -
 
 
 def pairs(inputs: PanelRays, fields: Arrays, apart: Callable[[Variant], float]) -> Iterator[Variant]:
-    """Yield pairs of variants, the likeliest first; `apart` is a variant's distance from the rays."""
+    """Yield pairs of variants, the most likely first; `apart` returns a variant's distance from the rays."""
     ranked = sorted(variants(inputs.display), key=apart)
     numbers = list(fitted(inputs, fields))
     yield from (both(one, other) for one, other in combinations(ranked, 2))
@@ -169,7 +169,7 @@ def pairs(inputs: PanelRays, fields: Arrays, apart: Callable[[Variant], float]) 
     units = list(fitted(inputs, fields | {"direction": unit_vectors(fields["direction"])}))
     yield from (both(one, number) for one in ranked if one.bend is not None for number in units)
     yield from (both(*numbers) for numbers in fitted_together(inputs, fields))
-    # Numbers are fitted beside the 12 nearest changes, other numbers, and all bends.
+    # Fit parameters together with the 12 nearest changes, parameters, and all bends.
     changes = [one for one in (*ranked[:12], *numbers) if one.change is not None]
     for one in (*changes, *(one for one in ranked if one.bend is not None)):
         with suppress(*NO_RAYS, KeyError):
@@ -179,7 +179,7 @@ def pairs(inputs: PanelRays, fields: Arrays, apart: Callable[[Variant], float]) 
 
 
 def both(*faults: Variant) -> Variant:
-    """Combine faults: all change the inputs, then all bend the arrays."""
+    """Return the combination of faults: all change the inputs, then all bend the arrays."""
 
     def change(inputs: PanelRays) -> PanelRays:
         for one in faults:

@@ -1,4 +1,4 @@
-"""Variants of golden with a fault each. The one that equals foreign rays is the diagnosis."""
+"""Variants of golden with one fault each. The variant that equals foreign rays is the diagnosis."""
 
 from __future__ import annotations
 
@@ -21,10 +21,10 @@ from lippmann.optics.backend import NumpyBackend
 from lippmann.optics.rays import MODELS, Floats
 from lippmann.optics.system import PanelFrame, System
 
-#: The steps of a ray, in order.
+#: Steps of the trace of a ray, in order.
 STAGES = ("panel", "lenslet", "aim", "first face", "dome", "exit", "status", "words")
 
-#: Arrays of a foreign file: the step that computes each, and its number of columns.
+#: Arrays of a foreign file, with the step that computes the array, and its columns.
 FIELDS = {
     "panel_mm": ("panel", 2),
     "home": ("lenslet", 2),
@@ -38,25 +38,25 @@ FIELDS = {
     "status": ("status", 1),
 }
 
-#: Steps to neighbours, in columns and rows or in lenslets.
+#: Index differences to neighbours, of pixels or of lenslets.
 BESIDE = ((1, 0), (-1, 0), (0, 1), (0, -1), (1, 1), (-1, -1))
 
 TIE_RULE = "cells closed on their other side (tie rule)"
-#: The glass as a number: its index, at the display's focal length.
+#: Name of the index as a parameter that keeps the display's focal length.
 GLASS = "another glass, of the same focal length: array.index"
-#: Errors of a fault that leaves no display, or no rays.
+#: Errors raised by a fault that makes the display or all rays invalid.
 NO_RAYS = (LippmannError, ValueError, ZeroDivisionError)
 
-#: A value of the display's file, such as a number or the grid.
+#: Value of a key in the display's file.
 Number = Any
-#: A change of points, lenslets or directions.
+#: Function that changes points, lenslets or directions.
 Bend = Callable[[Floats], Floats]
-#: Rays as arrays by name.
+#: Rays as arrays, keyed by name.
 Arrays = dict[str, Floats]
 
 
 class Variant(NamedTuple):
-    """A fault that changes inputs, traces them otherwise, or bends arrays; `silent` ones are not predicted."""
+    """A fault: it changes inputs, traces differently, or bends arrays. Arrays in `silent` are not predicted."""
 
     stage: str
     name: str
@@ -66,7 +66,7 @@ class Variant(NamedTuple):
     silent: tuple[str, ...] = ()
 
     def predict(self, inputs: PanelRays, rays: Arrays) -> Arrays:
-        """Return the rays of a design with this fault; `rays` are golden's."""
+        """Return the rays of a design with this fault; `rays` are golden's rays."""
         if self.change is not None and (changed := self.change(inputs)) is not inputs:
             rays = golden(changed)
         if self.trace is not None:
@@ -75,7 +75,7 @@ class Variant(NamedTuple):
 
 
 def golden(inputs: PanelRays) -> Arrays:
-    """Return golden's rays and steps, keyed by the array names of a file."""
+    """Return golden's rays and intermediate values, keyed by the array names of a file."""
     rays = inputs.trace()
     return {
         "lenslet": rays.lenslet.astype(np.float64),
@@ -89,21 +89,21 @@ def golden(inputs: PanelRays) -> Arrays:
 
 
 def with_number(name: str, value: Number, inputs: PanelRays) -> PanelRays:
-    """Return the rays for another value of the display, as `array.index`; a glass becomes an index."""
+    """Return the rays for a display in which `name`, such as `array.index`, is `value`."""
     display = inputs.display
-    if name == GLASS:  # the radius keeps the focal length, radius / (index - 1)
+    if name == GLASS:  # keep the focal length, radius / (index - 1)
         radius = display.array.radius_mm * (value - 1.0) / (display.array.index - 1.0)
         return with_number("array.index", value, with_number("array.radius_mm", radius, inputs))
     path, _, entry = name.partition("[")
     part, _, key = path.rpartition(".")
     if entry:
         old = attrgetter(path)(display)
-        pair = old if isinstance(old, tuple) else (old, old)  # a variant may have made one of two
+        pair = old if isinstance(old, tuple) else (old, old)  # a variant may have set one value for both
         value = tuple(value if f"{k}]" == entry else one for k, one in enumerate(pair))
     if part == "array":
         array = replace(display.array, **{"glass": None, key: value})
         if key in ("pitch_mm", "shear") and display.array.thickness_mm == display.array.sag_mm:
-            array = replace(array, thickness_mm=array.sag_mm)  # by default: the tracer's follows its own cell
+            array = replace(array, thickness_mm=array.sag_mm)  # the thickness is the default
         key, value = part, array
     elif part == "panel":
         key, value = part, replace(display.panel, **{key: value})
@@ -111,19 +111,19 @@ def with_number(name: str, value: Number, inputs: PanelRays) -> PanelRays:
 
 
 def turn_back(frame: PanelFrame, vectors: Floats) -> Floats:
-    """Return vectors (N, 3) of the panel's axes in the array's axes."""
+    """Convert vectors (N, 3) from the panel's axes to the array's axes."""
     return np.column_stack([*frame.turn_back(*vectors[:, :2].T), vectors[:, 2]])
 
 
 def variants(display: Display) -> Iterator[Variant]:
-    """Yield the variants that change a display's rays, in the order of the ray."""
+    """Yield the variants that change a display's rays, in the order of the trace's steps."""
     for variants_of_step in (_panel_variants, _number_variants, _lattice_variants, _aim_variants, _exit_variants):
         yield from variants_of_step(display)
     yield from (Variant("first face", f"rays of the model {model}", partial(replace, model=model)) for model in MODELS)
 
 
 def _number_variants(display: Display) -> Iterator[Variant]:
-    """Yield wrong numbers of the display that give another display."""
+    """Yield variants with wrong display parameters that give a different display."""
     array, turn, system = display.array, display.array.rotation_deg, System.of(display)
     (x, y), (px, py), (axis_x, axis_y) = array.offset_mm, array.pitches_mm, display.viewing_axis_mm
     radius_mm = array.radius_mm
@@ -182,7 +182,7 @@ def _panel_variants(display: Display) -> Iterator[Variant]:
 
 
 def _lattice_variants(display: Display) -> Iterator[Variant]:
-    """Yield wrong lenslets, and wrong indices of right ones."""
+    """Yield variants with wrong lenslets, and with wrong indices of correct lenslets."""
     array, system = display.array, System.of(display)
 
     def relabelled(name: str, label: Bend, moved: bool = False) -> Variant:
@@ -207,7 +207,7 @@ def _lattice_variants(display: Display) -> Iterator[Variant]:
     if array.grid == "hex":
         yield relabelled("hexagonal rows counted along the row", lambda ij: ij + np.floor(ij[:, 1:] / 2) * (1, 0))
         yield relabelled("hexagonal rows sheared the other way", lambda ij: ij + ij[:, 1:] * (1, 0))
-        # Odd rows to the left for to the right: the mirrored lattice, with its labels.
+        # Odd rows move left instead of right: a mirrored lattice with its indices.
         yield Variant(
             "lenslet",
             "hexagonal rows moved the other way",
@@ -219,13 +219,13 @@ def _lattice_variants(display: Display) -> Iterator[Variant]:
 
 
 def _placed(system: System, local_mm: Floats, lenslet: Floats) -> Arrays:
-    """Return centres and origins of rays from some lenslets (N, 2)."""
+    """Return centres and origins of rays from lenslets (N, 2)."""
     centre_mm = np.stack(system.centre(*lenslet.T), axis=1)
     return {"centre_mm": centre_mm, "origin_mm": local_mm + np.column_stack([centre_mm, np.zeros(len(lenslet))])}
 
 
 def _through_neighbour(step: Floats, inputs: PanelRays, rays: Arrays) -> Arrays:
-    """Trace each ray through the lenslet at `step` from its own, with an endless dome."""
+    """Trace each ray through the lenslet `step` away from its own lenslet, with an unlimited dome."""
     system = System.of(inputs.display)
     frame = system.frame
     wide = replace(system.lattice, pitch_mm=tuple(8.0 * pitch for pitch in system.lattice.pitches_mm))
@@ -253,7 +253,7 @@ def _rounded_down(inputs: PanelRays, rays: Arrays) -> Arrays:
 
 
 def _across_ties(inputs: PanelRays) -> Floats:
-    """Return pixels with points on a cell's left or lower side moved just beyond."""
+    """Return the pixels, with those on a cell's left or lower side moved just across the side."""
     ties = tied_sides(inputs)
     nudge = 1e-9 * inputs.display.array.finest_mm / np.array(inputs.display.panel.pitches_mm) * (-1.0, 1.0)
     return inputs.pixels + np.stack([ties[0], ties[-1]], axis=1) * nudge
@@ -265,7 +265,7 @@ def _aim_variants(display: Display) -> Iterator[Variant]:
         return Variant("aim", name, lambda g: replace(g, aperture=aim(g)))
 
     def toward(share: float, g: PanelRays) -> Floats:
-        """Return aims at a share of the way from start to aperture point."""
+        """Return aims at the fraction `share` of the distance from start to aperture point."""
         start = g.steps()["start_mm"]
         return start + (g.aims - start) * share
 
@@ -290,7 +290,7 @@ def _aim_variants(display: Display) -> Iterator[Variant]:
 
 
 def _exit_variants(display: Display) -> Iterator[Variant]:
-    """Yield right rays with a fault in their values."""
+    """Yield variants that trace correctly but change the results."""
     array, frame = display.array, System.of(display).frame
     bends: dict[str, Bend] = {
         "sign of the direction's x": lambda d: d * (-1, 1, 1),
@@ -325,13 +325,13 @@ def _exit_variants(display: Display) -> Iterator[Variant]:
 
 
 def _along_array(frame: PanelFrame, bend: Bend, direction: Floats) -> Floats:
-    """Return directions bent in the array's axes."""
+    """Return directions changed by `bend` in the array's axes."""
     x, y, z = bend(turn_back(frame, direction)).T
     return np.stack([*frame.turn(x, y), z], axis=1)
 
 
 def change_direction(name: str, bend: Bend) -> Variant:
-    """Return the variant that bends directions."""
+    """Return the variant that changes directions."""
     return Variant("exit", name, bend=lambda rays: {"direction": bend(rays["direction"])})
 
 

@@ -1,8 +1,8 @@
-"""Rays in 50 digits, and their condition: the effect of one rounding of each input.
+"""Trace rays with 50 digits, and compute their condition: the effect of rounding each input.
 
-The distance between golden and these rays is golden's rounding error, because both
-share the formulas: that these are right is shown by an independent tracer
-(tests/host/truth.py). docs/reference/stability.md has the engines' promises.
+Golden and these rays share their formulas, so the distance between them is golden's
+rounding error. An independent tracer (tests/host/truth.py) shows that the formulas are
+correct. docs/reference/stability.md states the engines' promises.
 """
 
 from __future__ import annotations
@@ -22,22 +22,22 @@ from lippmann.optics.rays import Floats, Hits, Rays
 from lippmann.optics.system import Convergence, PanelFrame, System
 from lippmann.optics.trace import hits_of, pixels_from_rays, rays_from_pixels, rays_of
 
-#: A private context, whose precision mpmath.mp does not change.
+#: Private mpmath context; changes of mpmath.mp do not affect its precision.
 mp = mpmath.mp.clone()
 mp.dps = 50
 
-#: Arrays of mpf, or one mpf; mpmath ships no types.
+#: Type of arrays of mpf and of single mpf numbers; mpmath has no type hints.
 Digits = Any
 
-#: Relative step for a condition: far below a float64's last place, above 50 digits'.
+#: Relative step of finite differences: below a float64's resolution, above 50 digits'.
 STEP = mp.mpf(10) ** -24
 
 _convert_number = mp.npconvert
 
 
 def _convert(value: Any) -> Digits:
-    """Return a numpy number as an mpf; refuse an array."""
-    # mpmath would write all of the array into an error for every product.
+    """Convert a numpy number to an mpf; raise TypeError for an array."""
+    # mpmath would format the complete array in an error for each product.
     if isinstance(value, np.ndarray) and value.ndim:
         raise TypeError("an array is not a number")
     return _convert_number(value)
@@ -49,24 +49,24 @@ _root = np.frompyfunc(mp.sqrt, 1, 1)
 
 
 def exact_array(values: npt.ArrayLike) -> Digits:
-    """Return the exact values of any numbers as an array of mpf."""
+    """Convert numbers to an array of mpf with the exact same values."""
     return np.asarray(_number(values), object)
 
 
 class FiftyDigits(NumpyBackend):
-    """Arrays of mpf, 50 digits throughout."""
+    """Backend that computes with arrays of mpf, 50 digits each."""
 
     def __init__(self) -> None:
         super().__init__()
         self.floor, self.sqrt = np.frompyfunc(mp.floor, 1, 1), _root
-        self.real = self.double = exact_array  # a number of any kind, at its exact value
+        self.real = self.double = exact_array  # keep exact values
 
 
 def exact_inputs(rays: PanelRays | WorldRays) -> dict[str, Digits]:
-    """Return rays' exact inputs: columns (N,) of their arrays, and the display's numbers, mm and degrees.
+    """Return the exact inputs of rays: columns (N,) of their arrays, and the display's parameters in mm and degrees.
 
-    The columns are `u`, `v` and, of aperture points, `a`, `b`; of rays from the world,
-    `x` to `z` and `dx` to `dz`.
+    The columns of rays from the panel are `u`, `v` and, with aperture points, `a`, `b`.
+    The columns of rays from the world are `x`, `y`, `z`, `dx`, `dy`, `dz`.
     """
     display = rays.display
     panel, array = display.panel, display.array
@@ -90,24 +90,24 @@ def exact_inputs(rays: PanelRays | WorldRays) -> dict[str, Digits]:
 
 
 def _lengths(name: str, value: float | tuple[float, ...]) -> dict[str, float]:
-    """Return the lengths of both axes by name, or the one of both."""
+    """Return the lengths of both axes, keyed by name, or the common length."""
     if isinstance(value, tuple):
         return {f"{name}_x_mm": value[0], f"{name}_y_mm": value[1]}
     return {f"{name}_mm": value}
 
 
 def _system(rays: PanelRays | WorldRays, n: SimpleNamespace) -> System:
-    """Return the system in mpf of `exact_inputs`; docs/reference/optics.md has the formulas."""
+    """Return the optical system for `exact_inputs`, in mpf; docs/reference/optics.md states the formulas."""
     display, panel, array = rays.display, rays.display.panel, rays.display.array
     to_panel = array.plano_side == "panel"
-    # The optics declare float, and compute with any type of number.
+    # The optics are annotated with float, but compute with any number type.
     pitches, pixels = (
         tuple(getattr(n, f"{name}_{axis}", None) or getattr(n, f"{name}_mm") for axis in ("x_mm", "y_mm"))
         for name in ("pitch", "pixel")
     )
     lattice = Lattice(array.grid, pitches, mp.sqrt(3) / 2, n.shear, array.half_steps)
     (px, py), shear = pitches, abs(n.shear)
-    # Corners of the cell: upper right and, of a hexagon, top.
+    # Corners of the cell: upper right, and top for hexagons.
     corners = [(px + shear * py) / 2, py / 2], [0, 0]
     if array.grid == "hex":
         corners = [px / 2 + shear * py / mp.sqrt(12), py / mp.sqrt(12)], [shear * py / mp.sqrt(3), py / mp.sqrt(3)]
@@ -135,7 +135,7 @@ def _system(rays: PanelRays | WorldRays, n: SimpleNamespace) -> System:
 
 
 def true_rays(rays: PanelRays, **moved: Digits) -> Rays:
-    """Trace rays from the panel into arrays of mpf; `moved` replaces some `exact_inputs`."""
+    """Trace rays from the panel in mpf; `moved` replaces some of the `exact_inputs`."""
     n = SimpleNamespace(**exact_inputs(rays) | moved)
     points = None if rays.aperture is None else (n.a, n.b)
     out = rays_from_pixels(FiftyDigits(), _system(rays, n), n.u, n.v, points, rays.model)
@@ -143,7 +143,7 @@ def true_rays(rays: PanelRays, **moved: Digits) -> Rays:
 
 
 def true_hits(rays: WorldRays, **moved: Digits) -> Hits:
-    """Trace rays from the world likewise, with directions normalised in 50 digits."""
+    """Trace rays from the world in mpf, with directions normalised in 50 digits; `moved` as in `true_rays`."""
     n = SimpleNamespace(**exact_inputs(rays) | moved)
     length = _root(n.dx * n.dx + n.dy * n.dy + n.dz * n.dz)
     unit = n.dx / length, n.dy / length, n.dz / length
@@ -152,7 +152,7 @@ def true_hits(rays: WorldRays, **moved: Digits) -> Hits:
 
 
 def truth(rays: PanelRays | WorldRays, **moved: Digits) -> Rays | Hits:
-    """Trace rays of either way in 50 digits."""
+    """Trace rays from the panel or from the world in 50 digits."""
     return true_rays(rays, **moved) if isinstance(rays, PanelRays) else true_hits(rays, **moved)
 
 
@@ -161,12 +161,12 @@ def _length(vectors: Digits) -> Digits:
 
 
 def size(vectors: Digits) -> Floats:
-    """Return the lengths of rows of mpf or float64, (N,) float64."""
+    """Return the lengths (N,) float64 of vectors of mpf or float64."""
     return np.asarray(_length(vectors), np.float64)
 
 
 def apart(rays: Rays | Hits, true: Rays | Hits) -> tuple[Digits, Digits]:
-    """Return distances from true rays, (N,) mpf, in radians and mm; of hits, in pixels twice."""
+    """Return distances (N,) mpf from true rays, in radians and in mm; for hits, both are in pixels."""
     if isinstance(rays, Hits):
         pixels = _length(rays.pixel - true.pixel)
         return pixels, pixels
@@ -175,19 +175,19 @@ def apart(rays: Rays | Hits, true: Rays | Hits) -> tuple[Digits, Digits]:
 
 
 def has_other_fate(rays: Rays | Hits, true: Rays | Hits) -> Bools:
-    """Tell which rays have another status or lenslet."""
+    """Return a mask (N,) of rays whose status or lenslet differs."""
     return np.asarray((rays.status != true.status) | (rays.lenslet != true.lenslet).any(axis=1))
 
 
 def movable_inputs(rays: PanelRays | WorldRays) -> list[tuple[str, Digits, Floats]]:
-    """Return name, exact value and float64 of inputs, without the display's zeros."""
+    """Return name, exact value and float64 value of the inputs, without display parameters of 0."""
     inputs = exact_inputs(rays).items()
     return [(name, x, np.asarray(x, np.float64)) for name, x in inputs if isinstance(x, np.ndarray) or x]
 
 
 def _slopes(rays: PanelRays | WorldRays, true: Rays | Hits, name: str, value: Digits) -> list[Floats]:
-    """Return how far rays move (see `apart`) per unit of an input."""
-    # If a step changes lenslet or status, the opposite step counts; if both do, 0.
+    """Return the distances that rays move per unit of an input, as in `apart`."""
+    # If a step changes lenslet or status, use the opposite step; if both do, use 0.
     step = STEP if isinstance(value, np.ndarray) else STEP * abs(value)
     ahead = truth(rays, **{name: value + step})
     other, slopes = has_other_fate(ahead, true), apart(ahead, true)
@@ -200,19 +200,20 @@ def _slopes(rays: PanelRays | WorldRays, true: Rays | Hits, name: str, value: Di
 
 
 class Condition(NamedTuple):
-    """How far rays move for a unit in the last place of each input plus one of the result, (N,) float64."""
+    """Distances (N,) float64 that rays move for a rounding of each input and of the result (one ulp each)."""
 
-    #: Radians. For rays from the world: the shift over the array's pitch.
+    #: Change of direction, radians. For rays from the world: shift / array pitch.
     turn: Floats
-    #: Of the exit point, whose unit is that of pitch or thickness. For rays from the
-    #: world: of the point on the panel.
+    #: Shift of the exit point, whose ulp is that of pitch or thickness. For rays from
+    #: the world: shift of the point on the panel.
     shift_mm: Floats
-    #: Radians for one mm at start and aperture point. For rays from the world: 0.
+    #: Change of direction, radians, per mm at start and aperture point. For rays from the
+    #: world: 0.
     start: Floats
 
 
 def condition(rays: PanelRays | WorldRays, true: Rays | Hits) -> Condition:
-    """Return the condition of `exact` rays. An input of 0 has no last place."""
+    """Return the condition of rays of the model `exact`. Inputs of 0 are not rounded."""
     array, pixel_mm = rays.display.array, rays.display.panel.coarsest_mm
     turn = np.full(len(true.status), float(np.spacing(1.0)))
     shift = np.full(len(turn), float(np.spacing(max(array.coarsest_mm, array.thickness_mm))))

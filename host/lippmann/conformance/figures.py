@@ -1,4 +1,4 @@
-"""Tables of measured values, their spreads (columns NAME_spread), and comparisons of runs."""
+"""Tables of measured values with their spreads (columns NAME_spread), and comparisons of two runs."""
 
 from __future__ import annotations
 
@@ -14,13 +14,13 @@ import numpy as np
 from lippmann.base.files import replacing
 from lippmann.errors import InputError, input_error, reason
 
-#: Suffix of a column of spreads.
+#: Suffix of the names of spread columns.
 SPREAD = "_spread"
 
 
 @dataclass(frozen=True)
 class Measured:
-    """The median of repeats, and their spread, maximum minus minimum; 0 for a single measurement."""
+    """Median and spread (maximum minus minimum) of repeats; a single measurement has spread 0."""
 
     median: float
     spread: float = 0.0
@@ -33,18 +33,18 @@ class Measured:
 
     @classmethod
     def finite(cls, value: float) -> Measured | None:
-        """Return a value without repeats; None for infinity, as of equal pictures' PSNR."""
+        """Return a single measurement; None for infinity, such as the PSNR of equal pictures."""
         return cls(value) if math.isfinite(value) else None
 
 
-#: A value of a table: text, number, truth value, several, `Measured`, or None.
+#: Value of a table cell: text, number, bool, sequence of values, `Measured`, or None.
 Value = Any
 Row = Mapping[str, Value]
 Rows = Sequence[Row]
 
 
 def groups(rows: Iterable[Row], *keys: str) -> list[list[Row]]:
-    """Return the rows grouped by their values of some keys."""
+    """Return the rows, grouped by their values in the columns `keys`."""
     rows_of: dict[tuple[Value, ...], list[Row]] = {}
     for row in rows:
         rows_of.setdefault(tuple(row[key] for key in keys), []).append(row)
@@ -53,21 +53,21 @@ def groups(rows: Iterable[Row], *keys: str) -> list[list[Row]]:
 
 @dataclass(frozen=True)
 class Figures:
-    """A table of measured values; `name` is its file's name without extension."""
+    """A table of measured values; `name` is the table's file name without extension."""
 
     name: str
-    #: The columns that identify a row.
+    #: Names of the columns that identify a row.
     keys: tuple[str, ...]
-    #: All rows have the same columns; those that are not keys hold `Measured` or None.
+    #: Rows with the same columns; columns other than keys contain `Measured` or None.
     rows: Rows
 
     @property
     def figures(self) -> tuple[str, ...]:
-        """The columns that hold measured values."""
+        """Names of the columns with measured values."""
         return tuple(key for key in (self.rows[0] if self.rows else ()) if key not in self.keys)
 
     def values(self) -> dict[tuple[str, ...], Measured]:
-        """Return the measured values by the texts of their row's keys and column."""
+        """Return the measured values, keyed by the texts of the row's keys and the column name."""
         return {
             (*(str(row[key]) for key in self.keys), column): value
             for row in self.rows
@@ -76,7 +76,7 @@ class Figures:
         }
 
     def flat(self) -> Rows:
-        """Return the rows of the CSV, with each measured value's median and spread."""
+        """Return the rows of the CSV file, with median and spread of each measured value as two columns."""
         return [{k: v for column in row for k, v in self._cells(column, row[column]).items()} for row in self.rows]
 
     def _cells(self, column: str, value: Value) -> dict[str, Value]:
@@ -87,17 +87,16 @@ class Figures:
 
 @dataclass(frozen=True)
 class Stored:
-    """An earlier run: its origin (machine, date, ...), and its tables by name."""
+    """An earlier run: its origin (machine, date, ...), and its tables keyed by name."""
 
     origin: dict[str, str]
     tables: dict[str, Figures]
 
 
 def read_stored(folder: Path, names: Sequence[str]) -> Stored | None:
-    """Read the tables of a run from a folder; None when there are none.
+    """Read the tables of a run from a folder; return None if the folder contains none.
 
-    Raises InputError for a file that is not such a table, or is of another run than the
-    others.
+    Raises InputError for a file that is not such a table, or belongs to another run.
     """
     paths = [path for path in (folder / f"{name}.csv" for name in names) if path.exists()]
     read = [read_figures(path) for path in paths]
@@ -106,18 +105,18 @@ def read_stored(folder: Path, names: Sequence[str]) -> Stored | None:
     origin = read[0][0]
     for path, (other, _) in zip(paths, read, strict=True):
         if other != origin:
-            raise _broken(path, f"is of another run than {paths[0].name}")
+            raise _broken(path, f"is from another run than {paths[0].name}")
     return Stored(origin, {table.name: table for _, table in read})
 
 
 def read_figures(path: Path) -> tuple[dict[str, str], Figures]:
-    """Read a table of measured values and its origin, or raise InputError."""
+    """Read a table of measured values and its origin; raise InputError for an invalid file."""
     origin, rows = read_csv(path)
     columns = list(rows[0]) if rows else []
     figures = [column for column in columns if column + SPREAD in columns]
     keys = tuple(c for c in columns if c not in figures and c.removesuffix(SPREAD) not in figures)
     if not (figures and keys):
-        raise _broken(path, "holds no measured values with their spread")
+        raise _broken(path, "contains no measured values with their spread")
     try:
         values = [{c: row[c] if c in keys else _measured(row, c) for c in (*keys, *figures)} for row in rows]
     except (TypeError, ValueError) as error:
@@ -135,10 +134,10 @@ def _measured(row: Row, column: str) -> Measured | None:
 
 
 def read_csv(path: Path) -> tuple[dict[str, str], list[dict[str, Value]]]:
-    """Read a report's CSV: origin (lines `# key: value`) and rows, with empty cells as None.
+    """Read a report's CSV file; return its origin (lines `# key: value`) and rows. Empty cells become None.
 
-    Raises InputError for an unreadable file, or a row of another length than the
-    heading.
+    Raises InputError for an unreadable file, or a row whose length differs from the
+    heading's length.
     """
     try:
         lines = path.read_text(encoding="utf-8").splitlines()
@@ -147,7 +146,7 @@ def read_csv(path: Path) -> tuple[dict[str, str], list[dict[str, Value]]]:
     origin = [line[1:].partition(":") for line in lines if line.startswith("#")]
     rows = list(csv.DictReader(line for line in lines if not line.startswith("#")))
     if any(None in row or None in row.values() for row in rows):
-        raise _broken(path, "has rows of another length than its heading")
+        raise _broken(path, "has rows whose length differs from the heading's length")
     values = [{key: _value(text) for key, text in row.items()} for row in rows]
     return {key.strip(): value.strip() for key, _, value in origin}, values
 
@@ -168,7 +167,7 @@ def _broken(path: Path, what: str) -> InputError:
 
 @dataclass(frozen=True)
 class Move:
-    """A value that moved; `row` has the keys of its row."""
+    """A measured value that changed; `row` lists the keys of its row."""
 
     table: str
     row: str
@@ -178,11 +177,11 @@ class Move:
 
     @property
     def ratio(self) -> float | None:
-        """Now over before; None when it was 0 before."""
+        """Ratio of the new to the old value; None if the old value is 0."""
         return self.now.median / self.before.median if self.before.median else None
 
     def flat(self) -> Row:
-        """Return the move as a row of a CSV."""
+        """Return the change as a row of a CSV file."""
         before = {"before": self.before.median, "spread_before": self.before.spread}
         now = {"now": self.now.median, "spread_now": self.now.spread, "ratio": self.ratio}
         return {"table": self.table, "row": self.row, "figure": self.figure, **before, **now}
@@ -190,29 +189,29 @@ class Move:
 
 @dataclass(frozen=True)
 class Comparison:
-    """The result of a comparison."""
+    """Result of the comparison of two runs."""
 
     before: Mapping[str, str]
-    #: Of command and seed, those that differ; then nothing was compared.
+    #: Which of command and seed differ; if any differs, nothing was compared.
     differs: tuple[str, ...] = ()
-    #: Other entries of the origin that differ: machine, versions.
+    #: Which of machine and versions differ.
     changed: tuple[str, ...] = ()
-    #: Number of values of both runs, and those of them that moved.
+    #: Number of values present in both runs.
     compared: int = 0
     moved: tuple[Move, ...] = ()
-    #: Number of values of this run only, and of the earlier run only.
+    #: Numbers of values present only in the new run, and only in the earlier run.
     new: int = 0
     gone: int = 0
 
 
 def has_moved(before: Measured, now: Measured) -> bool:
-    """Tell whether a value moved by more than the noise."""
+    """Return whether a value changed by more than the noise."""
     apart = abs(now.median - before.median)
-    return apart > max(before.spread + now.spread, 1e-6 * abs(before.median))  # beyond rounding errors
+    return apart > max(before.spread + now.spread, 1e-6 * abs(before.median))  # 1e-6 allows rounding errors
 
 
 def compare(origin: Mapping[str, str], tables: Sequence[Figures], before: Stored | None) -> Comparison:
-    """Compare the origin and tables of a run with those of an earlier one, if any."""
+    """Compare the origin and tables of a run with an earlier run, if there is one."""
     if before is None:
         return Comparison({})
     differs = tuple(key for key in ("command", "seed") if origin[key] != before.origin.get(key))
@@ -241,26 +240,26 @@ def where(rows: Rows, **requested: Value) -> list[Row]:
 
 
 def values(rows: Sequence[Value], key: str, unit: float = 1.0) -> list[Value]:
-    """Return a column of rows or dataclasses, in a unit; measured values are medians."""
+    """Return a column of rows or dataclasses, divided by a unit; measured values become medians."""
     plain = (row.get(key) if isinstance(row, Mapping) else getattr(row, key) for row in rows)
     medians = (value.median if isinstance(value, Measured) else value for value in plain)
     return [value if unit == 1.0 or value is None else value / unit for value in medians]
 
 
 def columns(rows: Rows, names: Mapping[str, str | tuple[str, float]]) -> dict[str, list[Value]]:
-    """Return a table's columns; `names` maps headings to a key, or to key and unit."""
+    """Return a table's columns; `names` maps a heading to a key, or to a key and a unit."""
     return {heading: values(rows, *([key] if isinstance(key, str) else key)) for heading, key in names.items()}
 
 
 def spanned(numbers: Sequence[float | None], digits: int = 1) -> str:
-    """Return the range of numbers, such as "21.5 to 23.3", without None; "-" if empty."""
+    """Return the range of numbers as text, such as "21.5 to 23.3"; None is skipped, and "-" means no numbers."""
     present = [number for number in numbers if number is not None]
     ends = [f"{number:.{digits}f}" for number in (min(present), max(present))] if present else ["-"]
     return " to ".join(dict.fromkeys(ends))
 
 
 def figure(value: Value) -> str:
-    """Return a value's text in a table: three digits, full counts, medians, "-" for None."""
+    """Format a table cell: floats with three digits, integers in full, measured values as median, None as "-"."""
     if isinstance(value, Measured):
         value = value.median
     if value is None:
@@ -277,14 +276,14 @@ def figure(value: Value) -> str:
 
 
 def table(columns: Mapping[str, Sequence[Value]]) -> str:
-    """Return a Markdown table of columns of equal length."""
+    """Format columns of equal length as a Markdown table."""
     rows = [list(columns), ["---"] * len(columns)]
     rows += [[figure(value) for value in row] for row in zip(*columns.values(), strict=True)]
     return "".join(f"| {' | '.join(row)} |\n" for row in rows)
 
 
 def plain_table(rows: Rows) -> str:
-    """Return rows as padded columns for a terminal."""
+    """Format rows as a text table with padded columns for a terminal."""
     names = column_names(rows)
     columns = [[name, *(figure(row.get(name)) for row in rows)] for name in names]
     padded = [[cell.ljust(max(map(len, cells))) for cell in cells] for cells in columns]
@@ -292,12 +291,12 @@ def plain_table(rows: Rows) -> str:
 
 
 def column_names(rows: Rows) -> list[str]:
-    """Return the names of all columns, in their first order."""
+    """Return the names of all columns, in order of their first occurrence."""
     return list(dict.fromkeys(name for row in rows for name in row))
 
 
 def write_csv(path: Path, origin: Mapping[str, str], rows: Rows) -> None:
-    """Write the origin as lines `# key: value`, then rows; missing cells stay empty."""
+    """Write a CSV file: the origin as lines `# key: value`, then the rows; missing cells stay empty."""
     with replacing(path) as partial, partial.open("w", newline="") as stream:
         stream.writelines(f"# {key}: {value}\n" for key, value in origin.items())
         writer = csv.DictWriter(stream, column_names(rows), lineterminator="\n")

@@ -1,9 +1,9 @@
-"""`fit`: the cheapest model, number of samples and RTL build for chief rays within a tolerance.
+"""Choose the cheapest lens model, number of samples and RTL build for chief rays within a tolerance.
 
-All errors are in pixels of the reconstructed view (docs/models.md). Along each axis the
-light of a panel pixel spreads to w = |z| q / D at depth z, which is w / max(p, w)
-reconstructed pixels. The error of n samples is their `gap` in a rectangle of these
-sides, largest at the farthest depth.
+All errors are in pixels of the reconstructed view (docs/models.md). Along each axis,
+the light of a panel pixel spreads to the width w = |z| q / D at depth z, which is w /
+max(p, w) reconstructed pixels. The error of n samples is their `gap` in a rectangle
+with these sides. The error has its maximum at the farthest depth.
 """
 
 from __future__ import annotations
@@ -40,30 +40,31 @@ from lippmann.optics.sample_points import R2_STEPS, pixel_steps
 from lippmann.optics.system import System
 
 MOST_SAMPLES = 1024
-#: Candidates, each one more than the one before, or up to 5 %; 1024^(1/142) is 1.05.
+#: Candidate numbers of samples, in steps of 1 or of about 5 % (1024^(1/142) is 1.05).
 TRIED_SAMPLES = sorted({round(MOST_SAMPLES ** (k / 142)) for k in range(143)})
-#: Extent of a build's probe in the cell: beyond, rounding may choose the neighbour.
+#: Scale of the cell for probes; outside it, rounding may choose the neighbour.
 INSIDE = 0.97
-#: Rays of a build's second test, and the margin for the roundings of other rays.
+#: Number of rays in a build's second test, and the fraction added for other rays'
+#: rounding errors.
 SPREAD_RAYS, ROUNDING_MARGIN = 200_000, 0.05
 
 
 @documented
 @dataclass(frozen=True)
 class Fit:
-    """The choices and their errors, in pixels of the reconstructed view."""
+    """Chosen model, samples and build with their errors, in pixels of the reconstructed view."""
 
     choice: Annotated[Choice, key("lens model")]
-    samples: Annotated[int | None, key("rays for each pixel; None when MOST_SAMPLES are too few")]
-    sample_error_px: Annotated[float, key("their error, or that of MOST_SAMPLES")]
-    build: Annotated[Build | None, key("build of the RTL; None when every build exceeds the tolerance")]
-    build_error_px: Annotated[float, key("its error, or the best build's; infinite when no build traces this display")]
+    samples: Annotated[int | None, key("rays per pixel; None if MOST_SAMPLES rays are too few")]
+    sample_error_px: Annotated[float, key("error of the samples, or of MOST_SAMPLES")]
+    build: Annotated[Build | None, key("build of the RTL; None if every build exceeds the tolerance")]
+    build_error_px: Annotated[float, key("error of this or the best build; infinite without a build")]
 
 
 def fit(display: Display, depth_range_mm: Pair, tolerance: float = TOLERANCE) -> Fit:
-    """Choose model, samples and build within a tolerance. Parameters and errors as `choose_model`."""
+    """Choose model, samples and build within a tolerance; parameters and errors are those of `choose_model`."""
     choice = choose_model(display, depth_range_mm, "chief", tolerance)
-    # The spread of a panel pixel along each axis, in reconstructed pixels.
+    # Spread of a panel pixel along each axis, in reconstructed pixels.
     farthest = max(map(abs, depth_range_mm)) / display.aperture_distance_mm
     x, y = (farthest * q / max(display.array.finest_mm, farthest * q) for q in display.panel.pitches_mm)
     samples = choose_samples((x, y), tolerance)
@@ -72,20 +73,22 @@ def fit(display: Display, depth_range_mm: Pair, tolerance: float = TOLERANCE) ->
 
 
 def choose_samples(spread_px: Pair, tolerance: float) -> int | None:
-    """Return the first of TRIED_SAMPLES whose gap is within a tolerance, or None."""
-    # With one sample more, all move, and the gap may grow.
+    """Return the first of TRIED_SAMPLES whose gap is within the tolerance, or None."""
+    # The gap is not monotonic, as an added sample moves all samples.
     return next((samples for samples in TRIED_SAMPLES if gap(samples, spread_px) <= tolerance), None)
 
 
 @cache
 def gap(samples: int, sides: Pair) -> float:
-    """Return the largest distance in a rectangle to the renderer's nearest sample, mirrored or transposed.
+    """Return the maximum distance in a rectangle to the nearest sample; samples may be
+    mirrored or transposed.
 
-    It is at a corner of the Voronoi cells, clipped by samples reflected in the sides.
+    The maximum lies at a corner of a Voronoi cell; reflected samples clip the cells at
+    the rectangle's sides.
     """
     if samples == 1:
         return 0.5 * math.hypot(*sides)
-    from scipy.spatial import KDTree, Voronoi  # at its first use: slow to load
+    from scipy.spatial import KDTree, Voronoi  # slow to load
 
     steps = np.arange(samples)[:, None]
     first, step = np.transpose(pixel_steps(samples))
@@ -104,14 +107,14 @@ def gap(samples: int, sides: Pair) -> float:
 
 
 def choose_build(display: Display, depth_range_mm: Pair, tolerance: float) -> tuple[Build | None, float]:
-    """Return the cheapest RTL build within a tolerance and its error, or None and the smallest error."""
+    """Return the cheapest RTL build within a tolerance and its error; or None and the smallest error."""
     try:
-        # Rounding pixels to words first moves none over a border.
+        # Pixels are rounded to words first, so rounding moves no pixel across a border.
         probes = {
             name: away_from_borders(display, pixels_of_words(display, *words_of_pixels(display, pixels)))
             for name, pixels in (("few", probe(display, "chief", INSIDE)[0]), ("many", _spread(display)))
         }
-    except InputError:  # the panel is larger than the words can hold
+    except InputError:  # the panel exceeds the range of the words
         return None, math.inf
 
     @cache
@@ -121,7 +124,7 @@ def choose_build(display: Display, depth_range_mm: Pair, tolerance: float) -> tu
     def error_px(name: str, model: HardwareModel, bits: int) -> float:
         try:
             rays = trace_fixed(display, probes[name], None, model, bits)
-        except InputError:  # the registers cannot hold this display
+        except InputError:  # the display exceeds the range of the registers
             return math.inf
         kinds: set[Model] = {model, "exact"}
         far = {kind: model_error_px(display, unrounded(name, kind), rays, depth_range_mm) for kind in kinds}
@@ -140,18 +143,18 @@ def choose_build(display: Display, depth_range_mm: Pair, tolerance: float) -> tu
 
 
 def _spread(display: Display) -> Floats:
-    """Return pixel coordinates (N, 2) all over the panel, and in their cells' corners."""
+    """Return pixel coordinates (N, 2): points spread over the panel, and points in the corners of their cells."""
     numbers = np.arange(SPREAD_RAYS)
     everywhere = np.outer(numbers, R2_STEPS) % 1.0 * panel_size(display)
     corners = INSIDE * corners_mm(display.array)
-    # The outer tenth of the way from a cell's centre to its corner.
+    # The outer tenth of the line from a cell's centre to its corner.
     local = corners[numbers % len(corners)] * np.linspace(0.9, 1.0, SPREAD_RAYS)[:, None]
     in_corners = pixels_from_cells(display, located(display, everywhere)[0], local)
     return np.concatenate([everywhere, on_panel(display, in_corners)])
 
 
 def away_from_borders(display: Display, pixels: Floats) -> Floats:
-    """Return the pixel coordinates (N, 2) that lie in their cell shrunk by INSIDE."""
+    """Return those pixel coordinates (N, 2) that lie in their cell scaled by INSIDE."""
     lattice = System.of(display).lattice
     axes = np.array(lattice.axes)
     across = np.abs(in_cells_mm(display, pixels) @ axes.T).max(axis=1)

@@ -1,4 +1,4 @@
-"""Hard cases: named sets of numerically difficult rays, some on extreme displays."""
+"""Hard cases: named sets of numerically difficult rays, partly on extreme displays."""
 
 from __future__ import annotations
 
@@ -35,30 +35,30 @@ from lippmann.optics.rays import Floats, Status
 from lippmann.optics.system import PanelFrame
 from lippmann.optics.trace import FARTHEST_LENSLETS
 
-#: Distances of rays from an onset, in units of the last place of the aim.
+#: Distances of aims from an onset, in units of the aim's last place.
 ULPS = (-64, -16, -4, -2, -1, 0, 1, 2, 4, 16, 64)
 
 Sets = Iterator[PanelRays | WorldRays]
 Generator = Callable[[Display, Random, int], Sets]
 
 
-#: All cases by name; the docstring of each says what it tests.
+#: Generators of all cases, keyed by name; their docstrings describe the cases.
 CASES: dict[str, Generator] = {}
 
 
 def _case(make: Generator) -> Generator:
-    """Add the case of a generator, under its name."""
+    """Add a generator to `CASES` under its name."""
     CASES[make.__name__.replace("_", "-")] = make
     return make
 
 
 def _of_displays(displays: Callable[[Display], Mapping[str, Display]]) -> Generator:
-    """Add a case of random rays, a set for each display."""
+    """Add a case that yields a set of random rays for each display."""
 
     @wraps(displays)
     def make(display: Display, random: Random, count: int) -> Sets:
         variants, case = displays(display), displays.__name__.replace("_", "-")
-        each = count if len(variants) <= 10 else max(4, count // 3)  # about as many rays as other cases
+        each = count if len(variants) <= 10 else max(4, count // 3)  # as many rays as other cases
         for variant, other in variants.items():
             pixels = random_pixels(other, random, each)
             yield PanelRays(f"{case}/{variant}", other, pixels, random_aims(other, random, each))
@@ -67,7 +67,7 @@ def _of_displays(displays: Callable[[Display], Mapping[str, Display]]) -> Genera
 
 
 def hard_sets(display: Display, name: str = "all", seed: int = 0, count: int = 24) -> Sets:
-    """Yield the sets of a case or of "all", about `count` rays each; raise InputError for an unknown case."""
+    """Yield the sets, about `count` rays each, of a case or of "all"; raise InputError for an unknown case."""
     if name != "all" and name not in CASES:
         raise InputError(f"unknown case '{name}'; choose from all, {', '.join(CASES)}")
     for number, (each, case) in enumerate(CASES.items()):
@@ -76,7 +76,7 @@ def hard_sets(display: Display, name: str = "all", seed: int = 0, count: int = 2
 
 
 def changed(display: Display, *, gap_mm: float | None = None, **array: Any) -> Display:
-    """Return a display with another array, an index for the glass, a valid thickness and eye."""
+    """Return a display with changed array keys; the index replaces the glass, thickness and eye stay valid."""
     thickness_mm = array.pop("thickness_mm", display.array.thickness_mm)
     domes = replace(display.array, **{"glass": None, **array})
     domes = replace(domes, thickness_mm=max(thickness_mm, domes.sag_mm))
@@ -86,23 +86,23 @@ def changed(display: Display, *, gap_mm: float | None = None, **array: Any) -> D
 
 
 def without_eye(display: Display) -> Display:
-    """Return a display with its elemental images right behind their lenslets."""
+    """Return the display with each elemental image directly behind its lenslet."""
     return replace(display, viewing_distance_mm=None, viewing_axis_mm=(0.0, 0.0))
 
 
 def steep(display: Display, share: float = 1.02) -> Display:
-    """Return a display of thin, nearly hemispherical domes, a pitch from the panel."""
+    """Return the display with thin, nearly hemispherical domes, one pitch away from the panel."""
     array = display.array
     return changed(display, radius_mm=share * array.half_diagonal_mm, thickness_mm=0.0, gap_mm=array.coarsest_mm)
 
 
 def _nudged(points: Floats, random: Random) -> Floats:
-    """Move each coordinate of points by up to 2 units of its last place."""
+    """Return points whose coordinates are moved by up to 2 units of their last place."""
     return points + random.integers(-2, 3, points.shape) * np.spacing(points)
 
 
 def _near_onset(name: str, display: Display, pixels: Floats, aims: Floats) -> PanelRays:
-    """Return rays to aims (N, 2), and to those at `ULPS` from them."""
+    """Return rays to aims that differ from aims (N, 2) by `ULPS`."""
     near = aims[:, None] + np.array(ULPS)[:, None] * np.spacing(np.abs(aims))[:, None]
     return PanelRays(name, display, np.repeat(pixels, len(ULPS), axis=0), near.reshape(-1, 2))
 
@@ -112,7 +112,7 @@ def _near_onset(name: str, display: Display, pixels: Floats, aims: Floats) -> Pa
 
 @_case
 def chief_ray(display: Display, random: Random, count: int) -> Sets:
-    """Rays through a lenslet's vertex from behind it, within a few roundings: no refraction."""
+    """Test rays from behind a lenslet's vertex through the vertex: they are not refracted."""
     lenslets = random.integers(-3, 4, (count, 2))
     at = pixels_from_cells(display, lenslets, np.zeros((count, 2)))
     yield PanelRays("chief-ray", display, np.concatenate([at, _nudged(at, random)]), None)
@@ -120,20 +120,20 @@ def chief_ray(display: Display, random: Random, count: int) -> Sets:
 
 @_case
 def cell_edges(display: Display, random: Random, count: int) -> Sets:
-    """Pixels and aims within a few roundings of the edges of cells: each ray has exactly one lenslet."""
+    """Test pixels and aims within a few roundings of cell edges: each ray belongs to exactly one lenslet."""
     yield from _on_border("cell-edges", display, random, edge_points(display, random, 2 * count), (1, -2))
 
 
 @_case
 def cell_corners(display: Display, random: Random, count: int) -> Sets:
-    """Pixels and aims within a few roundings of the corners of squares and hexagons."""
+    """Test pixels and aims within a few roundings of the corners of cells."""
     corners = corners_mm(display.array)
     points = corners[random.integers(0, len(corners), 2 * count)]
     yield from _on_border("cell-corners", display, random, points, (-1, 3))
 
 
 def _on_border(case: str, display: Display, random: Random, points: Floats, lenslet: tuple[int, int]) -> Sets:
-    """Yield pixels at half of the points of a cell, and aims at the others."""
+    """Yield two sets: pixels at the first half of a cell's points, and aims at the second half."""
     count = len(points) // 2
     pixels, _ = pixels_at(display, points[:count], lenslet)
     yield PanelRays(f"{case}/pixels", display, _nudged(pixels, random), None)
@@ -143,7 +143,7 @@ def _on_border(case: str, display: Display, random: Random, points: Floats, lens
 
 @_case
 def cell_ties(display: Display, random: Random, count: int) -> Sets:
-    """Pixels exactly on edges and corners, at exact coordinates: the tie rule decides."""
+    """Test pixels exactly on edges and corners: the tie rule decides the lenslet."""
     del random
     square = replace(display.panel, width_px=400, height_px=320, pixel_pitch_mm=0.0625)
     plain = changed(display, shear=0.0, extent_mm=None, rotation_deg=0.0, offset_mm=(0.0, 0.0))
@@ -156,9 +156,9 @@ def cell_ties(display: Display, random: Random, count: int) -> Sets:
 
 @_case
 def grazing_launch(display: Display, random: Random, count: int) -> Sets:
-    """Rays that leave the panel at ever flatter angles, down to parallel within rounding or to the array's end."""
+    """Test rays at decreasing angles to the panel, until they are parallel within rounding or reach the array's end."""
     pixels = random_pixels(display, random, count)
-    # Half of the engines' limit: a rounding or a tolerance stays within it.
+    # Half of the engines' limit leaves room for rounding and tolerances.
     farthest = 0.5 * FARTHEST_LENSLETS * display.array.finest_mm / display.aperture_distance_mm
     far = display.aperture_distance_mm * random_sizes(random, 1.0, min(1e8, farthest), count)
     yield PanelRays("grazing-launch", display, pixels, far * random_directions(random, count))
@@ -167,14 +167,14 @@ def grazing_launch(display: Display, random: Random, count: int) -> Sets:
 def _flips(
     display: Display, random: Random, count: int, status: Status, reach: float = 1.5, centres: bool = False
 ) -> tuple[Floats, Floats, Floats]:
-    """Return at most `count` pixels, the last aims before rays get a status, and aims well before; (M, 2) each."""
+    """Return pixels, the last aims before rays get a status, and aims well before it, (M, 2) each; M <= `count`."""
 
     def has(aims: Floats) -> Bools:
         return np.asarray(trace(display, pixels, aims).status == int(status))
 
     many = 400 * count
     pixels = pixels_at(display, random_aims(display, random, many))[0]
-    if centres:  # which every word holds exactly
+    if centres:  # exact in every word length
         pixels = np.floor(pixels) + 0.5
     inner = random_aims(display, random, many)
     outer = random_aims(display, random, many, reach)
@@ -185,7 +185,7 @@ def _flips(
 
 @_case
 def total_reflection(display: Display, random: Random, count: int) -> Sets:
-    """Steep lenslets of high index: rays within 64 roundings of total internal reflection, on both sides."""
+    """Test rays within 64 roundings of total internal reflection, on both sides, in steep, high-index lenslets."""
     dense = changed(steep(display), index=1.9)
     pixels, aims, _ = _flips(dense, random, max(2, count // 4), Status.INTERNAL_REFLECTION)
     yield _near_onset("total-reflection", dense, pixels, aims)
@@ -193,9 +193,10 @@ def total_reflection(display: Display, random: Random, count: int) -> Sets:
 
 @_case
 def grazing_exit(display: Display, random: Random, count: int) -> Sets:
-    """Rays that leave the last face at ever flatter angles, down to 10^-15 of the distance to total reflection.
+    """Test exit rays at decreasing angles to the last face, down to 10^-15 of the distance to total reflection.
 
-    The second set, from pixel centres, is as near to it as words can be.
+    The second set starts at pixel centres, and is as near to total reflection as words
+    allow.
     """
     dense = changed(steep(display), index=1.9)
     for name, nearest, farthest, centres in (("", 1e-15, 0.1, False), ("/words", 3e-8, 3e-6, True)):
@@ -206,9 +207,10 @@ def grazing_exit(display: Display, random: Random, count: int) -> Sets:
 
 @_case
 def far_cells(display: Display, random: Random, count: int) -> Sets:
-    """Steep domes hit at up to 1.4 pitches from the lenslet: rays that leave through the one behind the neighbour.
+    """Test rays that leave through the lenslet beyond the neighbour, aimed up to 1.4 pitches off at steep domes.
 
-    There are none where the domes face the viewer: farther cells need farther aims.
+    If the domes face the viewer, there are no such rays, because farther cells need
+    farther aims.
     """
     far = changed(steep(display), gap_mm=1.5 * display.array.coarsest_mm)
     many = 400 * count
@@ -223,7 +225,7 @@ def far_cells(display: Display, random: Random, count: int) -> Sets:
 
 @_case
 def fates(display: Display, random: Random, count: int) -> Sets:
-    """Rays on both sides of the onset of crosstalk, of blocking by a dome, and of a missed array."""
+    """Test rays on both sides of the onsets of crosstalk, of blocking by a dome, and of missing the array."""
     array = display.array
     thin = changed(display, radius_mm=1.02 * array.half_diagonal_mm, index=1.25, thickness_mm=0.0, gap_mm=0.0)
     canyon = changed(display, radius_mm=400.0 * array.coarsest_mm, thickness_mm=0.0, gap_mm=0.0)
@@ -236,11 +238,11 @@ def fates(display: Display, random: Random, count: int) -> Sets:
 
 @_case
 def losses(display: Display, random: Random, count: int) -> Sets:
-    """Rays of every fate, far from its onset: stopped by a dome, at a wall between domes, at the array's end."""
+    """Test rays of every status far from its onset: stopped by a dome, by a wall, or by the array's end."""
     array, panel = display.array, display.panel
     domes = changed(display, radius_mm=1.02 * array.half_diagonal_mm, index=1.25, thickness_mm=0.0, gap_mm=0.0)
     walls = changed(domes, shear=1.0, radius_mm=1.02 * replace(array, shear=1.0).half_diagonal_mm)
-    # The end lies between lenslets' centres.
+    # The array ends between centres of lenslets.
     sides = ((panel.width_mm, array.pitches_mm[0]), (panel.height_mm, array.row_pitch_mm))
     extent_mm = tuple(2.0 * (math.floor(0.3 * side / pitch) + 0.7) * pitch for side, pitch in sides)
     ends = changed(steep(without_eye(display)), shear=0.0, offset_mm=(0.0, 0.0), extent_mm=extent_mm)
@@ -250,7 +252,7 @@ def losses(display: Display, random: Random, count: int) -> Sets:
         aims = random_aims(extreme, random, many, reach)
         rays = PanelRays(f"losses/{name}", extreme, pixels, aims)
         status = rays.trace().status
-        if name == "ends":  # from lenslets that are there
+        if name == "ends":  # only rays from existing lenslets
             there = Lattice.of(extreme.array).present(NumpyBackend(), *rays.steps()["home"].T)
             status = np.where(there, status, len(Status))
         yield rays.select(np.concatenate([np.flatnonzero(status == int(one))[:count] for one in Status]))
@@ -258,15 +260,15 @@ def losses(display: Display, random: Random, count: int) -> Sets:
 
 @_case
 def tangent(display: Display, random: Random, count: int) -> Sets:
-    """Rays in air that touch a dome: the discriminant is within a few roundings of zero, on both sides, and beyond."""
+    """Test rays in air that touch a dome: the discriminant is near zero, on both sides, or exceeds zero."""
     hilly = without_eye(steep(display, 1.001))
     R = hilly.array.radius_mm
-    # Points near a dome that bulges to +z, and tangent directions, lens-local.
+    # Points near a dome that bulges to +z, with tangent directions, lens coordinates.
     foot = random_aims(hilly, random, 40 * count)
     slope = np.hypot(*foot.T) / R
     foot = foot[slope > 0.75][: 2 * count]
     normal = np.column_stack([foot / R, np.sqrt(1.0 - (foot**2).sum(axis=1) / R**2)])
-    # Downhill, rotated to either side.
+    # Downhill directions, rotated to both sides.
     down = unit_vectors(np.column_stack([foot, np.zeros(len(foot))]))
     down = unit_vectors(down - (down * normal).sum(axis=1)[:, None] * normal)
     turn = random.uniform(-0.6, 0.6, (len(foot), 1))
@@ -275,13 +277,13 @@ def tangent(display: Display, random: Random, count: int) -> Sets:
     lift *= random.choice((-1.0, 1.0), (len(foot), 1))
     point = R * normal - (0.0, 0.0, R) + lift * normal
     if display.array.plano_side == "panel":
-        # From the world: the domes face the viewer.
+        # These rays come from the world, because the domes face away from the panel.
         frame = PanelFrame.of(hilly)
         x, y, z = (point - 10.0 ** random.uniform(0.0, 2.0, (len(point), 1)) * direction).T
         origin = np.column_stack([*frame.panel_from_array(x, y), z])
         yield WorldRays("tangent", hilly, origin, np.column_stack([*frame.turn(*direction[:, :2].T), direction[:, 2]]))
         return
-    # From the panel, which is above the mirrored dome.
+    # These rays come from the panel, which is above the mirrored dome.
     start = point + (hilly.gap_mm - point[:, 2:]) / direction[:, 2:] * direction
     aim = point + (hilly.gap_mm - hilly.aperture_distance_mm - point[:, 2:]) / direction[:, 2:] * direction
     pixels, own = pixels_at(hilly, start[:, :2])
@@ -293,14 +295,14 @@ def tangent(display: Display, random: Random, count: int) -> Sets:
 
 @_of_displays
 def flat_domes(display: Display) -> dict[str, Display]:
-    """Nearly flat lenslets, R from 10 mm to 10^6 mm: no error may grow with R."""
+    """Test nearly flat lenslets, with R from 10 mm to 10^6 mm: errors must not grow with R."""
     least = 1.1 * display.array.half_diagonal_mm
     return {f"1e{k}-mm": changed(display, radius_mm=max(10.0**k, least)) for k in range(1, 7)}
 
 
 @_of_displays
 def full_spheres(display: Display) -> dict[str, Display]:
-    """Nearly full hemispheres with upright rims: R exceeds half the cell's diagonal by a tenth down to one rounding."""
+    """Test near hemispheres with vertical rims: R exceeds the half diagonal by 10 % down to one rounding."""
     rho = display.array.half_diagonal_mm
     radii = {f"1e-{k}": rho * (1.0 + 10.0**-k) for k in (1, 3, 6, 12)} | {"1-ulp": math.nextafter(rho, math.inf)}
     return {name: changed(display, radius_mm=radius) for name, radius in radii.items()}
@@ -308,13 +310,13 @@ def full_spheres(display: Display) -> dict[str, Display]:
 
 @_of_displays
 def indices(display: Display) -> dict[str, Display]:
-    """Refractive indices from 1 + 10^-9, almost air, to 2.4, diamond, which reflects most steep rays."""
+    """Test refractive indices from 1 + 10^-9 (almost air) to 2.4 (diamond, which reflects most steep rays)."""
     return {f"{n:.10g}": changed(display, index=n) for n in (1.0 + 1e-9, 1.0 + 1e-6, 1.001, 1.16, 2.2, 2.4)}
 
 
 @_of_displays
 def f_numbers(display: Display) -> dict[str, Display]:
-    """Focal lengths of 0.6 to 50 pitches, the panel in focus; the fastest need an index of 2.2 to span the cell."""
+    """Test focal lengths of 0.6 to 50 pitches with the panel in focus; the shortest need an index of 2.2."""
     array, displays = display.array, {}
     for number in (0.6, 0.8, 1.0, 2.0, 10.0, 50.0):
         focal = number * array.coarsest_mm
@@ -327,7 +329,7 @@ def f_numbers(display: Display) -> dict[str, Display]:
 
 @_of_displays
 def gaps(display: Display) -> dict[str, Display]:
-    """Panels in contact, within roundings of contact, and within roundings of the focus."""
+    """Test panels in contact, almost in contact, and within rounding errors of the focus."""
     array = display.array
     focus = array.focal_length_mm - (array.thickness_mm / array.index if array.plano_side == "panel" else 0.0)
     focus = focus if focus > 0.0 else array.focal_length_mm
@@ -338,7 +340,7 @@ def gaps(display: Display) -> dict[str, Display]:
 
 @_of_displays
 def rotations(display: Display) -> dict[str, Display]:
-    """Arrays rotated by 30, 45 and 90 degrees, and by a rounding, 10^-9 or 10^-4 degrees more or less."""
+    """Test arrays rotated by 30, 45 and 90 degrees, and by a rounding, 10^-9 or 10^-4 degrees more or less."""
     turns: dict[str, float] = {}
     for angle in (30.0, 45.0, 90.0):
         up, down = math.nextafter(angle, 360.0), math.nextafter(angle, 0.0)
@@ -349,18 +351,18 @@ def rotations(display: Display) -> dict[str, Display]:
 
 @_of_displays
 def offsets(display: Display) -> dict[str, Display]:
-    """Arrays half a lenslet, a third, a metre and 10^-300 mm off the panel's centre."""
+    """Test arrays offset by half a lenslet, a third of a lenslet, a metre, and 10^-300 mm."""
     p, row = display.array.pitches_mm[0], display.array.row_pitch_mm
     moves = {"half": (0.5 * p, 0.5 * row), "third": (p / 3.0, -row / 3.0)}
     moves |= {"metre": (1e3, -1e3), "1e-300": (1e-300, -1e-300)}
-    # An array that ends would leave no lenslet before the panel.
+    # A finite array would have no lenslet in front of the panel.
     ends = dict.fromkeys(moves, display.array.extent_mm) | {"metre": None}
     return {name: changed(display, offset_mm=offset, extent_mm=ends[name]) for name, offset in moves.items()}
 
 
 @_case
 def huge_panels(display: Display, random: Random, count: int) -> Sets:
-    """Rays from the corners of the largest panels, 65,535 x 65,535 pixels; float32 resolves a few micrometres."""
+    """Test the corners of panels of 65,535 x 65,535 pixels, where float32 resolves only a few micrometres."""
     pitch = min(display.panel.coarsest_mm, 0.4)
     panel = replace(display.panel, width_px=MAX_SIDE_PX, height_px=MAX_SIDE_PX, pixel_pitch_mm=pitch)
     wide = replace(display, panel=panel)
@@ -371,7 +373,7 @@ def huge_panels(display: Display, random: Random, count: int) -> Sets:
 
 @_case
 def tiny_values(display: Display, random: Random, count: int) -> Sets:
-    """Coordinates that are zero, minus zero or subnormal, or whose squares underflow."""
+    """Test coordinates that are 0, -0 or subnormal, or whose squares underflow."""
     tiny = np.array([0.0, -0.0, 5e-324, -5e-324, 1e-310, -1e-310, 1e-160, -1e-160, 1e-20, -1e-20])
     aims = random.choice(tiny, (count, 2))
     yield PanelRays("tiny-values/aims", display, random_pixels(display, random, count), aims)
@@ -383,7 +385,7 @@ def tiny_values(display: Display, random: Random, count: int) -> Sets:
 
 @_case
 def far_origins(display: Display, random: Random, count: int) -> Sets:
-    """Rays from the world that start 1 m and 1 km away, as from an eye or a distant source."""
+    """Test rays from the world that start 1 m away, as from an eye, and 1 km away, as from a distant source."""
     panel = display.panel
     for name, distance in (("1-m", 1e3), ("1-km", 1e6)):
         half = 0.45 * np.array([panel.width_mm, panel.height_mm])
@@ -395,7 +397,7 @@ def far_origins(display: Display, random: Random, count: int) -> Sets:
 
 @_of_displays
 def register_limits(display: Display) -> dict[str, Display]:
-    """Displays with the largest or smallest value of each register. Displays just beyond are refused."""
+    """Test displays with the maximum or minimum value of each register; displays beyond these are refused."""
     array, p, rho = display.array, display.array.finest_mm, display.array.half_diagonal_mm
     deepest = 3.999 if array.plano_side == "viewer" else 5.999
     limits = {
@@ -406,7 +408,7 @@ def register_limits(display: Display) -> dict[str, Display]:
         "depth-high": changed(display, radius_mm=1.5 * rho, thickness_mm=deepest * 1.5 * rho),
         "slope-high": changed(display, gap_mm=0.0, radius_mm=3.0 * p, thickness_mm=1.3 * rho * array.index),
     }
-    # Just over 4 pixels per lenslet, and as many lenslets as a 12-bit index counts.
+    # Just above 4 pixels per lenslet, and the maximum number of lenslets for 12 bits.
     widest = 4.001 if array.grid == "square" else 6.0
     panel = replace(display.panel, width_px=8000, height_px=8000, pixel_pitch_mm=p / widest)
     limits["x-from-u-high"] = replace(display, panel=panel)
@@ -416,7 +418,7 @@ def register_limits(display: Display) -> dict[str, Display]:
 
 @_of_displays
 def converged(display: Display) -> dict[str, Display]:
-    """Elemental images that converge on an eye: near, aside, behind steep lenslets, far away, beside the panel."""
+    """Test elemental images that converge on an eye: near, aside, behind steep lenslets, far, beside the panel."""
     panel = display.panel
 
     def converge(display: Display, eye_mm: float, axis_mm: Pair = (0.0, 0.0)) -> Display:
@@ -434,7 +436,7 @@ def converged(display: Display) -> dict[str, Display]:
 
 @_of_displays
 def skewed(display: Display) -> dict[str, Display]:
-    """Arrays of two pitches and a shear, up to the limits of a file, and arrays smaller than the panel."""
+    """Test arrays with two pitches and a shear, up to a file's limits, and arrays smaller than the panel."""
     array, panel = display.array, display.panel
     px, py = array.pitches_mm
 

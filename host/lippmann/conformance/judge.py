@@ -1,4 +1,4 @@
-"""Judges foreign rays: how many are wrong, at which step, and which fault explains them."""
+"""Judge foreign rays: count wrong rays, find the first wrong step, and the fault that explains them."""
 
 from __future__ import annotations
 
@@ -23,24 +23,25 @@ from lippmann.optics.rays import Floats
 from lippmann.optics.system import System
 
 USUAL = Bounds()
-#: Rays that variants are tried on, and that numbers are fitted to.
+#: Number of rays on which variants are tried, and to which parameters are fitted.
 SAMPLE, FIT_SAMPLE = 1500, 300
-#: Wrong rays that pairs of faults are tried on first.
+#: Number of wrong rays on which pairs of faults are tried first.
 FEW = 90
-#: Minimum share of the rays that the diagnosed fault must match.
+#: Minimum fraction of rays that a diagnosed fault matches.
 EXPLAINED = 0.97
-#: Maximum distance of a fault over golden's in wrong arrays; its excess in others.
+#: Maximum ratio of a fault's distance to golden's distance in wrong arrays, and
+#: maximum excess of the distance in other arrays.
 NEARER, SAME = 0.5, 1e-9
-#: Maximum difference of right words from golden, units of the widest aims' last place.
+#: Maximum difference of correct words from golden, units of the aims' last place.
 WORD_UNITS = 64.0
-#: Maximum difference from the twin's words that another rounding explains.
+#: Maximum difference from the twin's words that a different rounding explains.
 ROUNDING_WORDS = 8
-#: Delays of outputs, in rays; minimum number of rays that shows one, or two faults.
+#: Tried delays of outputs, in rays, and minimum number of rays for a diagnosis.
 LAGS, MANY = (1, -1, 2, -2, 3, -3), 8
 
 
 class Finding(NamedTuple):
-    """The first wrong step, None if all is right; the fault, and the share of rays it matches."""
+    """The first wrong step (None if all rays are correct), the fault, and the fraction of rays it explains."""
 
     stage: str | None = None
     fault: str | None = None
@@ -49,10 +50,10 @@ class Finding(NamedTuple):
 
 @dataclass(frozen=True)
 class Verdict:
-    """The verdict on foreign rays: counts, the index of the first wrong one, and the `Finding`.
+    """Verdict on foreign rays: counts, index of the first wrong ray, and the `Finding`.
 
-    Rays `on_edge` are beyond the bounds, but on an edge. `covered` are the counts at
-    `coverage_points.POINTS`.
+    `on_edge` is the number of rays that exceed the bounds but lie on an edge. `covered`
+    contains the counts for `coverage_points.POINTS`.
     """
 
     rays: int
@@ -72,7 +73,7 @@ class Verdict:
 
     @property
     def headline(self) -> str:
-        """One line on the wrong rays."""
+        """A one-line summary of the wrong rays."""
         count = f"{self.wrong} of {self.rays} rays wrong, the first is {self.first_wrong}"
         array = next((entry.field for entry in self.compared if entry.wrong and entry.stage == self.stage), None)
         step = f"stage: {self.stage}{f' ({array})' if array else ''}"
@@ -80,12 +81,12 @@ class Verdict:
 
     @property
     def searched(self) -> bool:
-        """Whether a pair of faults was looked for, if that was allowed."""
+        """Whether a pair of faults was searched for, provided that the search was allowed."""
         return self.wrong >= MANY and (self.fault is None or PAIR in self.fault)
 
     @property
     def lines(self) -> list[str]:
-        """One line on each array."""
+        """A summary line for each array."""
         lines = []
         for entry in self.compared:
             least, largest = entry.limits
@@ -99,10 +100,10 @@ class Verdict:
 
 @np.errstate(all="ignore")  # values of any size are compared
 def judge(foreign: ForeignRays, bounds: Bounds = USUAL, two_faults: bool = True) -> Verdict:
-    """Judge foreign rays: numbers by golden and `bounds`, words by the twin, bit for bit.
+    """Judge foreign rays: compare numbers with golden within `bounds`, and words with the twin bit by bit.
 
-    With `two_faults`, a pair is looked for when no single fault explains the rays, for
-    some ten seconds.
+    With `two_faults`, a pair of faults is searched for if no single fault explains the
+    rays; the search takes some ten seconds.
     """
     if foreign.words is None:
         comparison = compare(foreign, bounds, every=False)
@@ -120,13 +121,13 @@ def judge(foreign: ForeignRays, bounds: Bounds = USUAL, two_faults: bool = True)
 def _judge_numbers(
     foreign: ForeignRays, bounds: Bounds, compared: Comparison, two_faults: bool
 ) -> tuple[Bools, Finding]:
-    """Return which numbers are wrong, and why."""
+    """Return a mask of wrong rays in numbers, and the finding."""
     if compared.wrong.any():
         return compared.wrong, _diagnose(compare(foreign, bounds), two_faults)
     if "lenslet" in foreign.fields:
         other = (foreign.fields["lenslet"] != compared.golden["lenslet"]).any(axis=1)
         sides = tied_sides(foreign.inputs)
-        # A corner, on two sides, says nothing of one.
+        # A corner lies on two sides, so it cannot show which side is wrong.
         alone = [side & (np.sum(sides, axis=0) == 1) for side in sides]
         turned = [side.sum() > 2 and other[side].all() for side in alone]
         if any(turned):
@@ -143,7 +144,7 @@ def _diagnose(compared: Comparison, two_faults: bool) -> Finding:
     bad = compared.wrong_arrays
     first = min((FIELDS[name][0] for name in bad), key=STAGES.index)
     codes = None
-    # Other values of a lost ray say nothing where its status is wrong.
+    # If a lost ray's status is wrong, its other values carry no information.
     if "status" in bad and not (compared.wrong & ~compared.wrong_by["status"]).any():
         codes = _wrong_codes(compared.fields["status"], compared.golden["status"], compared.wrong)
     if first == "status":
@@ -170,13 +171,13 @@ def _diagnose(compared: Comparison, two_faults: bool) -> Finding:
 
 
 def _axes(compared: Comparison) -> tuple[Floats, Floats]:
-    """Return foreign and golden directions in the array's axes."""
+    """Return the foreign and golden's directions in the array's axes."""
     frame = System.of(compared.inputs.display).frame
     return turn_back(frame, compared.fields["direction"]), turn_back(frame, compared.golden["direction"])
 
 
 def _one_late(compared: Comparison) -> Finding | None:
-    """Find the component of the direction that alone came late or early."""
+    """Find a delay that affects only some components of the direction."""
     if compared.wrong_arrays != ["direction"] or len(compared.edge) < 2 * MANY:
         return None
     directions, expected = _axes(compared)
@@ -197,7 +198,7 @@ def _delay(lag: int) -> str:
 
 
 def _stuck(compared: Comparison) -> Finding | None:
-    """Find the bit of the direction that is stuck."""
+    """Find a stuck bit of the direction."""
     wrong = compared.wrong_by["direction"]
     if compared.wrong_arrays != ["direction"] or wrong.all() or wrong.sum() < MANY:
         return None
@@ -218,7 +219,7 @@ def _stuck(compared: Comparison) -> Finding | None:
 
 
 def _stale(compared: Comparison) -> Finding | None:
-    """Explain consecutive wrong rays by a register that took effect late."""
+    """Find a register that took effect late, if the wrong rays are consecutive."""
     run = np.flatnonzero(compared.wrong)
     first, last = int(run[0]), int(run[-1])
     if len(run) < MANY or last + 1 - first >= len(compared.edge) or len(run) < 0.5 * (last + 1 - first):
@@ -231,8 +232,8 @@ def _stale(compared: Comparison) -> Finding | None:
 
 
 def _late(right: Callable[[int], Bools]) -> Finding | None:
-    """Find outputs' delay; `right(lag)` tells which are right `lag` rays later."""
-    # Among nearly equal rays, more are right without a delay.
+    """Find a delay of all outputs; `right(lag)` returns which outputs are correct `lag` rays later."""
+    # Nearly equal rays may match at a delay, too; then more match without a delay.
     own = right(0).mean()
     for lag in LAGS:
         same = right(lag)
@@ -242,19 +243,19 @@ def _late(right: Callable[[int], Bools]) -> Finding | None:
 
 
 def _wrong_codes(status: Floats | Ints, expected: Floats | Ints, wrong: Bools) -> Finding:
-    """Name the wrong status codes of arrays (N, 1)."""
+    """Return a finding that lists the wrong status codes of arrays (N, 1)."""
     pairs, counts = np.unique(np.stack([expected[wrong, 0], status[wrong, 0]]), axis=1, return_counts=True)
     codes = ", ".join(f"{int(b)} for {int(a)} ({n} rays)" for (a, b), n in zip(pairs.T, counts, strict=True))
     return Finding("status", f"wrong status code: {codes}", 1.0)
 
 
 def _wrapped(compared: Comparison) -> bool:
-    """Tell whether every wrong direction has one component off by 2."""
+    """Return whether every wrong direction has exactly one component that is off by 2."""
     wrong, right = compared.wrong_by["direction"], compared.golden["direction"]
     apart = (compared.fields["direction"] - right)[wrong]
     turns = np.round(apart / 2.0)
     residual = np.linalg.norm(apart - 2.0 * turns, axis=1)
-    # A component of size 1 with the wrong sign is off by 2 as well.
+    # A component of size 1 with a wrong sign is also off by 2.
     return bool(
         wrong.any()
         and (np.abs(turns).sum(axis=1) == 1.0).all()
@@ -265,9 +266,9 @@ def _wrapped(compared: Comparison) -> bool:
 
 
 def _best(compared: Comparison) -> Finding | None:
-    """Return the variant nearest to the rays, if it matches nearly all."""
+    """Return the nearest variant if it explains nearly all rays."""
     random = np.random.default_rng(0)
-    # Of a ray on an edge a variant may have the other side.
+    # Leave out rays on an edge, as a variant may take the edge's other side.
     bad = np.flatnonzero(compared.wrong & ~compared.edge)
     bad = bad if len(bad) else np.flatnonzero(compared.wrong)
     if not len(bad):
@@ -291,14 +292,14 @@ def _best(compared: Comparison) -> Finding | None:
 
 
 def _two(compared: Comparison) -> Finding | None:
-    """Return the first pair of faults that matches nearly all rays."""
+    """Return the first pair of faults that explains nearly all rays."""
     for lag in (1, -1):
         if best := _best(compared.later(lag)):
             return best._replace(fault=f"{best.fault}{PAIR}outputs {_delay(lag)}")
     random = np.random.default_rng(0)
     bad = np.flatnonzero(compared.wrong & ~compared.edge)
     good = np.flatnonzero(~compared.wrong & ~compared.edge)
-    if len(bad) < MANY:  # two fitted numbers could explain any few rays
+    if len(bad) < MANY:  # two fitted parameters explain any few rays
         return None
     some = np.concatenate([random.permutation(bad)[:FEW], random.permutation(good)[: FEW // 3]])
     small_sample = compared.select(np.sort(some))
@@ -312,7 +313,7 @@ def _two(compared: Comparison) -> Finding | None:
 
 
 def _distances(variant: Variant, sample: Comparison) -> list[tuple[str, Floats, Floats]]:
-    """Return the predicted arrays' distances (N,) from variant and golden."""
+    """Return, for each predicted array, the distances (N,) of the rays from the variant and from golden."""
     try:
         rays = variant.predict(sample.inputs, sample.golden)
     except NO_RAYS:
@@ -322,12 +323,12 @@ def _distances(variant: Variant, sample: Comparison) -> list[tuple[str, Floats, 
 
 
 def _middle(name: str, distances: Floats) -> float:
-    """Return the median distance of an array, or the share of integers that differ."""
+    """Return the median distance of an array, or the fraction of differing integers."""
     return float(distances.mean() if name in INTEGERS else np.median(distances))
 
 
 def _apart(sample: Comparison, variant: Variant) -> float:
-    """Return the mean logarithm of the distances of foreign rays from a variant over golden's."""
+    """Return the mean logarithm of the ratio of distances: to the variant over to golden."""
     middles = [(_middle(name, far), _middle(name, own)) for name, far, own in _distances(variant, sample)]
     ratios = [far / own for far, own in middles if own > 0.0]
     logarithms = [math.log(max(ratio, 1e-6)) if math.isfinite(ratio) else 0.0 for ratio in ratios]
@@ -335,7 +336,7 @@ def _apart(sample: Comparison, variant: Variant) -> float:
 
 
 def _match(variant: Variant, sample: Comparison) -> tuple[float, float]:
-    """Return the share of rays that a variant matches (0: golden is as near), and its relative distance."""
+    """Return the fraction of rays that a variant explains (0 if golden is as near), and its relative distance."""
     bad, ratios = sample.wrong, []
     right = np.ones(len(bad), bool)
     for name, far, own in _distances(variant, sample):
@@ -343,7 +344,7 @@ def _match(variant: Variant, sample: Comparison) -> tuple[float, float]:
         wrong = sample.wrong_by[name]
         if wrong.any():
             golden_far = _middle(name, own[wrong])
-            if not golden_far:  # as for rays on an edge: there is no ratio
+            if not golden_far:  # no ratio, as for rays on an edge
                 return 0.0, np.inf
             ratios.append(_middle(name, far[wrong]) / golden_far)
         if _middle(name, far[bad]) > _middle(name, own[bad]) + SAME:
@@ -355,10 +356,10 @@ def _match(variant: Variant, sample: Comparison) -> tuple[float, float]:
 
 # ---- words ----
 
-#: Fields of a line that hold real numbers.
+#: Words that encode real numbers.
 REALS = ("x", "y", "z", "dx", "dy", "dz")
 WORD_STAGES = dict(zip(FixedRays._fields, ["lenslet"] * 2 + ["dome"] * 3 + ["exit"] * 3 + ["status"], strict=True))
-#: Words that may be taken for each other.
+#: Words that a design may swap.
 SWAPS = ({"x": "y", "y": "x"}, {"dx": "dy", "dy": "dx"}, {"x": "y", "y": "x", "dx": "dy", "dy": "dx"})
 #: Words that may have the wrong sign.
 SIGNS = (*((name,) for name in REALS), ("x", "dx"), ("y", "dy"), ("x", "y", "dx", "dy"))
@@ -367,7 +368,7 @@ SIGNS = (*((name,) for name in REALS), ("x", "dx"), ("y", "dy"), ("x", "y", "dx"
 def _judge_words(
     foreign: ForeignRays, case: FixedCase, words: FixedRays, two_faults: bool
 ) -> tuple[Bools, Finding, tuple[FieldSummary, ...]]:
-    """Return which words are wrong, their diagnosis, and the summary of each word."""
+    """Return a mask of rays with wrong words, the finding, and the summary of each word."""
     twin = case.trace()
     far = {name: np.abs(a - b) for name, a, b in zip(FixedRays._fields, words, twin, strict=True)}
     wrong: Bools = np.any([apart != 0 for apart in far.values()], axis=0)
@@ -407,7 +408,7 @@ def _diagnose_words(
 
 
 def _slip(words: FixedRays, twin: FixedRays) -> Finding | None:
-    """Find the delay, sign, swap or constant that turns the twin's words into these."""
+    """Find a delay, sign, swap or constant that converts the twin's words into these words."""
 
     def equal(lag: int, right: FixedRays = twin) -> Bools:
         rays = np.arange(max(0, -lag), len(twin.status) - max(0, lag))
@@ -421,7 +422,7 @@ def _slip(words: FixedRays, twin: FixedRays) -> Finding | None:
     }
     for swap in SWAPS:
         faults[f"words swapped: {', '.join(swap)}"] = {name: getattr(twin, other) for name, other in swap.items()}
-    for name, word, expected in zip(FixedRays._fields[:-1], words, twin, strict=False):  # not the status
+    for name, word, expected in zip(FixedRays._fields[:-1], words, twin, strict=False):
         if constant := int(np.median(word - expected)):
             faults[f"a constant added to the word {name}: {constant:+d}"] = {name: expected + constant}
     for fault, changed in faults.items():
@@ -432,7 +433,7 @@ def _slip(words: FixedRays, twin: FixedRays) -> Finding | None:
 
 
 def _rounding(words: FixedRays, twin: FixedRays, build: Build) -> str | None:
-    """Name the rounding or overflow that explains the words, or None."""
+    """Return the name of the rounding or overflow that explains the words, or None."""
     expected = np.stack([getattr(twin, name) for name in REALS])
     apart = np.stack([getattr(words, name) for name in REALS]) - expected
 

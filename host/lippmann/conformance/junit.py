@@ -1,4 +1,4 @@
-"""JUnit XML of the verdicts of `lippmann regress`, for continuous integration."""
+"""Write the verdicts of `lippmann regress` as JUnit XML for continuous integration."""
 
 from __future__ import annotations
 
@@ -14,9 +14,9 @@ from lippmann.errors import printable
 def write_junit(
     path: Path, verdicts: Sequence[tuple[str, Verdict]], ended: str | None, about: Mapping[str, str]
 ) -> None:
-    """Write a test case for each set of rays, and an error for a stream that `ended` early.
+    """Write a test case for each set of rays; `ended`, if given, is the error of a stream that ended early.
 
-    `about` are the suite's properties. Raises InputError for a file that cannot be
+    `about` contains the suite's properties. Raises InputError if the file cannot be
     written.
     """
     wrong = [None if one.right else ("failure", one.stage or "", one.headline, one.lines) for _, one in verdicts]

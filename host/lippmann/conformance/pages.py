@@ -1,4 +1,4 @@
-"""Pages from Jinja2 templates: Markdown for the documentation, and HTML that needs no other file."""
+"""Create pages from Jinja2 templates: Markdown for the documentation, and self-contained HTML."""
 
 from __future__ import annotations
 
@@ -26,15 +26,15 @@ TEMPLATES = Path(__file__).with_name("templates")
 
 @dataclass(frozen=True)
 class Page:
-    """A page; `name` is that of its template and of its file, without extension."""
+    """A page; its template and its file are named `name` plus extension."""
 
     name: str
-    #: Machine, date, command and versions of its figures.
+    #: Machine, date, command and versions with which the figures were measured.
     origin: Mapping[str, str]
     plots: Sequence[Plot] = ()
-    #: Rows of CSV files by name.
+    #: Rows of the CSV files, keyed by file name without extension.
     tables: Mapping[str, Rows] = field(default_factory=dict)
-    #: Names for the template.
+    #: Variables for the template.
     context: Row = field(default_factory=dict)
     templates: Path = TEMPLATES
 
@@ -54,10 +54,10 @@ class Page:
         return environment
 
     def text(self, form: Literal["markdown", "html"] = "markdown") -> str:
-        """Return the page in Markdown, with plots and tables in either form."""
+        """Return the page as Markdown text; plots and tables are in Markdown or HTML, as `form` says."""
         origin = {key: html.escape(str(value), quote=False) for key, value in self.origin.items()}
         names = {
-            "repeat_origin": False,  # in Markdown, below each plot and table
+            "repeat_origin": False,  # repeat the origin below each plot and table
             **self.context,
             "macros": f"{form}.jinja",
             "plots": {plot.name: plot.png for plot in self.plots},
@@ -68,7 +68,7 @@ class Page:
         return re.sub(r"\n{3,}", "\n\n", text).strip()
 
     def html(self) -> str:
-        """Return the page as one HTML file, without scripts or links to other files."""
+        """Return the page as self-contained HTML without scripts."""
         reader = MarkdownIt("commonmark", {"html": True})
         tokens = reader.parse(self.text("html"))
         headings = [(token, tokens[k + 1].content) for k, token in enumerate(tokens) if token.type == "heading_open"]
@@ -83,7 +83,7 @@ class Page:
         )
 
     def write(self, folder: Path, as_html: bool = False) -> list[Path]:
-        """Write page, plots and CSV files into a folder; return them, or raise InputError."""
+        """Write page, plots and CSV files into a folder; return their paths, or raise InputError."""
         make_folder(folder)
         pages = {folder / f"{self.name}.md": f"{self.text()}\n"}
         if as_html:
@@ -100,7 +100,7 @@ class Page:
 
 
 def stamped(png: bytes, origin: Mapping[str, str]) -> bytes:
-    """Return a PNG with the origin of its figures as texts."""
+    """Return a PNG with the origin of its figures added as text chunks."""
     texts, out = PngInfo(), io.BytesIO()
     for key, value in origin.items():
         texts.add_text(f"lippmann:{key}", value)

@@ -1,4 +1,4 @@
-"""Plots of the reports, with colours and marks that differ without colour vision."""
+"""Draw the plots of reports; colours and marks differ even without colour vision."""
 
 from __future__ import annotations
 
@@ -15,21 +15,21 @@ from lippmann.optics.rays import ENGINES, MODELS
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-#: Colours of Okabe and Ito, which all kinds of colour vision tell apart.
+#: Colours of Okabe and Ito, which people with any colour vision can distinguish.
 COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#000000")
 MARKS = ("o", "s", "^", "x", "D", "v", "+")
 
 
 @dataclass(frozen=True)
 class Plot:
-    """A picture: its PNG, and its file's name without extension."""
+    """A plot: its PNG data, and its file name without extension."""
 
     name: str
     png: bytes
 
 
 def make_axes(down: int, across: int, size: tuple[float, float] = (5.2, 3.8)) -> tuple[Figure, npt.NDArray[np.object_]]:
-    """Return a picture and its axes, (down, across), each of a size in inches."""
+    """Return a figure and its axes, an array (down, across); `size` is the size of one axis in inches."""
     import matplotlib as mpl
 
     mpl.use("Agg")
@@ -39,7 +39,7 @@ def make_axes(down: int, across: int, size: tuple[float, float] = (5.2, 3.8)) ->
 
 
 def finish_picture(picture: Figure) -> bytes:
-    """Return the PNG of a picture, and close it."""
+    """Return the PNG data of a figure, and close the figure."""
     from matplotlib import pyplot as plt
 
     for axis in picture.axes:
@@ -51,7 +51,7 @@ def finish_picture(picture: Figure) -> bytes:
 
 
 def draw_engines(data: Figures) -> Plot:
-    """Draw speed against error of models and engines, on the first display of each grid."""
+    """Draw error over speed of all models and engines for the first display of each grid."""
     kinds = (
         ("chief", "max_mm", "chief rays: largest error in the scene, mm", "log"),
         ("full", "max_mm", "full aperture: largest error in the scene, mm", "log"),

@@ -1,4 +1,4 @@
-"""Sets of rays in numbers and in the RTL's words, and random inputs for them."""
+"""Sets of rays as numbers and as words of the RTL, and random inputs."""
 
 from __future__ import annotations
 
@@ -26,21 +26,21 @@ from lippmann.optics.system import PanelFrame, System
 
 Bools = npt.NDArray[np.bool_]
 Random = np.random.Generator
-#: Indices, a mask (N,) or a slice of N rays.
+#: Selection of rays: indices, a mask (N,) or a slice.
 Selection = npt.NDArray[np.intp] | Bools | slice
 
-#: Words of an input and of an output ray, most significant first.
+#: Names of the words of an input ray and of an output ray, most significant first.
 INPUTS = ("u", "v", "a", "b")
 OUTPUTS = FixedRays._fields
-#: The one unsigned word.
+#: Number of bits of the status, the only unsigned word.
 STATUS_BITS = 3
-#: Bits of a line of `registers.mem`.
+#: Number of bits in a line of `registers.mem`.
 REGISTER_BITS = 64
 
 
 @dataclass(frozen=True)
 class PanelRays:
-    """Rays from the panel: `pixels` (N, 2) and `aperture` points (N, 2) mm, None for chief rays."""
+    """Rays from the panel: `pixels` (N, 2), and `aperture` points (N, 2) in mm or None for chief rays."""
 
     name: str
     display: Display
@@ -50,7 +50,7 @@ class PanelRays:
 
     @property
     def aims(self) -> Floats:
-        """Aperture points (N, 2) mm, 0 for chief rays."""
+        """Aperture points (N, 2), mm; 0 for chief rays."""
         return np.zeros_like(self.pixels) if self.aperture is None else self.aperture
 
     def trace(self, engine: Engine = "golden", device: str = "llvm") -> Rays:
@@ -58,16 +58,17 @@ class PanelRays:
         return trace(self.display, self.pixels, self.aperture, self.model, engine, device)
 
     def select(self, rays: Selection) -> PanelRays:
-        """Select rays."""
+        """Return the selected rays."""
         aperture = None if self.aperture is None else self.aperture[rays]
         return replace(self, pixels=self.pixels[rays], aperture=aperture)
 
     def steps(self) -> dict[str, Floats]:
         """Return golden's intermediate values, (N, 2) each.
 
-        `panel_mm` is the pixel's point, panel frame; `home` the indices of the lenslet
-        that owns it. `start_mm` is the point, `near_mm` the crossing of the array's
-        near plane, both from that lenslet's centre, array's axes.
+        `panel_mm` is the pixel's point in the panel frame. `home` contains the indices
+        of the lenslet that owns the point. `start_mm` is the same point, and `near_mm`
+        the ray's point on the array's near plane, both relative to this lenslet's
+        centre, in the array's axes.
         """
         panel = np.stack(PanelFrame.of(self.display).panel_from_pixel(*self.pixels.T), axis=1)
         home, start = located(self.display, self.pixels)
@@ -77,7 +78,7 @@ class PanelRays:
 
 @dataclass(frozen=True)
 class WorldRays:
-    """Rays from the world: `origin_mm` (N, 3) and unit `direction` (N, 3)."""
+    """Rays from the world, with `origin_mm` (N, 3) and unit `direction` (N, 3)."""
 
     name: str
     display: Display
@@ -85,17 +86,17 @@ class WorldRays:
     direction: Floats
 
     def select(self, rays: Selection) -> WorldRays:
-        """Select rays."""
+        """Return the selected rays."""
         return replace(self, origin_mm=self.origin_mm[rays], direction=self.direction[rays])
 
 
 def random_pixels(display: Display, random: Random, count: int) -> Floats:
-    """Return pixel coordinates anywhere on the panel, (count, 2)."""
+    """Return random pixel coordinates (count, 2) on the panel."""
     return random.uniform(0.0, panel_size(display), (count, 2))
 
 
 def random_aims(display: Display, random: Random, count: int, reach: float = 1.0) -> Floats:
-    """Return points anywhere in a lenslet's cell, (count, 2), mm, times `reach`."""
+    """Return random points (count, 2), mm, in a lenslet's cell that is scaled by `reach`."""
     array = display.array
     lattice = Lattice.of(array)
     points = random.uniform(-0.6, 0.6, (4 * count + 64, 2)) * array.pitches_mm
@@ -105,27 +106,27 @@ def random_aims(display: Display, random: Random, count: int, reach: float = 1.0
 
 
 def random_directions(random: Random, count: int) -> Floats:
-    """Return unit vectors (count, 2), without a sine: its last bit depends on the machine."""
+    """Return random unit vectors (count, 2), without sines, whose last bit depends on the machine."""
     x, y = random.uniform(-1.0, 1.0, (2, count))
     return np.asarray(np.stack([x, y], axis=1) / np.sqrt(x * x + y * y)[:, None])
 
 
 def unit_vectors(vectors: Floats) -> Floats:
-    """Normalise vectors (N, 3), except those of length 0."""
+    """Return normalised vectors (N, 3); vectors of length 0 stay 0."""
     length = np.linalg.norm(vectors, axis=1, keepdims=True)
     return vectors / np.where(length > 0.0, length, 1.0)
 
 
 def random_sizes(random: Random, low: float, high: float, count: int) -> Floats:
-    """Return numbers of all magnitudes from `low` to `high`, (count, 1)."""
-    # By binary exponents: the last bit of a power depends on the machine.
+    """Return random numbers (count, 1) of all magnitudes from `low` to `high`."""
+    # Use binary exponents, as the last bit of a power depends on the machine.
     (_, first), (_, last) = math.frexp(low), math.frexp(high)
     sizes = np.ldexp(random.uniform(0.5, 1.0, (count, 1)), random.integers(first, last + 1, (count, 1)))
     return np.clip(sizes, low, high)
 
 
 def edge_points(display: Display, random: Random, count: int, vertices: float = 0.0) -> Floats:
-    """Return points on the edges of a cell, (count, 2) mm, a share `vertices` of them on the vertices."""
+    """Return random points (count, 2), mm, on the edges of a cell; the fraction `vertices` lies on vertices."""
     corners = corners_mm(display.array)
     side, along = random.integers(0, len(corners), count), random.random((count, 1))
     along = np.maximum(along - vertices, 0.0) / (1.0 - vertices)
@@ -133,10 +134,10 @@ def edge_points(display: Display, random: Random, count: int, vertices: float = 
 
 
 def pixels_at(display: Display, local_mm: Floats, lenslet: tuple[int, int] = (0, 0)) -> tuple[Floats, Floats]:
-    """Return the pixel coordinates (N, 2) of points from a lenslet's centre, in the array's axes.
+    """Return pixel coordinates (N, 2) of points relative to a lenslet's centre, in the array's axes.
 
-    The second array (N, 2) is the centre of each point's own cell, from which its aims
-    are measured, mm.
+    The second result (N, 2), mm, is the centre of the cell that contains the point;
+    aims are relative to this centre.
     """
     lattice = System.of(display).lattice
     i, j, _, _ = lattice.locate(NumpyBackend(), local_mm[:, 0], local_mm[:, 1])
@@ -144,18 +145,18 @@ def pixels_at(display: Display, local_mm: Floats, lenslet: tuple[int, int] = (0,
 
 
 def cell_steps(display: Display, between: Floats) -> Floats:
-    """Return the steps between neighbours for differences of indices (N, 2), (N,)."""
-    # On a square grid a step may be diagonal. Rows of hexagons lean: (1, 1) is two
-    # steps, (1, -1) one.
+    """Return the number of steps (N,) between neighbours for index differences (N, 2)."""
+    # Square grids allow diagonal steps. In the skewed hexagonal grid, (1, 1) is two
+    # steps and (1, -1) is one step.
     i, j = np.abs(between).T
     steps = np.maximum(i, j)
     return np.asarray(np.maximum(steps, np.abs(between.sum(axis=1))) if display.array.grid == "hex" else steps)
 
 
 def onset(inner: Floats, outer: Floats, has: Callable[[Floats], Bools]) -> Floats:
-    """Return the last aims (N, 2) that `has` refuses, from `inner` to `outer` (all accepted)."""
+    """Return the last aims (N, 2), on lines from `inner` to `outer`, for which `has` is false; bisection."""
     low, high = np.zeros(len(inner)), np.ones(len(inner))
-    for _ in range(64):  # makes any two floats adjacent
+    for _ in range(64):  # 64 bisections make any two floats adjacent
         middle = 0.5 * (low + high)
         has_it = has(inner + middle[:, None] * (outer - inner))
         low, high = np.where(has_it, low, middle), np.where(has_it, middle, high)
@@ -166,7 +167,7 @@ def onset(inner: Floats, outer: Floats, has: Callable[[Floats], Bools]) -> Float
 
 
 def formats(fraction_bits: int) -> dict[str, tuple[int, int]]:
-    """Return the bits and the fraction bits of each word of `INPUTS` and `OUTPUTS`."""
+    """Return the numbers of bits and of fraction bits of each word in `INPUTS` and `OUTPUTS`."""
     near = fraction_bits + 2
     return {
         **dict.fromkeys("uv", (PIXEL_BITS, 4)),
@@ -179,17 +180,17 @@ def formats(fraction_bits: int) -> dict[str, tuple[int, int]]:
 
 
 def widths(words: Sequence[str], fraction_bits: int) -> tuple[int, ...]:
-    """Return the bits of words."""
+    """Return the numbers of bits of words."""
     return tuple(formats(fraction_bits)[word][0] for word in words)
 
 
 def hex_digits(widths: Sequence[int]) -> int:
-    """Return the hexadecimal digits of a line of words."""
+    """Return the number of hexadecimal digits in a line of words."""
     return (sum(widths) + 3) // 4
 
 
 def memory_lines(words: Sequence[Ints], widths: Sequence[int]) -> list[str]:
-    """Return a hexadecimal line per ray, the first word in the most significant bits."""
+    """Return a hexadecimal line per ray; the first word is in the most significant bits."""
     rays: Any = 0
     for word, width in zip(words, widths, strict=True):
         rays = rays << width | word.astype(object) & ((1 << width) - 1)
@@ -197,7 +198,7 @@ def memory_lines(words: Sequence[Ints], widths: Sequence[int]) -> list[str]:
 
 
 def words_of_lines(lines: Sequence[str], widths: Sequence[int], where: Callable[[int], str]) -> list[Ints]:
-    """Return the words of `memory_lines`; InputError, with `where` of the ray, for a wrong line."""
+    """Return the words of `memory_lines`; raise InputError, located by `where(ray)`, for an invalid line."""
     rays, total = [], sum(widths)
     for ray, text in enumerate(lines):
         try:
@@ -205,9 +206,9 @@ def words_of_lines(lines: Sequence[str], widths: Sequence[int], where: Callable[
         except ValueError:
             bits = -1
         if bits < 0:
-            raise input_error(where(ray), f"'{text[:20]}' is not hexadecimal", "give a line a ray")
+            raise input_error(where(ray), f"'{text[:20]}' is not hexadecimal", "give a line per ray")
         if bits >> total:
-            raise input_error(where(ray), f"more than the {total} bits of a ray", "see vectors.json")
+            raise input_error(where(ray), f"has more than the {total} bits of a ray", "see vectors.json")
         rays.append(bits)
     remaining_bits, words = np.array(rays, object), []
     for width in reversed(widths):
@@ -219,7 +220,7 @@ def words_of_lines(lines: Sequence[str], widths: Sequence[int], where: Callable[
 
 @dataclass(frozen=True)
 class FixedCase:
-    """Inputs and registers in a build's words; `mask` tells which rays of the set they are."""
+    """Inputs and registers as words of a build; `mask` marks the rays of the set that the words represent."""
 
     build: Build
     words: Words
@@ -227,30 +228,30 @@ class FixedCase:
     mask: Bools
 
     def trace(self, pipeline: Pipeline = ray_pipeline) -> FixedRays:
-        """Trace the rays with the twin, or with another pipeline."""
+        """Trace the rays with the twin or another pipeline."""
         return pipeline(*self.words, self.registers, self.build)
 
     def count_differences(self, pipeline: Pipeline) -> int:
-        """Count the words that differ between another pipeline and the twin."""
+        """Return the number of words that differ between another pipeline and the twin."""
         return int(sum((a != b).sum() for a, b in zip(self.trace(pipeline), self.trace(), strict=True)))
 
     @property
     def input_lines(self) -> list[str]:
-        """The inputs as lines of `inputs.mem`."""
+        """Lines of `inputs.mem`."""
         return memory_lines(self.words, widths(INPUTS, self.build.fraction_bits))
 
     @property
     def register_lines(self) -> list[tuple[str, str]]:
-        """The line of `registers.mem` and the name of each register."""
+        """Line of `registers.mem` and name, for each register."""
         mask, digits = (1 << REGISTER_BITS) - 1, REGISTER_BITS // 4
         return [(f"{word & mask:0{digits}x}", name) for name, word in asdict(self.registers).items()]
 
 
 def fixed_words(rays: PanelRays, fraction_bits: int, max_cell_steps: int | None = None) -> tuple[FixedCase | None, str]:
-    """Return a set in words, None when no ray fits, and the reason of the last refusal.
+    """Return a set as words, or None if no ray fits, and the reason of the last refusal.
 
-    Without aims beyond the words and, if the registers refuse them, without aims
-    outside their cell.
+    Rays with aims beyond the words' range are left out; if the registers refuse the
+    rest, rays with aims outside the cell are also left out.
     """
     display, array, aims = rays.display, rays.display.array, rays.aims
     build = Build.of(display, rays.model, fraction_bits, True, max_cell_steps)
@@ -271,10 +272,10 @@ def fixed_words(rays: PanelRays, fraction_bits: int, max_cell_steps: int | None 
 
 @dataclass(frozen=True)
 class ForeignRays:
-    """N foreign rays: their inputs, and `fields`, some arrays of `faults.FIELDS`.
+    """N foreign rays: their inputs, and `fields`, which contains some of the arrays `faults.FIELDS`.
 
-    `words` are those of inputs and rays, if any. `alone` (N,) marks rays of which only
-    the status is known.
+    `words` contains the words of inputs and rays, if the rays are words. `alone` (N,)
+    marks rays of which only the status is known.
     """
 
     inputs: PanelRays
@@ -284,7 +285,7 @@ class ForeignRays:
 
 
 def foreign_from_words(columns: dict[str, Ints], display: Display, model: Model, fraction_bits: int) -> ForeignRays:
-    """Return foreign rays from columns (N,) of their words."""
+    """Convert columns (N,) of words to foreign rays."""
     u, v, a, b = (columns[name] for name in INPUTS)
     outputs = FixedRays(*(columns[name] for name in OUTPUTS))
     pixels = pixels_of_words(display, u, v)

@@ -1,4 +1,4 @@
-"""Streams of rays as text, to and from a foreign program (docs/reference/stream.md)."""
+"""Write and read text streams of rays, to and from a foreign program (docs/reference/stream.md)."""
 
 from __future__ import annotations
 
@@ -34,16 +34,16 @@ from lippmann.fixed.words import FRACTIONS, Ints
 from lippmann.optics.rays import MODELS, Floats, Model, Status
 
 NAME, VERSION = "lippmann-stream", 1
-#: Maximum number of random rays in a set, which is judged at once.
+#: Maximum number of random rays in a set.
 MAX_RANDOM = 100_000
 
-#: Number of words in a question, a complete answer, and a lost ray's answer.
+#: Numbers of words in a question, a complete answer, and the answer of a lost ray.
 ASKED, ANSWERED, LOST = 5, 9, 1
-#: Maximum bytes of a line, rays of a set, and notes of a set.
+#: Maximum numbers of bytes per line, rays per set, and notes per set.
 MAX_LINE, MAX_RAYS, MAX_NOTES = 4096, 200_000, 1000
-#: Maximum of a status or an index.
+#: Maximum absolute value of a status or an index.
 MAX_INTEGER = 2.0**31
-#: The first line of a stream, and parsed notes.
+#: Patterns of the first line of a stream, and of parsed notes.
 FIRST = re.compile(rf"# {NAME} (\d{{1,9}})")
 SET = re.compile(r"[\w.+/-]{1,100}", re.ASCII)
 NUMBERS = re.compile("decimal (MODEL)|words (MODEL) (.+)".replace("MODEL", "|".join(MODELS)))
@@ -55,7 +55,7 @@ AGAIN = "copy each line that begins with #, and append to each other line"
 
 @dataclass(frozen=True)
 class Stream:
-    """The rays of a case or of all, and `random` more; in numbers, or in words of `fraction_bits`."""
+    """Rays of a case or of all cases, and `random` more rays; as numbers, or as words of `fraction_bits`."""
 
     display: Display
     case: str
@@ -66,7 +66,7 @@ class Stream:
     fraction_bits: int | None = None
 
     def sets(self) -> Iterator[PanelRays]:
-        """Yield the sets of rays from the panel."""
+        """Yield the stream's sets of rays from the panel."""
         for rays in hard_sets(self.display, self.case, self.seed, self.count):
             if not isinstance(rays, WorldRays):
                 yield replace(rays, aperture=rays.aims, model=self.model)
@@ -78,7 +78,7 @@ class Stream:
             yield PanelRays(f"random/{number}", self.display, pixels, aims, self.model)
 
     def lines(self, command: str) -> Iterator[str]:
-        """Yield the lines of sets that fit the words; if none does, raise InputError first."""
+        """Yield the stream's lines; skip sets that do not fit the words, and raise InputError if no set fits."""
         hashes: list[str] = []
         for rays in self.sets():
             if not (set_lines := self._questions(rays)):
@@ -99,7 +99,7 @@ class Stream:
         yield f"# end {len(hashes)} {digest_of_all(hashes)}"
 
     def _questions(self, rays: PanelRays) -> tuple[list[str], list[str], str] | None:
-        """Return notes, questions and hash of a set, or None if no ray fits."""
+        """Return notes, questions and hash of a set; None if no ray fits."""
         hashed: Floats | list[str]
         if self.fraction_bits is None:
             hashed = np.concatenate([rays.pixels, rays.aims], axis=1)
@@ -118,7 +118,7 @@ class Stream:
 
 
 def digest_of_set(notes: Iterable[str], questions: Floats | list[str]) -> str:
-    """Return the hash of notes, with single blanks, and questions, (N, 4) or words."""
+    """Return the hash of notes (with single blanks) and questions (numbers (N, 4) or words)."""
     lines = "".join(" ".join(line.split()) + "\n" for line in notes)
     numbers = np.ascontiguousarray(questions, "<f8").tobytes() if isinstance(questions, np.ndarray) else None
     return hashlib.sha256(lines.encode() + (numbers or "\n".join(questions).encode())).hexdigest()
@@ -130,7 +130,7 @@ def digest_of_all(hashes: Iterable[str]) -> str:
 
 
 def values(display: Display) -> dict[str, str]:
-    """Return a display's values by name, as text: lengths in mm, angles in degrees."""
+    """Return a display's values as text, keyed by name; lengths in mm, angles in degrees."""
     panel, array = display.panel, display.array
     numbers: dict[str, float | str | tuple[float, ...]] = {
         "width_px": panel.width_px,
@@ -162,7 +162,7 @@ def values(display: Display) -> dict[str, str]:
 
 @dataclass
 class _Set:
-    """A set that is being read: the contents of its notes, and its lines."""
+    """A partly read set: the contents of its notes, and its lines."""
 
     name: str
     model: Model | None = None
@@ -170,16 +170,16 @@ class _Set:
     notes: list[str] = field(default_factory=list)
     file: list[str] = field(default_factory=list)
     lines: list[bytes] = field(default_factory=list)
-    #: Line number of the first ray.
+    #: Line number of the first ray in the stream.
     first: int = 0
 
 
 class StreamReader:
-    """Yields the sets of a stream of answers; InputError names a bad line."""
+    """Reads the sets of a stream of answers; raises InputError that names the invalid line."""
 
     def __init__(self, lines: Iterable[bytes]) -> None:
         self.number = 0
-        #: The command that made the stream, and the hash at its end.
+        #: Command that wrote the stream, and the hash at the stream's end.
         self.command, self.hash = "", ""
         self._lines, self._hashes = self._counted(lines), list[str]()
 
@@ -188,7 +188,7 @@ class StreamReader:
             yield raw
 
     def sets(self) -> Iterator[tuple[str, ForeignRays]]:
-        """Yield the name and rays of each set."""
+        """Yield the name and the rays of each set."""
         self._begin()
         now: _Set | None = None
         while True:
@@ -206,7 +206,7 @@ class StreamReader:
                     self._end(text)
                     return
                 if not SET.fullmatch(text):
-                    self._refuse("is no name of a set")
+                    self._refuse("is not the name of a set")
                 now = _Set(text)
             elif kind == "rays" and now is not None:
                 yield now.name, self._read_set(now, " ".join(text.split()))
@@ -216,14 +216,14 @@ class StreamReader:
                 self.command = text
 
     def _refuse(self, what: str, remedy: str = AGAIN, number: int | None = None) -> NoReturn:
-        """Refuse a line by its number, by default the last one that was read."""
+        """Raise InputError for a line; by default, for the last read line."""
         raise input_error(f"{WHERE}, line {self.number if number is None else number}", what, remedy)
 
     def _read_line(self, now: _Set | None) -> bytes:
         raw = next(self._lines, None)
         if raw is None:
             where = "" if now is None else f" in the set {now.name}, after {len(now.lines)} of its rays"
-            self._refuse(f"is cut{where}", "let the program answer until the line # end")
+            self._refuse(f"is truncated{where}", "let the program answer until the line # end")
         if len(raw) > MAX_LINE:
             self._refuse(f"has more than {MAX_LINE} bytes")
         return raw
@@ -235,7 +235,7 @@ class StreamReader:
             self._refuse("is not text", number=number)
 
     def _begin(self) -> None:
-        """Read up to the first line of the stream, after any text of a simulator."""
+        """Skip any text of a simulator, and read the first line of the stream."""
         for raw in self._lines:
             first = FIRST.fullmatch(raw[:MAX_LINE].decode("utf-8", "replace").strip())
             if first and int(first[1]) != VERSION:
@@ -246,7 +246,7 @@ class StreamReader:
         raise input_error(WHERE, what, "run lippmann vectors --stream | YOUR PROGRAM alone to see why")
 
     def _read_note(self, now: _Set, kind: str, text: str) -> None:
-        """Read a note of a set, except the last one."""
+        """Read a note of a set, except the note `rays`."""
         words = " ".join(text.split())
         if kind in ("numbers", "display", "value", "register"):  # the hash covers these
             now.notes.append(f"{kind} {words}")
@@ -265,7 +265,7 @@ class StreamReader:
             now.model, now.fraction_bits = cast(Model, numbers[1] or numbers[2]), None if bits is None else int(bits)
 
     def _end(self, text: str) -> None:
-        """Check the last line; a simulator's text may follow, another stream may not."""
+        """Check the last line of the stream; a simulator's text may follow, but no other stream."""
         if not self._hashes:
             self._refuse("ends a stream without a set")
         self.hash = digest_of_all(self._hashes)
@@ -279,7 +279,7 @@ class StreamReader:
     # ---- the rays of a set ----
 
     def _read_set(self, now: _Set, numbers: str) -> ForeignRays:
-        """Read the rays of a set; `numbers` are their number and the hash."""
+        """Read the rays of a set; `numbers` contains the number of rays and the hash."""
         rays = RAYS.fullmatch(numbers)
         if rays is None or not 0 < int(rays[1]) <= MAX_RAYS or now.lines:
             self._refuse("is no number of rays and hash")
@@ -289,7 +289,7 @@ class StreamReader:
         while len(now.lines) < int(rays[1]):
             raw = self._read_line(now)
             if raw.startswith(b"#"):
-                for n in range(len(now.lines)):  # the cause may be an earlier line
+                for n in range(len(now.lines)):  # report an invalid earlier line first
                     self._columns(now, n)
                 self._refuse(f"comes after {len(now.lines)} of the {rays[1]} rays of the set {now.name}")
             now.lines.append(raw)
@@ -315,13 +315,13 @@ class StreamReader:
         return foreign
 
     def _row(self, now: _Set, n: int) -> list[float]:
-        """Return the numbers after a ray's index, NaN if it has its status alone."""
+        """Return the numbers after a ray's index; values missing after a lone status are NaN."""
         words, refuse = self._columns(now, n), partial(self._refuse, number=now.first + n)
         answered = len(words) - ASKED
         if answered not in (ANSWERED, LOST):
             refuse(f"has {answered} numbers behind its question", REMEDY)
         try:
-            # Python reads 1_0 as 10.
+            # Refuse underscores, as Python would read 1_0 as 10.
             row = [float(word.replace("_", "?")) for word in words[1:]]
         except ValueError:
             refuse("has a word that is no number", REMEDY)
@@ -334,7 +334,7 @@ class StreamReader:
         return row + [math.nan] * (ANSWERED - answered)
 
     def _columns(self, now: _Set, n: int) -> list[str]:
-        """Return the words of a line, after a check of the ray's index."""
+        """Check the ray's index, and return the words of the line."""
         words = self._text(now.lines[n], "ascii", now.first + n).split()
         if not words or words[0] != str(n):
             what = f"has ray {words[0][:20] if words else 'none'} where {n} is next"
@@ -342,7 +342,7 @@ class StreamReader:
         return words
 
     def _words(self, now: _Set, fraction_bits: int) -> dict[str, Ints]:
-        """Return the columns (N,) of words of questions and answers."""
+        """Return the columns (N,) of the words in questions and answers."""
         rows = [self._columns(now, n) for n in range(len(now.lines))]
         for n, row in enumerate(rows):
             if len(row) != 3:
@@ -362,13 +362,13 @@ class StreamReader:
 
 
 def bounded_lines(file: BinaryIO) -> Iterator[bytes]:
-    """Yield the lines of a file as they come; one that is too long in several parts."""
+    """Yield the lines of a file as they arrive; a line that is too long is split into parts."""
     return iter(partial(file.readline, MAX_LINE + 1), b"")
 
 
 def _complete_rows(lines: list[bytes]) -> Floats | None:
-    """Return the numbers after the rays' indices; None for an incomplete line or a wrong order."""
-    if lines[0].isspace():  # numpy warns of blank lines
+    """Return the numbers after the rays' indices; None if a line is incomplete or the order is wrong."""
+    if lines[0].isspace():  # numpy warns about blank lines
         return None
     try:
         table = np.loadtxt(lines, comments=None, ndmin=2)

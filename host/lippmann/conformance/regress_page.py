@@ -1,4 +1,4 @@
-"""The page of `lippmann regress`: maxima and counts of the errors of a stream."""
+"""Create the page of `lippmann regress`: maximum errors and error counts of a stream."""
 
 from __future__ import annotations
 
@@ -18,19 +18,20 @@ from lippmann.fixed.conversion import rays_of_words, word_unit
 from lippmann.fixed.words import Ints
 from lippmann.optics.rays import Floats
 
-#: Cells along each side of a map.
+#: Number of cells along each side of a map.
 CELLS = 48
-#: Half the width of a lenslet's map, pitches: a hexagon's corners lie within.
+#: Half the width of a lenslet's map in pitches; the map contains a hexagon's corners.
 REACH = 0.6
 
 
 @dataclass
 class ErrorMap:
-    """The errors of one array, in microradian or nm.
+    """Errors of an array, in microradian or nm.
 
-    `panel` and `lenslet` (CELLS, CELLS) are the largest error in each cell, -1 without
-    a ray. Rows go down the panel, and up the lenslet. `counts` are the numbers of rays:
-    exact, in each bin of `edges()`, above.
+    `panel` and `lenslet` (CELLS, CELLS) contain the maximum error in each cell, or -1
+    in cells without rays. Row 0 is the top of the panel, and the bottom of the lenslet.
+    `counts` are the numbers of rays that are exact, in each bin of `edges()`, and
+    above.
     """
 
     unit: str
@@ -42,7 +43,7 @@ class ErrorMap:
 
     @property
     def rays(self) -> int:
-        """The number of rays."""
+        """Total number of rays."""
         return int(self.counts.sum())
 
 
@@ -52,13 +53,13 @@ def edges() -> Floats:
 
 
 class ErrorMaps(dict[str, ErrorMap]):
-    """The errors of all judged rays, by array."""
+    """Errors of all judged rays, keyed by array."""
 
     def add(self, foreign: ForeignRays, bounds: Bounds) -> None:
-        """Count the errors of a set, without rays on an edge or with only their status.
+        """Add the errors of a set, except for rays on an edge and rays with only a status.
 
-        A unit of the last place is that of a float32 of the vector's largest component,
-        or a word's.
+        The unit of the last place is that of a word, or of the vector's largest
+        component as float32.
         """
         inputs, fields = foreign.inputs, foreign.fields
         judged = np.ones(len(inputs.pixels), bool)
@@ -77,7 +78,7 @@ class ErrorMaps(dict[str, ErrorMap]):
         self.count(inputs, far, units, judged)
 
     def count(self, inputs: PanelRays, apart: Arrays, units: Arrays, judged: Bools) -> None:
-        """Count the finite errors `apart` of judged rays, (N,) rad or mm; `units` of the last place."""
+        """Add the finite errors `apart` (N,), rad or mm, of judged rays; `units` are the units of the last place."""
         panel = inputs.display.panel
         on_panel = inputs.pixels / np.array([panel.width_px, panel.height_px])
         on_lenslet = inputs.aims / (2.0 * REACH * inputs.display.array.coarsest_mm) + 0.5
@@ -94,14 +95,14 @@ class ErrorMaps(dict[str, ErrorMap]):
 
 
 def _largest(cells: Floats, places: Floats, errors: Floats) -> None:
-    """Raise each cell of a map to the largest error of places (N, 2) in it, 0 to 1."""
+    """Raise each cell of a map to the maximum error of the points (N, 2), 0 to 1, in the cell."""
     column, row = np.floor(places * CELLS).astype(np.int64).T
     inside = (np.minimum(column, row) >= 0) & (np.maximum(column, row) < CELLS)
     np.maximum.at(cells, (row[inside], column[inside]), errors[inside])
 
 
 def map_plot(maps: Mapping[str, ErrorMap]) -> Plot:
-    """Draw the largest errors over panel and lenslet, one row per array."""
+    """Draw maps of the maximum errors over panel and lenslet, with a row per array."""
     from matplotlib.colors import LogNorm
 
     picture, axes = make_axes(len(maps), 2)
@@ -109,7 +110,7 @@ def map_plot(maps: Mapping[str, ErrorMap]) -> Plot:
         errors = np.concatenate([error_map.panel.ravel(), error_map.lenslet.ravel()])
         low = float(errors[errors > 0.0].min(initial=np.inf))
         high = float(errors.max(initial=0.0))
-        # Much smaller errors count as none.
+        # Limit the colour scale to six decades.
         low = max(low, 1e-6 * high)
         norm = LogNorm(low, max(high, 1.01 * low)) if high > 0.0 else None
         span = (-REACH, REACH, -REACH, REACH)
@@ -118,7 +119,7 @@ def map_plot(maps: Mapping[str, ErrorMap]) -> Plot:
             ("lenslet", error_map.lenslet, "lower", span, "pitch", "pitch"),
         )
         for axis, (place, cells, origin, extent, across, up) in zip(row, views, strict=True):
-            # An exact cell, which has no logarithm, gets the lowest colour.
+            # Exact cells have no logarithm; give them the lowest colour.
             visible = np.ma.masked_less(np.where((cells >= 0.0) & (cells < low), low if norm else 0.0, cells), 0.0)
             image = axis.imshow(visible, norm=norm, cmap="viridis", extent=extent, origin=origin)
             axis.set(title=f"{name} over the {place}", xlabel=f"shares of the {across}", ylabel=f"shares of the {up}")
@@ -127,7 +128,7 @@ def map_plot(maps: Mapping[str, ErrorMap]) -> Plot:
 
 
 def histogram_plot(maps: Mapping[str, ErrorMap], last_place: str) -> Plot:
-    """Draw the histogram of the errors."""
+    """Draw the histogram of the errors of all arrays."""
     picture, axes = make_axes(1, 1, (8.0, 3.8))
     axis, ends = axes[0, 0], np.append(edges(), 10.0 * edges()[-1])
     used = np.flatnonzero(np.any([error_map.counts[1:] for error_map in maps.values()], axis=0))
@@ -147,7 +148,7 @@ def errors_page(
     words: bool,
     ended: str | None = None,
 ) -> Page:
-    """Return the page of verdicts and errors; `ended` says why a stream ended early."""
+    """Return the page of verdicts and errors; `ended` is the error of a stream that ended early."""
     last_place = "a word" if words else "a float32"
     maps = {name: maps[name] for name in FIELDS if name in maps}
     values = ("rays", "worst", "unit", "worst_units")

@@ -1,4 +1,4 @@
-"""Files of rays: test vectors (see vectors.md), and rays for `lippmann regress`."""
+"""Write test vectors (see vectors.md), and read files of rays for `lippmann regress`."""
 
 from __future__ import annotations
 
@@ -39,10 +39,10 @@ from lippmann.optics.rays import Model
 
 logger = logging.getLogger(__name__)
 
-#: The entry of a set in `vectors.json`.
+#: Entry of a set in `vectors.json`.
 Entry = dict[str, Any]
 
-#: Arrays of `rays.npz`, with their meaning.
+#: Arrays of `rays.npz`, with shape and meaning.
 ARRAYS = {
     "pixel": "(N, 2) pixel coordinates of the rays' starts",
     "aperture_mm": "(N, 2) aperture points, mm from the centre of the pixel's lenslet, array's axes",
@@ -73,15 +73,15 @@ WORLD_ARRAYS = {
 def write_vectors(
     folder: Path, sets: Iterable[PanelRays | WorldRays], model: Model, fraction_bits: int, about: Mapping[str, object]
 ) -> list[Entry]:
-    """Write sets into a new or empty folder, all or none; return the entries of `vectors.json`.
+    """Write sets into a new or empty folder, all sets or none; return the entries of `vectors.json`.
 
-    Rays from the world are written for the model `exact` only. Raises InputError for a
-    folder with files.
+    Rays from the world are written only for the model `exact`. Raises InputError if the
+    folder contains files.
     """
     if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
         raise input_error(str(folder), "exists already", "give a new folder")
     if not folder.parent.is_dir():
-        raise input_error(str(folder), f"the folder {folder.parent} does not exist", "make it first")
+        raise input_error(str(folder), f"the folder {folder.parent} does not exist", "create it first")
     entries = []
     try:
         with partial_folder(folder) as partial:
@@ -134,7 +134,7 @@ def _write_set(top: Path, rays: PanelRays | WorldRays, model: Model, fraction_bi
 
 
 def _save(place: Path, **arrays: Any) -> None:
-    """Write rays.npz: 50 digits rounded once, statuses as bytes."""
+    """Write rays.npz; 50-digit numbers are rounded to float64 once, statuses become bytes."""
     arrays = {name: np.asarray(a, np.float64) if a.dtype == object else a for name, a in arrays.items()}
     arrays["status"] = arrays["status"].astype(np.uint8)
     np.savez(place / "rays.npz", **arrays)
@@ -163,17 +163,17 @@ def _write_header(top: Path, entries: list[Entry], fraction_bits: int, about: Ma
 
 # ---- reading ----
 
-#: Arrays of the inputs, two columns each.
+#: Names of the input arrays; each has two columns.
 INPUT_ARRAYS = ("pixel", "aperture_mm")
 
 
 def read_foreign(
     path: Path, display: Display, model: Model, fraction_bits: int, inputs: Path | None = None
 ) -> ForeignRays:
-    """Read `.npz` (arrays of `lippmann trace`), `.csv` (as `words.csv`) or `.mem` (as `expected.mem`).
+    """Read rays from `.npz` (arrays of `lippmann trace`), `.csv` (like `words.csv`) or `.mem` (like `expected.mem`).
 
-    `inputs` is the `.mem` of the inputs, by default `inputs.mem` in the same folder.
-    Raises InputError for wrong files.
+    `inputs` is the `.mem` file of the inputs; the default is `inputs.mem` in the same
+    folder. Raises InputError for invalid files.
     """
     if not path.is_file():
         raise input_error(str(path), not_there(path), "give a .npz, .csv or .mem file of rays")
@@ -204,7 +204,9 @@ def _csv_columns(path: Path, fraction_bits: int) -> dict[str, Ints]:
     names = (*INPUTS, *OUTPUTS)
     missing = [name for name in names if name not in heading and name not in ("a", "b")]
     if missing:
-        raise input_error(str(path), f"has no columns {', '.join(missing)}", f"head it {','.join(names)}")
+        raise input_error(
+            str(path), f"has no columns {', '.join(missing)}", f"start with the heading {','.join(names)}"
+        )
     first = next(lines, None)
     if first is None:
         return dict.fromkeys(names, np.zeros(0, np.int64))
@@ -229,28 +231,30 @@ def _csv_columns(path: Path, fraction_bits: int) -> dict[str, Ints]:
 def _of_arrays(path: Path, display: Display, model: Model) -> ForeignRays:
     raw, there = load_arrays(path, (*INPUT_ARRAYS, *FIELDS), "give an .npz of numbers", 1000)  # bytes per ray
     if "from_world" in there:
-        raise input_error(str(path), "holds rays from the world", "give rays from the panel; regress judges only those")
+        raise input_error(
+            str(path), "contains rays from the world", "give rays from the panel; regress judges no others"
+        )
     arrays = {name: np.atleast_1d(array).astype(np.float64) for name, array in raw.items()}
     for name in ("pixel", "direction"):
         if name not in arrays:
             raise input_error(str(path), f"has no array {name}", "give at least pixel and direction, see vectors.json")
     n = len(arrays["pixel"])
     if not n:
-        raise input_error(str(path), "holds no rays", "give at least one")
+        raise input_error(str(path), "contains no rays", "give at least one ray")
     for name, array in arrays.items():
         shape = (n, 2 if name in INPUT_ARRAYS else FIELDS[name][1])
         if (array[:, None] if array.ndim == 1 else array).shape != shape:
             raise input_error(str(path), f"{name} has shape {array.shape}", f"give {shape}")
         if name in INPUT_ARRAYS and not np.isfinite(array).all():
-            raise input_error(str(path), f"{name} holds values that are not finite", "remove them")
+            raise input_error(str(path), f"{name} contains values that are not finite", "remove them")
         arrays[name] = array.reshape(shape)
     inputs = PanelRays("foreign", display, arrays.pop("pixel"), arrays.pop("aperture_mm", None), model)
     return ForeignRays(inputs, arrays)
 
 
 def text_of(path: Path) -> str:
-    """Return the text of a file of words, or raise InputError."""
-    remedy = "give a file of words as lippmann vectors writes them"
+    """Return the text of a file of words; raise InputError if the file is unreadable."""
+    remedy = "give a file of words like those of lippmann vectors"
     try:
         text = read_limited(path, MAX_TABLE_BYTES, "give fewer rays").decode()
     except UnicodeDecodeError:
@@ -263,7 +267,7 @@ def text_of(path: Path) -> str:
 
 
 def words_of_memory(path: Path, widths: Sequence[int]) -> list[Ints]:
-    """Read a `$readmemh` file, one ray per line; raise InputError for a wrong line."""
+    """Return the words of a `$readmemh` file with one ray per line; raise InputError for an invalid line."""
     texts = [line.split("//")[0].strip().replace("_", "") for line in lines_of(text_of(path))]
     numbers = [number for number, text in enumerate(texts, 1) if text]
     return words_of_lines([text for text in texts if text], widths, lambda ray: f"{path}:{numbers[ray]}")
