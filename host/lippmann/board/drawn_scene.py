@@ -145,7 +145,6 @@ class SceneBoard:
         raise self.board.error(what, "check its power, and that no other program uses it")
 
     def _blocks(self, slot: int, content: bytes) -> list[bytes]:
-        """Return the blocks of a slot's content; refuse unknown slots and wrong sizes."""
         size = 8 * BLOCK_BYTES if slot == CURVE_SLOT else self.build.slot_bytes
         if not (0 <= slot < self.build.slots_built or slot == CURVE_SLOT):
             what = f"the board has no slot {slot}"

@@ -102,7 +102,6 @@ def _names() -> list[str]:
 
 
 def _chain(path: Path) -> list[Path]:
-    """Return a board's file, then those of the boards that it inherits from."""
     chain = [path]
     while (name := load(chain[-1], "board").get("like")) is not None:
         where, boards = f"{chain[-1]}: like", _names()

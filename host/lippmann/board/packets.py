@@ -101,7 +101,6 @@ class PacketReader:
 
 
 def _parsed(stuffed: bytes) -> Packet | None:
-    """Return the packet in COBS-encoded bytes, or None if it is invalid."""
     try:
         data = bytes(cobs.decode(stuffed)) if len(stuffed) <= MAX_STUFFED else b""
     except cobs.DecodeError:

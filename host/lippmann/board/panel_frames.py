@@ -162,7 +162,6 @@ def _tones_in(name: str, metadata: Mapping[str, str], encoded: bool) -> Tones:
 
 
 def _agreed(name: str, *sources: tuple[str, Tones]) -> Tones:
-    """Return the tones that all sources together name; refuse contradicting sources."""
     agreed = Tones()
     first: dict[str, str] = {}
     for source, tones in sources:

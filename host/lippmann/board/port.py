@@ -159,7 +159,6 @@ def _refusal(url: str, error: Exception) -> NoBoardError | InputError:
 
 
 def _permission(path: str) -> str:
-    """Return how to get permission for a device."""
     with contextlib.suppress(OSError, KeyError, ImportError):
         import grp  # only Unix has it
 

@@ -200,7 +200,6 @@ class Window:
                 return
 
     def _send(self, item: int) -> bool:
-        """Send an item; return whether the line accepted it."""
         body = self._body(item)
         seq = self.session.next_seq()
         packet = packed(self.kind, seq, body)

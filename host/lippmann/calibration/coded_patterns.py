@@ -198,7 +198,6 @@ class AxisCode:
 
 
 def _marks(height: int, width: int) -> Singles:
-    """Return the picture of marks: a black frame, a cross, and a block in the top left corner."""
     light = np.ones((height, width), np.float32)
     y, x = np.arange(height)[:, None], np.arange(width)[None]
     line = max(1, min(height, width) // 24)

@@ -136,7 +136,6 @@ def _some(points_mm: Floats) -> Floats:
 
 
 def _searched(points_mm: Floats, middle: Floats, nominal: Floats, growth: float) -> tuple[Floats, Floats]:
-    """Return the rotated and scaled basis, and the origin, that maximise the points' coherence."""
     step = 0.12 / FIRST_RADIUS
     turns = np.arange(-math.radians(MAX_ROTATION_DEG) * 1.2, math.radians(MAX_ROTATION_DEG) * 1.2, step)
     scales = np.arange(1.0 - 1.3 * MAX_STRETCH, (1.0 + 1.3 * MAX_STRETCH) * (1.0 + growth), step)
@@ -152,7 +151,6 @@ def _searched(points_mm: Floats, middle: Floats, nominal: Floats, growth: float)
 
 
 def _fitted(points_mm: Floats, lattice: SeenLattice) -> SeenLattice | None:
-    """Fit a lattice to the points near a previous lattice; return None if too few points are near."""
     index, near = lattice.near(points_mm)
     if near.sum() < 100 or np.ptp(index[near], axis=0).min() < 2:
         return None

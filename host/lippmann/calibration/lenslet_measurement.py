@@ -250,7 +250,6 @@ def _centred(own: Floats, at: Floats, some: Bools) -> Floats:
 
 
 def _check_steady(name: str, index: Indices, counts: Indices, agree: float) -> None:
-    """Raise InputError if camera or display moved between the photographs."""
     least = 0.3 * float(np.median(counts[counts > 0])) if (counts > 0).any() else 0.0
     inside = _surrounded(*_table(index, counts), least)
     share = float((are_complete(index, counts, NEIGHBOURS) & inside).sum() / max(1, inside.sum()))

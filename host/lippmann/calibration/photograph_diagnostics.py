@@ -121,7 +121,6 @@ def _check_light(samples: Samples) -> None:
 
 
 def _exchanged(samples: Samples, match: Fit, pitch_px: float) -> tuple[Pattern, Pattern] | None:
-    """Return two photographs whose exchange makes all photographs agree, or None."""
     step = max(1, len(samples.at[0]) // 800)
     shares = {one: share[::step] for one, share in samples.shares.items()}
     at = tuple(one[::step] for one in samples.at)

@@ -104,7 +104,6 @@ class Calibration(Findings):
 
 
 def _bytes(text: str) -> npt.NDArray[np.uint8]:
-    """Return a text as an array of bytes."""
     return np.frombuffer(text.encode(), np.uint8)
 
 
@@ -204,8 +203,8 @@ def find_warnings(parameters: tuple[Parameter, ...], solution: Solution) -> tupl
     if views < ENOUGH_POSITIONS:
         more = ENOUGH_POSITIONS - views
         warnings.append(
-            f"{views} position{'s' * (views > 1)} of the camera; to determine them, photograph from {more} more, at other "
-            "distances, and a third of the distance aside"
+            f"{views} position{'s' * (views > 1)} of the camera; photograph from {more} more, at other distances "
+            "and a third of the distance aside, to determine the rest"
         )
         if views == 1:
             x, y, z = (solution.value(f"place_{axis}_0") for axis in "xyz")

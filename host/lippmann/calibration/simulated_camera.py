@@ -49,7 +49,6 @@ class Camera:
     vignetting: float = 0.0
 
     def __post_init__(self) -> None:
-        """Raise InputError for a camera behind the display, or a distortion that folds the picture."""
         if not self.position_mm[2] > 0.0:
             raise InputError(f"camera: z {self.position_mm[2]:g} mm is behind the display; give z > 0")
         if not self.focal_px > 0.0:

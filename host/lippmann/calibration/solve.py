@@ -132,7 +132,6 @@ def calibrate(
 def _number_lenslets(
     nominal: Display, views: list[Lenslets], lattices: list[SeenLattice], progress: Progress
 ) -> tuple[Problem, Floats]:
-    """Return the problem with the most likely numbering, and its initial parameters."""
     logger.info("numbering")
     likely = starts(nominal, views, lattices)
     trials = []
@@ -146,7 +145,6 @@ def _number_lenslets(
 
 
 def _refine(problem: Problem, x: Floats) -> tuple[Problem, Solution]:
-    """Solve the problem; refine the panel points with the solution as long as the fit does not get worse."""
     solution = solve(problem, x, robust_only=True)
     if 1.96 * solution.deviation("gap") > 0.1 * problem.display.aperture_distance_mm:
         # A free, undetermined gap would absorb model errors and change pitch and offset.
@@ -163,8 +161,6 @@ def _refine(problem: Problem, x: Floats) -> tuple[Problem, Solution]:
 
 
 def _fit_radius(problem: Problem, solution: Solution) -> tuple[Problem, Solution, Radius]:
-    """Fit the radius together with the parameters; return problem, solution and radius."""
-
     def with_radius(radius_mm: float) -> Problem:
         array = replace(nominal.array, radius_mm=radius_mm)
         return trace_again(solution, replace(problem, display=replace(nominal, array=array)))
@@ -202,7 +198,6 @@ def _scatter(solution: Solution) -> float:
 
 
 def _cost(solution: Solution) -> float:
-    """Return the cost of a numbering: its scatter, increased by its outliers."""
     scatter = float(np.mean([math.hypot(*one) for one in solution.weights.scatter]))
     return scatter * (1.0 + 5.0 * _outliers(solution))
 
@@ -212,7 +207,6 @@ def _outliers(solution: Solution) -> float:
 
 
 def _check_zoom(solution: Solution) -> None:
-    """Raise ContradictionError if the camera's magnification differs between positions."""
     problem = solution.problem.freeing("zoom")
     zoomed = solve(problem, solution.x)
     zooms = {name: zoomed.value(name) for name in problem.blocks["zoom"]}
@@ -234,7 +228,6 @@ def _check_zoom(solution: Solution) -> None:
 
 
 def _bow_warnings(solution: Solution, is_fitted: bool) -> tuple[str, ...]:
-    """Return a warning if the bow is significant; it reports the height at the corners."""
     # A bow of less than 6 standard deviations is not significant.
     if not any(abs(solution.value(name)) > 6.0 * solution.deviation(name) for name in BOW):
         return ()
@@ -249,7 +242,6 @@ def _bow_warnings(solution: Solution, is_fitted: bool) -> tuple[str, ...]:
 def _result(
     nominal: Display, problem: Problem, solution: Solution, warnings: tuple[str, ...], radius: Radius | None
 ) -> Calibration:
-    """Return the calibration; raise ContradictionError if scatter or outliers are too large."""
     pitch_px = nominal.array.finest_mm / min(nominal.panel.pitches_mm)
     outliers, scatter = _outliers(solution), _scatter(solution)
     if scatter > max(MAX_SCATTER_PX, MAX_SCATTER * pitch_px) or outliers > MAX_OUTLIERS:

@@ -115,7 +115,6 @@ CANNOT_OPEN: dict[type[OSError], str] = {
 
 
 def _explain(error: BaseException) -> tuple[str, int]:
-    """Return the message line and the exit code for an error."""
     if was_interrupted(error):
         return "interrupted; nothing half-written is left", interrupts.exit_code()
     if isinstance(error, click.exceptions.NoSuchOption | click.exceptions.NoSuchCommand) and error.possibilities:

@@ -101,7 +101,6 @@ def command(
 
 
 def _view_window(path: Name, film: Film, display: Display, width_px: int, settings: Settings) -> Window:
-    """Return the window of --view; raise InputError for an unsuitable file or too little memory."""
     suffix = check_output(path, VIEW_SUFFIXES + ANIMATION_SUFFIXES).suffix.lower()
     if suffix == ".gif" and film.frames_per_second > GIF_SPEED:
         raise InputError(f"{path}: a GIF shows at most {GIF_SPEED:g} frames a second; choose .mp4, .png or .apng")

@@ -178,7 +178,6 @@ def read_command(
 
 
 def _lines(address: int, word: int) -> Iterator[str]:
-    """Yield a register's address, word and name; each field's value and meaning."""
     name = next((name for name, register in REGISTERS.items() if register.address == address), "")
     yield f"0x{address:03X}  0x{word:08X}  {name}".rstrip()
     for field_name, field in (REGISTERS[name].fields if name else {}).items():
@@ -237,7 +236,6 @@ def _check_scene(board: Board, name: str, address: int, count: int) -> int:
 
 
 def _register(name: str) -> Register:
-    """Return the register of a name; for an address, return a register without fields."""
     if name in REGISTERS:
         return REGISTERS[name]
     try:
@@ -265,7 +263,6 @@ def _number(where: str, text: str, field: Field) -> int:
 
 
 def _changed(register: str, fields: dict[str, Field], values: tuple[str, ...], word: int) -> int:
-    """Return a register's word with changed fields."""
     names = [value.partition("=")[0] for value in values]
     if len(set(names)) < len(names):
         raise InputError(f"{' '.join(values)}: a field is named twice; name each field once")

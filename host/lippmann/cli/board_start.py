@@ -43,7 +43,6 @@ def _drawing(
     bilinear: bool = option("Interpolate between texels."),
     samples: int | None = option("Rays per pixel.  [default: 1]", kind=click.Choice([1, 2, 4])),
 ) -> SceneBuild | None:
-    """Return the build of the scene block; None without --layers."""
     if layers is not None:
         width, height = slot or (SceneBuild.width, SceneBuild.height)
         return SceneBuild(layers, slots, width, height, bilinear, samples or 1)
@@ -118,7 +117,6 @@ def start_command(
 def _serve(
     board: virtual_board.RunningBoard, display: Display, line: str, capture: Path | None, ready: Path | None
 ) -> None:
-    """Serve a board until it ends or Ctrl-C; write its ready file and frames, and print its URL."""
     size = {"width": display.panel.width_px, "height": display.panel.height_px}
     about = {"display": display.name, "identity": display.identity, **size}
     result = {"url": board.url, "pid": os.getpid(), **about, "line": line}
@@ -218,7 +216,6 @@ def _in_background(ready: Path) -> None:
 
 
 def _failure(output: Path) -> LippmannError | None:
-    """Return the error in the last line of a board's log; None if there is no error."""
     try:
         last = json.loads(own_text(output).splitlines()[-1])
         return ERRORS.get(last["exit_code"], DeviceError)(last["error"])
@@ -243,7 +240,6 @@ def _content(ready: Path) -> dict[str, Any]:
 
 
 def _alive(pid: int | None) -> bool:
-    """Return whether a process runs `lippmann board start`."""
     try:
         words = Path(f"/proc/{pid}/cmdline").read_bytes().split(b"\0")
     except OSError:

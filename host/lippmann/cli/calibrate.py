@@ -41,7 +41,6 @@ def command() -> None:
 
 @contextlib.contextmanager
 def _panel(display: Display, port: str | None, baud: int | None, monitor: int) -> Iterator[Callable[[Pixels], object]]:
-    """Provide a function that shows pixels on a board's panel or a monitor."""
     if port is None:
         with full_screen((display.panel.width_px, display.panel.height_px), monitor) as show:
             yield show

@@ -94,7 +94,6 @@ def _text(result: dict[str, Any]) -> str:
 
 
 def _geometry(setup: Setup, scene: Scene, rotated: bool) -> dict[str, Any]:
-    """Return the distances and other geometry of a capture, computed with the lens equations."""
     far, near = scene.depth_range_mm
     depth = shown_depth(setup, [far, near], rotated)
     image = "real" if depth.min() >= 0.0 else "virtual" if depth.max() <= 0.0 else "real and virtual"

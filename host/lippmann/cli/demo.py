@@ -128,7 +128,6 @@ def _render(scene: Scene, display: Display, out: Path, device: str) -> IntegralI
 
 @contextlib.contextmanager
 def _compile_boards(streamed: Display, drawn: Display) -> Iterator[None]:
-    """Compile both virtual boards while the block runs; a starting board waits for its program."""
     with ThreadPoolExecutor(1) as background:
         boards = [background.submit(compile_board, streamed), background.submit(compile_board, drawn, SceneBuild())]
         try:
@@ -139,7 +138,6 @@ def _compile_boards(streamed: Display, drawn: Display) -> Iterator[None]:
 
 
 def _steps(result: dict[str, Any], panel: Panel) -> Iterator[tuple[str, str]]:
-    """Yield a sentence about each step, and the step's file."""
     yield f"rendered {panel.width_px} x {panel.height_px} pixels in {result['render_seconds']:.1f} s", "fish.png"
     yield "the same in linear radiance", "fish.exr"
     yield f"the board traced {result['rays_compared']} rays: every word equals the integer twin's", ""
@@ -156,7 +154,6 @@ def _steps(result: dict[str, Any], panel: Panel) -> Iterator[tuple[str, str]]:
 
 
 def _middle(size: int) -> tuple[int, int]:
-    """Return the first and the last pixel of the compared region along a side."""
     width = min(REGION_PX, size)
     first = (size - width) // 2
     return first, first + width - 1
@@ -181,7 +178,6 @@ def _views(scene: Scene, image: IntegralImage, out: Path) -> tuple[list[Direct],
 
 
 def _draw_films(scenes: Path, out: Path) -> dict[str, dict[str, Any]]:
-    """Draw the films on a virtual board, and write animations `drawn-NAME.gif`; return figures by name."""
     display = load_display(scenes / DRAWN_DISPLAY)
     window = whole_window(display, DRAWN_VIEW_WIDTH_PX)
     log("starting a virtual board that draws (compiled once, half a minute) ...")
@@ -199,7 +195,6 @@ def _draw_films(scenes: Path, out: Path) -> dict[str, dict[str, Any]]:
 
 
 def _draw(display: Display, film: LayerFilm, name: str) -> tuple[list[IntegralImage], dict[str, Any]]:
-    """Draw a film on a virtual board; return the frames and their figures."""
     build = SceneBuild()
     with progress_bar(f"draw the {name}") as progress, capturing(display, build) as captured:
         captured.board.panel_crc()  # wait until a black frame was scanned out

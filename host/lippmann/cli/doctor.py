@@ -99,7 +99,6 @@ def _check_ports(check: Callable[..., None]) -> None:
 
 
 def _board_text(url: str) -> str:
-    """Return a port's board, if known, with the number for `board program --serial`."""
     board, info = board_of_port(url), port_info(url)
     if board is None or info is None:
         return ""

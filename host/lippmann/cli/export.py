@@ -277,7 +277,6 @@ def depth(
 
 
 def _write_folder(subject: _Subject, eyes: list[Eye], folder: Path, stem: str, linear: bool) -> list[str]:
-    """Write each eye's view to a file; return the names. Refuse a folder with files of another export."""
     make_folder(folder, "choose another place with -o")
     names = [f"{stem}_{k:04d}.{'exr' if linear else 'png'}" for k in range(len(eyes))]
     others = sorted({path.name for path in folder.glob(f"{stem}_[0-9][0-9][0-9][0-9].*")} - set(names))

@@ -152,6 +152,5 @@ def _call(function: Function, values: Mapping[str, object]) -> object:
 
 
 def _defaults(function: Function) -> dict[str, object]:
-    """Return the defaults, keyed by parameter; None for a parameter without default."""
     signature = inspect.signature(function).parameters.items()
     return {name: None if parameter.default is REQUIRED else parameter.default for name, parameter in signature}

@@ -118,7 +118,6 @@ def _crosstalk(view: EyeView) -> str:
 
 
 def _table(display: Display, views: list[EyeView]) -> Iterator[str]:
-    """Yield the heading of the table, and a line for each eye."""
     form = "{:>8}  {:<12}{:<17}{:<18}{:<12}{:<10}{}"
     yield form.format("z, mm", "crosstalk", "zone, mm", "depth, mm", "view step", "lenslet", "moire")
     for view in views:

@@ -103,7 +103,6 @@ def command(
 
 
 def _split_parts(scene: Scene, apart: str | None) -> tuple[Scene, Scene | None]:
-    """Return the part of the scene that is cut by depth, and the shapes `apart`."""
     if apart is None:
         return scene, None
     others = load_scene(scene.path, scene.placement, part=Part(apart, matching=False))
@@ -136,7 +135,6 @@ def _text(file: Path, cut: Cut, names: tuple[str, ...], rows: list[Row]) -> Iter
 
 
 def _warn_if_undrawable(cut: Cut, display: Display, names: tuple[str, ...]) -> None:
-    """Warn if the layers exceed the range of a board's registers."""
     try:
         scene_words(display, cut.stack, scene_build_of(cut.stack, "nearest", 1), names=names)
     except InputError as error:

@@ -114,7 +114,6 @@ def _emit_result(
 
 
 def _load_film(path: str) -> Film | None:
-    """Return the film of a file; None if the file is not a film; refuse layers, which only a board draws."""
     if is_layers(path):
         raise input_error(path, "is a folder of layers", "play it on a board: lippmann play")
     return load_film(path) if is_film(path) else None
@@ -123,7 +122,6 @@ def _load_film(path: str) -> Film | None:
 def _check_panels(
     display: Display, monitor: int | None, port: str | None, window: bool | None, eye: Point | None
 ) -> None:
-    """Raise InputError for contradicting options, or if the window cannot be opened."""
     if monitor is not None and port is not None:
         raise InputError("--monitor and --port both name a panel; leave one out")
     if window is not None and monitor is not None:
@@ -135,7 +133,6 @@ def _check_panels(
 
 
 def _film_scale(moved: Moved) -> float | None:
-    """Return the scale of a film, or None for --fit; refuse other placement options."""
     for name in moved.changes.keys() - {"scale", "fit"}:
         raise InputError(f"{flag_of(name)} does not place a film; use --scale, --fit or its [world]")
     if moved.fit and moved.scale is not None:

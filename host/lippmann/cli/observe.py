@@ -92,7 +92,6 @@ def command(
 
 
 def _load_image(path: str, display: Display, force: bool, count: int, window: Window) -> IntegralImage:
-    """Load the image; large images are read row by row. Refuse views that exceed the memory limit."""
     panel_px = display.panel.width_px * display.panel.height_px
     # Both the panel's light and each view are stored twice, on host and device.
     values = 2 * min(STORED_PX, panel_px) + 2 * count * window.width_px * window.height_px
@@ -105,7 +104,6 @@ def _load_image(path: str, display: Display, force: bool, count: int, window: Wi
 def _emit_result(
     path: Path, sheet: Path | None, window: Window, eyes: list[Eye], views: list[View], built: Display
 ) -> None:
-    """Print the output files and fractions of rays; log a note if the view has a dark border."""
     dark = max(view.status_share["blocked"] for view in views)
     if dark > 0.02:
         where = "beside the panel" if built.array.extent_mm is None else "beside the panel or on the array's mount"
@@ -119,7 +117,6 @@ def _emit_result(
 
 
 def _check_files(image: str, output: Path, sheet: Path | None, frames: int | None, moves: bool) -> Path:
-    """Raise InputError for conflicting outputs and options; return the output's path."""
     if not moves and output.suffix.lower() in {*VIEW_SUFFIXES, *ANIMATION_SUFFIXES}.difference(SUFFIXES):
         remedy = f"give --sweep X0,X1 too, or choose from {', '.join(SUFFIXES)}"
         raise input_error(output, "is a moving view", remedy)

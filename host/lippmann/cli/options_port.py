@@ -61,7 +61,6 @@ OPEN_BOARD: Any = _open_board
 
 
 def _confirmed(urls: list[str]) -> bool:
-    """Ask the user on a terminal whether to write to ports that may be other devices."""
     question = f"No board on a known USB adapter. Send a query to {', '.join(urls)}? Other devices may react to it"
     return sys.stdin is not None and sys.stdin.isatty() and click.confirm(question, err=True)
 

@@ -45,8 +45,6 @@ def emit(result: Mapping[str, Any], text: str | Iterable[str], display: Display 
 
 
 class _StderrLines(logging.Handler):
-    """Log handler that writes each record as one line to stderr."""
-
     def emit(self, record: logging.LogRecord) -> None:
         """Write a record; the line of a warning begins with "note:"."""
         prefix = "note: " if record.levelno >= logging.WARNING else ""

@@ -131,7 +131,6 @@ def _judge_file(path: Path, foreign: ForeignRays, bounds: Bounds, output: _Outpu
 
 
 def _judge_stream(bounds: Bounds, output: _Output) -> int:
-    """Judge the stream on stdin, even if it ends early; return the exit code."""
     if sys.stdin is None:
         raise InputError("stdin is closed; run lippmann vectors --stream | YOUR PROGRAM | lippmann regress --stream")
     verdicts: list[tuple[str, Verdict]] = []

@@ -102,7 +102,6 @@ def _summary(path: Path, display: Display, metadata: dict[str, str], measured: d
 def _open_scene(
     path: Path, display: Display, options: RenderOptions, moved: Moved, device: str, keeps_bands: bool
 ) -> Iterator[Plan]:
-    """Yield the plan of a scene; raise InputError for options of layers."""
     if is_given("filter"):
         raise InputError("--filter is for layers; leave it out with a scene")
     with open_scene(path, moved.placement(path), device) as scene:
@@ -111,7 +110,6 @@ def _open_scene(
 
 @contextlib.contextmanager
 def _open_layers(path: str, display: Display, options: RenderOptions, moved: Moved, filter: Filter) -> Iterator[Plan]:
-    """Yield the plan of layers; raise InputError for options of scenes."""
     for name in moved.changes.keys() - {"scale", "offset"} | {one for one in SCENE_OPTIONS if is_given(one)}:
         raise InputError(f"{flag_of(name)} is for scenes; leave it out with layers")
     stack, names = load_named_layers(path)

@@ -117,7 +117,6 @@ class _Stream:
                         was_reset = True
 
     def _opened(self) -> Board:
-        """Open the board as soon as it answers; raises like `Board.open`."""
         deadline = time.monotonic() + self._resume_s
         while True:
             try:

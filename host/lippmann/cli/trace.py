@@ -85,7 +85,6 @@ def command(
 
 
 def _pixels(spec: str, display: Display, random: np.random.Generator) -> Floats:
-    """Return pixel coordinates (N, 2): as many random pixels as `spec` says, or those of a file."""
     panel = display.panel
     size = np.array([panel.width_px, panel.height_px])
     if re.fullmatch(r"[+-]?[0-9]{1,18}", spec):

@@ -90,7 +90,6 @@ def command(
 
 
 def _page_path(image_path: str, output: Path | None, serve: bool, tcp_port: int) -> Path | None:
-    """Return the page's path, or None with --serve; raise InputError for conflicting options."""
     if serve and output:
         raise InputError("--serve writes no file; leave out -o or --serve")
     if tcp_port and not serve:
@@ -115,7 +114,6 @@ def frames_of(path: str) -> list[str | Path]:
 
 
 def _read_direct(eye: Point, path: str, display: Display) -> Direct:
-    """Read a direct render; errors name the render's file."""
     direct = Direct(Eye(eye).position_mm, read_picture(path).radiance)
     try:
         check_direct(direct, display)

@@ -147,7 +147,6 @@ def _border(inputs: PanelRays, points: Floats) -> tuple[Bools, Bools]:
 
 
 def _tiny(coordinates: Floats) -> Bools:
-    """Return which points (N, 2) have a nonzero coordinate whose square underflows."""
     return np.asarray(((coordinates != 0.0) & (np.abs(coordinates) < 1e-154)).any(axis=1))
 
 

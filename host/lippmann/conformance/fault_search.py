@@ -105,7 +105,6 @@ def _wrong_number(name: str, value: float, expected: float) -> Variant:
 
 
 def _numbers(display: Display) -> dict[str, float]:
-    """Return the display's parameters, keyed as in `FITTED`; a shear of 0 is left out."""
     numbers = {}
     for name in FITTED:
         path, _, entry = name.partition("[")
@@ -116,7 +115,6 @@ def _numbers(display: Display) -> dict[str, float]:
 
 
 def _word_lengths(direction: Floats) -> Iterator[Variant]:
-    """Yield the rounding and the truncation of directions, if all components are multiples of a power of two."""
     for bits in range(4, 23):
         scaled = np.ldexp(direction, bits)
         if np.isfinite(scaled).all() and (scaled == np.round(scaled)).all():
@@ -127,7 +125,6 @@ def _word_lengths(direction: Floats) -> Iterator[Variant]:
 
 
 def _fit_number(name: str, value: float, inputs: PanelRays, direction: Floats) -> Iterator[Variant]:
-    """Yield a display parameter fitted to directions (N, 3), if any value gives rays."""
     # Offsets repeat after a pitch, so their size does not predict their error.
     unit = value if value and "offset" not in name else inputs.display.array.coarsest_mm
 

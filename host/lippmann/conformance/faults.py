@@ -123,7 +123,6 @@ def variants(display: Display) -> Iterator[Variant]:
 
 
 def _number_variants(display: Display) -> Iterator[Variant]:
-    """Yield variants with wrong display parameters that give a different display."""
     array, turn, system = display.array, display.array.rotation_deg, System.of(display)
     (x, y), (px, py), (axis_x, axis_y) = array.offset_mm, array.pitches_mm, display.viewing_axis_mm
     radius_mm = array.radius_mm
@@ -163,7 +162,6 @@ def _number_variants(display: Display) -> Iterator[Variant]:
 
 
 def _panel_variants(display: Display) -> Iterator[Variant]:
-    """Yield wrong pixels and wrong maps from panel to array."""
     w, h = display.panel.width_px, display.panel.height_px
     moves: dict[str, Bend] = {
         "rows counted from the bottom (y flipped)": lambda p: np.column_stack([p[:, 0], h - p[:, 1]]),
@@ -182,7 +180,6 @@ def _panel_variants(display: Display) -> Iterator[Variant]:
 
 
 def _lattice_variants(display: Display) -> Iterator[Variant]:
-    """Yield variants with wrong lenslets, and with wrong indices of correct lenslets."""
     array, system = display.array, System.of(display)
 
     def relabelled(name: str, label: Bend, moved: bool = False) -> Variant:
@@ -219,7 +216,6 @@ def _lattice_variants(display: Display) -> Iterator[Variant]:
 
 
 def _placed(system: System, local_mm: Floats, lenslet: Floats) -> Arrays:
-    """Return centres and origins of rays from lenslets (N, 2)."""
     centre_mm = np.stack(system.centre(*lenslet.T), axis=1)
     return {"centre_mm": centre_mm, "origin_mm": local_mm + np.column_stack([centre_mm, np.zeros(len(lenslet))])}
 
@@ -246,7 +242,6 @@ def _through_neighbour(step: Floats, inputs: PanelRays, rays: Arrays) -> Arrays:
 
 
 def _rounded_down(inputs: PanelRays, rays: Arrays) -> Arrays:
-    """Trace each ray through the lenslet whose index is rounded down."""
     x, y = rays["start_mm"].T
     sides = np.stack([x - inputs.display.array.shear * y, y], axis=1)
     return _through_neighbour(np.where(sides < 0.0, -1.0, 0.0), inputs, rays)
@@ -265,7 +260,6 @@ def _aim_variants(display: Display) -> Iterator[Variant]:
         return Variant("aim", name, lambda g: replace(g, aperture=aim(g)))
 
     def toward(share: float, g: PanelRays) -> Floats:
-        """Return aims at the fraction `share` of the distance from start to aperture point."""
         start = g.steps()["start_mm"]
         return start + (g.aims - start) * share
 
@@ -290,7 +284,6 @@ def _aim_variants(display: Display) -> Iterator[Variant]:
 
 
 def _exit_variants(display: Display) -> Iterator[Variant]:
-    """Yield variants that trace correctly but change the results."""
     array, frame = display.array, System.of(display).frame
     bends: dict[str, Bend] = {
         "sign of the direction's x": lambda d: d * (-1, 1, 1),
@@ -325,7 +318,6 @@ def _exit_variants(display: Display) -> Iterator[Variant]:
 
 
 def _along_array(frame: PanelFrame, bend: Bend, direction: Floats) -> Floats:
-    """Return directions changed by `bend` in the array's axes."""
     x, y, z = bend(turn_back(frame, direction)).T
     return np.stack([*frame.turn(x, y), z], axis=1)
 

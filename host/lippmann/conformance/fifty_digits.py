@@ -36,7 +36,6 @@ _convert_number = mp.npconvert
 
 
 def _convert(value: Any) -> Digits:
-    """Convert a numpy number to an mpf; raise TypeError for an array."""
     # mpmath would format the complete array in an error for each product.
     if isinstance(value, np.ndarray) and value.ndim:
         raise TypeError("an array is not a number")
@@ -90,7 +89,6 @@ def exact_inputs(rays: PanelRays | WorldRays) -> dict[str, Digits]:
 
 
 def _lengths(name: str, value: float | tuple[float, ...]) -> dict[str, float]:
-    """Return the lengths of both axes, keyed by name, or the common length."""
     if isinstance(value, tuple):
         return {f"{name}_x_mm": value[0], f"{name}_y_mm": value[1]}
     return {f"{name}_mm": value}

@@ -80,8 +80,7 @@ def choose_samples(spread_px: Pair, tolerance: float) -> int | None:
 
 @cache
 def gap(samples: int, sides: Pair) -> float:
-    """Return the maximum distance in a rectangle to the nearest sample; samples may be
-    mirrored or transposed.
+    """Return the maximum distance in a rectangle to the nearest sample, for mirrored or transposed samples.
 
     The maximum lies at a corner of a Voronoi cell; reflected samples clip the cells at
     the rectangle's sides.
@@ -143,7 +142,6 @@ def choose_build(display: Display, depth_range_mm: Pair, tolerance: float) -> tu
 
 
 def _spread(display: Display) -> Floats:
-    """Return pixel coordinates (N, 2): points spread over the panel, and points in the corners of their cells."""
     numbers = np.arange(SPREAD_RAYS)
     everywhere = np.outer(numbers, R2_STEPS) % 1.0 * panel_size(display)
     corners = INSIDE * corners_mm(display.array)

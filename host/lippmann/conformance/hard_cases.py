@@ -47,14 +47,11 @@ CASES: dict[str, Generator] = {}
 
 
 def _case(make: Generator) -> Generator:
-    """Add a generator to `CASES` under its name."""
     CASES[make.__name__.replace("_", "-")] = make
     return make
 
 
 def _of_displays(displays: Callable[[Display], Mapping[str, Display]]) -> Generator:
-    """Add a case that yields a set of random rays for each display."""
-
     @wraps(displays)
     def make(display: Display, random: Random, count: int) -> Sets:
         variants, case = displays(display), displays.__name__.replace("_", "-")
@@ -133,7 +130,6 @@ def cell_corners(display: Display, random: Random, count: int) -> Sets:
 
 
 def _on_border(case: str, display: Display, random: Random, points: Floats, lenslet: tuple[int, int]) -> Sets:
-    """Yield two sets: pixels at the first half of a cell's points, and aims at the second half."""
     count = len(points) // 2
     pixels, _ = pixels_at(display, points[:count], lenslet)
     yield PanelRays(f"{case}/pixels", display, _nudged(pixels, random), None)

@@ -121,7 +121,6 @@ def judge(foreign: ForeignRays, bounds: Bounds = USUAL, two_faults: bool = True)
 def _judge_numbers(
     foreign: ForeignRays, bounds: Bounds, compared: Comparison, two_faults: bool
 ) -> tuple[Bools, Finding]:
-    """Return a mask of wrong rays in numbers, and the finding."""
     if compared.wrong.any():
         return compared.wrong, _diagnose(compare(foreign, bounds), two_faults)
     if "lenslet" in foreign.fields:
@@ -171,13 +170,11 @@ def _diagnose(compared: Comparison, two_faults: bool) -> Finding:
 
 
 def _axes(compared: Comparison) -> tuple[Floats, Floats]:
-    """Return the foreign and golden's directions in the array's axes."""
     frame = System.of(compared.inputs.display).frame
     return turn_back(frame, compared.fields["direction"]), turn_back(frame, compared.golden["direction"])
 
 
 def _one_late(compared: Comparison) -> Finding | None:
-    """Find a delay that affects only some components of the direction."""
     if compared.wrong_arrays != ["direction"] or len(compared.edge) < 2 * MANY:
         return None
     directions, expected = _axes(compared)
@@ -198,7 +195,6 @@ def _delay(lag: int) -> str:
 
 
 def _stuck(compared: Comparison) -> Finding | None:
-    """Find a stuck bit of the direction."""
     wrong = compared.wrong_by["direction"]
     if compared.wrong_arrays != ["direction"] or wrong.all() or wrong.sum() < MANY:
         return None
@@ -219,7 +215,6 @@ def _stuck(compared: Comparison) -> Finding | None:
 
 
 def _stale(compared: Comparison) -> Finding | None:
-    """Find a register that took effect late, if the wrong rays are consecutive."""
     run = np.flatnonzero(compared.wrong)
     first, last = int(run[0]), int(run[-1])
     if len(run) < MANY or last + 1 - first >= len(compared.edge) or len(run) < 0.5 * (last + 1 - first):
@@ -243,7 +238,6 @@ def _late(right: Callable[[int], Bools]) -> Finding | None:
 
 
 def _wrong_codes(status: Floats | Ints, expected: Floats | Ints, wrong: Bools) -> Finding:
-    """Return a finding that lists the wrong status codes of arrays (N, 1)."""
     pairs, counts = np.unique(np.stack([expected[wrong, 0], status[wrong, 0]]), axis=1, return_counts=True)
     codes = ", ".join(f"{int(b)} for {int(a)} ({n} rays)" for (a, b), n in zip(pairs.T, counts, strict=True))
     return Finding("status", f"wrong status code: {codes}", 1.0)
@@ -266,7 +260,6 @@ def _wrapped(compared: Comparison) -> bool:
 
 
 def _best(compared: Comparison) -> Finding | None:
-    """Return the nearest variant if it explains nearly all rays."""
     random = np.random.default_rng(0)
     # Leave out rays on an edge, as a variant may take the edge's other side.
     bad = np.flatnonzero(compared.wrong & ~compared.edge)
@@ -292,7 +285,6 @@ def _best(compared: Comparison) -> Finding | None:
 
 
 def _two(compared: Comparison) -> Finding | None:
-    """Return the first pair of faults that explains nearly all rays."""
     for lag in (1, -1):
         if best := _best(compared.later(lag)):
             return best._replace(fault=f"{best.fault}{PAIR}outputs {_delay(lag)}")
@@ -368,7 +360,6 @@ SIGNS = (*((name,) for name in REALS), ("x", "dx"), ("y", "dy"), ("x", "y", "dx"
 def _judge_words(
     foreign: ForeignRays, case: FixedCase, words: FixedRays, two_faults: bool
 ) -> tuple[Bools, Finding, tuple[FieldSummary, ...]]:
-    """Return a mask of rays with wrong words, the finding, and the summary of each word."""
     twin = case.trace()
     far = {name: np.abs(a - b) for name, a, b in zip(FixedRays._fields, words, twin, strict=True)}
     wrong: Bools = np.any([apart != 0 for apart in far.values()], axis=0)
@@ -433,7 +424,6 @@ def _slip(words: FixedRays, twin: FixedRays) -> Finding | None:
 
 
 def _rounding(words: FixedRays, twin: FixedRays, build: Build) -> str | None:
-    """Return the name of the rounding or overflow that explains the words, or None."""
     expected = np.stack([getattr(twin, name) for name in REALS])
     apart = np.stack([getattr(words, name) for name in REALS]) - expected
 

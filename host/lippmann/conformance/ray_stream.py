@@ -216,7 +216,6 @@ class StreamReader:
                 self.command = text
 
     def _refuse(self, what: str, remedy: str = AGAIN, number: int | None = None) -> NoReturn:
-        """Raise InputError for a line; by default, for the last read line."""
         raise input_error(f"{WHERE}, line {self.number if number is None else number}", what, remedy)
 
     def _read_line(self, now: _Set | None) -> bytes:
@@ -246,7 +245,6 @@ class StreamReader:
         raise input_error(WHERE, what, "run lippmann vectors --stream | YOUR PROGRAM alone to see why")
 
     def _read_note(self, now: _Set, kind: str, text: str) -> None:
-        """Read a note of a set, except the note `rays`."""
         words = " ".join(text.split())
         if kind in ("numbers", "display", "value", "register"):  # the hash covers these
             now.notes.append(f"{kind} {words}")
@@ -265,7 +263,6 @@ class StreamReader:
             now.model, now.fraction_bits = cast(Model, numbers[1] or numbers[2]), None if bits is None else int(bits)
 
     def _end(self, text: str) -> None:
-        """Check the last line of the stream; a simulator's text may follow, but no other stream."""
         if not self._hashes:
             self._refuse("ends a stream without a set")
         self.hash = digest_of_all(self._hashes)
@@ -279,7 +276,6 @@ class StreamReader:
     # ---- the rays of a set ----
 
     def _read_set(self, now: _Set, numbers: str) -> ForeignRays:
-        """Read the rays of a set; `numbers` contains the number of rays and the hash."""
         rays = RAYS.fullmatch(numbers)
         if rays is None or not 0 < int(rays[1]) <= MAX_RAYS or now.lines:
             self._refuse("is no number of rays and hash")
@@ -334,7 +330,6 @@ class StreamReader:
         return row + [math.nan] * (ANSWERED - answered)
 
     def _columns(self, now: _Set, n: int) -> list[str]:
-        """Check the ray's index, and return the words of the line."""
         words = self._text(now.lines[n], "ascii", now.first + n).split()
         if not words or words[0] != str(n):
             what = f"has ray {words[0][:20] if words else 'none'} where {n} is next"
@@ -342,7 +337,6 @@ class StreamReader:
         return words
 
     def _words(self, now: _Set, fraction_bits: int) -> dict[str, Ints]:
-        """Return the columns (N,) of the words in questions and answers."""
         rows = [self._columns(now, n) for n in range(len(now.lines))]
         for n, row in enumerate(rows):
             if len(row) != 3:
