@@ -78,7 +78,7 @@ def comment(board: str, display: str, identity: str, design: str, seed: int) -> 
 
 
 def sealed(data: bytes) -> bytes:
-    """Return a bitstream with its SHA-256 in the header text; the hash is computed while the text has zeros."""
+    """Return a bitstream with its SHA-256 in the header text, hashed with zeros in the text."""
     return data.replace(b"sha256=" + NO_DIGEST, b"sha256=" + _digest(data), 1)
 
 
@@ -87,7 +87,10 @@ def _digest(data: bytes) -> bytes:
 
 
 def read_bitfile(path: Path) -> BitFile:
-    """Return a bitstream's header; raise InputError for a truncated, unreadable or different file."""
+    """Return a bitstream's header.
+
+    Raises InputError for a truncated, unreadable or different file.
+    """
     try:
         if path.exists() and not path.is_file():
             raise input_error(path, "cannot be read (it is no file)", REMEDY)
@@ -155,7 +158,7 @@ class Adapter:
 
 
 def on_usb(usb: Usb) -> list[Adapter] | None:
-    """Return the connected USB adapters with a board's USB identity; None if the system lists no USB devices."""
+    """Return the connected adapters with a USB identity; None if the system lists no USB devices."""
     if not USB_DEVICES.is_dir():
         return None
     adapters = []

@@ -64,7 +64,10 @@ class Board(Session):
     """
 
     def optics_build(self) -> Build:
-        """Return the build of the optics block; raise InputError if this host does not know the block."""
+        """Return the build of the optics block.
+
+        Raises InputError if this host does not know the block.
+        """
         return build_of({name: self.word(f"optics.{name}") for name in ("identity", "version", "build")})
 
     def trace(self, u: Ints, v: Ints, a: Ints, b: Ints) -> FixedRays:
@@ -179,7 +182,10 @@ class Board(Session):
             warnings.warn(what, LippmannWarning, stacklevel=3)
 
     def panel_crc(self) -> int:
-        """Return the CRC-32 of the next complete scanned-out frame; raise DeviceError if there is none."""
+        """Return the CRC-32 of the next complete scanned-out frame.
+
+        Raises DeviceError if there is none.
+        """
         first = self.word("frames")
         until = time.monotonic() + FRAME_SECONDS
         # The second frame end completes a frame that began after the call.

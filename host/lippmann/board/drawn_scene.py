@@ -1,4 +1,4 @@
-"""A scene that the board itself draws: load textures into slots, write the layers' registers, show the scene."""
+"""A scene that the board draws: load textures, write the layers' registers, show the scene."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ class Loaded:
 
 @dataclass(frozen=True)
 class SceneStatus:
-    """Status of the scene. `waits`: written registers are not yet shown; `slots`: slots in use by the panel."""
+    """Status of the scene. `waits`: written registers are not shown yet; `slots`: slots in use."""
 
     is_shown: bool
     waits: bool
@@ -192,7 +192,10 @@ class SceneBoard:
         return self._write_layers(self._scene_words(display, stack, slots))
 
     def prepare(self, display: Display, stack: LayerStack, slots: Sequence[int] | None = None) -> None:
-        """Write optics, lattice, background and layers while no scene is shown; raises like `set_stack`."""
+        """Write optics, lattice, background and layers while no scene is shown.
+
+        Raises like `set_stack`.
+        """
         words = self._scene_words(display, stack, slots)
         self.board.write_optics(display)
         self.board.write(_COMMON, _common_words(words))

@@ -1,4 +1,4 @@
-"""Play a film of layers on a board that draws scenes: load textures once, then write registers per frame."""
+"""Play a film of layers on a board that draws scenes: load textures, then write registers per frame."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ class Played:
 def load_textures(
     scene: SceneBoard, display: Display, film: LayerFilm, progress: Progress | None = None, where: str = "film"
 ) -> tuple[Loaded, list[int]]:
-    """Load a film's textures and the panel's transfer curve; return the counts, and the slot of each layer.
+    """Load a film's textures and the panel's curve; return the counts, and the slot of each layer.
 
     A shown scene stays on the panel unless its transfer curve differs. `progress`
     counts blocks. Before anything is sent, raises InputError, with `where` and the

@@ -134,7 +134,10 @@ def fpga_boards() -> dict[str, FpgaBoard]:
 
 
 def fpga_board(name: str) -> FpgaBoard:
-    """Return the board of a name; raise InputError for an unknown name or an invalid file."""
+    """Return the board of a name.
+
+    Raises InputError for an unknown name or an invalid file.
+    """
     boards, path = _names(), hardware() / FOLDER / name / FILE
     if name not in boards:
         remedy = did_you_mean(name, boards) or f"choose from {', '.join(boards)}"

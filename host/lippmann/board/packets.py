@@ -74,7 +74,10 @@ class Packet(NamedTuple):
 
 
 def packed(kind: int, seq: int, body: bytes) -> bytes:
-    """Return a packet's bytes on the line with the delimiter; raise ValueError above `MAX_PACKET` bytes."""
+    """Return a packet's bytes on the line with the delimiter.
+
+    Raises ValueError above `MAX_PACKET` bytes.
+    """
     data = HEADER.pack(kind, seq) + body
     data += CRC.pack(zlib.crc32(data))
     if len(data) > MAX_PACKET:

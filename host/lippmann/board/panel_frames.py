@@ -134,7 +134,7 @@ def load_frame(
     panel: Panel | None = None,
     force: bool = False,
 ) -> Pixels:
-    """Check an image file like `check_frame`, log assumptions, and return its frame (height, width, 3) uint8."""
+    """Check a file like `check_frame`, log assumptions, and return the frame (height, width, 3) uint8."""
     file = check_frame(path, target, transfer, panel, force)
     if file.assumption:
         logger.info(file.assumption)

@@ -98,7 +98,7 @@ def _address(url: str) -> tuple[str, int]:
 
 
 def token_of(url: str) -> bytes:
-    """Return the token line for a virtual board on TCP: from the URL's ?token=, or this user's token file."""
+    """Return a virtual board's token line, from the URL's ?token= or this user's token file."""
     if not url.startswith("socket://"):
         return b""
     host, port = _address(url)
@@ -184,7 +184,7 @@ def adapter_ports() -> list[str]:
 
 
 def port_info(url: str) -> ListPortInfo | None:
-    """Return the operating system's description of a serial port; None if the URL is not a listed port."""
+    """Return the system's description of a serial port; None if the port is not listed."""
     return next((port for port in list_ports.comports() if port.device == url), None)
 
 
@@ -198,7 +198,7 @@ def port_trouble(url: str) -> DeviceError | InputError | None:
 
 
 class Line:
-    """A connection that sends and receives packets, for one thread; reads while writing to avoid a deadlock."""
+    """A packet connection for one thread; it reads while writing to avoid a deadlock."""
 
     def __init__(self, url: str, baud: int = DEFAULT_BAUD) -> None:
         self.url = url

@@ -1,4 +1,4 @@
-"""Repeat requests until their replies arrive: time-outs, refusals, and a window of pending requests."""
+"""Repeat requests until their replies arrive: time-outs, refusals, windows of requests."""
 
 from __future__ import annotations
 
@@ -235,7 +235,6 @@ class Window:
         return status
 
     def _give_up(self, numbers: list[int]) -> None:
-        """Mark packets as lost, and queue their items first."""
         for seq in reversed(numbers):
             flight = self._flights.pop(seq)
             self._bytes -= flight.length

@@ -127,7 +127,10 @@ class Session:
         return self.checked(kind, status, answer, size)
 
     def checked(self, kind: Kind, status: int, body: bytes, size: int) -> bytes:
-        """Return a reply's body; raise unless the status is OK and the body has `size` bytes."""
+        """Return a reply's body.
+
+        Raises unless the status is OK and the body has `size` bytes.
+        """
         if status != ReplyStatus.OK:
             raise refusal(self.line.url, kind, status, body)
         if len(body) != size:
@@ -181,7 +184,10 @@ class Session:
         return DeviceError.at(self.line.url, what, remedy)
 
     def hello(self) -> Hello:
-        """Send HELLO, check the reply and store it in `info`; raise DeviceError for an unsuitable board."""
+        """Send HELLO, check the reply and store it in `info`.
+
+        Raises DeviceError for an unsuitable board.
+        """
         nonce = secrets.randbits(32)
         for spoken in VERSIONS:
             status, body = self.request(Kind.HELLO, HELLO_REQUEST.pack(spoken, nonce))
@@ -205,7 +211,10 @@ class Session:
             raise self.error("another board answers now", "stream an image that was rendered for its display")
 
     def read(self, address: int, count: int = 1) -> list[int]:
-        """Return `count` words starting at a byte address; raise InputError for an address without a register."""
+        """Return `count` words starting at a byte address.
+
+        Raises InputError for an address without a register.
+        """
         words: list[int] = []
         for first in range(0, count, MAX_WORDS):
             size = min(MAX_WORDS, count - first)

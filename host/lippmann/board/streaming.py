@@ -1,4 +1,4 @@
-"""Stream frames to a board: send tiles in a window, repeat lost tiles, and show complete frames only."""
+"""Stream frames to a board: send tiles, repeat lost tiles, and show only complete frames."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ TILE_REPLY = struct.Struct("<H")
 @documented
 @dataclass
 class Sent:
-    """Counts of a frame's transfer; `known` are the indices of sent tiles, `arrived` those of arrived tiles."""
+    """Counts of a frame's transfer, and the indices of sent (`known`) and arrived tiles."""
 
     crc: Annotated[int, key("CRC-32 of the frame, confirmed by the board")] = 0
     epoch: Annotated[int, key("epoch of the board in which it shows this frame")] = 0
@@ -105,7 +105,6 @@ def send_frame(
 
 
 def _show(session: Session, frame: Pixels, counts: Sent, progress: Progress | None, window_bytes: int) -> None:
-    """Send missing tiles and request the buffer swap until the board shows the frame."""
     crcs = session.info.grid.crcs(frame)
     status = ReplyStatus.OK
     for _ in range(MAX_ROUNDS):
@@ -222,7 +221,10 @@ class BoardSink:
         self._sent.seconds += time.monotonic() - begun
 
     def finish(self) -> Sent:
-        """Send missing tiles, show the frame and return the counts; raises like `send_frame`."""
+        """Send missing tiles, show the frame and return the counts.
+
+        Raises like `send_frame`.
+        """
         return send_frame(self._session, self._frame, counts=self._sent)
 
     def missing_bands(self) -> Sequence[Band]:
@@ -252,7 +254,10 @@ class Sender:
         self._thread.start()
 
     def send(self, pixels: Pixels) -> None:
-        """Queue the next picture (height, width, 3); raise the error of an earlier picture."""
+        """Queue the next picture (height, width, 3).
+
+        Raises the error of an earlier picture.
+        """
         if self._error is not None:
             raise self._error
         self._newest.append(pixels.copy())

@@ -338,7 +338,6 @@ def first_fit(problem: Problem, x: Floats) -> Floats:
 
 
 def _scatter(residuals: Floats) -> tuple[float, float]:
-    """Return the standard deviations of panel and photograph residuals, estimated from medians."""
     panel, photo = (1.4826 * float(np.median(abs(part))) for part in (residuals[:, :2], residuals[:, 2:]))
     return max(panel, LEAST_SCATTER), max(photo, LEAST_SCATTER)
 

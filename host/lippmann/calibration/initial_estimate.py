@@ -28,7 +28,7 @@ FOCALS = (0.4, 8.0)
 
 
 def first_lens(planes_mm: list[Floats], photos_px: list[Floats], shape: tuple[int, int]) -> Floats:
-    """Return an initial lens (f, cx, cy, k1, k2), pixels, from each view's plane points (N, 3) and pixels (N, 2)."""
+    """Return an initial lens (f, cx, cy, k1, k2), px, from each view's points (N, 3) and pixels (N, 2)."""
     size = shape[1], shape[0]
     objects, images = ([one.astype(np.float32) for one in many] for many in (planes_mm, photos_px))
     matrix = cv2.initCameraMatrix2D(objects, images, size, 1.0)
@@ -52,7 +52,7 @@ GAPS = np.linspace(-0.35, 0.35, 57)
 
 
 def array_of(grid: Grid, steps: Floats, offset: Floats) -> Floats:
-    """Return pitches, shear, rotation (radians) and offset of a lattice; the columns of `steps` are its basis."""
+    """Return pitches, shear, rotation (radians) and offset of a lattice; `steps` is its basis."""
     turn = math.atan2(steps[1, 0], steps[0, 0])
     c, s = math.cos(turn), math.sin(turn)
     along, up = np.array([[c, s], [-s, c]]) @ steps[:, 1]

@@ -58,7 +58,7 @@ class SeenLattice:
 
 
 def within(steps: Floats, grid: Grid, share: float) -> Bools:
-    """Return which points (..., 2) lie in a lattice point's cell, scaled by `share`; points are relative to it."""
+    """Return which lattice coordinates (..., 2) lie in the cell at 0, scaled by `share`."""
     i, j = steps[..., 0], steps[..., 1]
     if grid == "square":
         return np.asarray(np.maximum(abs(i), abs(j)) < 0.5 * share)
@@ -74,7 +74,7 @@ def steps_of(display: Display) -> Floats:
 
 
 def find_lattice(name: str, points_mm: Floats, display: Display) -> SeenLattice:
-    """Find the lattice of a position's points (N, 2), mm; refuse a lattice far from the nominal lattice."""
+    """Find the lattice of points (N, 2), mm; refuse a lattice far from the nominal lattice."""
     nominal = steps_of(display)
     # D / distance magnifies the lattice; the distance is at least 1.5 panel widths.
     growth = min(0.5, display.aperture_distance_mm / (1.5 * display.panel.width_mm))

@@ -155,7 +155,7 @@ def inner_rays(display: Display, slopes: Floats, distance_mm: float) -> tuple[Fl
 
 
 def _plain(display: Display) -> Display:
-    """Return the display with an unrotated array, lenslet (0, 0) in the middle, and a panel that no ray misses."""
+    """Return the display with an unrotated, centred array, and a panel that no ray misses."""
     panel = replace(display.panel, width_px=MAX_SIDE_PX, height_px=MAX_SIDE_PX)
     array = replace(display.array, rotation_deg=0.0, offset_mm=(0.0, 0.0), extent_mm=None)
     return replace(display, panel=panel, array=array, viewing_distance_mm=None, viewing_axis_mm=(0.0, 0.0))
@@ -196,7 +196,7 @@ def _middles(display: Display, slopes: Floats, height_mm: float, distance_mm: fl
 
 
 def _movement(across: Floats, landed: Floats) -> tuple[Floats, Floats, Floats]:
-    """Return the panel points' median, their movement across the cell, and their mean lattice point, in steps."""
+    """Return the panel points' median, movement across the cell, and mean lattice point, in steps."""
     if len(across) < 3:
         return np.zeros(2), np.zeros((2, 2)), np.zeros(2)
     centre = np.asarray(np.median(landed, axis=0))

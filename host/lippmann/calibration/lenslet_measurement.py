@@ -1,4 +1,4 @@
-"""Measure, for each lenslet in a position's photographs, its middle and the panel point seen through it.
+"""Measure each lenslet's middle in the photographs, and the panel point seen through the lenslet.
 
 A pixel that sees the panel point of lenslet (i, j) lies in the outline of this lenslet.
 A map from the photograph to the lattice of pitch 1 is fitted to these pixels: a
@@ -67,7 +67,6 @@ class Outline:
 
 
 def _mapped(numbers: Floats, at: Values) -> Floats:
-    """Apply a map to scaled points; `numbers` are 8 homography and 2 radial coefficients."""
     square = (at**2).sum(axis=1)
     scale = 1.0 + square * (numbers[8] + square * numbers[9])
     homography = np.append(numbers[:8], 1.0).reshape(3, 3)
@@ -75,7 +74,10 @@ def _mapped(numbers: Floats, at: Values) -> Floats:
 
 
 def fit_outline(name: str, grid: Grid, photo_px: Values, index: Indices, shape: tuple[int, int]) -> Outline:
-    """Fit the map to pixels (N, 2) that see complete lenslets (i, j); raise InputError if too few pixels agree."""
+    """Fit the map to pixels (N, 2) that see complete lenslets (i, j).
+
+    Raises InputError if too few pixels agree.
+    """
     rng = np.random.default_rng(1910)
     some = rng.choice(len(photo_px), min(40_000, len(photo_px)), replace=False)
     middle, size = np.array(shape[::-1]) / 2.0, float(max(shape))
@@ -160,7 +162,7 @@ class Lenslets:
 def _match_pixels(
     decoded: Decoded, lattice: SeenLattice, points_mm: Floats, grid: Grid
 ) -> tuple[Outline, Indices, Bools]:
-    """Return the outline, the lenslet (i, j) that each pixel sees, and a mask of pixels that lie in its outline.
+    """Return the outline, each pixel's seen lenslet (i, j), and a mask of pixels in that lenslet's outline.
 
     A pixel q sees through lenslet l the panel point l + B (q - l), in lattice steps. B
     is 0 if the panel is in focus. Each iteration improves the outline and B.
@@ -262,7 +264,7 @@ def _check_steady(name: str, index: Indices, counts: Indices, agree: float) -> N
 
 
 def _table(index: Indices, counts: Indices) -> tuple[Floats, Indices]:
-    """Return a table of counts over (i, j) with a margin of two, and the lenslets' table indices (2, N)."""
+    """Return a table of counts over (i, j) with a margin of two, and table indices (2, N)."""
     low = index.min(axis=0) - 2
     table = np.zeros(index.max(axis=0) - low + 3)
     places = (index - low).T

@@ -96,7 +96,6 @@ def decode_position(
 
 
 def _find_lit(path: Path, white: Light, black: Light, clipped: Bools) -> tuple[Light, Bools]:
-    """Return the difference of white and black, and a mask where it suffices; refuse a wrong exposure."""
     span = white - black
     bright = float(np.percentile(span.ravel()[:: max(1, span.size // 200_000)], 95.0))
     if bright < 0.02:

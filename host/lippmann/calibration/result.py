@@ -135,7 +135,10 @@ def load_calibration(path: Path) -> Calibration:
 
 
 def display_of(nominal: Display, solution: Solution) -> Display:
-    """Return the display with fitted array and gap; raise ContradictionError if it is physically impossible."""
+    """Return the display with fitted array and gap.
+
+    Raises ContradictionError if it is physically impossible.
+    """
     value, array = solution.value, nominal.array
     pitch_mm, gap = (value("pitch_x"), value("pitch_y")), value("gap")
     extent = array.extent_mm

@@ -100,7 +100,10 @@ def shoot(
 
 
 def average_frames(camera: cv2.VideoCapture, count: int, name: str) -> Pixels:
-    """Return the mean of `count` frames, computed in linear light; raise DeviceError if a frame is missing."""
+    """Return the mean of `count` frames, computed in linear light.
+
+    Raises DeviceError if a frame is missing.
+    """
     light = np.zeros(1, np.float32)
     for _ in range(count):
         good, frame = camera.read()

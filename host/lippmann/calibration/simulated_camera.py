@@ -115,7 +115,7 @@ class Camera:
     def rays(
         self, u: npt.ArrayLike, v: npt.ArrayLike, pupil: tuple[npt.ArrayLike, npt.ArrayLike] = (0.0, 0.0)
     ) -> tuple[Floats, Floats]:
-        """Return ray origins (N, 3), mm, and unit directions (N, 3) for pixels and `pupil` points in the unit disc."""
+        """Return ray origins (N, 3), mm, and unit directions (N, 3); `pupil` is in the unit disc."""
         x, y = self.slopes(u, v)
         axes, radius, focus = self.axes, 0.5 * self.pupil_mm, self.focus_distance_mm
         px, py = (radius * np.asarray(p, np.float64) + 0.0 * x for p in pupil)
@@ -151,7 +151,7 @@ class Sensor:
     transfer: Transfer = "srgb"
 
     def gain(self, white: Light) -> float:
-        """Return the fraction of the full well per unit of light, so that the picture `white` has `exposure`."""
+        """Return the fraction of the full well per unit of light that gives `white` the exposure."""
         brightest = float(np.percentile(white, 99.5))  # ignore the brightest pixels
         return self.exposure / brightest if brightest > 0.0 else 0.0
 

@@ -44,7 +44,10 @@ class Radius(NamedTuple):
 
 
 def radius_of(display: Display, solution: Solution) -> Radius:
-    """Return the radius that explains the measured movements; raise InputError if no radius does."""
+    """Return the radius that explains the measured movements.
+
+    Raises InputError if no radius does.
+    """
     views = solution.problem.views
     radii = np.array([_of_position(display, solution, k, view) for k, view in enumerate(views)])
     value = float(radii.mean())
@@ -193,7 +196,6 @@ def trace_again(solution: Solution, problem: Problem) -> Problem:
 
 
 def _scatter(solution: Solution) -> float:
-    """Return the maximum over all views of the panel points' scatter, pixels."""
     return max(panel for panel, _ in solution.weights.scatter)
 
 

@@ -48,7 +48,6 @@ SLOPE = [(a, b) for a in range(4) for b in range(4 - a)]
 
 
 def _derivative(axis: int) -> Floats:
-    """Return the matrix of the derivative of the monomials `PLACE` along an axis of the cell."""
     powers, step = np.array(PLACE), np.arange(2) == axis
     return np.where((powers[:, None] + step == powers).all(axis=2), powers[:, axis], 0.0)
 
@@ -115,13 +114,11 @@ class Moved:
 
 
 def _place_powers(local: Values) -> Singles:
-    """Return the monomials `PLACE` (monomials, N) at positions (N, 2)."""
     x, y = (np.cumprod([np.ones_like(one), *[one] * 7], axis=0, dtype=np.float32) for one in local.T)
     return np.asarray([x[a] * y[b] for a, b in PLACE])
 
 
 def _powers(values: Values, exponents: Sequence[tuple[int, int]]) -> Floats:
-    """Return the monomials x^a y^b (N, pairs) at values (N, 2)."""
     x, y = values.T.astype(np.float64)
     return np.stack([x**a * y**b for a, b in exponents], axis=1)
 

@@ -29,14 +29,14 @@ OLD_COMMANDS = {"bench": "measurements of Lippmann itself are made in a checkout
 
 
 def summary_of(command: str) -> str:
-    """Return the first sentence of a command's help; it is read from the source, as imports take seconds."""
+    """Return the first sentence of a command's help, read from the source, as imports are slow."""
     source = Path(__file__).with_name(f"{command}.py").read_text(encoding="utf-8")
     body = source.partition("\ndef command(")[2]
     return body.partition('"""')[2].partition("\n")[0].strip('"')
 
 
 class _Commands(click.Group):
-    """Group that loads a command's module only when the command is called, so help and completion are fast."""
+    """Group that loads a module only when its command is called, so help is fast."""
 
     def list_commands(self, ctx: click.Context) -> list[str]:
         return list(COMMANDS)
@@ -80,7 +80,7 @@ def cli() -> None:
 
 
 def run(arguments: list[str], command: click.Command = cli, name: str | None = "lippmann") -> int:
-    """Run the command line or another command, and return the exit code; `name` None means the command's own name."""
+    """Run the command line or another command (name None: its own name); return the exit code."""
     if sys.stdout is None:
         print("lippmann: stdout is closed; open it, or send it to /dev/null", file=sys.stderr)
         return MissingLibraryError.exit_code
@@ -140,7 +140,6 @@ def _explain(error: BaseException) -> tuple[str, int]:
 
 
 def _fault(error: BaseException) -> str:
-    """Write the traceback of an unexpected error to a file; return the message for the user."""
     what = f"a fault of Lippmann's ({type(error).__name__}: {error})"
     trace = "".join(traceback.format_exception(error))
     try:
@@ -154,7 +153,6 @@ def _fault(error: BaseException) -> str:
 
 
 def _usage(error: click.ClickException) -> str:
-    """Return a hint at --help; add the usage if no known option resembles the given option."""
     if isinstance(error, click.exceptions.NoArgsIsHelpError):
         return ""
     if isinstance(error, click.exceptions.NoSuchOption) and not error.possibilities and error.ctx is not None:

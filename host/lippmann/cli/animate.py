@@ -40,15 +40,13 @@ def command(
     film_path: Name = argument("FILM"),
     display: Display = DISPLAY,
     output: Folder = FOLDER,
-    scale: float = option("Scale of the film, relative to the display's centre.", 1.0, click.FloatRange(*SCALE_RANGE)),
+    scale: float = option("Scale about the display's centre.", 1.0, click.FloatRange(*SCALE_RANGE)),
     fit: bool = option("Fit the film into the display's depth range."),
     options: RenderOptions = RENDERING,
     video: Name | None = option("Also write a lossless video of the panel's frames.", metavar="FILE.mkv"),
     view: Name | None = option("Also write an eye's view: .mp4, .gif or .png."),
     eye: Point | None = option("Position of the eye of --view, mm."),
-    width: int | None = option(
-        f"Width of --view, pixels.  [default: {api.VIEW_PX}]", kind=click.IntRange(2, MAX_VIEW_PX)
-    ),
+    width: int | None = option(f"Width of --view.  [default: {api.VIEW_PX} px]", kind=click.IntRange(2, MAX_VIEW_PX)),
     cluster: str | None = SCHEDULER,
     seed: int = SEED,
     device: str = DEVICE,

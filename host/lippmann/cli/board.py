@@ -225,7 +225,6 @@ def write_command(
 
 
 def _check_scene(board: Board, name: str, address: int, count: int) -> int:
-    """Return the board's number of slots, or 0 for registers outside the scene; refuse missing registers."""
     if not SCENE_BASE <= address < SCENE_BASE + SCENE_BYTES:
         return 0
     build = SceneBoard(board).build

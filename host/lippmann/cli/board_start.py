@@ -148,7 +148,6 @@ def _serve(
 
 
 def _check_places(capture: Path | None, ready: Path | None, trace: Path | None) -> None:
-    """Create the folder of --capture; refuse unsuitable folders, and the ready file of a running board."""
     change = "choose another folder or change permissions"
     if capture:
         try:
@@ -175,7 +174,6 @@ def _check_places(capture: Path | None, ready: Path | None, trace: Path | None) 
 
 
 def _in_background(ready: Path) -> None:
-    """Run this command in a new session; return when the ready file exists."""
     ready.unlink(missing_ok=True)
     output = Path(f"{ready}.log")
     if (failure := _failure(output)) is not None:

@@ -160,7 +160,6 @@ def _middle(size: int) -> tuple[int, int]:
 
 
 def _views(scene: Scene, image: IntegralImage, out: Path) -> tuple[list[Direct], list[float]]:
-    """Write an animation of views, and three views beside direct renders; return the renders and PSNR in dB."""
     window, coarse = whole_window(image.display, VIEW_WIDTH_PX), whole_window(image.display)
     eyes = [Eye((float(x), 0.0, EYE_DISTANCE_MM)) for x in np.linspace(-REACH_MM, REACH_MM, FRAMES)]
     views = list(map(image_viewer(image, window, 16), with_progress("observe", eyes)))

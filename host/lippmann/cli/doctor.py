@@ -107,7 +107,6 @@ def _board_text(url: str) -> str:
 
 
 def _packages() -> Iterator[tuple[str, str]]:
-    """Yield each required package of Lippmann's metadata, with its extra or ""."""
     yield "drjit", "render"  # required by Mitsuba
     for line in metadata.requires("lippmann") or []:
         package, _, condition = line.partition(";")

@@ -123,5 +123,5 @@ def _layers(choice: LayerChoice, tolerance_db: float) -> Iterator[str]:
 
 
 def _cut(decibels: float) -> str:
-    """Format decibels, rounded down, so that a value below the tolerance is not shown as the tolerance."""
+    """Format decibels, rounded down, so that no value below a tolerance appears equal to it."""
     return f"{math.floor(100.0 * decibels) / 100.0:.2f}"

@@ -39,9 +39,7 @@ VIEW_PX = 480
 def command(
     scene_path: Name = argument("SCENE"),
     display: Display = DISPLAY,
-    monitor: int | None = option(
-        "Number of the monitor that is the panel.  [default: a window]", kind=click.IntRange(0)
-    ),
+    monitor: int | None = option("Monitor that is the panel.  [default: a window]", kind=click.IntRange(0)),
     window: bool | None = option(
         "Show a window; --no-window uses only the board of --port.  [default: --window]", flag="--window/--no-window"
     ),

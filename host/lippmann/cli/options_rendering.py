@@ -82,7 +82,10 @@ class Moved:
         return {name: value for name, value in vars(self).items() if value is not None and value is not False}
 
     def arrange(self, scene_path: Path) -> Arrange | None:
-        """Return how the scene is placed for the display; raise InputError for options without effect."""
+        """Return how the scene is placed for the display.
+
+        Raises InputError for options without effect.
+        """
         if not (self.fit or self.from_camera):
             return None if self.changes.keys() - {"rotate"} else usual_arrange(scene_path)
         first, allowed = ("fit", {"fit", "rotate"}) if self.fit else ("from-camera", {"from_camera"})

@@ -49,7 +49,7 @@ def draw_histogram(field: Floats) -> Plot:
 
 
 def draw_views(nominal: Display, display: Display, eye: Eye) -> Plot:
-    """Draw an eye's views of rings with the nominal file, with the calibrated file, and on an ideal display."""
+    """Draw an eye's views of rings: with nominal file, calibrated file, and ideal display."""
     window = whole_window(display, min(640, display.panel.width_px))
     picture, axes = make_axes(1, 3, (4.0, 3.2))
     views = {"before": (nominal, display), "after": (display, display), "ideal": (nominal, nominal)}

@@ -95,7 +95,7 @@ def load_bounds(path: Path) -> Bounds:
 
 @dataclass(frozen=True)
 class FieldSummary:
-    """Summary of an array: maximum difference (`worst`), and minimum and maximum allowed difference (`limits`)."""
+    """Summary of an array: maximum difference (`worst`), range of allowed differences (`limits`)."""
 
     field: str
     stage: str
@@ -250,7 +250,7 @@ def _on_some_side(compared: Comparison, panel_mm: Floats, aim_mm: Floats) -> Boo
 
 
 def roundings(inputs: PanelRays) -> tuple[Floats, Floats]:
-    """Return float32 rounding errors of points and aims, (N, 2) mm; the minimum is four times that of half a pitch."""
+    """Return float32 rounding errors of points and aims, (N, 2) mm; at least four of half a pitch."""
     pitch, pixel = inputs.display.array.coarsest_mm, np.array(inputs.display.panel.pitches_mm)
 
     def rounding(values: Floats) -> Floats:

@@ -113,7 +113,7 @@ def covered(inputs: PanelRays, rays: Arrays) -> dict[str, int]:
 
 
 def summary(sets: Iterable[Mapping[str, int]], words: bool = False) -> tuple[dict[str, int], str]:
-    """Return the number of rays at each point (for words without `BEYOND_WORDS`), and a line naming unmet points."""
+    """Return the rays per point (for words without `BEYOND_WORDS`), and a line that names unmet points."""
     totals = sum(map(Counter, sets), Counter[str]())
     counts = {name: totals[name] for name in POINTS if not (words and name in BEYOND_WORDS)}
     missing = [name for name, rays in counts.items() if not rays]
@@ -122,7 +122,7 @@ def summary(sets: Iterable[Mapping[str, int]], words: bool = False) -> tuple[dic
 
 
 def tied_sides(inputs: PanelRays) -> tuple[Bools, ...]:
-    """Return masks (N,) of pixels exactly on the left side and, for square cells, on the lower side of a cell."""
+    """Return masks (N,) of pixels exactly on a cell's left side and, if square, lower side."""
     array = inputs.display.array
     x, y = in_cells_mm(inputs.display, inputs.pixels).T
     left_side = x - array.shear * y == -0.5 * array.pitches_mm[0]
@@ -151,7 +151,6 @@ def _tiny(coordinates: Floats) -> Bools:
 
 
 def _exit_cosine(inputs: PanelRays, rays: Arrays) -> Floats:
-    """Return the cosine between exit ray and normal of the last face; 1 for lost rays."""
     array = inputs.display.array
     normal = np.tile([0.0, 0.0, 1.0], (len(rays["status"]), 1))
     if array.plano_side == "panel":

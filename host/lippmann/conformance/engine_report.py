@@ -144,7 +144,7 @@ def random_rays(display: Display, aperture: Aperture, count: int, seed: int) -> 
 
 
 def in_turn(works: Mapping[Name, Rate], rounds: int) -> dict[Name, list[float]]:
-    """Return the results of functions called in turn, so that other programs slow all functions equally."""
+    """Return the results of functions called in turn, so that other programs slow all equally."""
     results = [{name: work() for name, work in works.items()} for _ in range(rounds)]
     return {name: [times[name] for times in results] for name in works}
 
@@ -196,7 +196,7 @@ def words_of_chief_rays(display: Display, build: Build, seed: int, rays: int, mo
 
 
 def rtl_rate(case: FixedCase) -> Rate:
-    """Return a function that simulates the RTL, and returns the rate in rays per second of processor time."""
+    """Return a function that simulates the RTL, and returns the rays per second of processor time."""
     harness = ray_harness(case.build)  # compiles the RTL
     return timed(len(case.mask), partial(harness.trace, *case.words, case.registers), time.thread_time)
 
@@ -284,7 +284,7 @@ class Pictures:
 
 
 def engines_for(display: Display) -> list[Engine]:
-    """Return the engines for a display; without twin and RTL, and with a warning, if no words fit the display."""
+    """Return the engines for a display; if no words fit, warn and leave out twin and RTL."""
     try:
         random_rays(display, "chief", 1, 0).trace("twin")
     except InputError as error:
@@ -312,7 +312,6 @@ def measure_all(scenes: Path, plan: Plan, seed: int) -> Figures:
 
 
 def _views(pictures: Pictures, engines: Sequence[Engine]) -> dict[tuple[Model, Engine], Pair]:
-    """Return the PSNR of each view relative to golden's exact view, and relative to the scene's view."""
     window = whole_window(pictures.display)
     settings = Settings(samples=VIEW_SAMPLES, seed=pictures.seed)
     views = {
@@ -328,7 +327,7 @@ def _views(pictures: Pictures, engines: Sequence[Engine]) -> dict[tuple[Model, E
 
 
 class Section(NamedTuple):
-    """A section of the report: name in the template, function that measures its table, functions that draw."""
+    """A section of the report: name in the template, measuring function, drawing functions."""
 
     name: str
     measure: Callable[[], Figures]
@@ -373,7 +372,7 @@ def make_report(
 
 
 class Load(NamedTuple):
-    """Load average, and processor time in seconds of all programs and of this program; None if unknown."""
+    """Load average, and processor time of all programs and of this program, s; None: unknown."""
 
     average: float | None
     everybody: float | None

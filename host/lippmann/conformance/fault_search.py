@@ -1,4 +1,4 @@
-"""Search for more faults than `faults` lists: fitted parameters of the display, and pairs of faults."""
+"""Search for further faults: fitted parameters of the display, and pairs of faults."""
 
 from __future__ import annotations
 
@@ -158,7 +158,7 @@ def _fit_number(name: str, value: float, inputs: PanelRays, direction: Floats) -
 
 
 def pairs(inputs: PanelRays, fields: Arrays, apart: Callable[[Variant], float]) -> Iterator[Variant]:
-    """Yield pairs of variants, the most likely first; `apart` returns a variant's distance from the rays."""
+    """Yield pairs of variants, the most likely first; `apart` returns a variant's distance."""
     ranked = sorted(variants(inputs.display), key=apart)
     numbers = list(fitted(inputs, fields))
     yield from (both(one, other) for one, other in combinations(ranked, 2))

@@ -248,7 +248,6 @@ def _rounded_down(inputs: PanelRays, rays: Arrays) -> Arrays:
 
 
 def _across_ties(inputs: PanelRays) -> Floats:
-    """Return the pixels, with those on a cell's left or lower side moved just across the side."""
     ties = tied_sides(inputs)
     nudge = 1e-9 * inputs.display.array.finest_mm / np.array(inputs.display.panel.pitches_mm) * (-1.0, 1.0)
     return inputs.pixels + np.stack([ties[0], ties[-1]], axis=1) * nudge

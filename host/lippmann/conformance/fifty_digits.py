@@ -62,7 +62,7 @@ class FiftyDigits(NumpyBackend):
 
 
 def exact_inputs(rays: PanelRays | WorldRays) -> dict[str, Digits]:
-    """Return the exact inputs of rays: columns (N,) of their arrays, and the display's parameters in mm and degrees.
+    """Return the exact inputs of rays: columns (N,) of arrays, and display parameters in mm and degrees.
 
     The columns of rays from the panel are `u`, `v` and, with aperture points, `a`, `b`.
     The columns of rays from the world are `x`, `y`, `z`, `dx`, `dy`, `dz`.
@@ -198,7 +198,7 @@ def _slopes(rays: PanelRays | WorldRays, true: Rays | Hits, name: str, value: Di
 
 
 class Condition(NamedTuple):
-    """Distances (N,) float64 that rays move for a rounding of each input and of the result (one ulp each)."""
+    """Movement (N,) float64 of rays for rounding each input and the result by one ulp."""
 
     #: Change of direction, radians. For rays from the world: shift / array pitch.
     turn: Floats

@@ -110,7 +110,10 @@ def read_stored(folder: Path, names: Sequence[str]) -> Stored | None:
 
 
 def read_figures(path: Path) -> tuple[dict[str, str], Figures]:
-    """Read a table of measured values and its origin; raise InputError for an invalid file."""
+    """Read a table of measured values and its origin.
+
+    Raises InputError for an invalid file.
+    """
     origin, rows = read_csv(path)
     columns = list(rows[0]) if rows else []
     figures = [column for column in columns if column + SPREAD in columns]
@@ -252,14 +255,14 @@ def columns(rows: Rows, names: Mapping[str, str | tuple[str, float]]) -> dict[st
 
 
 def spanned(numbers: Sequence[float | None], digits: int = 1) -> str:
-    """Return the range of numbers as text, such as "21.5 to 23.3"; None is skipped, and "-" means no numbers."""
+    """Return the range of numbers as text, such as "21.5 to 23.3"; "-" means no numbers."""
     present = [number for number in numbers if number is not None]
     ends = [f"{number:.{digits}f}" for number in (min(present), max(present))] if present else ["-"]
     return " to ".join(dict.fromkeys(ends))
 
 
 def figure(value: Value) -> str:
-    """Format a table cell: floats with three digits, integers in full, measured values as median, None as "-"."""
+    """Format a table cell: three digits for floats, the median for measured values, "-" for None."""
     if isinstance(value, Measured):
         value = value.median
     if value is None:

@@ -64,7 +64,10 @@ def _of_displays(displays: Callable[[Display], Mapping[str, Display]]) -> Genera
 
 
 def hard_sets(display: Display, name: str = "all", seed: int = 0, count: int = 24) -> Sets:
-    """Yield the sets, about `count` rays each, of a case or of "all"; raise InputError for an unknown case."""
+    """Yield the sets, about `count` rays each, of a case or of "all".
+
+    Raises InputError for an unknown case.
+    """
     if name != "all" and name not in CASES:
         raise InputError(f"unknown case '{name}'; choose from all, {', '.join(CASES)}")
     for number, (each, case) in enumerate(CASES.items()):
@@ -94,12 +97,10 @@ def steep(display: Display, share: float = 1.02) -> Display:
 
 
 def _nudged(points: Floats, random: Random) -> Floats:
-    """Return points whose coordinates are moved by up to 2 units of their last place."""
     return points + random.integers(-2, 3, points.shape) * np.spacing(points)
 
 
 def _near_onset(name: str, display: Display, pixels: Floats, aims: Floats) -> PanelRays:
-    """Return rays to aims that differ from aims (N, 2) by `ULPS`."""
     near = aims[:, None] + np.array(ULPS)[:, None] * np.spacing(np.abs(aims))[:, None]
     return PanelRays(name, display, np.repeat(pixels, len(ULPS), axis=0), near.reshape(-1, 2))
 
@@ -152,7 +153,7 @@ def cell_ties(display: Display, random: Random, count: int) -> Sets:
 
 @_case
 def grazing_launch(display: Display, random: Random, count: int) -> Sets:
-    """Test rays at decreasing angles to the panel, until they are parallel within rounding or reach the array's end."""
+    """Test rays at decreasing angles to the panel, down to parallel or to the array's end."""
     pixels = random_pixels(display, random, count)
     # Half of the engines' limit leaves room for rounding and tolerances.
     farthest = 0.5 * FARTHEST_LENSLETS * display.array.finest_mm / display.aperture_distance_mm
@@ -163,7 +164,7 @@ def grazing_launch(display: Display, random: Random, count: int) -> Sets:
 def _flips(
     display: Display, random: Random, count: int, status: Status, reach: float = 1.5, centres: bool = False
 ) -> tuple[Floats, Floats, Floats]:
-    """Return pixels, the last aims before rays get a status, and aims well before it, (M, 2) each; M <= `count`."""
+    """Return pixels, the last aims before rays get a status, and aims far before, (M, 2) each; M <= `count`."""
 
     def has(aims: Floats) -> Bools:
         return np.asarray(trace(display, pixels, aims).status == int(status))
@@ -181,7 +182,7 @@ def _flips(
 
 @_case
 def total_reflection(display: Display, random: Random, count: int) -> Sets:
-    """Test rays within 64 roundings of total internal reflection, on both sides, in steep, high-index lenslets."""
+    """Test rays within 64 roundings of total internal reflection in steep, high-index lenslets."""
     dense = changed(steep(display), index=1.9)
     pixels, aims, _ = _flips(dense, random, max(2, count // 4), Status.INTERNAL_REFLECTION)
     yield _near_onset("total-reflection", dense, pixels, aims)
@@ -414,7 +415,7 @@ def register_limits(display: Display) -> dict[str, Display]:
 
 @_of_displays
 def converged(display: Display) -> dict[str, Display]:
-    """Test elemental images that converge on an eye: near, aside, behind steep lenslets, far, beside the panel."""
+    """Test elemental images that converge on an eye: near, aside, far, behind steep lenslets, beside the panel."""
     panel = display.panel
 
     def converge(display: Display, eye_mm: float, axis_mm: Pair = (0.0, 0.0)) -> Display:

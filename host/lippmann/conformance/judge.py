@@ -227,7 +227,6 @@ def _stale(compared: Comparison) -> Finding | None:
 
 
 def _late(right: Callable[[int], Bools]) -> Finding | None:
-    """Find a delay of all outputs; `right(lag)` returns which outputs are correct `lag` rays later."""
     # Nearly equal rays may match at a delay, too; then more match without a delay.
     own = right(0).mean()
     for lag in LAGS:
@@ -244,7 +243,6 @@ def _wrong_codes(status: Floats | Ints, expected: Floats | Ints, wrong: Bools) -
 
 
 def _wrapped(compared: Comparison) -> bool:
-    """Return whether every wrong direction has exactly one component that is off by 2."""
     wrong, right = compared.wrong_by["direction"], compared.golden["direction"]
     apart = (compared.fields["direction"] - right)[wrong]
     turns = np.round(apart / 2.0)
@@ -315,7 +313,6 @@ def _distances(variant: Variant, sample: Comparison) -> list[tuple[str, Floats, 
 
 
 def _middle(name: str, distances: Floats) -> float:
-    """Return the median distance of an array, or the fraction of differing integers."""
     return float(distances.mean() if name in INTEGERS else np.median(distances))
 
 

@@ -14,7 +14,7 @@ from lippmann.errors import printable
 def write_junit(
     path: Path, verdicts: Sequence[tuple[str, Verdict]], ended: str | None, about: Mapping[str, str]
 ) -> None:
-    """Write a test case for each set of rays; `ended`, if given, is the error of a stream that ended early.
+    """Write a test case per set of rays; `ended` is the error of a stream that ended early, or None.
 
     `about` contains the suite's properties. Raises InputError if the file cannot be
     written.

@@ -198,7 +198,10 @@ def memory_lines(words: Sequence[Ints], widths: Sequence[int]) -> list[str]:
 
 
 def words_of_lines(lines: Sequence[str], widths: Sequence[int], where: Callable[[int], str]) -> list[Ints]:
-    """Return the words of `memory_lines`; raise InputError, located by `where(ray)`, for an invalid line."""
+    """Return the words of `memory_lines`.
+
+    Raises InputError, located by `where(ray)`, for an invalid line.
+    """
     rays, total = [], sum(widths)
     for ray, text in enumerate(lines):
         try:

@@ -99,7 +99,6 @@ class Stream:
         yield f"# end {len(hashes)} {digest_of_all(hashes)}"
 
     def _questions(self, rays: PanelRays) -> tuple[list[str], list[str], str] | None:
-        """Return notes, questions and hash of a set; None if no ray fits."""
         hashed: Floats | list[str]
         if self.fraction_bits is None:
             hashed = np.concatenate([rays.pixels, rays.aims], axis=1)
@@ -175,7 +174,10 @@ class _Set:
 
 
 class StreamReader:
-    """Reads the sets of a stream of answers; raises InputError that names the invalid line."""
+    """Reads the sets of a stream of answers.
+
+    Raises InputError that names the invalid line.
+    """
 
     def __init__(self, lines: Iterable[bytes]) -> None:
         self.number = 0
@@ -234,7 +236,6 @@ class StreamReader:
             self._refuse("is not text", number=number)
 
     def _begin(self) -> None:
-        """Skip any text of a simulator, and read the first line of the stream."""
         for raw in self._lines:
             first = FIRST.fullmatch(raw[:MAX_LINE].decode("utf-8", "replace").strip())
             if first and int(first[1]) != VERSION:
@@ -361,7 +362,6 @@ def bounded_lines(file: BinaryIO) -> Iterator[bytes]:
 
 
 def _complete_rows(lines: list[bytes]) -> Floats | None:
-    """Return the numbers after the rays' indices; None if a line is incomplete or the order is wrong."""
     if lines[0].isspace():  # numpy warns about blank lines
         return None
     try:

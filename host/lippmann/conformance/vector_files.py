@@ -170,7 +170,7 @@ INPUT_ARRAYS = ("pixel", "aperture_mm")
 def read_foreign(
     path: Path, display: Display, model: Model, fraction_bits: int, inputs: Path | None = None
 ) -> ForeignRays:
-    """Read rays from `.npz` (arrays of `lippmann trace`), `.csv` (like `words.csv`) or `.mem` (like `expected.mem`).
+    """Read `.npz` (arrays of `lippmann trace`), `.csv` (like `words.csv`) or `.mem` (like `expected.mem`).
 
     `inputs` is the `.mem` file of the inputs; the default is `inputs.mem` in the same
     folder. Raises InputError for invalid files.
@@ -267,7 +267,10 @@ def text_of(path: Path) -> str:
 
 
 def words_of_memory(path: Path, widths: Sequence[int]) -> list[Ints]:
-    """Return the words of a `$readmemh` file with one ray per line; raise InputError for an invalid line."""
+    """Return the words of a `$readmemh` file with one ray per line.
+
+    Raises InputError for an invalid line.
+    """
     texts = [line.split("//")[0].strip().replace("_", "") for line in lines_of(text_of(path))]
     numbers = [number for number, text in enumerate(texts, 1) if text]
     return words_of_lines([text for text in texts if text], widths, lambda ray: f"{path}:{numbers[ray]}")
