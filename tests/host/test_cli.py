@@ -351,7 +351,7 @@ HUGE = "9" * 30
         ("p.npy", [1.0, 2.0], r"p\.npy: .*shape \(2,\); give numbers of shape \(N, 2\)"),
         ("p.npy", [[1.0, 2.0, 3.0]], r"p\.npy: .*shape \(1, 3\)"),
         ("p.npy", [["a", "b"]], r"p\.npy: .*give real numbers"),
-        ("p.npy", np.zeros((0, 2)), r"p\.npy: .*holds no pixels"),
+        ("p.npy", np.zeros((0, 2)), r"p\.npy: .*contains no pixels"),
         ("p.csv", "x,y\n1.5,2.5\n", r"p\.csv: "),
         ("p.csv", "u,v,w\n1.5,2.5\n", r"p\.csv: "),
         ("p.csv", "0.5;0.5\n1.5,2.5\n", r"p\.csv: "),
@@ -595,9 +595,9 @@ def test_placement_options_move_the_scene(place, capfd, mi, option, value, x_mm,
 def test_a_view_may_not_overwrite_its_own_image_nor_a_sheet_image_or_animation(place, picture, refusal_of):
     before = Path(picture).read_bytes()
     options = ("--display", "tiny.toml", "--eye", "0,0,600", "--sweep", "-3,3", "--frames", 2)
-    assert "is the image itself" in refusal_of("observe", picture, *options[:4], "-o", picture)
-    assert "is the image itself" in refusal_of("observe", picture, *options, "-o", "g.gif", "--sheet", picture)
-    assert "is the animation too" in refusal_of("observe", picture, *options, "-o", "b.png", "--sheet", "b.png")
+    assert "is the input image" in refusal_of("observe", picture, *options[:4], "-o", picture)
+    assert "is the input image" in refusal_of("observe", picture, *options, "-o", "g.gif", "--sheet", picture)
+    assert "is also the animation" in refusal_of("observe", picture, *options, "-o", "b.png", "--sheet", "b.png")
     assert Path(picture).read_bytes() == before
     assert not (place / "g.gif").exists()
 

@@ -100,7 +100,7 @@ def test_views_of_an_image_are_those_through_its_lenslets(place, capfd):
     told(capfd, "export", "views", "a.exr", "--display", "d.toml", *words, *QUILT)
     fewer = ("--across", "2", "--linear", "-o", "views")
     error = told(capfd, "export", "views", "a.exr", "--display", "d.toml", *fewer, *QUILT, code=2)
-    assert "views: holds view_0002.exr of another export" in error
+    assert "views: contains view_0002.exr of another export" in error
 
 
 def test_eyes_in_steps_and_in_the_viewing_zone(mi, place):

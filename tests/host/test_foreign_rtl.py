@@ -109,7 +109,7 @@ def test_the_bench_says_why_it_stops(options, name, why, reader):
     reason, ended = sorted(done.stderr.splitlines(), reverse=True)
     assert reason.startswith(f"stream_bench: the set {name} is not ")
     assert why in reason
-    assert f"is cut in the set {name}, after 0 of its rays" in ended
+    assert f"is truncated in the set {name}, after 0 of its rays" in ended
 
 
 @pytest.mark.parametrize(
@@ -143,7 +143,7 @@ def test_the_cocotb_bench_says_why_it_fails(file, old, new, options, said, tmp_p
     (folder / "answers").write_text(done.stdout)
     ended = shell(f"{LIPPMANN} regress --stream < answers", folder=folder)
     assert ended.returncode == 2
-    assert ("is empty" if file == "pinhole.sv" and old else "is cut in the set chief-ray") in ended.stderr
+    assert ("is empty" if file == "pinhole.sv" and old else "is truncated in the set chief-ray") in ended.stderr
 
 
 def test_the_cocotb_bench_says_that_verilator_is_missing(tmp_path):

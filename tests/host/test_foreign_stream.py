@@ -397,7 +397,7 @@ def test_the_pipe_of_commands(tracer, tmp_path):
     done = regressed(answers[: answers.index(b"# set cell-edges/aims") + 60], "--junit", tmp_path / "j.xml")
     assert done.returncode == 2
     assert b" rays in 1 set: right\n" in done.stdout
-    assert b"is cut in the set cell-edges/aims" in done.stderr
+    assert b"is truncated in the set cell-edges/aims" in done.stderr
     *_, last = suite_in(tmp_path / "j.xml")
     assert isinstance(last.result[0], Error)
 
@@ -426,7 +426,7 @@ def test_a_cut_stream_says_so_in_every_file(kept, tracer, tmp_path):
     done = regressed(answers, *as_json, "--report", tmp_path / "page", "--junit", tmp_path / "j.xml")
     assert done.returncode == 2
     (line,) = done.stderr.decode().splitlines()
-    assert ("is cut" if kept else "is empty") in line
+    assert ("is truncated" if kept else "is empty") in line
     page = (tmp_path / "page/errors.md").read_text()
     assert "**The stream ended early**" in page
     judged = max(0, kept - 1)
@@ -523,12 +523,12 @@ def test_bad_streams(tracer):
     assert "more than 4096 bytes" in said(ray, ray.rstrip() + b" " * 5000 + b"\n")
     assert "is no note of numbers" in said(b"# numbers decimal exact", b"# numbers decimal perfect")
     assert "is no number of rays and hash" in said(b"# rays 48", b"# rays 999999999")
-    assert "is no name of a set" in said(b"# set chief-ray", b"# set \x1b[2J")
+    assert "is not the name of a set" in said(b"# set chief-ray", b"# set \x1b[2J")
     assert "sets are missing" in said(answers[answers.index(b"# set random") : answers.index(b"# end")], b"")
     # What a simulator says before and after is passed over.
     greeting = b"Simulator 1.0, \xa9\n\n" + b"-" * 9000 + b"\n"
     assert len(verdicts(greeting + answers + b"$finish called\n")) == 2
-    assert "is cut in the set random/0, after 50 of its rays" in said(answers[answers.index(b"# end") :], b"")
+    assert "is truncated in the set random/0, after 50 of its rays" in said(answers[answers.index(b"# end") :], b"")
     assert "gap_mm" in said(b"gap_mm = 0.7", b"gap_mm = -1.0")
     with pytest.raises(InputError, match="is empty"):
         verdicts(b"")
@@ -587,10 +587,10 @@ def test_options_that_do_not_go_together(tmp_path, refusal_of):
     for arguments, said in (
         (["vectors", "--display", display], "no output; give a folder with -o, or --stream"),
         (["vectors", "--display", display, "--stream", "-o", folder], "leave out -o or --stream"),
-        (["vectors", "--display", display, "--words", "-o", folder], "--words: is of a stream; add --stream"),
-        (["regress", "--stream", "--rays", "x.npz"], "--rays: the stream has it"),
-        (["regress", "--stream", "--model", "exact"], "--model: the stream has it"),
-        (["regress", "--stream", "--fraction-bits", "18"], "--fraction-bits: the stream has it"),
+        (["vectors", "--display", display, "--words", "-o", folder], "--words: needs --stream; add --stream"),
+        (["regress", "--stream", "--rays", "x.npz"], "--rays: the stream contains it"),
+        (["regress", "--stream", "--model", "exact"], "--model: the stream contains it"),
+        (["regress", "--stream", "--fraction-bits", "18"], "--fraction-bits: the stream contains it"),
         (["regress", "--stream", "--report", ""], "--report': it is empty; name a folder"),
         (["regress", "--stream", "--junit", ""], "--junit': it is empty; name a file"),
         (["regress", "--stream", "--bounds", ""], "--bounds': it is empty; name a file"),

@@ -156,9 +156,9 @@ def test_runs_that_cannot_be_compared_with_are_refused(tmp_path, capsys):
 
     against = ("--against", str(tmp_path))
     said = refused("new", *against)
-    assert "holds no run of the report" in said
+    assert "contains no run of the report" in said
     assert "report-*.csv" in said
     (tmp_path / "report-growth.csv").write_text("# machine: one\nwith,size\npixels,3\n")
-    assert "report-growth.csv: holds no measured values with their spread; remove it" in refused("new", *against)
-    assert "report-growth.csv: holds no measured values" in refused(".")
+    assert "report-growth.csv: contains no measured values with their spread; remove it" in refused("new", *against)
+    assert "report-growth.csv: contains no measured values" in refused(".")
     assert [path.name for path in tmp_path.iterdir()] == ["report-growth.csv"]

@@ -282,7 +282,7 @@ def test_bad_options_of_a_board_are_refused_before_it_is_compiled(place, tmp_pat
         denied.setattr(Path, "mkdir", refuse)
         assert run([*start, "--capture", str(tmp_path / "no" / "place")]) == 2
     assert capsys.readouterr().err.startswith(
-        f"lippmann: --capture: {tmp_path / 'no' / 'place'} cannot be made; choose"
+        f"lippmann: --capture: {tmp_path / 'no' / 'place'} cannot be created; choose"
     )
     monkeypatch.setattr(os, "access", lambda *_: False)
     for option, path in (("--capture", tmp_path), ("--ready", tmp_path / "a.json"), ("--trace", tmp_path / "a.fst")):
