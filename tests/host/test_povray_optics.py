@@ -149,7 +149,7 @@ def test_the_command_with_a_set_up(mi, tmp_path, capfd, monkeypatch):
     assert "optics.inc" in result["files"]
     assert (result["width_px"], result["spare_rows"]) == (2400, 0)
     assert run(common) == 2
-    assert "one of --display and --setup" in capfd.readouterr().err
+    assert "either --display or --setup" in capfd.readouterr().err
     assert run([*common, "--setup", "scenes/setups/fig8a.toml", "--display", "scenes/displays/paper-square.toml"]) == 2
     assert run([*common, "--setup", "scenes/setups/fig8a.toml", "--model", "thin"]) == 2
     assert "--model is for --display" in json.loads(capfd.readouterr().out.splitlines()[-1])["error"]

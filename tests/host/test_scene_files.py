@@ -685,7 +685,7 @@ def test_commands_that_place_nothing_say_so(place, capfd, mi):
     assert run(["animate", "film.toml", "--display", "d.toml", "-o", "f", "--samples", "1", "--device", "llvm"]) == 0
     assert "nothing places ball.glb" in capfd.readouterr().err
     assert run(["export", "povray", "ball.glb", "--display", "d.toml", "-o", "p", "--device", "llvm"]) == 2
-    assert "no Mitsuba scene" in capfd.readouterr().err
+    assert "not a Mitsuba scene" in capfd.readouterr().err
 
 
 #: Parts of a scene that name a file each.

@@ -342,7 +342,7 @@ def test_a_film_on_a_board_that_is_reset_fails(drawing):
         scene = SceneBoard(board)
         _, slots = load_textures(scene, drawing.display, film)
         assert play_film(scene, drawing.display, film, slots).frames == 4
-        with pytest.raises(DeviceError, match=r"draws the scene no longer: .*; play the film again"):
+        with pytest.raises(DeviceError, match=r"no longer draws the scene .*; play the film again"):
             play_film(scene, drawing.display, film, slots, progress=lambda done, _: done == 2 and board.reset())
 
 
