@@ -73,7 +73,10 @@ class FrameFile(NamedTuple):
 
 
 def check_shape(shape: tuple[int, ...], display: Display, target: Hello | Target, force: bool = False) -> str:
-    """Return an image's name for messages; refuse a wrong shape and, without `force`, another display."""
+    """Return an image's name for messages.
+
+    Refuse a wrong shape and, without `force`, another display.
+    """
     check_flags(force=force)
     name = f"image for display '{display.name}'"
     _check_identity(name, display.identity, target, force)

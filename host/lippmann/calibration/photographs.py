@@ -51,7 +51,10 @@ def pattern_set(folder: Path, display: Display) -> PatternSet:
 
 
 def positions(folder: Path, patterns: PatternSet) -> list[Position]:
-    """Return the positions in a folder's sub-folders, or in the folder itself; refuse incomplete positions."""
+    """Return the positions in a folder's sub-folders, or in the folder itself.
+
+    Refuse incomplete positions.
+    """
     if not folder.is_dir():
         raise input_error(folder, "no such folder", "give the folder that contains position-1, position-2 and so on")
     folders = [one for one in folder.iterdir() if one.is_dir() and _photographs(one)]
@@ -107,7 +110,10 @@ def decode_values(values: npt.NDArray[np.integer]) -> Light:
 
 
 def read_photograph(path: Path, shape: tuple[int, int] | None = None) -> Photograph:
-    """Read an sRGB photograph's light, averaged over the channels; refuse a `shape` other than given."""
+    """Read an sRGB photograph's light, averaged over the channels.
+
+    Refuse a `shape` other than given.
+    """
     raw = read_numbers(path, MAX_PIXELS, "is not a photograph that can be read", "give a PNG, JPEG or TIFF file")
     if raw.dtype not in _CURVES:
         raise input_error(path, f"contains {raw.dtype} values", "save it with 8 or 16 bits per colour")

@@ -114,7 +114,10 @@ def _text(array: npt.NDArray[Any]) -> str:
 
 
 def load_calibration(path: Path) -> Calibration:
-    """Read the files of `Calibration.save`; refuse a .npz file that is broken or of another display."""
+    """Read the files of `Calibration.save`.
+
+    Refuse a .npz file that is broken or of another display.
+    """
     display = load_display(path)
     sidecar = path.with_suffix(".npz")
     remedy = "give a display file that lippmann calibrate solve wrote"

@@ -64,7 +64,6 @@ class Movement:
     inner: Floats  # points (M, 2) spread over the inner cell
 
     def _own(self, slopes: Floats) -> Floats:
-        """Return the coefficients (N, monomials, 2) of `PLACE` for slopes (N, 2)."""
         return np.asarray(np.tensordot(_powers(slopes - self.slope, SLOPE), self.factors, axes=1))
 
     def over_cell(self, slopes: Floats, aside: Floats) -> Floats:

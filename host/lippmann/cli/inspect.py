@@ -112,7 +112,6 @@ def _as_json(view: EyeView) -> dict[str, object]:
 
 
 def _crosstalk(view: EyeView) -> str:
-    """Return the fraction of crosstalk as text, or "dark" for an eye that receives no light."""
     share = view.status_share
     return percent(share["crosstalk"], not view.sees_all) if share["ok"] or share["crosstalk"] else "dark"
 

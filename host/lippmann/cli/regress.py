@@ -80,8 +80,6 @@ def _read_bounds(path: Path | None, urad: float | None, nm: float | None) -> Bou
 
 
 class _Output:
-    """Writer of the files of --junit and --report."""
-
     def __init__(self, junit: Path | None, report: Path | None) -> None:
         self.junit, self.report, self.maps = junit, report, None
         if junit:

@@ -76,8 +76,6 @@ def command(
 
 
 class _Stream:
-    """A board that is reopened within `resume_s` seconds after its connection is lost."""
-
     def __init__(self, url: str, baud: int, resume_s: float, verify: bool) -> None:
         self._url, self._baud, self._resume_s, self._verify = url, baud, resume_s, verify
         self.board = self._opened()

@@ -229,7 +229,6 @@ def _displaced(inputs: PanelRays, panel_mm: Floats, aim_mm: Floats, ways: Floats
 
 
 def _on_some_side(compared: Comparison, panel_mm: Floats, aim_mm: Floats) -> Bools:
-    """Return a mask (N,) of rays on an edge that equal golden's ray on one side of the edge."""
     sides = [compared.golden]
     for share in SHARES:
         sides += map(golden, _displaced(compared.inputs, share * panel_mm, share * aim_mm, AROUND))

@@ -130,7 +130,6 @@ def _fit_number(name: str, value: float, inputs: PanelRays, direction: Floats) -
 
     @cache
     def loss(candidates: float) -> float:
-        """Return the median error, which is robust against rays that change lenslet or status."""
         try:
             rays = with_number(name, candidates, inputs).trace()
         except NO_RAYS:

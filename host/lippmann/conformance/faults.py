@@ -221,7 +221,6 @@ def _placed(system: System, local_mm: Floats, lenslet: Floats) -> Arrays:
 
 
 def _through_neighbour(step: Floats, inputs: PanelRays, rays: Arrays) -> Arrays:
-    """Trace each ray through the lenslet `step` away from its own lenslet, with an unlimited dome."""
     system = System.of(inputs.display)
     frame = system.frame
     wide = replace(system.lattice, pitch_mm=tuple(8.0 * pitch for pitch in system.lattice.pitches_mm))

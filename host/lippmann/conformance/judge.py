@@ -303,7 +303,6 @@ def _two(compared: Comparison) -> Finding | None:
 
 
 def _distances(variant: Variant, sample: Comparison) -> list[tuple[str, Floats, Floats]]:
-    """Return, for each predicted array, the distances (N,) of the rays from the variant and from golden."""
     try:
         rays = variant.predict(sample.inputs, sample.golden)
     except NO_RAYS:
@@ -317,7 +316,6 @@ def _middle(name: str, distances: Floats) -> float:
 
 
 def _apart(sample: Comparison, variant: Variant) -> float:
-    """Return the mean logarithm of the ratio of distances: to the variant over to golden."""
     middles = [(_middle(name, far), _middle(name, own)) for name, far, own in _distances(variant, sample)]
     ratios = [far / own for far, own in middles if own > 0.0]
     logarithms = [math.log(max(ratio, 1e-6)) if math.isfinite(ratio) else 0.0 for ratio in ratios]

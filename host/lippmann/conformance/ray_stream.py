@@ -312,7 +312,6 @@ class StreamReader:
         return foreign
 
     def _row(self, now: _Set, n: int) -> list[float]:
-        """Return the numbers after a ray's index; values missing after a lone status are NaN."""
         words, refuse = self._columns(now, n), partial(self._refuse, number=now.first + n)
         answered = len(words) - ASKED
         if answered not in (ANSWERED, LOST):
