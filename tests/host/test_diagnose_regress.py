@@ -12,7 +12,7 @@ from lippmann.cli import run
 from lippmann.conformance.comparison import Bounds
 from lippmann.conformance.fault_search import fitted_together
 from lippmann.conformance.hard_cases import changed, hard_sets
-from lippmann.conformance.judge import _rounding, judge
+from lippmann.conformance.judge import _find_rounding, judge
 from lippmann.conformance.ray_sets import (
     INPUTS,
     ForeignRays,
@@ -505,7 +505,7 @@ def test_truncation_for_rounding(case, judge_words, monkeypatch, name, fault, sa
 
 def test_wrong_register(case, judge_words, monkeypatch):
     # This design has one fault, and to look for two takes long.
-    monkeypatch.setattr("lippmann.conformance.judge._two", lambda seen: None)
+    monkeypatch.setattr("lippmann.conformance.judge._find_two_faults", lambda seen: None)
     wrong = dataclasses.replace(case.registers, **{n: -getattr(case.registers, n) for n in ("x_from_v", "y_from_u")})
     code, said = judge_words(case, ray_pipeline(*case.words, wrong, case.build))
     assert code == 4
@@ -560,7 +560,7 @@ def test_a_word_far_off_is_not_called_wrapped(case):
     for added, wraps in ((1 << 62, False), (1 << 18, True), (-(1 << 18), True), (1 << 19, False)):
         dx = out.dx.copy()
         dx[3] += added
-        said = _rounding(out._replace(dx=dx), out, case.build)
+        said = _find_rounding(out._replace(dx=dx), out, case.build)
         assert (said == "a word wrapped where it should saturate: dx") == wraps, (added, said)
 
 

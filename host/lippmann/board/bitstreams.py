@@ -158,7 +158,10 @@ class Adapter:
 
 
 def on_usb(usb: Usb) -> list[Adapter] | None:
-    """Return the connected adapters with a USB identity; None if the system lists no USB devices."""
+    """Return the connected adapters with a USB identity.
+
+    None means that the system lists no USB devices.
+    """
     if not USB_DEVICES.is_dir():
         return None
     adapters = []
@@ -171,7 +174,7 @@ def on_usb(usb: Usb) -> list[Adapter] | None:
 
 
 def choose_adapter(board: FpgaBoard, adapters: list[Adapter] | None, serial: str | None) -> str | None:
-    """Return the adapter's serial number; None if it is the only adapter or `adapters` is None.
+    """Return the adapter's serial number; None means the only adapter, or no list.
 
     `serial` may name an adapter with another product text, as new chips have. Raises
     DeviceError unless exactly one adapter matches.
@@ -202,7 +205,10 @@ def choose_adapter(board: FpgaBoard, adapters: list[Adapter] | None, serial: str
 
 
 def board_of(path: Path, file: BitFile, name: str | None) -> FpgaBoard:
-    """Return a bitstream's board, or `name` if the file names none; refuse another board or FPGA."""
+    """Return a bitstream's board, or `name` if the file names none.
+
+    Refuse another board or FPGA.
+    """
     if name is None and not file.board:
         raise input_error(path, "the bitstream names no board", "name it with --board")
     board = fpga_board(name or file.board)

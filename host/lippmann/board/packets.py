@@ -18,7 +18,7 @@ RESET_VERSION, SCENE_VERSION = 2, 3
 MAX_PACKET = 3200
 #: Maximum length after COBS, which adds one byte per 254 bytes or part of them.
 MAX_STUFFED = MAX_PACKET + -(-MAX_PACKET // 254)
-#: Byte that ends a packet; COBS removes zero bytes from its inside.
+#: Byte that ends a packet; COBS removes zero bytes from packets.
 DELIMITER = b"\0"
 #: Bit of the packet type that marks a reply.
 REPLY = 0x80
@@ -98,12 +98,12 @@ class PacketReader:
         *ended, unfinished = (self._held + data).split(DELIMITER)
         # One byte more than allowed is enough to refuse an overlong packet.
         self._held = unfinished[: MAX_STUFFED + 1]
-        packets = [packet for packet in map(_parsed, ended) if packet]
+        packets = [packet for packet in map(_parse, ended) if packet]
         self.accepted += len(packets)
         return packets
 
 
-def _parsed(stuffed: bytes) -> Packet | None:
+def _parse(stuffed: bytes) -> Packet | None:
     try:
         data = bytes(cobs.decode(stuffed)) if len(stuffed) <= MAX_STUFFED else b""
     except cobs.DecodeError:

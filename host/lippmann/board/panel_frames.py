@@ -57,7 +57,7 @@ def image_frame(image: IntegralImage, target: Hello | Target, force: bool = Fals
     check_image(image)
     name = check_shape(image.radiance.shape, image.display, target, force)
     panel = image.display.panel
-    _agreed(name, ("its metadata", _tones_in(name, image.metadata, False)), ("its display", _tones_of(panel)))
+    _merge_tones(name, ("its metadata", _tones_in(name, image.metadata, False)), ("its display", _tones_of(panel)))
     return panel_values(image.radiance, panel.transfer, panel.bits)
 
 
@@ -114,7 +114,7 @@ def check_frame(
         _check_identity(str(path), metadata.get("identity"), target, force)
         file = "the file", _tones_in(str(path), metadata, suffix in ENCODED_SUFFIXES)
         display = "--display", Tones() if panel is None else _tones_of(panel)
-        agreed = _agreed(str(path), file, ("--transfer", Tones(transfer)), display)
+        agreed = _merge_tones(str(path), file, ("--transfer", Tones(transfer)), display)
 
     size_px = target.width, target.height
     with StoredRows(path, size_px, accept) as rows:
@@ -164,7 +164,7 @@ def _tones_in(name: str, metadata: Mapping[str, str], encoded: bool) -> Tones:
     return Tones(metadata.get("transfer") if encoded or bits else None, None if bits is None else int(bits))
 
 
-def _agreed(name: str, *sources: tuple[str, Tones]) -> Tones:
+def _merge_tones(name: str, *sources: tuple[str, Tones]) -> Tones:
     agreed = Tones()
     first: dict[str, str] = {}
     for source, tones in sources:

@@ -58,7 +58,7 @@ def open_port(url: str, baud: int = DEFAULT_BAUD) -> serial.Serial | socket.Sock
         raise InputError(f"the baud rate {baud} is not positive; give one such as {DEFAULT_BAUD}")
     try:
         if url.startswith(SCHEMES):
-            return _connected(url)
+            return _connect(url)
         port: serial.Serial = serial.serial_for_url(url, baudrate=baud, timeout=0, write_timeout=0, exclusive=True)
     except (serial.SerialException, OSError) as error:
         raise _refusal(url, error) from None
@@ -69,7 +69,7 @@ def open_port(url: str, baud: int = DEFAULT_BAUD) -> serial.Serial | socket.Sock
     return port
 
 
-def _connected(url: str) -> socket.SocketIO:
+def _connect(url: str) -> socket.SocketIO:
     """Connect to a socket and send the token.
 
     Raises ValueError for an invalid URL, and OSError if the connection is refused.
@@ -146,7 +146,7 @@ def _refusal(url: str, error: Exception) -> NoBoardError | InputError:
             others = ", ".join(ports()) or "this machine has none"
             what, remedy = "no such port", f"plug the board in, or name another: {others}"
         case errno.EACCES | errno.EPERM:
-            what, remedy = "no permission", _permission(url)
+            what, remedy = "no permission", _permission_remedy(url)
         case errno.EBUSY | errno.EAGAIN:
             what, remedy = "the port is busy", "close the other program that uses it"
         case errno.ECONNREFUSED:
@@ -158,7 +158,7 @@ def _refusal(url: str, error: Exception) -> NoBoardError | InputError:
     return no_board_error(url, what, remedy)
 
 
-def _permission(path: str) -> str:
+def _permission_remedy(path: str) -> str:
     with contextlib.suppress(OSError, KeyError, ImportError):
         import grp  # only Unix has it
 

@@ -21,8 +21,7 @@ from lippmann.fixed.registers import BOARD_REGISTERS, OPTICS_REGISTERS, SCENE_RE
 
 #: Time without a reply after which a request fails, s.
 PATIENCE_S = 10.0
-#: Clock of the slowest board, a simulated one, Hz. It sets the time-out of requests
-#: that process a frame.
+#: Clock of the slowest board, a simulated one, Hz. This clock sets the time-out of requests that process a frame.
 SLOWEST_HZ = 3e5
 #: Clock cycles per pixel of a PRESENT request: CRC and buffer swap, doubled.
 PRESENT_CLOCKS = 4
@@ -231,7 +230,7 @@ class Session:
         return REGISTERS[name].values(self.word(name))
 
     def write(self, address: int, words: Sequence[int]) -> None:
-        """Write 1 to 64 words starting at a byte address. The board writes them exactly once, all or none.
+        """Write 1 to 64 words starting at a byte address. The board writes the words once, all or none.
 
         Raises InputError for an address without a register, and for words that do not fit.
         """

@@ -319,22 +319,22 @@ def solve(problem: Problem, x: Floats, robust_only: bool = False) -> Solution:
     problem = problem.thinned(8000)  # lenslets per view
     weights = Weights.equal(problem, (1.0, 1.0))
     for _ in range(2):
-        x = _minimised(problem, x, weights, True)
+        x = _minimise(problem, x, weights, True)
         weights = weights.measured(problem, x)
     limits = [OUTLIER * np.repeat(scatter, 2) for scatter in weights.scatter]
     inliers = [np.all(abs(problem.residuals(x, k)) < limit, axis=1) for k, limit in enumerate(limits)]
     weights = weights._replace(inliers=inliers)
     if not robust_only:
-        x = _minimised(problem, x, weights, False)
+        x = _minimise(problem, x, weights, False)
         weights = weights.measured(problem, x)
-        x = _minimised(problem, x, weights, False)
+        x = _minimise(problem, x, weights, False)
     return judged(problem, x, weights)
 
 
 def first_fit(problem: Problem, x: Floats) -> Floats:
     """Fit only lens and poses, and return x."""
     lens_only = replace(problem, fixed=frozenset(problem.blocks) - {"lens", "pose"})
-    return _minimised(lens_only, x, Weights.equal(problem, (1e3, 1.0)), True)
+    return _minimise(lens_only, x, Weights.equal(problem, (1e3, 1.0)), True)
 
 
 def _scatter(residuals: Floats) -> tuple[float, float]:
@@ -346,8 +346,7 @@ def _weighted(problem: Problem, x: Floats, weights: Weights, k: int) -> Floats:
     return np.asarray(problem.residuals(x, k)[weights.inliers[k]] / np.repeat(weights.scatter[k], 2))
 
 
-def _minimised(problem: Problem, x: Floats, weights: Weights, robust: bool) -> Floats:
-    """Return the least-squares parameters, with a robust loss or with the model of smooth errors."""
+def _minimise(problem: Problem, x: Floats, weights: Weights, robust: bool) -> Floats:
     smooth = [] if robust else [_smooth(problem, weights, k) for k in range(len(problem.views))]
 
     def expand(part: Floats) -> Floats:

@@ -84,7 +84,7 @@ def find_lattice(name: str, points_mm: Floats, display: Display) -> SeenLattice:
     low, high = np.percentile(points_mm, (5.0, 95.0), axis=0)
     for shares in [*itertools.product((0.5, 0.35, 0.65), repeat=2)][:5]:
         middle = low + (high - low) * shares
-        match = _followed(points_mm, middle, nominal, display.array.grid, pitch, growth)
+        match = _extend_lattice(points_mm, middle, nominal, display.array.grid, pitch, growth)
         if match is not None and (best is None or match[0] > best[0]):
             best = match
         if best is not None and best[0] > 0.8:  # good enough
@@ -106,7 +106,7 @@ def find_lattice(name: str, points_mm: Floats, display: Display) -> SeenLattice:
     return best[1]
 
 
-def _followed(
+def _extend_lattice(
     points_mm: Floats, middle: Floats, nominal: Floats, grid: Grid, pitch: float, growth: float
 ) -> tuple[float, SeenLattice] | None:
     """Extend the lattice outwards; return the fraction of points near lattice points, and the lattice."""
@@ -114,12 +114,12 @@ def _followed(
     first = points_mm[distance < FIRST_RADIUS * pitch]
     if len(first) < 200:  # several per lenslet
         return None
-    basis, origin = _searched(_some(first)[:10_000], middle, nominal, growth)
+    basis, origin = _search_lattice(_some(first)[:10_000], middle, nominal, growth)
     lattice, radius, farthest = SeenLattice(origin, basis, grid), FIRST_RADIUS, distance.max() / pitch
     while True:
         region = _some(points_mm[distance < radius * pitch])
         for _ in range(3):
-            again = _fitted(region, lattice)
+            again = _fit_lattice(region, lattice)
             if again is None:
                 return None
             lattice = again
@@ -135,7 +135,7 @@ def _some(points_mm: Floats) -> Floats:
     return points_mm[np.random.default_rng(SEED).integers(0, len(points_mm), MAX_POINTS)]
 
 
-def _searched(points_mm: Floats, middle: Floats, nominal: Floats, growth: float) -> tuple[Floats, Floats]:
+def _search_lattice(points_mm: Floats, middle: Floats, nominal: Floats, growth: float) -> tuple[Floats, Floats]:
     step = 0.12 / FIRST_RADIUS
     turns = np.arange(-math.radians(MAX_ROTATION_DEG) * 1.2, math.radians(MAX_ROTATION_DEG) * 1.2, step)
     scales = np.arange(1.0 - 1.3 * MAX_STRETCH, (1.0 + 1.3 * MAX_STRETCH) * (1.0 + growth), step)
@@ -150,7 +150,7 @@ def _searched(points_mm: Floats, middle: Floats, nominal: Floats, growth: float)
     return best[1], best[2]
 
 
-def _fitted(points_mm: Floats, lattice: SeenLattice) -> SeenLattice | None:
+def _fit_lattice(points_mm: Floats, lattice: SeenLattice) -> SeenLattice | None:
     index, near = lattice.near(points_mm)
     if near.sum() < 100 or np.ptp(index[near], axis=0).min() < 2:
         return None

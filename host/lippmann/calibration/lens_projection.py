@@ -38,8 +38,8 @@ SEAM = {"square": 2.0 / 3.0, "hex": 5.0 / 6.0}
 FOLDS = {"square": 4, "hex": 6}
 #: Degrees j + k of the sums; the high degrees serve steep lenslets.
 DEGREES = range(1, 12)
-#: Number of rays across the inner cell, and number of slope directions. The latter is
-#: prime, so no symmetry repeats a direction.
+#: Number of rays across the inner cell, and number of slope directions. The number of
+#: directions is prime, so no symmetry repeats a direction.
 ACROSS, DIRECTIONS = 13, 17
 #: Number of points on the edge of an outline.
 EDGE_POINTS = 96
@@ -112,7 +112,7 @@ def fit_projection(display: Display, steepest: float, distance_mm: float) -> Len
     through = offset[:, None] + _cell(plain, INNER, ACROSS)
     fits = []
     for gap in gaps:
-        arrives, at = _traced(replace(plain, gap_mm=gap), slopes, through, height, distance_mm)
+        arrives, at = _trace_rays(replace(plain, gap_mm=gap), slopes, through, height, distance_mm)
         fits.append(np.linalg.lstsq(-parts, means(at, arrives).T.ravel(), rcond=None)[0])
     per_gap = (fits[1] - fits[0]) / (gaps[1] - gaps[0])
     fixed = fits[0] - gaps[0] * per_gap
@@ -150,7 +150,7 @@ def inner_rays(display: Display, slopes: Floats, distance_mm: float) -> tuple[Fl
     slopes = slopes @ axes
     inner = _cell(plain, INNER, ACROSS)
     through = _middles(plain, slopes, height, distance_mm)[:, None] + inner[None]
-    arrives, at = _traced(plain, slopes, through, height, distance_mm)
+    arrives, at = _trace_rays(plain, slopes, through, height, distance_mm)
     return inner @ axes.T, at @ axes.T, arrives
 
 
@@ -175,7 +175,7 @@ def _middles(display: Display, slopes: Floats, height_mm: float, distance_mm: fl
     ways = np.stack([np.cos(angles), np.sin(angles)], axis=2)
     middles = np.zeros_like(slopes)
     for _ in range(3):
-        arrives, at = _traced(display, slopes, middles[:, None] + inside, height_mm, distance_mm)
+        arrives, at = _trace_rays(display, slopes, middles[:, None] + inside, height_mm, distance_mm)
         fits = [_movement(inside[one] @ to_steps, at[k, one] @ to_steps / grown) for k, one in enumerate(arrives)]
         centre, moves, shift = (np.array(part) for part in zip(*fits, strict=True))
         # The edge is nearer than 1.2 pitches.
@@ -183,7 +183,7 @@ def _middles(display: Display, slopes: Floats, height_mm: float, distance_mm: fl
         for _ in range(11):  # bisections
             half = 0.5 * (low + high)
             points = ways * half[..., None]
-            arrives, at = _traced(display, slopes, middles[:, None] + points, height_mm, distance_mm)
+            arrives, at = _trace_rays(display, slopes, middles[:, None] + points, height_mm, distance_mm)
             own = (at @ to_steps / grown - centre[:, None] - points @ to_steps @ moves) @ np.linalg.inv(
                 np.eye(2) - moves
             )
@@ -206,7 +206,6 @@ def _movement(across: Floats, landed: Floats) -> tuple[Floats, Floats, Floats]:
 
 
 def _cell(display: Display, share: float, across: int) -> Floats:
-    """Return points (N, 2), mm, spread over a cell that is scaled by `share`."""
     side = (np.arange(across) + 0.5) / across
     s, t = (one.ravel() for one in np.meshgrid(side, side))
     if display.array.grid == "hex":  # three rhombi of equal area
@@ -214,7 +213,7 @@ def _cell(display: Display, share: float, across: int) -> Floats:
     return share * np.stack(square_to_cell(NumpyBackend(), s, t, Lattice.of(display.array)), axis=1)
 
 
-def _traced(
+def _trace_rays(
     display: Display, slopes: Floats, through: Floats, height_mm: float, distance_mm: float
 ) -> tuple[Bools, Floats]:
     """Trace rays from cameras through points (N, M, 2) of the plane of outlines.

@@ -49,7 +49,7 @@ class Outline:
 
     def cells(self, photo_px: Values) -> Floats:
         """Map pixels (N, 2) to points of the lattice of pitch 1."""
-        return self.origin + _mapped(self.numbers, (photo_px - self.middle_px) / self.size_px)
+        return self.origin + _apply_map(self.numbers, (photo_px - self.middle_px) / self.size_px)
 
     def steps(self, photo_px: Values) -> Floats:
         """Map pixels (N, 2) to unrounded lattice coordinates (i, j)."""
@@ -66,7 +66,7 @@ class Outline:
         return np.stack([i, j], axis=1).astype(np.int64), np.stack([dx, dy], axis=1)
 
 
-def _mapped(numbers: Floats, at: Values) -> Floats:
+def _apply_map(numbers: Floats, at: Values) -> Floats:
     square = (at**2).sum(axis=1)
     scale = 1.0 + square * (numbers[8] + square * numbers[9])
     homography = np.append(numbers[:8], 1.0).reshape(3, 3)
@@ -88,7 +88,7 @@ def fit_outline(name: str, grid: Grid, photo_px: Values, index: Indices, shape: 
     _check_agreement(name, share)
     numbers = np.concatenate([(homography / homography[2, 2]).ravel()[:8], np.zeros(2)])
     for reach in (1.5 * CORNER, CORNER):
-        near = abs(_mapped(numbers, at) + origin - cells).max(axis=1) < reach
+        near = abs(_apply_map(numbers, at) + origin - cells).max(axis=1) < reach
         names, groups = number_lenslets(index[near])
         count = np.bincount(groups)
         usual = count >= 0.5 * np.median(count)
@@ -102,7 +102,7 @@ def fit_outline(name: str, grid: Grid, photo_px: Values, index: Indices, shape: 
 
 
 def _off(numbers: Floats, at: Values, targets: Values) -> Floats:
-    return np.ravel(_mapped(numbers, at) - targets)
+    return np.ravel(_apply_map(numbers, at) - targets)
 
 
 def _check_agreement(name: str, share: float) -> None:

@@ -91,7 +91,7 @@ def check_samples(samples: Samples, pitch_px: float) -> float:
         raise input_error(path, what, "focus on the array, stop the lens down, and keep reflections away")
     _check_light(samples)
     if residuals[worst] > MAX_RESIDUAL or match.disagree > 0.2 or match.on_plane < MIN_ON_PLANE:
-        pair = _exchanged(samples, match, pitch_px)
+        pair = _find_exchange(samples, match, pitch_px)
         if pair is not None:
             first, second = (position.of(one).name for one in pair)
             what = f"{first} and {second} look exchanged"
@@ -120,7 +120,7 @@ def _check_light(samples: Samples) -> None:
             raise input_error(name, what, remedy)
 
 
-def _exchanged(samples: Samples, match: Fit, pitch_px: float) -> tuple[Pattern, Pattern] | None:
+def _find_exchange(samples: Samples, match: Fit, pitch_px: float) -> tuple[Pattern, Pattern] | None:
     step = max(1, len(samples.at[0]) // 800)
     shares = {one: share[::step] for one, share in samples.shares.items()}
     at = tuple(one[::step] for one in samples.at)

@@ -112,7 +112,7 @@ def decode_values(values: npt.NDArray[np.integer]) -> Light:
 def read_photograph(path: Path, shape: tuple[int, int] | None = None) -> Photograph:
     """Read an sRGB photograph's light, averaged over the channels.
 
-    Refuse a `shape` other than given.
+    Refuse a photograph of another `shape`.
     """
     raw = read_numbers(path, MAX_PIXELS, "is not a photograph that can be read", "give a PNG, JPEG or TIFF file")
     if raw.dtype not in _CURVES:

@@ -212,14 +212,14 @@ def _check_zoom(solution: Solution) -> None:
     problem = solution.problem.freeing("zoom")
     zoomed = solve(problem, solution.x)
     zooms = {name: zoomed.value(name) for name in problem.blocks["zoom"]}
-    # Measured: unchanged lenses differ by 1 standard deviation, a change of 0.5 % gives
-    # at least 5.
+    # Measured: unchanged lenses differ by 1 standard deviation, lenses changed by 0.5 %
+    # differ by at least 5.
     limits = {name: max(4.0 * zoomed.deviation(name), 0.002) for name in zooms}
     sure = [name for name, zoom in zooms.items() if abs(zoom) > limits[name]]
     if not sure:
         return
     views = [view.name for view in problem.views]
-    # If all others differ from the first in one direction, the first position is wrong.
+    # If all others differ from the first in one direction, the first position differs.
     first = len(sure) == len(zooms) > 1 and len({zooms[name] > 0.0 for name in sure}) == 1
     worst = max(sure, key=lambda name: abs(zooms[name]))
     odd, zoom = (views[0], -zooms[worst]) if first else (views[list(zooms).index(worst) + 1], zooms[worst])

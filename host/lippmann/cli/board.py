@@ -214,7 +214,7 @@ def write_command(
     with open_board() as board:
         slots = _check_scene(board, register, target.address, len(values))
         if by_field:
-            numbers = [_changed(register, fields, values, board.read(target.address)[0])]
+            numbers = [_change_fields(register, fields, values, board.read(target.address)[0])]
         for address, word in enumerate(numbers, target.address // 4):
             if 4 * address in LOOKS and (slot := LOOK_SLOT.value(word)) >= slots:
                 what = f"the board has no slot {slot}"
@@ -261,7 +261,7 @@ def _number(where: str, text: str, field: Field) -> int:
     return field.bits(number)
 
 
-def _changed(register: str, fields: dict[str, Field], values: tuple[str, ...], word: int) -> int:
+def _change_fields(register: str, fields: dict[str, Field], values: tuple[str, ...], word: int) -> int:
     names = [value.partition("=")[0] for value in values]
     if len(set(names)) < len(names):
         raise InputError(f"{' '.join(values)}: a field is named twice; name each field once")

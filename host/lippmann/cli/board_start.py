@@ -168,7 +168,7 @@ def _check_places(capture: Path | None, ready: Path | None, trace: Path | None) 
             raise input_error(name, f"{place} cannot be written to", change)
     if ready and ready.is_dir():
         raise input_error("--ready", f"{ready} is a folder", "name a file")
-    if ready and _alive((other := _content(ready)).get("pid")):
+    if ready and _is_running((other := _content(ready)).get("pid")):
         what = f"{ready} belongs to a board that runs ({other['url']})"
         raise input_error("--ready", what, "end it, or name a new file")
 
@@ -237,7 +237,7 @@ def _content(ready: Path) -> dict[str, Any]:
         return {}
 
 
-def _alive(pid: int | None) -> bool:
+def _is_running(pid: int | None) -> bool:
     try:
         words = Path(f"/proc/{pid}/cmdline").read_bytes().split(b"\0")
     except OSError:
@@ -255,7 +255,7 @@ def stop_command(ready: Path = option("The --ready file of the board's start."))
     failure = _failure(output)
     if not content and failure is None:
         raise input_error(ready, "names no board", "give the --ready file of `lippmann board start`")
-    if not _alive(content.get("pid")):
+    if not _is_running(content.get("pid")):
         if content:
             ready.unlink(missing_ok=True)
         if failure is None:
@@ -266,7 +266,7 @@ def stop_command(ready: Path = option("The --ready file of the board's start."))
     # The board stops its simulator first, and then writes frames.
     seconds = virtual_board.STOP_SECONDS + CAPTURE_SECONDS
     until = time.monotonic() + seconds
-    while _alive(pid):  # the ready file disappears before the process
+    while _is_running(pid):  # the ready file disappears before the process
         if time.monotonic() > until:
             raise DeviceError(f"{url}: the board does not end within {seconds:g} s; kill process {pid}")
         time.sleep(CHECK_S)

@@ -78,7 +78,7 @@ def command(
 class _Stream:
     def __init__(self, url: str, baud: int, resume_s: float, verify: bool) -> None:
         self._url, self._baud, self._resume_s, self._verify = url, baud, resume_s, verify
-        self.board = self._opened()
+        self.board = self._open_board()
 
     def close(self) -> None:
         """Close the board."""
@@ -107,14 +107,14 @@ class _Stream:
                     arrived = len(total.arrived)
                     log(f"{error}; looking for the board for {self._resume_s:g} s")
                     self.board.close()
-                    self.board = self._opened()
+                    self.board = self._open_board()
                     self.board.must_be(hello)
                     if stuck:
                         log(f"{self._url}: no tile arrives; resetting the board")
                         self.board.reset()
                         was_reset = True
 
-    def _opened(self) -> Board:
+    def _open_board(self) -> Board:
         deadline = time.monotonic() + self._resume_s
         while True:
             try:

@@ -249,7 +249,7 @@ def _on_some_side(compared: Comparison, panel_mm: Floats, aim_mm: Floats) -> Boo
 
 
 def roundings(inputs: PanelRays) -> tuple[Floats, Floats]:
-    """Return float32 rounding errors of points and aims, (N, 2) mm; at least four of half a pitch."""
+    """Return float32 rounding errors of points and aims, (N, 2) mm; at least four times that of half a pitch."""
     pitch, pixel = inputs.display.array.coarsest_mm, np.array(inputs.display.panel.pitches_mm)
 
     def rounding(values: Floats) -> Floats:

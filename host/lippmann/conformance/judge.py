@@ -147,7 +147,7 @@ def _diagnose(compared: Comparison, two_faults: bool) -> Finding:
     if "status" in bad and not (compared.wrong & ~compared.wrong_by["status"]).any():
         codes = _wrong_codes(compared.fields["status"], compared.golden["status"], compared.wrong)
     if first == "status":
-        return _best(compared) or codes or Finding(first)
+        return _find_fault(compared) or codes or Finding(first)
     if _wrapped(compared):
         return Finding("exit", "a component of the direction wrapped where it should saturate at 1", 1.0)
     if first == "exit" and not compared.wrong_in("direction", unit_vectors(compared.fields["direction"])).any():
@@ -158,13 +158,13 @@ def _diagnose(compared: Comparison, two_faults: bool) -> Finding:
         return np.asarray(np.all([~moved.wrong_in(name, moved.fields[name]) for name in bad], axis=0))
 
     return (
-        _late(right)
-        or _best(compared)
-        or _one_late(compared)
-        or _stuck(compared)
-        or _stale(compared)
+        _find_delay(right)
+        or _find_fault(compared)
+        or _find_late_component(compared)
+        or _find_stuck_bit(compared)
+        or _find_stale_register(compared)
         or codes
-        or (_two(compared) if two_faults else None)
+        or (_find_two_faults(compared) if two_faults else None)
         or Finding(first)
     )
 
@@ -174,7 +174,7 @@ def _axes(compared: Comparison) -> tuple[Floats, Floats]:
     return turn_back(frame, compared.fields["direction"]), turn_back(frame, compared.golden["direction"])
 
 
-def _one_late(compared: Comparison) -> Finding | None:
+def _find_late_component(compared: Comparison) -> Finding | None:
     if compared.wrong_arrays != ["direction"] or len(compared.edge) < 2 * MANY:
         return None
     directions, expected = _axes(compared)
@@ -194,7 +194,7 @@ def _delay(lag: int) -> str:
     return f"{'late' if lag > 0 else 'early'} by {abs(lag)}"
 
 
-def _stuck(compared: Comparison) -> Finding | None:
+def _find_stuck_bit(compared: Comparison) -> Finding | None:
     wrong = compared.wrong_by["direction"]
     if compared.wrong_arrays != ["direction"] or wrong.all() or wrong.sum() < MANY:
         return None
@@ -214,19 +214,19 @@ def _stuck(compared: Comparison) -> Finding | None:
     return None
 
 
-def _stale(compared: Comparison) -> Finding | None:
+def _find_stale_register(compared: Comparison) -> Finding | None:
     run = np.flatnonzero(compared.wrong)
     first, last = int(run[0]), int(run[-1])
     if len(run) < MANY or last + 1 - first >= len(compared.edge) or len(run) < 0.5 * (last + 1 - first):
         return None
-    best = _best(compared.select(np.arange(first, last + 1)))
+    best = _find_fault(compared.select(np.arange(first, last + 1)))
     if best is None:
         return None
     what = f"rays {first} to {last} are of an earlier configuration"
     return best._replace(fault=f"stale register: {what} ({best.fault})")
 
 
-def _late(right: Callable[[int], Bools]) -> Finding | None:
+def _find_delay(right: Callable[[int], Bools]) -> Finding | None:
     # Nearly equal rays may match at a delay, too; then more match without a delay.
     own = right(0).mean()
     for lag in LAGS:
@@ -257,7 +257,7 @@ def _wrapped(compared: Comparison) -> bool:
     )
 
 
-def _best(compared: Comparison) -> Finding | None:
+def _find_fault(compared: Comparison) -> Finding | None:
     random = np.random.default_rng(0)
     # Leave out rays on an edge, as a variant may take the edge's other side.
     bad = np.flatnonzero(compared.wrong & ~compared.edge)
@@ -282,9 +282,9 @@ def _best(compared: Comparison) -> Finding | None:
     return nearest(fitted(small_sample.inputs, small_sample.fields))
 
 
-def _two(compared: Comparison) -> Finding | None:
+def _find_two_faults(compared: Comparison) -> Finding | None:
     for lag in (1, -1):
-        if best := _best(compared.later(lag)):
+        if best := _find_fault(compared.later(lag)):
             return best._replace(fault=f"{best.fault}{PAIR}outputs {_delay(lag)}")
     random = np.random.default_rng(0)
     bad = np.flatnonzero(compared.wrong & ~compared.edge)
@@ -376,8 +376,8 @@ def _diagnose_words(
     if first == "status":
         return _wrong_codes(words.status[:, None], twin.status[:, None], wrong)
     lenslets: Bools = (words.i != twin.i) | (words.j != twin.j)
-    rounding = None if lenslets.any() else _rounding(words, twin, build)
-    slip = Finding(first, rounding, 1.0) if rounding else _slip(words, twin)
+    rounding = None if lenslets.any() else _find_rounding(words, twin, build)
+    slip = Finding(first, rounding, 1.0) if rounding else _find_word_fault(words, twin)
     if slip:
         return slip
     unit = WORD_UNITS * word_unit(build.fraction_bits)
@@ -393,14 +393,14 @@ def _diagnose_words(
     return _diagnose(compared, two_faults)
 
 
-def _slip(words: FixedRays, twin: FixedRays) -> Finding | None:
+def _find_word_fault(words: FixedRays, twin: FixedRays) -> Finding | None:
     """Find a delay, sign, swap or constant that converts the twin's words into these words."""
 
     def equal(lag: int, right: FixedRays = twin) -> Bools:
         rays = np.arange(max(0, -lag), len(twin.status) - max(0, lag))
         return np.asarray(np.all([a[rays + lag] == b[rays] for a, b in zip(words, right, strict=True)], axis=0))
 
-    late = _late(equal)
+    late = _find_delay(equal)
     if late:
         return late
     faults = {
@@ -418,7 +418,7 @@ def _slip(words: FixedRays, twin: FixedRays) -> Finding | None:
     return None
 
 
-def _rounding(words: FixedRays, twin: FixedRays, build: Build) -> str | None:
+def _find_rounding(words: FixedRays, twin: FixedRays, build: Build) -> str | None:
     expected = np.stack([getattr(twin, name) for name in REALS])
     apart = np.stack([getattr(words, name) for name in REALS]) - expected
 
