@@ -392,7 +392,9 @@ def test_no_permission(monkeypatch, owner, mode, remedy):
     error.match("no permission; " + remedy)
 
 
-@pytest.mark.parametrize(("on_pty", "remedy"), [(False, "see whether the board runs: if so, the board keeps"), (True, "plug")])
+@pytest.mark.parametrize(
+    ("on_pty", "remedy"), [(False, "see whether the board runs: if so, the board keeps"), (True, "plug")]
+)
 def test_a_port_that_goes_away(on_pty, remedy):
     with ModelBoard(pty=on_pty) as model:
         board = Board.open(model.url, FAST_BAUD, patience_s=5.0)

@@ -133,7 +133,10 @@ def test_the_report_of_a_users_display(tmp_path, capsys):
 @pytest.mark.parametrize(
     ("words", "said"),
     [
-        (("new", "--display", SHIPPED, "--display", SHIPPED), "two displays have the name .*; give each display its own name"),
+        (
+            ("new", "--display", SHIPPED, "--display", SHIPPED),
+            "two displays have the name .*; give each display its own name",
+        ),
         (("file", "--display", SHIPPED), "file: cannot be made.*; choose another place"),
         (("file/below", "--display", SHIPPED), "below: cannot be made"),
         (("taken", "--display", SHIPPED), r"report\.html: is a folder"),
