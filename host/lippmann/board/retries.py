@@ -192,7 +192,6 @@ class Window:
         return ReplyStatus.OK
 
     def _fill(self) -> None:
-        """Send items while the window has room; waiting replies are processed first."""
         line = self.session.line
         while self._queue and (not self._flights or (not line.waiting and self._bytes < self.window_bytes)):
             item = self._queue.popleft()

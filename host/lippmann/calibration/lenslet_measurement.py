@@ -242,7 +242,6 @@ def measure_lenslets(decoded: Decoded, lattice: SeenLattice, display: Display) -
 
 
 def _centred(own: Floats, at: Floats, some: Bools) -> Floats:
-    """Return the pixels' lattice points, less the mean aberration in the middle of each pixel's cell."""
     home = np.round(at).astype(np.int64)
     names, groups = number_lenslets(home)
     number = np.bincount(groups[some], minlength=len(names))

@@ -227,7 +227,6 @@ def _remove_ready(ready: Path) -> None:
 
 
 def _content(ready: Path) -> dict[str, Any]:
-    """Return `url` and `pid` of a ready file; return an empty dict for any other file."""
     try:
         if not ready.is_file():  # reading a pipe would block
             return {}
