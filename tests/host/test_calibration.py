@@ -453,7 +453,7 @@ def test_photographs_that_are_missing_or_of_other_patterns(case, spoiled, tmp_pa
     with pytest.raises(InputError, match=r"99-other.png belongs to no pattern, and the photograph of 02-black is mis"):
         positions(spoiled.parent, patterns)
     (spoiled / "99-other.png").unlink()
-    with pytest.raises(InputError, match=r"the photograph of 02-black is missing; take it"):
+    with pytest.raises(InputError, match=r"the photograph of 02-black is missing; add 02-black.jpg"):
         positions(spoiled.parent, patterns)
     wide = dataclasses.replace(case.nominal, panel=case.nominal.panel.with_columns(400))
     write_patterns(PatternSet(64, 48), dataclasses.replace(wide, panel=wide.panel.with_columns(64)), tmp_path / "set")
