@@ -149,7 +149,7 @@ def _check_identity(name: str, identity: str | None, target: Hello | Target, for
     if identity != panel_identity and not force:
         what = f"was rendered for display {identity}" if identity else "names no display"
         remedy = "render it for this display, or accept it with --force (force=True in Python)"
-        raise input_error(name, f"{what}, but the panel belongs to display {panel_identity}", remedy)
+        raise input_error(name, f"{what}, the panel belongs to display {panel_identity}", remedy)
 
 
 def _tones_of(panel: Panel) -> Tones:
