@@ -219,7 +219,7 @@ def test_a_run_that_lacks_a_table_is_read_without_it(tmp_path, missing):
 def test_tables_of_two_runs_are_refused(tmp_path):
     kept(tmp_path, made({"fast": (1.0, 0.0)}))
     kept(tmp_path, made({"fast": (1.0, 0.0)}, "report-other"), origin={**ORIGIN, "date": "2026-02-02"})
-    with pytest.raises(InputError, match=r"report-other\.csv: is of another run than report-made\.csv"):
+    with pytest.raises(InputError, match=r"report-other\.csv: is from another run than report-made\.csv"):
         read_stored(tmp_path, ["report-made", "report-other"])
 
 
