@@ -384,7 +384,7 @@ def test_board_stop_waits_as_long_as_the_board_may_take(seconds, code, tmp_path,
     clock = SimpleNamespace(monotonic=lambda: now[0], sleep=lambda wait: now.__setitem__(0, now[0] + wait))
     monkeypatch.setattr(command, "time", clock)
     monkeypatch.setattr(command.os, "kill", lambda pid, number: None)
-    monkeypatch.setattr(command, "_alive", lambda pid: pid == 999999999 and now[0] < seconds)
+    monkeypatch.setattr(command, "_is_running", lambda pid: pid == 999999999 and now[0] < seconds)
     assert run(["board", "stop", "--ready", str(ready)]) == code
     assert ("does not end" in capsys.readouterr().err) == bool(code)
 
