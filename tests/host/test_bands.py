@@ -307,7 +307,7 @@ def test_a_damaged_band_is_rendered_again_and_told(place, narrow, first_byte):
     content = bytearray(path.read_bytes())
     content[first_byte] ^= 0x10
     path.write_bytes(content)
-    with pytest.warns(LippmannWarning, match=r"-00064\.npy: this band is damaged, and rendered again"):
+    with pytest.warns(LippmannWarning, match=r"-00064\.npy: this band is damaged and will be rendered again"):
         kept, rendered = render_bands(place / "a.exr", whole)
     assert rendered == [1]
     np.testing.assert_array_equal(kept[64:128], picture(whole, scene).radiance[64:128])

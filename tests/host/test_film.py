@@ -287,7 +287,7 @@ def test_a_film_has_one_way_to_shade(place, mi, monkeypatch, capfd, likeness, sh
     for name, value in (("RAYS_A_POINT", 0.01), ("MIN_LAMPS", 1), ("MIN_RAYS", 1)):
         monkeypatch.setattr(renderer, name, value)
     trials = iter(likeness)
-    monkeypatch.setattr(renderer.Renderer, "_trial", lambda self: next(trials))
+    monkeypatch.setattr(renderer.Renderer, "_trial_psnr", lambda self: next(trials))
     animate(place, "--model", "exact", "--device", "llvm")
     frames = [read_picture(place / f"out/frame_{k:04d}.exr") for k in range(5)]
     assert {frame.metadata["shading"] for frame in frames} == {shading}

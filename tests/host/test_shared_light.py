@@ -436,7 +436,7 @@ def test_the_trial_does_not_depend_on_how_it_is_done(mi, display, eager, samples
     # The last is too few for all at once: 16 single tiles.
     for most in (renderers.TRIAL_SAMPLES, 16 * 64 * samples, 7 * 64 * samples):
         monkeypatch.setattr(renderers, "TRIAL_SAMPLES", most)
-        likeness.append(Renderer(made, source, settings)._trial())
+        likeness.append(Renderer(made, source, settings)._trial_psnr())
     assert likeness[1] == pytest.approx(likeness[2], abs=1e-6)
     assert 45.0 < likeness[0] <= likeness[1] + 20.0
 

@@ -140,11 +140,11 @@ def test_every_file_is_used():
 
 
 def test_templates_refuse_wrong_values():
-    assert viewer_page.filled(
+    assert viewer_page.fill_template(
         "slider.html", **dict.fromkeys(("id", "label", "unit", "low", "high", "step", "value"), "@@id@@")
     )
     with pytest.raises(ValueError, match="holes"):
-        viewer_page.filled("slider.html", id="x")
+        viewer_page.fill_template("slider.html", id="x")
 
 
 @pytest.fixture(scope="module")

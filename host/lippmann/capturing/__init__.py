@@ -1,1 +1,1 @@
-"""The founding paper's single-stage capture: scene, lens, microlens array, camera."""
+"""Simulates the founding paper's single-stage capture by lens, microlens array and camera."""

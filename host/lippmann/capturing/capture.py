@@ -1,18 +1,18 @@
-"""Renders what a camera or sensor captures of a scene through imaging lens and microlens array.
+"""Renders the image that a camera or sensor captures through imaging lens and microlens array.
 
 **The depth at which the display shows a captured point**, to first order, with
 distances along the axis (mm):
 
-1. The imaging lens: 1/s' = 1/f - 1/s, heights times m = -s'/s (Hecht, Optics, section
-   5.2).
-2. The point's image is at z = a - s' before the array, which is a from the lens; z < 0
-   when the array intercepts the light before it converges.
-3. Each lenslet images the camera's pinhole, L from the array, to v before the array:
+1. The imaging lens has 1/s' = 1/f - 1/s, and multiplies heights by m = -s'/s (Hecht,
+   Optics, section 5.2).
+2. The point's image is at z = a - s' before the array, at the distance a from the lens.
+   If z < 0, the array intercepts the light before it converges.
+3. Each lenslet images the camera's pinhole, at L from the array, to v before the array:
    1/v = 1/f' - 1/L. The pixel at u from the lenslet's centre c shows the ray with slope
-   c/L - u/v through c + u. On a pickup at D behind the array it shows the ray with
-   slope -u/D through c.
-4. The display emits the pixel with slope -u/g through c, or +u/g when rotated. g is its
-   aperture distance.
+   c/L - u/v through c + u. On a pickup at D behind the array, the pixel shows the ray
+   with slope -u/D through c.
+4. The display emits this pixel with slope -u/g through c, or +u/g after rotation. g is
+   the display's aperture distance.
 
 The rays of all lenslets meet at z' = (g/v) (z - v) L / (L + z), x' = x L / (L + z) for
 a camera, and at z' = (g/D) z, x' = x for a pickup. Rotation inverts the sign of z'. v
@@ -20,12 +20,12 @@ is negative for concave lenslets.
 
 If the elemental images converge on an eye at E, u is 1 + g/E times as large, and a
 lenslet's rays lean towards the eye by c/E: 1/z'' = (1 + g/E)/z' + 1/E. The rays to a
-pickup lean in the same way: as captured, z'' = z'. Rotated they lean the other way:
-1/z'' = 1/z' + 2/E.
+pickup lean equally, so that z'' = z' without rotation. After rotation, the rays lean
+away from the eye: 1/z'' = 1/z' + 2/E.
 
-**Rays** are traced against the light. Before the lens x is right and y up as the camera
-sees them, and z runs to the lens. The formulas hold in this left-handed frame, because
-lenslets and lenses are symmetric.
+**Rays** are traced against the light. In front of the lens, x is right and y is up as
+seen by the camera, and z points to the lens. The formulas hold in this left-handed
+frame, because lenslets and lenses are symmetric.
 """
 
 from __future__ import annotations
@@ -70,7 +70,7 @@ def check_placement(scene: Scene, setup: Setup) -> None:
     image = setup.image_distance([far, near])
     to_camera = setup.camera_distance_mm
     if lens is not None and to_camera is not None:
-        # The nearer the scene, the farther its image: infinite at the focal length.
+        # A nearer scene has a farther image, at infinity for the focal length.
         at_infinity = far < subject.distance_mm - lens.focal_length_mm <= near
         camera_mm = setup.array_distance_mm + to_camera
         if at_infinity or camera_mm <= image.max():
@@ -79,7 +79,7 @@ def check_placement(scene: Scene, setup: Setup) -> None:
                 f"set-up '{setup.name}': camera.distance_mm: the scene's image reaches the camera, {camera_mm:.4g} mm "
                 f"behind the lens: it extends from {image[0]:.4g} mm to {reaches}; move the camera or the object away"
             )
-    # Beyond, a point's light comes from the whole display: nothing is recognisable.
+    # Beyond `reach`, a point's light covers the whole display and shows nothing.
     panel, side = setup.display.panel, setup.display.array.finest_mm
     width_mm = max(panel.width_mm, panel.height_mm)
     reach = setup.display.aperture_distance_mm * width_mm / side
@@ -94,9 +94,9 @@ def check_placement(scene: Scene, setup: Setup) -> None:
 
 
 def placement_before(setup: Setup, path: Path, setup_path: str | Path | None = None) -> Placement:
-    """Return the placement of a scene file before a set-up: the file's own, then the set-up's.
+    """Return the placement of a scene file, then that of a set-up, as one placement.
 
-    A set-up file `setup_path` beside the scene, with its name, does not place it.
+    If `setup_path` is the .toml file beside the scene, that file is no placement.
     """
     placement_file = path.with_suffix(".toml")
     is_setup = setup_path is not None and placement_file.exists() and placement_file.samefile(setup_path)
@@ -106,13 +106,12 @@ def placement_before(setup: Setup, path: Path, setup_path: str | Path | None = N
 def capture(scene: Scene, setup: Setup, settings: Settings, rotate: bool, progress: Progress | None = None) -> Rendered:
     """Render the image that a set-up captures of a scene, placed by `placement_before`.
 
-    `settings.aperture` is for a pickup. `rotate` is whether elemental images are
-    rotated. `lost_percent` are those of the lens and of the array. Raises InputError as
-    `check_placement`, and when no light passes the array or the lens.
+    `settings.aperture` applies to a pickup. `rotate` rotates the elemental images.
+    `lost_percent` has the percentages of the lens and of the array. Raises InputError
+    as `check_placement`, and if no light passes the array or the lens.
     """
     check_placement(scene, setup)
     with ThreadPoolExecutor(1) as thread:
-        # Takes one core, while compilation takes another.
         partner = thread.submit(rotation_map, setup.display) if rotate else None
         rendered = render_rays(scene, capture_source(setup, settings.aperture), settings, progress)
         lens_percent, array_percent = rendered.lost_percent
@@ -134,7 +133,7 @@ def capture(scene: Scene, setup: Setup, settings: Settings, rotate: bool, progre
 def shown_depth(setup: Setup, z_mm: npt.ArrayLike, rotated: bool) -> Floats:
     """Return the depths, mm, at which the display shows depths z (mm, object's frame).
 
-    All images must be before the camera, L + z > 0.
+    All images must be in front of the camera: L + z > 0.
     """
     z = setup.array_distance_mm - setup.image_distance(z_mm)
     g = setup.display.aperture_distance_mm
@@ -156,7 +155,7 @@ def shown_depth(setup: Setup, z_mm: npt.ArrayLike, rotated: bool) -> Floats:
 
 
 class CapturedRays(NamedTuple):
-    """Rays to the scene, object's frame, and which passed the array and the lens."""
+    """Rays to the scene in the object's frame, and masks of rays that passed array and lens."""
 
     ray: Ray
     through_array: Arr
@@ -164,7 +163,7 @@ class CapturedRays(NamedTuple):
 
 
 def system_of(setup: Setup) -> System:
-    """Return the captured array's optics; pixels keep the display's lenslets."""
+    """Return the optics of the captured array, with the display's lenslet for each pixel."""
     convergence = System.of(setup.display).convergence
     return replace(System.of(setup.captured), concave=setup.concave, convergence=convergence)
 
@@ -174,8 +173,8 @@ def rays_from_picture(
 ) -> CapturedRays:
     """Trace rays from the image's pixel coordinates u, v (double) to the object space.
 
-    `aperture` is for a pickup: where rays pass the aperture, mm from its centre,
-    array's axes; `None` means the centre.
+    For a pickup, rays pass the point `aperture` of the aperture, in mm from its centre
+    along the array's axes; `None` means the centre.
     """
     system = system_of(setup)
     frame = system.frame
@@ -183,8 +182,8 @@ def rays_from_picture(
         i, j, x, y = system.locate(b, u, v)
     else:
         # The camera, on the axis at the distance L, sees this point of the aperture
-        # plane, the array's first principal plane. Its picture is as large as the
-        # display's elemental images ask for.
+        # plane, the array's first principal plane. The picture has the size of the
+        # display's elemental images.
         point = system.convergence.towards_eye(*frame.array_from_panel(*frame.panel_from_pixel(u, v)))
         i, j, x, y = system.lattice.locate(b, *point)
         px, py = frame.panel_from_array(*point)
@@ -201,14 +200,14 @@ def rays_from_picture(
     cx, cy = system.lattice.centre(i, j)
     px, py = frame.panel_from_array(cx + b.double(out.ray.x), cy + b.double(out.ray.y))
     dx, dy = frame.turn(out.ray.dx, out.ray.dy)
-    # From the array's vertices through the lens to the object's frame, in the engine's
-    # own format.
+    # The rays run from the array's vertices through the lens to the object's frame, in
+    # the engine's number format.
     ray = Ray(b.real(px), b.real(py), out.ray.z, dx, dy, out.ray.dz)
     lens = setup.lens
     object_z = setup.subject.distance_mm
     passed = ray.dz > 0.0
     if lens is not None:
-        # A lost ray may have any direction; it is set along the axis.
+        # A lost ray may have any direction, so it is set parallel to the axis.
         ray = ray._replace(z=ray.z - setup.array_distance_mm, dz=b.where(passed, ray.dz, 1.0))
         ray, inside = lens.trace(b, ray)
         passed = passed & inside
@@ -217,7 +216,7 @@ def rays_from_picture(
 
 
 def capture_source(setup: Setup, aperture: Aperture = "chief") -> RaySource:
-    """Return a captured image's rays, object's frame; losses are the lens's, then the array's."""
+    """Return the rays of a captured image, object's frame. `lost` is for the lens, then the array."""
     panel, array = setup.display.panel, setup.array
 
     def lines(b: DrJitBackend, u: Arr, v: Arr, square: tuple[Arr, Arr]) -> Lines:

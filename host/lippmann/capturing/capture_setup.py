@@ -1,7 +1,7 @@
-"""The set-up file (docs/reference/setup-file.md): object, lens, array and camera on one axis.
+"""Reads the set-up file (docs/reference/setup-file.md) of object, lens, array and camera.
 
-Image distances are counted from the lens's image-side principal plane, object distances
-from its object-side one.
+All parts are on one axis. Image distances start at the lens's image-side principal
+plane, object distances at the object-side principal plane.
 """
 
 from __future__ import annotations
@@ -36,14 +36,14 @@ from lippmann.errors import input_error, path_of, whole_number
 from lippmann.optics.rays import Floats
 from lippmann.scenes.placement import ORIGIN, Placement, Scale, Triple
 
-#: Pixels that a camera must see of a lenslet.
+#: Minimum number of pixels per lenslet in a camera's picture.
 MIN_ELEMENTAL_PX = 2.0
 
 
 @documented
 @dataclass(frozen=True)
 class Subject:
-    """The place of the scene. The object's frame is at its centre: x right, y up, +z to the lens."""
+    """The position of the scene. The object's frame starts at its centre: x right, y up, +z to the lens."""
 
     distance_mm: Annotated[Length, key("object's centre from the lens, or from the array without a lens")]
     scale: Annotated[Scale, key("factor of the size, about the object's centre")] = 1.0
@@ -52,14 +52,14 @@ class Subject:
 
     @property
     def placement(self) -> Placement:
-        """From the scene as placed for a display to the object's frame."""
+        """The placement from the placed scene to the object's frame."""
         return Placement(self.scale, self.rotation_deg, self.offset_mm)
 
 
 @documented
 @dataclass(frozen=True)
 class Camera:
-    """A pinhole on the axis. Its picture: the display's panel in the array's first principal plane."""
+    """A pinhole on the axis. It sees the display's panel in the array's first principal plane."""
 
     distance_mm: Annotated[Length, key("pinhole from the lens, or from the array's vertices without a lens")]
 
@@ -67,7 +67,7 @@ class Camera:
 @documented
 @dataclass(frozen=True)
 class Pickup:
-    """A sensor of the panel's size and place behind the array."""
+    """A sensor behind the array, with the size and position of the panel."""
 
     gap_mm: Annotated[Gap, key("gap between the array and the sensor, as in a display file")]
 
@@ -75,7 +75,7 @@ class Pickup:
 @documented
 @dataclass(frozen=True)
 class Setup:
-    """A capture, through the lenslets of `array`, which may differ from the display's."""
+    """A capture through the lenslets of `array`, which may differ from the display's lenslets."""
 
     name: Annotated[str, key("name in reports")]
     subject: Annotated[Subject, key("where the scene stands")]
@@ -87,7 +87,7 @@ class Setup:
     pickup: Annotated[Camera | Pickup, key("pinhole camera, or sensor behind the array")]
 
     def image_distance(self, z_mm: npt.ArrayLike) -> Floats:
-        """Return the images' distances from the lens, mm, for depths z (mm, object's frame): s' = f s / (s - f)."""
+        """Return the image distances from the lens, mm, of depths z (mm, object's frame): s' = f s / (s - f)."""
         # Without a lens an object is its own image, in front of the array.
         s = self.subject.distance_mm - np.asarray(z_mm, np.float64)
         if self.lens is None:
@@ -112,7 +112,7 @@ class Setup:
 
     @property
     def captured(self) -> Display:
-        """Panel and captured array. A camera's panel stands anywhere behind the domes."""
+        """The panel behind the captured array. With a camera, the gap has no meaning."""
         behind = self.array.focal_length_mm + self.array.sag_mm
         gap = self.pickup.gap_mm if isinstance(self.pickup, Pickup) else behind
         return replace(self.display, array=self.array, gap_mm=gap)
@@ -122,17 +122,17 @@ class Setup:
         """Distance from the array's first principal plane to the pinhole, mm; None for a pickup."""
         if isinstance(self.pickup, Pickup):
             return None
-        # The vertices' plane, seen through the substrate if the flat face is in front.
+        # The substrate shifts the image of the vertices if the flat face is in front.
         lifted = self.array.thickness_mm * (1.0 - 1.0 / self.array.index) if self.plano_to_camera else 0.0
         return self.pickup.distance_mm - self.array_distance_mm - lifted
 
     @property
     def plano_to_camera(self) -> bool:
-        """Whether the flat face looks at the camera."""
+        """Whether the array's flat face is towards the camera."""
         return self.array.plano_side == "panel"
 
     def resized(self, width_px: int) -> Setup:
-        """Return the set-up with another number of pixels across; InputError for too few."""
+        """Return the set-up with `width_px` columns; raise InputError if these are too few."""
         panel = self.display.panel
         whole_number("size", width_px, 1, MAX_SIDE_PX)
         setup = replace(self, display=replace(self.display, panel=panel.with_columns(width_px)))
@@ -141,7 +141,7 @@ class Setup:
 
 
 def check_elemental_images(setup: Setup, where: str, remedy: str) -> None:
-    """Refuse a picture of fewer pixels for each lenslet than `MIN_ELEMENTAL_PX`."""
+    """Refuse a picture with fewer than `MIN_ELEMENTAL_PX` pixels per lenslet."""
     pixels = setup.array.finest_mm / setup.display.panel.coarsest_mm
     if pixels < MIN_ELEMENTAL_PX:
         what = f"the picture has {pixels:.2f} pixels for a lenslet, fewer than {MIN_ELEMENTAL_PX:g}"
@@ -150,7 +150,7 @@ def check_elemental_images(setup: Setup, where: str, remedy: str) -> None:
 
 @dataclass(frozen=True, kw_only=True)
 class LensKeys:
-    """`[lens]` in a set-up file."""
+    """The keys of `[lens]` in a set-up file."""
 
     kind: Annotated[Literal["pair", "thin"], key("two equal thick plano-convex lenses, or one ideal thin lens")]
     image_distance_mm: Annotated[Length | None, key("distance s' of the image of the object: 1/f = 1/s + 1/s'")] = None
@@ -172,7 +172,7 @@ Thickness = Annotated[float, key("", above=0.0, default="the display's, or the s
 
 @dataclass(frozen=True, kw_only=True)
 class ArrayKeys:
-    """`[array]` in a set-up file."""
+    """The keys of `[array]` in a set-up file."""
 
     position_mm: Annotated[Position, key("vertices, from the object's image; positive towards the camera")] = None
     focal_length_mm: Annotated[Focal, key("of the captured lenslets, if different; negative: plano-concave")] = None
@@ -193,11 +193,11 @@ class SetupFile:
 
 
 def load_setup(path: str | Path) -> Setup:
-    """Read a set-up file; InputError, with file, key and remedy, for wrong or impossible keys."""
+    """Read a set-up file; raise InputError, with file, key and remedy, for invalid keys."""
     path = path_of(path, "a set-up file")
     keys = toml.read(SetupFile, toml.load(path, "set-up"), str(path))
     where, subject = f"{path}: ", keys.object
-    lens = None if keys.lens is None else _lens(keys.lens, subject.distance_mm, f"{where}lens.")
+    lens = None if keys.lens is None else _make_lens(keys.lens, subject.distance_mm, f"{where}lens.")
     if isinstance(keys.display, str):
         display = load_display(path.parent / keys.display)
     else:
@@ -211,12 +211,12 @@ def load_setup(path: str | Path) -> Setup:
     assert pickup is not None
     name = path.stem if keys.name is None else keys.name
     setup = Setup(name, subject, lens, display, array, concave, position_mm or 0.0, pickup)
-    _check(setup, str(path))
+    _check_setup(setup, str(path))
     return setup
 
 
-def _lens(keys: LensKeys, object_mm: float, where: str) -> ImagingLens:
-    """Return the lens of `[lens]`, which images the object's centre at `image_distance_mm`."""
+def _make_lens(keys: LensKeys, object_mm: float, where: str) -> ImagingLens:
+    """Return the lens that images the object's centre at `image_distance_mm`."""
     image_mm, focal = keys.image_distance_mm, keys.focal_length_mm
     if image_mm is not None:
         focal = object_mm * image_mm / (object_mm + image_mm)
@@ -249,7 +249,6 @@ def _lens(keys: LensKeys, object_mm: float, where: str) -> ImagingLens:
 
 
 def _captured_array(keys: ArrayKeys, display_array: Array, where: str) -> tuple[Array, bool]:
-    """Return the display's lenslets changed by `[array]`, and whether they are concave."""
     array, focal, concave = display_array, keys.focal_length_mm, False
     if focal is not None:
         if focal == 0.0:
@@ -268,8 +267,7 @@ def _captured_array(keys: ArrayKeys, display_array: Array, where: str) -> tuple[
     return array, concave
 
 
-def _check(setup: Setup, source: str) -> None:
-    """Refuse too few pixels, sub-pixels, and parts in the wrong order on the axis."""
+def _check_setup(setup: Setup, source: str) -> None:
     check_elemental_images(setup, source, "give a display of finer pixels or larger lenslets")
     if setup.display.panel.subpixels != "none":
         what = f"display '{setup.display.name}' has colour sub-pixels, a camera none"
@@ -292,5 +290,6 @@ def _check(setup: Setup, source: str) -> None:
     if to_camera is not None and not to_camera > depth:
         key, what = "camera.distance_mm", "the camera stands within the array"
         if lens is not None:
-            key, what = "array.position_mm", f"the array stands {stand}, not before the camera: outside the image space"
+            key = "array.position_mm"
+            what = f"the array stands {stand}, not before the camera: outside the image space"
         raise input_error(f"{source}: {key}", what, "move one of them")

@@ -1,18 +1,18 @@
 """Rotates elemental images by 180 degrees in whole pixels, which corrects a captured scene's depth.
 
-**The rule.** The pixels of a cell are those whose centres the lattice assigns to one
-lenslet. The rotation takes pixel (c, r) to pixel (m - c, n - r), with integers m and n.
-For a centre at pixel coordinates (u, v) they should be 2u - 1 and 2v - 1, which are
-rarely integers. Of the integer pairs within 1 of these, each cell takes the pair that
-brings most of its pixels onto its own pixels; of equally good pairs, the nearest.
-Pixels at the rim that would leave the cell stay.
+**The rule.** A cell has the pixels whose centres the lattice assigns to one lenslet.
+The rotation moves pixel (c, r) to pixel (m - c, n - r), with integers m and n. For a
+cell centre at pixel coordinates (u, v), the ideal m and n are 2u - 1 and 2v - 1. The
+cell takes the integers m, n within 1 of the ideal values that move most pixels of the
+cell to pixels of the cell. Of equally good pairs (m, n), the cell takes the nearest
+pair. Pixels that would leave the cell stay in place.
 
-So the centre of rotation is at most half a pixel off the lenslet's in x and in y. On a
-square lattice that is not rotated, all of a cell inside the image is rotated.
+So the centre of rotation is at most half a pixel from the lenslet's centre in x and y.
+On a square lattice without rotation, every pixel of a cell inside the image is rotated.
 
 **Speed.** Only pixels nearer to their cell's boundary than a pixel's diagonal can leave
-the cell and are tried with every pair. On upright square cells m and n are found from
-one row and one column of pixels.
+the cell, so only these pixels are tried with every pair. On upright square cells, one
+row and one column of pixels determine m and n.
 """
 
 from __future__ import annotations
@@ -29,18 +29,18 @@ from lippmann.optics.lattice import number_lenslets
 from lippmann.optics.rays import Floats, Indices
 from lippmann.optics.system import System
 
-#: Rounding of pixel coordinates, pixels.
+#: Rounding error of pixel coordinates, pixels.
 ROUNDING = 1e-9
 
 
 class Cells(NamedTuple):
     """The lenslets' cells on a panel."""
 
-    #: (height * width,) cell of each pixel, counted from 0.
+    #: Cell index of each pixel, counted from 0, (height * width,).
     cell: Indices
-    #: (cells, 2) pixel coordinates of the elemental images' centres.
+    #: Pixel coordinates of the elemental images' centres, (cells, 2).
     centre: Floats
-    #: (height * width,) whether a step of one pixel in x and in y may leave the cell.
+    #: Whether a step of one pixel in x and y may leave the cell, (height * width,).
     rim: npt.NDArray[np.bool_]
 
 
@@ -64,7 +64,7 @@ def cells_of(display: Display, rows: slice = slice(None), columns: slice = slice
 
 
 def rotation_map(display: Display) -> Indices:
-    """Return each pixel's partner in the exchange, its number, (height * width,)."""
+    """Return the index of the pixel that replaces each pixel, (height * width,)."""
     width, height = display.panel.width_px, display.panel.height_px
     system = System.of(display)
     if system.lattice.grid == "square" and not system.lattice.shear and not system.frame.sin:
@@ -81,7 +81,7 @@ def rotation_map(display: Display) -> Indices:
         return table.ravel()
     cells = cells_of(display)
     pairs, fixed = _pairs(display, cells, width, height)
-    # Pixel (c, r) has number r width + c, and its partner n width + m minus that.
+    # Pixel (c, r) has index k = r width + c. Its partner has index n width + m - k.
     partner: Indices = (pairs[:, 0] + pairs[:, 1] * width)[cells.cell]
     partner -= np.arange(width * height)
     partner[fixed] = fixed
@@ -89,12 +89,12 @@ def rotation_map(display: Display) -> Indices:
 
 
 def _pairs(display: Display, cells: Cells, width: int, height: int) -> tuple[Indices, Indices]:
-    """Return (m, n) of each cell in a picture of this size, (cells, 2), and the fixed pixels."""
+    """Return the pair (m, n) of each cell, (cells, 2), and the pixels that stay in place."""
     cell, centre, rim = cells
     size = np.array([width, height])
     exact = 2.0 * centre - 1.0
     nearest = np.rint(exact)
-    # Pixels at a cell's rim may leave it, and all of a cell that the image's edge cuts.
+    # Rim pixels may leave their cell, and so may all pixels of cells at an edge.
     reach = display.array.half_diagonal_mm * (1.0 + display.convergence) / min(display.panel.pitches_mm) + 2.0
     cut = (np.abs(centre - size / 2.0) - size / 2.0).max(axis=1) > -reach
     pixel = np.flatnonzero(rim | cut[cell])
@@ -106,7 +106,7 @@ def _pairs(display: Display, cells: Cells, width: int, height: int) -> tuple[Ind
     stays = np.zeros(len(pixel), bool)
     for step in itertools.product((0, -1, 1), repeat=2):
         far = np.abs(nearest + step - exact)
-        # The first pair is the nearest: none is better if it keeps all in the cell.
+        # The first pair is the nearest, so no pair is better if it keeps all pixels.
         candidates = (far.max(axis=1) <= 1.0 + ROUNDING) & (count < cell_size)
         if not candidates.any():
             continue
@@ -127,5 +127,5 @@ def _pairs(display: Display, cells: Cells, width: int, height: int) -> tuple[Ind
 
 
 def rotated(picture: npt.NDArray[Any], partner: Indices) -> npt.NDArray[Any]:
-    """Exchange the pixels of a picture (height, width, channels) by a `rotation_map`."""
+    """Exchange the pixels of a picture (height, width, channels) according to a `rotation_map`."""
     return np.take(picture.reshape(-1, picture.shape[-1]), partner, axis=0).reshape(picture.shape)

@@ -1,8 +1,8 @@
-"""The imaging lens: two thick plano-convex lenses, traced face by face, or an ideal thin lens.
+"""Traces rays through the imaging lens: two thick plano-convex lenses, or an ideal thin lens.
 
-**Frame.** Rays go from the array to the scene: z runs along the axis towards the
-object, from 0 in the image-side principal plane H'. The object-side one is H. A face of
-curvature c has its centre of curvature at z + 1/c.
+**Frame.** Rays run from the array to the scene. z is 0 in the image-side principal
+plane H' and increases along the axis towards the object. The object-side principal
+plane is H. A face at z with curvature c has its centre of curvature at z + 1/c.
 """
 
 from __future__ import annotations
@@ -19,12 +19,12 @@ from lippmann.optics.faces import Dome, Ray, cap, refract_dome, refract_flat, tr
 from lippmann.optics.lattice import Lattice
 from lippmann.optics.rays import Floats
 
-#: Where the domes face: each other, away from each other, to the image, or the object.
+#: Direction of the domes: to each other, away from each other, to image or object.
 Convex = Literal["in", "out", "image", "object"]
 
 
 class Face(NamedTuple):
-    """A face: vertex z (mm), curvature (1/mm, 0: flat), and the indices before and behind it."""
+    """A face with vertex z (mm), curvature (1/mm, 0 if flat), and indices before and behind it."""
 
     z_mm: float
     curvature: float
@@ -39,15 +39,15 @@ class ThinLens:
     focal_length_mm: float
     aperture_mm: float
 
-    #: Object-side principal plane H, and the outermost vertices: all at the lens.
+    #: Positions of the plane H and of the outermost vertices, all at the lens.
     hiatus_mm: ClassVar[float] = 0.0
     extent_mm: ClassVar[tuple[float, float]] = (0.0, 0.0)
 
     def trace(self, b: Backend, ray: Ray) -> tuple[Ray, Arr]:
         """Trace rays in the lens's frame, towards the object (dz > 0).
 
-        Returns the rays from the last face, and which passed: inside the aperture at
-        every face, without total internal reflection. The others are finite.
+        Returns the rays from the last face, and the mask of rays that passed every face
+        inside the aperture. A ray that did not pass has finite values.
         """
         x, y = ray.x - ray.z * (ray.dx / ray.dz), ray.y - ray.z * (ray.dy / ray.dz)
         power = 1.0 / self.focal_length_mm
@@ -67,11 +67,11 @@ class LensPair:
     convex: Convex = "in"
 
     def with_focal_length(self, focal_length_mm: float) -> LensPair:
-        """Return the pair with a focal length f, by its radius; ValueError without any (d > f).
+        """Return the pair with the radius for focal length f; raise ValueError if d > f.
 
-        1/f = 2/F - d/F^2 for lenses of focal length F = R / (n - 1) whose inner
+        1/f = 2/F - d/F^2 holds for lenses of focal length F = R / (n - 1) whose inner
         principal planes are d apart (Hecht, Optics, section 6.1). A dome's principal
-        plane is at its vertex, a flat face's T/n inside.
+        plane is at its vertex. A flat face's principal plane is T/n inside the lens.
         """
         flats_inside = {"in": 0, "out": 2, "image": 1, "object": 1}[self.convex]
         d = self.separation_mm + flats_inside * self.thickness_mm / self.index
@@ -86,7 +86,7 @@ class LensPair:
 
     @property
     def _first_vertex(self) -> tuple[Face, ...]:
-        """The faces, z counted from the first vertex."""
+        """The faces, with z measured from the first vertex."""
         c, n = 1.0 / self.radius_mm, self.index
         first = (0.0, -c) if self.convex in ("in", "object") else (c, 0.0)
         second = (c, 0.0) if self.convex in ("in", "image") else (0.0, -c)
@@ -137,7 +137,7 @@ class LensPair:
         return self.faces[0].z_mm, self.faces[-1].z_mm
 
     def trace(self, b: Backend, ray: Ray) -> tuple[Ray, Arr]:
-        """Trace rays through the four faces (see `ThinLens.trace`)."""
+        """Trace rays through the four faces, as `ThinLens.trace`."""
         through = ray.dz > 0.0
         for face in self.faces:
             ray, passed = refract_face(b, face, ray, self.aperture_mm)
@@ -149,7 +149,7 @@ ImagingLens = ThinLens | LensPair
 
 
 def refract_face(b: Backend, face: Face, ray: Ray, aperture_mm: float) -> tuple[Ray, Arr]:
-    """Refract rays, dz > 0, at the vertex side of a face; return them and which passed."""
+    """Refract rays with dz > 0 at a face, on its vertex side; return them and a mask of passed rays."""
     ratio = face.index_before / face.index_behind
     if face.curvature == 0.0:
         new, behind = refract_flat(b, transported(ray, face.z_mm), ratio)
@@ -165,5 +165,4 @@ def refract_face(b: Backend, face: Face, ray: Ray, aperture_mm: float) -> tuple[
 
 
 def _inside(x: Arr, y: Arr, aperture_mm: float) -> Arr:
-    """Tell which points are inside the aperture."""
     return x * x + y * y <= 0.25 * aperture_mm * aperture_mm

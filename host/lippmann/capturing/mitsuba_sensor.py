@@ -1,7 +1,7 @@
 """Mitsuba's sensor plugin `integral`, with which plain Mitsuba renders a display's integral image.
 
-Import this module after `mitsuba.set_variant`: it registers the plugin for the current
-variant, `llvm_ad_rgb` or `cuda_ad_rgb`. Call `register` after a change of variant.
+Import this module after `mitsuba.set_variant`. The import registers the plugin for the
+variant `llvm_ad_rgb` or `cuda_ad_rgb`. Call `register` after a change of variant.
 Parameters: docs/reference/mitsuba-sensor.md.
 """
 
@@ -23,12 +23,12 @@ from lippmann.optics.sample_points import square_to_cell
 from lippmann.rendering.sampling import APERTURES, lines_from_pixels
 
 WHERE = "sensor 'integral'"
-#: Relative difference of singular values of `to_world` by float32 rounding.
+#: Relative difference of `to_world`'s singular values that float32 rounding causes.
 SAME_SCALE = 1e-4
 
 
 def register() -> None:
-    """Register the sensor for Mitsuba's current variant; InputError if that is not vectorised RGB."""
+    """Register the sensor for Mitsuba's current variant; raise InputError unless it is vectorised RGB."""
     import mitsuba as mi
 
     if mi.variant() not in VARIANTS.values():
@@ -42,8 +42,6 @@ def _sensor_class() -> type:
     dr = drjit()
 
     class IntegralSensor(mi.Sensor):  # type: ignore[misc]
-        """See docs/reference/mitsuba-sensor.md."""
-
         def __init__(self, props: Any) -> None:
             super().__init__(props)
             path = props.get("display", "")
@@ -72,7 +70,7 @@ def _sensor_class() -> type:
             u, v = b.double(sample2.x) * panel.width_px, b.double(sample2.y) * panel.height_px
             aperture = square_to_cell(b, sample3.x, sample3.y, Lattice.of(self.display.array)) if self.full else None
             point, direction, through, _ = lines_from_pixels(b, self.display, u, v, aperture, self.model)
-            # Towards the display, from in front of the scene, as the viewer looks.
+            # Rays run from in front of the scene to the display, as the viewer looks.
             t = (self.near_mm - point[2]) / direction[2]
             start = mi.Point3f(point[0] + t * direction[0], point[1] + t * direction[1], mi.Float(self.near_mm))
             to_scene = self.world_transform()
@@ -83,7 +81,7 @@ def _sensor_class() -> type:
         def sample_ray_differential(
             self, time: Arr, sample1: Arr, sample2: Arr, sample3: Arr, active: Arr = True
         ) -> tuple[Arr, Arr]:
-            """Return `sample_ray`'s rays without differentials: neighbours may have other lenslets."""
+            """Return `sample_ray`'s rays without differentials, because neighbours may have other lenslets."""
             ray, weight = self.sample_ray(time, sample1, sample2, sample3, active)
             return mi.RayDifferential3f(ray), weight
 
@@ -97,7 +95,7 @@ def _sensor_class() -> type:
 
 
 def _subpixel_weight(b: DrJitBackend, display: Display, u: Arr, v: Arr) -> Arr:
-    """Return the weights of colours at points of pixels: a sub-pixel's gain, or 0."""
+    """Return each colour's weight at points of pixels: the sub-pixel's gain, or 0."""
     mi, dr = mitsuba(), drjit()
     layout = layout_of(display.panel.subpixels)
     if layout is None:
@@ -110,7 +108,6 @@ def _subpixel_weight(b: DrJitBackend, display: Display, u: Arr, v: Arr) -> Arr:
 
 
 def _check_pose(to_world: Floats) -> None:
-    """Refuse a pose that distorts or mirrors the display."""
     if not np.isfinite(to_world).all():
         what = "to_world contains numbers that are not finite"
         raise input_error(WHERE, what, "give a rotation, translation and scale")

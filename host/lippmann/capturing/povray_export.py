@@ -19,9 +19,9 @@ from lippmann.scenes.scene import Scene
 from lippmann.simulation.toolchain import Tool
 
 POVRAY = Tool("povray", "renders what `export povray` writes", "run sudo apt-get install -y povray, or see povray.org")
-#: Most pixels of a camera of single rays: each is a triangle in a text file.
+#: Maximum pixels of a camera of rays. Each pixel is a triangle in a text file.
 MAX_RAYS = 1 << 20
-#: Surfaces that a ray may meet in the scene, as in `lippmann render`.
+#: Maximum surfaces that a ray meets in the scene, as in `lippmann render`.
 MAX_DEPTH = 4
 
 HEADER = """#version 3.7;
@@ -48,16 +48,16 @@ class View:
     width_px: int
     height_px: int
     optics: str = ""
-    #: Refracting faces of the optics that a ray may meet.
+    #: Maximum refracting faces that a ray meets in the optics.
     faces: int = 0
     #: Origins (mm) and unit directions of a camera of single rays, (N, 3) each.
     rays: tuple[Floats, Floats] | None = None
 
 
 def write_folder(scene: Scene, view: View, folder: Path) -> Exported:
-    """Write all files at once to `folder`, which is made when missing.
+    """Write all files at once to `folder`, which is created if it is missing.
 
-    Raises InputError when POV-Ray cannot express a part of the scene, or the folder
+    Raises InputError if POV-Ray cannot express a part of the scene, or if the folder
     cannot be written.
     """
     make_folder(folder.parent)
@@ -93,11 +93,11 @@ def write_folder(scene: Scene, view: View, folder: Path) -> Exported:
 
 
 def export_display(scene: Scene, display: Display, model: Model, folder: Path) -> Exported:
-    """Write the scene with a display's lines of sight, one per pixel, by the golden engine.
+    """Write the scene, and a camera of the display's rays, one per pixel, from the golden engine.
 
-    POV-Ray traces them from in front of the scene towards the display. Raises
-    InputError for sub-pixels, too many pixels, and parts of the scene that POV-Ray
-    cannot express.
+    POV-Ray traces the rays from in front of the scene towards the display. Raises
+    InputError for sub-pixels, too many pixels, and scene parts that POV-Ray cannot
+    express.
     """
     panel, name = display.panel, f"display '{display.name}'"
     if panel.subpixels != "none":
@@ -111,7 +111,7 @@ def export_display(scene: Scene, display: Display, model: Model, folder: Path) -
     t = (near - rays.origin_mm[:, 2]) / rays.direction[:, 2]
     origin = rays.origin_mm + t[:, None] * rays.direction
     active = gets_through(rays.status)
-    # A ray that the lenslets block shall see nothing: it looks away from the scene.
+    # A ray that the lenslets block must see nothing, so it looks away from the scene.
     direction = np.where(active[:, None], -rays.direction, [0.0, 0.0, 1.0])
     origin[~active] = (0.0, 0.0, near)
     view = View('#include "rays.inc"', panel.width_px, panel.height_px, rays=(origin, direction))

@@ -1,6 +1,6 @@
-"""The capture's optics as POV-Ray's solids (docs/reference/povray.md), as in the founding paper.
+"""Writes a capture's optics as POV-Ray solids (docs/reference/povray.md), as in the founding paper.
 
-All z are in the object's frame: +z is towards the lens, the array and the camera.
+All z are in the object's frame, where +z is towards the lens, the array and the camera.
 """
 
 from __future__ import annotations
@@ -18,15 +18,15 @@ from lippmann.errors import input_error
 from lippmann.optics.lattice import Lattice
 from lippmann.optics.system import PanelFrame
 
-#: Lenslets beyond the panel on each side, which oblique rays may reach.
+#: Number of lenslets beyond each side of the panel, which oblique rays may reach.
 SPARE_LENSLETS = 2
-#: Faces that a ray may meet in the array, the walls to a neighbour included.
+#: Maximum faces that a ray meets in the array, with the walls to a neighbour.
 ARRAY_FACES = 6
-#: Share of a lenslet's width by which neighbours overlap. POV-Ray reflects rays at
-#: walls between solids that only touch. At 2e-5 its single precision loses some of the
-#: overlap; much more makes steps between the domes.
+#: Fraction of a lenslet's width by which neighbours overlap. POV-Ray reflects rays at
+#: walls between solids that only touch. At 2e-5, single precision loses some of the
+#: overlap. A much larger overlap makes steps between the domes.
 OVERLAP = 3e-5
-#: Radius of the stops' discs, mm.
+#: Radius of the discs that form the stops, mm.
 STOP_MM = 1e5
 
 GLASS = "texture { pigment { rgbt 1 } finish { ambient 0 diffuse 0 } }"
@@ -34,7 +34,7 @@ BLACK = "texture { pigment { rgb 0 } finish { ambient 0 diffuse 0 } }"
 
 
 def setup_view(setup: Setup) -> View:
-    """Return a set-up's camera, array and lens; refuse what POV-Ray cannot express."""
+    """Return a set-up's camera, array and lens; refuse parts that POV-Ray cannot express."""
     where, panel = f"set-up '{setup.name}'", setup.display.panel
     to_plane = setup.camera_distance_mm
     if isinstance(setup.pickup, Pickup):
@@ -45,7 +45,7 @@ def setup_view(setup: Setup) -> View:
         what = "its display has a viewing_distance_mm, and POV-Ray takes pictures right behind the lenslets only"
         raise input_error(where, what, "give a display without one")
     assert to_plane is not None
-    # The lens's origin in the object's frame, or the array's vertices without a lens.
+    # The position z of the lens's origin, or of the array's vertices without a lens.
     origin = setup.subject.distance_mm + (0.0 if setup.lens is None else setup.lens.hiatus_mm)
     position = (0.0, 0.0, origin + setup.pickup.distance_mm)
     camera = pinhole(position, (0.0, 0.0, -to_plane), panel.width_mm, panel.height_mm)
@@ -59,10 +59,10 @@ def setup_view(setup: Setup) -> View:
 
 
 def _plano_convex(pair: LensPair, faces: tuple[Face, ...], origin_mm: float) -> str:
-    """Return one of two lenses; `origin_mm` is z of the pair's origin."""
+    """Return one lens of a pair that has its origin at z = `origin_mm`."""
     radius = 0.5 * pair.aperture_mm
     curved, flat = sorted(faces, key=lambda face: face.curvature == 0.0)
-    # The lens's z is opposite to the object's.
+    # The lens's z axis is opposite to the object's z axis.
     centre = origin_mm - (curved.z_mm + 1.0 / curved.curvature)
     ends = [origin_mm - face.z_mm for face in (curved, flat)]
     outward = math.copysign(1.0, ends[1] - ends[0])
@@ -80,10 +80,10 @@ def _plano_convex(pair: LensPair, faces: tuple[Face, ...], origin_mm: float) -> 
 
 
 def array_solids(display: Display, vertex_mm: float, side: float, concave: bool = False) -> str:
-    """Return one lenslet of a display, and a loop that repeats it.
+    """Return one lenslet of a display, and a loop that repeats the lenslet.
 
-    The vertices are in the plane z = `vertex_mm`, the glass towards +z for `side` +1,
-    towards -z for -1.
+    The vertices are in the plane z = `vertex_mm`. The glass is on the +z side if `side`
+    is +1, and on the -z side if `side` is -1.
     """
     array, depth = display.array, display.array.thickness_mm
     # The rims of a concave lenslet protrude beyond its centre.
@@ -91,7 +91,7 @@ def array_solids(display: Display, vertex_mm: float, side: float, concave: bool 
     cell = _prism(array, side * front, side * depth)
     sphere = f"sphere {{ {vector((0, 0, side * centre))}, {number(array.radius_mm)} }}"
     if depth > array.radius_mm and not concave:
-        # The sphere's far side would cut the substrate: solid beyond its centre.
+        # The sphere's far side would cut the substrate, so glass fills that side.
         beyond = f"plane {{ {vector((0, 0, -side))}, {number(-array.radius_mm)} }}"
         sphere = f"merge {{ {sphere} {beyond} }}"
     body = f"difference {{ {cell} {sphere}" if concave else f"intersection {{ {sphere} {cell}"
@@ -127,18 +127,18 @@ def _prism(array: Array, near: float, far: float) -> str:
     if array.grid == "square" and array.regular:
         return f"box {{ {vector((-half, -half, low))}, {vector((half, half, high))} }}"
     corners = Lattice.of(array).corners
-    # POV-Ray's prisms are closed and along y; the matrix rotates it to z.
+    # POV-Ray's prisms extend along y; the matrix rotates the prism to z.
     points = [f"<{number(x * (1.0 + OVERLAP))}, {number(y * (1.0 + OVERLAP))}>" for x, y in (*corners, corners[0])]
     sweep = f"linear_sweep linear_spline {number(low)}, {number(high)}, {len(points)}, {', '.join(points)}"
     return f"prism {{ {sweep} matrix <1, 0, 0, 0, 0, 1, 0, 1, 0, 0, 0, 0> }}"
 
 
 def lattice_rows(display: Display) -> list[tuple[int, int, int]]:
-    """Return (row j, first i, last i) of lenslets over the panel and `SPARE_LENSLETS` each side."""
+    """Return (row j, first i, last i) of the lenslets that cover the panel and `SPARE_LENSLETS` more."""
     panel, array = display.panel, display.array
     frame, lattice = PanelFrame.of(display), Lattice.of(array)
     spare = (SPARE_LENSLETS + 0.5) * array.coarsest_mm
-    # The panel's diagonal bounds it for every rotation.
+    # The panel's diagonal bounds the panel for every rotation.
     reach = math.hypot(panel.width_mm, panel.height_mm) + math.hypot(*array.offset_mm) + spare
     count = math.ceil(reach / min(array.row_pitch_mm, array.finest_mm))
     j, i = (axis.astype(float) for axis in np.mgrid[-count : count + 1, -3 * count : 3 * count + 1])

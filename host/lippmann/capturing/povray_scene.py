@@ -1,13 +1,13 @@
 """Converts a Mitsuba scene for POV-Ray (docs/reference/povray.md), in the display's frame, mm.
 
 **Factors of materials.** Under a point light of intensity I, a diffuse surface has the
-radiance a I cos / (pi d^2) in Mitsuba. In POV-Ray it is 2 a c cos / (1 + (d / f)^2), for
-a light of colour c with `fade_power 2` and `fade_distance f`. With c = I / (2 pi f^2)
-both agree to a relative f^2 / d^2: a millionth at 1 mm.
+radiance a I cos / (pi d^2) in Mitsuba. In POV-Ray the radiance is 2 a c cos / (1 + (d /
+f)^2), for a light of colour c with `fade_power 2` and `fade_distance f`. If c = I / (2
+pi f^2), both radiances agree to a relative f^2 / d^2, a millionth at 1 mm.
 
 The diffuse part of a smooth plastic is a (1 - F(i)) (1 - F(o)) / (eta^2 (1 - Fdr)) in
-Mitsuba, with the Fresnel reflectances F of both directions. Here F is that of normal
-incidence: accurate to 2 % up to 50 degrees, too bright beyond.
+Mitsuba, with the Fresnel reflectances F of both directions. Here F is the reflectance
+at normal incidence: it is accurate to 2 % up to 50 degrees, and too bright beyond.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ SUBSET = "use diffuse, plastic, conductor (a mirror) or dielectric, two-sided or
 
 
 class Side(NamedTuple):
-    """Appearance of a surface's side: its pigments for meshes and for spheres, and its finish."""
+    """Appearance of a surface's side: pigments for meshes and for spheres, and a finish."""
 
     pigment: str
     sphere: str
@@ -43,7 +43,7 @@ class Side(NamedTuple):
 
 @dataclass(frozen=True)
 class Material:
-    """A material: both sides, and the refractive index inside (None: no Fresnel reflection)."""
+    """A material with two sides and an inner refractive index; None means no Fresnel reflection."""
 
     name: str
     front: Side
@@ -52,12 +52,12 @@ class Material:
 
     @property
     def clear(self) -> bool:
-        """Whether light passes."""
+        """Whether light passes the material."""
         return self.front.pigment == CLEAR
 
     @property
     def pictures(self) -> bool:
-        """Whether it has an image texture."""
+        """Whether the material has an image texture."""
         return any(side.pigment != side.sphere for side in (self.front, self.back))
 
 
@@ -77,7 +77,7 @@ class Materials:
     def __init__(self, folder: Path) -> None:
         self._mi = mitsuba()
         self.folder = folder
-        #: The textures to declare, by name.
+        #: The textures to declare, keyed by name.
         self.textures: dict[str, str] = {}
         self._known: dict[int, Material] = {}
         self._pictures: dict[tuple[Path, bool], str] = {}
@@ -87,21 +87,21 @@ class Materials:
         if item.index not in self._known:
             name = identifier("material", len(self._known), item.id)
             if item.plugin == "twosided":
-                (front, index), *others = [self._one(inner) for inner in item.children()]
+                (front, index), *others = [self._read_side(inner) for inner in item.children()]
                 item.refuse_leftovers()
                 back = others[-1][0] if others else front
             else:
-                front, index = self._one(item)
+                front, index = self._read_side(item)
                 back = front if front.pigment == CLEAR else BLACK
             self._known[item.index] = Material(name, front, back, index)
         return self._known[item.index]
 
-    def _one(self, item: Item) -> tuple[Side, float | None]:
-        """Return a material's front, and the index of what it encloses."""
+    def _read_side(self, item: Item) -> tuple[Side, float | None]:
+        """Return a material's front side, and the refractive index inside."""
         index = None
         match item.plugin:
             case "diffuse":
-                side = self._coloured(item, "reflectance", "diffuse 1")
+                side = self._read_coloured_side(item, "reflectance", "diffuse 1")
             case "conductor":
                 if item.value("material", "Cu") != "none" or item.values("eta", "k"):
                     raise item.refusal("has a complex index", "give material none and a specular_reflectance")
@@ -112,32 +112,30 @@ class Materials:
                     if item.triple(name, WHITE) != WHITE:
                         raise item.refusal(f"has a {name} other than 1", "leave it out: clear glass")
                 side = Side(CLEAR, CLEAR, "diffuse 0 reflection { 0, 1 fresnel on } conserve_energy")
-                index = self._index(item)
+                index = self._read_index(item)
             case "plastic":
                 if item.value("nonlinear", False):
                     raise item.refusal("is nonlinear", "leave nonlinear out")
                 tint = item.triple("specular_reflectance", WHITE)
-                index = self._index(item)
+                index = self._read_index(item)
                 normal = ((index - 1.0) / (index + 1.0)) ** 2
                 inner = float(self._mi.fresnel_diffuse_reflectance(1.0 / index)[0])
                 diffuse = (1.0 - normal) ** 2 / (index**2 * (1.0 - inner))
                 finish = f"diffuse {number(diffuse)} reflection {{ rgb 0, rgb {vector(tint)} fresnel on }}"
-                side = self._coloured(item, "diffuse_reflectance", finish)
+                side = self._read_coloured_side(item, "diffuse_reflectance", finish)
             case _:
                 raise item.refusal("has no counterpart in POV-Ray", SUBSET)
         item.refuse_leftovers()
         return side, index
 
-    def _index(self, item: Item) -> float:
-        """Return the relative index."""
+    def _read_index(self, item: Item) -> float:
         try:
             glass = self._mi.load_dict({"type": item.plugin, **item.values("int_ior", "ext_ior")})
         except Exception as error:  # Mitsuba's errors have no common base
             raise item.refusal(f"has an unknown index ({' '.join(str(error).split())[:100]})", "give it") from None
         return float(self._mi.traverse(glass)["eta"])
 
-    def _coloured(self, item: Item, name: str, finish: str) -> Side:
-        """Return a side with the colour or the image texture that a property gives."""
+    def _read_coloured_side(self, item: Item, name: str, finish: str) -> Side:
         texture = item.child(name)
         if texture is None:
             return _plain(item.triple(name, (0.5, 0.5, 0.5)), finish)
@@ -147,16 +145,15 @@ class Materials:
             raise texture.refusal("has a wrap_mode other than repeat", "leave it out")
         interpolate = " interpolate 2" if texture.value("filter_type", "bilinear") == "bilinear" else ""
         raw = texture.value("raw", False)
-        file = self._picture(texture, raw)
+        file = self._copy_picture(texture, raw)
         texture.refuse_leftovers()
         image = f'png "{file}" gamma {"1.0" if raw else "srgb"} map_type'
         mesh, sphere = (block("image_map", f"{image} {shape}{interpolate}") for shape in (0, 1))
-        # Longitude is about z in Mitsuba, about y in POV-Ray.
+        # Longitude runs about z in Mitsuba and about y in POV-Ray.
         sphere = block("pigment", f"{sphere} matrix <1, 0, 0, 0, 0, 1, 0, 1, 0, 0, 0, 0>")
         return Side(f"uv_mapping {block('pigment', mesh)}", sphere, finish)
 
-    def _picture(self, texture: Item, raw: bool) -> str:
-        """Copy an image texture as an 8-bit PNG; return its name."""
+    def _copy_picture(self, texture: Item, raw: bool) -> str:
         path = texture.path("filename")
         key = (path.resolve(), raw)
         if key not in self._pictures:
@@ -175,17 +172,17 @@ class Materials:
 
 Array = npt.NDArray[Any]
 
-#: Objects of a scene file that are no part of the scene.
+#: Kinds of objects in a scene file that do not belong to the scene.
 ELSEWHERE = ("Integrator", "Sensor", "Film", "Sampler")
 SHAPES = ("sphere", "rectangle", "ply", "obj")
 #: Fade distance of point lights, mm.
 FADE_MM = 1e-3
-#: Vertices of a mesh closer than this share of its size count as one vertex.
+#: Fraction of a mesh's size within which vertices count as one vertex.
 GRAIN = 1e-6
 
 
 def write_scene(path: Path, placement: Placement, folder: Path) -> None:
-    """Write `scene.inc`, meshes and image textures to a folder; refuse what POV-Ray cannot express."""
+    """Write `scene.inc`, meshes and image textures to a folder; refuse parts that POV-Ray cannot express."""
     materials, objects, lights = Materials(folder), list[str](), list[str]()
     for item in Item(Tree(path), 0).children():
         if item.kind == "Shape":
@@ -203,7 +200,7 @@ def _light(item: Item, placement: Placement) -> str:
     if item.plugin != "point":
         raise item.refusal("has no counterpart in POV-Ray", "use point lights")
     *position, _ = placement.display_from_scene @ item.matrix() @ np.array([*item.triple("position", ORIGIN), 1.0])
-    # I / d^2 is per square scene unit: in mm, both grow by the scale squared.
+    # I / d^2 is per square scene unit. In mm, I and d^2 grow with the scale squared.
     intensity = placement.scale**2 * np.array(item.triple("intensity", (1.0, 1.0, 1.0)))
     item.refuse_leftovers()
     fade = f"fade_distance {number(FADE_MM)} fade_power 2"
@@ -236,13 +233,12 @@ def _shape(item: Item, materials: Materials, placement: Placement, place: int) -
         look += f" interior {{ ior {material.index:.9g} }}"
     if not material.clear:
         return [geometry.replace("@", look)]
-    # Glass blocks Mitsuba's point lights, not POV-Ray's: a black object casts a shadow.
+    # In Mitsuba, glass blocks point lights. In POV-Ray, a black copy casts this shadow.
     shadow = geometry.replace("@", block("pigment", "rgb 0") + " no_image no_reflection").split("\n")[-1]
     return [geometry.replace("@", f"{look} no_shadow"), shadow]
 
 
 def _sphere(item: Item, placement: Placement) -> str:
-    """Return the unit sphere with its transform."""
     to_world = item.matrix()
     to_world[:3, 3] += to_world[:3, :3] @ np.array(item.triple("center", ORIGIN))
     to_world[:3, :3] *= item.value("radius", 1.0)
@@ -256,8 +252,7 @@ def _sphere(item: Item, placement: Placement) -> str:
 
 
 def _mesh(item: Item, material: Material, placement: Placement, folder: Path, place: int) -> str:
-    """Write a mesh's file and return the lines that include it."""
-    mesh, stem = _load(item)
+    mesh, stem = _load_mesh(item)
     points = _column(mesh.vertex_positions_buffer(), 3)
     faces = np.array(mesh.faces_buffer()).reshape(-1, 3).astype(np.int64)
     # In POV-Ray's left-handed frame, a face's vertices are clockwise seen from outside.
@@ -286,7 +281,7 @@ def _mesh(item: Item, material: Material, placement: Placement, folder: Path, pl
 
 
 def _outside(mesh: Any, points: Array, faces: Array) -> npt.NDArray[np.bool_]:
-    """Tell which faces' vertices are counter-clockwise seen from the front."""
+    """Return the mask of faces with counter-clockwise vertices, seen from the front."""
     mi, dr = mitsuba(), drjit()
     # Mitsuba's normal points to the front. It depends on winding, vertex normals,
     # flip_normals and mirroring.
@@ -301,27 +296,25 @@ def _outside(mesh: Any, points: Array, faces: Array) -> npt.NDArray[np.bool_]:
 
 
 def _area(points: Array, faces: Array) -> Array:
-    """Return normals by the vertices' order, twice the faces' areas long."""
+    """Return face normals from the order of vertices; the length is twice the area."""
     first, second, third = (points[faces[:, k]] for k in range(3))
     return np.cross(second - first, third - first)
 
 
 def _check_closed(item: Item, points: Array, faces: Array) -> None:
-    """Refuse a mesh that is not closed (an edge has one face) or that is inside out."""
-    # Vertices in one place are one corner: normals and uv split them.
+    # Vertices at one point are one corner, which normals and uv may split.
     grain = GRAIN * np.ptp(points, axis=0).max()
     _, corner = np.unique(np.round(points / grain), axis=0, return_inverse=True)
     edges = np.sort(corner.reshape(-1)[faces[:, [[0, 1], [1, 2], [2, 0]]]].reshape(-1, 2), axis=1)
     _, faces_there = np.unique(edges[edges[:, 0] != edges[:, 1]], axis=0, return_counts=True)
     if (faces_there % 2).any():
         raise item.refusal("encloses no glass", "use closed shapes for dielectrics")
-    # Six times the signed volume, positive if the fronts (vertices clockwise) face in.
+    # This is six times the signed volume, which is positive if the fronts face inwards.
     if ((points[faces[:, 0]] - points[0]) * _area(points, faces)).sum() > 0.0:
         raise item.refusal("has normals that point inwards", "flip them: glass is behind a surface")
 
 
-def _load(item: Item) -> tuple[Any, str]:
-    """Return Mitsuba's mesh, in scene units, and a name for it."""
+def _load_mesh(item: Item) -> tuple[Any, str]:
     mi = mitsuba()
     properties = {"type": item.plugin, "to_world": mi.ScalarTransform4f(item.matrix()), **item.values("flip_normals")}
     stem = item.plugin

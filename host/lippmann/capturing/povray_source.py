@@ -1,7 +1,7 @@
-"""A scene file as Mitsuba parses it: its objects with their properties, references resolved.
+"""Reads the objects and properties of a scene file as Mitsuba parses them.
 
-The caller reads the properties that it supports; the remaining ones are errors that
-name property, file and line.
+The caller reads the properties that it supports. Each remaining property is an error
+that names property, file and line.
 """
 
 from __future__ import annotations
@@ -33,14 +33,14 @@ class Item:
         self._read: set[str] = set()
 
     def path(self, name: str) -> Path:
-        """Return the path in a property, relative to the scene's or the included file."""
+        """Return the path in a property, relative to the scene file or to the included file."""
         text = self.value(name, "")
         including_file = Path(str(self.tree.state.files[self._node.file_index]))
         beside_scene = self.tree.path.parent / text
         return beside_scene if beside_scene.exists() else including_file.parent / text
 
     def refusal(self, what: str, remedy: str) -> InputError:
-        """Return an error that names this object and its place in the file."""
+        """Return an error that names this object and its position in the file."""
         name = f"{self.kind.lower()} '{self.plugin}'" + (f" ({self.id})" if self.id else "")
         where = str(self.tree.mi.parser.file_location(self.tree.state, self._node))
         return input_error(where, f"{name} {what}", remedy)
@@ -50,7 +50,7 @@ class Item:
         return self._properties.get(name)
 
     def values(self, *names: str) -> dict[str, Any]:
-        """Return those of the properties that are given, as Mitsuba takes them."""
+        """Return the properties among `names` that the file gives, as Mitsuba's values."""
         return {name: self._take(name) for name in names if name in self._properties}
 
     def value(self, name: str, default: Value) -> Value:
@@ -80,7 +80,7 @@ class Item:
         return np.eye(4) if value is None else np.array(value.matrix, np.float64).reshape(4, 4)
 
     def child(self, name: str) -> Item | None:
-        """Return the object that a property refers to; None for a value."""
+        """Return the object that a property refers to; None if the property is a value."""
         value = self._properties.get(name)
         if not isinstance(value, self.tree.reference):
             return None
@@ -93,7 +93,7 @@ class Item:
         return [one for one in objects if one is not None]
 
     def refuse_leftovers(self) -> None:
-        """Raise for the first property that has not been read."""
+        """Raise InputError for the first property that has not been read."""
         for name in self._properties:
             if name not in self._read:
                 raise self.refusal(f"has a {name}, which has no counterpart", f"leave {name} out")

@@ -1,8 +1,7 @@
-"""Numbers, vectors, blocks and cameras as POV-Ray's scene language writes them.
+"""Writes numbers, vectors, blocks and cameras in POV-Ray's scene language.
 
-POV-Ray's frame is left-handed by convention only: the camera defines its own right, so
-that points are written unchanged and images are not mirrored. Its rays go through the
-pixels' centres.
+POV-Ray's frame is left-handed by convention only. A camera defines its own right, so
+that points stay unchanged and images are not mirrored. Rays pass through pixel centres.
 """
 
 from __future__ import annotations
@@ -19,27 +18,27 @@ import numpy.typing as npt
 from lippmann.optics.rays import Floats
 from lippmann.scenes.placement import Triple
 
-#: Longest part of a name, characters: file systems allow 255 bytes.
+#: Maximum characters of a name in a file name. File systems allow 255 bytes.
 MAX_NAME = 100
-#: Size of the triangles that define rays, mm: float32 corners, as POV-Ray's, 100 mm
-#: from the origin rotate the normal of a triangle of 10 mm by a microradian.
+#: Size of the triangles that define rays, mm. At 100 mm from the origin, POV-Ray's
+#: float32 corners rotate the normal of a 10 mm triangle by a microradian.
 FACE_MM = 10.0
-#: POV-Ray 3.7 renders each row of such a camera one row too low, and the first twice.
+#: Extra rows of a camera of rays, because POV-Ray 3.7 renders its first row twice.
 SPARE_ROWS = 1
 
 
 def number(value: float) -> str:
-    """Return a number with more digits than float32 has."""
+    """Return a number as text with more digits than float32 has."""
     return f"{float(value) + 0.0:.10g}"
 
 
 def vector(values: Iterable[Any]) -> str:
-    """Return a vector, <x, y, z>."""
+    """Return the text of a vector, <x, y, z>."""
     return f"<{', '.join(number(value) for value in values)}>"
 
 
 def block(name: str, *parts: str) -> str:
-    """Return `name { parts }`, a line each, indented."""
+    """Return `name { parts }` with each part on an indented line."""
     body = "\n".join(parts)
     if "\n" not in body and len(body) < 90:
         return f"{name} {{ {body} }}"
@@ -47,29 +46,29 @@ def block(name: str, *parts: str) -> str:
 
 
 def matrix(values: npt.NDArray[Any]) -> str:
-    """Return the transform of a (4, 4) matrix for columns; POV-Ray's vectors are rows."""
+    """Return POV-Ray's transform, for row vectors, of a (4, 4) matrix for column vectors."""
     return "matrix " + vector(values[:3, :4].T.ravel())
 
 
 def rows(values: npt.NDArray[Any]) -> str:
-    """Return N, then the rows as vectors, of an (N, k) array."""
+    """Return the text of an (N, k) array: N, then each row as a vector."""
     form = "%d" if np.issubdtype(values.dtype, np.integer) else "%.9g"
     line = "<" + ",".join([form] * values.shape[1]) + ">"
     return f"{len(values)},\n" + ",\n".join([line] * len(values)) % tuple(values.ravel().tolist())
 
 
 def plain(name: str) -> str:
-    """Return a name of ASCII letters, digits and _ only."""
+    """Return a name with only ASCII letters, digits and _."""
     return re.sub(r"\W", "_", name[:MAX_NAME], flags=re.ASCII)
 
 
 def identifier(kind: str, number: int, name: str) -> str:
-    """Return an identifier; kind and number make it unique."""
+    """Return an identifier that `kind` and `number` make unique."""
     return f"L_{kind}{number}_{plain(name)}"
 
 
 def pinhole(position_mm: Triple, to_window: Triple, width_mm: float, height_mm: float) -> str:
-    """Return a pinhole camera for an upright window; `to_window` leads to its centre, mm."""
+    """Return a pinhole camera for an upright window; `to_window` is the vector to its centre, mm."""
     return block(
         "camera",
         f"perspective location {vector(position_mm)}",
@@ -78,8 +77,7 @@ def pinhole(position_mm: Triple, to_window: Triple, width_mm: float, height_mm: 
 
 
 def write_rays(path: Path, origin_mm: Floats, direction: Floats) -> None:
-    """Write a camera of rays, rows from the top left: origins and unit directions (N, 3)."""
-    # Two unit vectors across each ray, the first also across the axis farthest from it.
+    """Write a camera of rays in image order, with origins and unit directions (N, 3)."""
     across = np.cross(direction, np.eye(3)[np.abs(direction).argmin(axis=1)])
     across /= np.linalg.norm(across, axis=1, keepdims=True)
     other = np.cross(direction, across)

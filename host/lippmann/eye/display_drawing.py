@@ -1,4 +1,4 @@
-"""Drawings of a display, SVG or PNG: its panel and lenslets, and its viewing zones from above."""
+"""Draws a display as SVG or PNG: the panel and lenslets, and the viewing zones from above."""
 
 from __future__ import annotations
 
@@ -25,11 +25,18 @@ if TYPE_CHECKING:
 
 #: Colours of Okabe and Ito, distinct for all kinds of colour vision.
 GLASS, LENSLET, IMAGE, RAY = "#56b4e9", "#0072b2", "#d55e00", "#e69f00"
-#: Lenslets across a close-up, marks across the panel, maximum of pixels in a close-up.
-CLOSE, MARKS, MAX_PIXELS = 4.0, 30.0, 150
-#: Heights in the zones' picture, viewing distances; places across; rays of each eye.
+#: Number of lenslets across a close-up.
+CLOSE = 4.0
+#: Number of marks across the panel.
+MARKS = 30.0
+#: Maximum number of drawn pixels across a close-up.
+MAX_PIXELS = 150
+#: Heights in the picture of zones, in viewing distances.
 HEIGHTS = np.linspace(0.2, 3.0, 15)
-PLACES, MAP_RAYS = 41, 256
+#: Number of eyes across the picture of zones.
+PLACES = 41
+#: Number of rays per eye.
+MAP_RAYS = 256
 
 
 @contextmanager
@@ -38,7 +45,7 @@ def _drawing(path: Path, down: int, across: int, size: tuple[float, float]) -> I
     from matplotlib import rc_context
     from matplotlib.figure import Figure
 
-    # SVG keeps text as text; the same display gives the same file.
+    # SVG keeps text as text, and equal displays give equal files.
     with rc_context({"svg.fonttype": "none", "svg.hashsalt": "lippmann", "font.size": 9}):
         figure = Figure(figsize=size, layout="constrained")
         yield figure.subplots(down, across, squeeze=False)
@@ -58,7 +65,7 @@ def draw_zones(display: Display, path: Path, eye_mm: Sequence[float] | None = No
     places = np.linspace(-1.2 * widest, 1.2 * widest, PLACES)
     eyes = np.array([(x, y, z) for _, y, z in middle for x in places])
     shares = status_shares(display, eyes, MAP_RAYS).reshape(len(middle), len(places), -1)
-    # The share of light, not of rays: eyes far aside see dark panels.
+    # The fraction is of light, not of rays: eyes far aside see dark panels.
     right, wrong = shares[..., Status.OK], shares[..., Status.CROSSTALK]
     wrong = wrong / np.maximum(right + wrong, 1.0 / MAP_RAYS)
     with _drawing(path, 1, 1, (7.0, 6.5)) as ((axis,),):
@@ -99,7 +106,6 @@ def draw_display(display: Display, path: Path) -> None:
             title=f"panel {2 * half[0]:.4g} x {2 * half[1]:.4g} mm, "
             + ("all lenslets" if every == 1 else f"one of every {every} x {every} lenslets"),
             aspect="equal",
-            # An array may be far larger than the panel.
             xlim=(-1.06 * half[0], 1.06 * half[0]),
             ylim=(-1.06 * half[1], 1.06 * half[1]),
         )
@@ -127,7 +133,6 @@ def _lenslets(system: System, place: Sequence[float] | Floats, span: int, every:
 
 
 def _draw_edges(axis: Axes, display: Display, system: System) -> None:
-    """Draw the edges of the panel, and of an array with an extent."""
     corners = 0.5 * np.array([(-1, 1, 1, -1, -1), (-1, -1, 1, 1, -1)])
     x, y = np.reshape((display.panel.width_mm, display.panel.height_mm), (2, 1)) * corners
     axis.plot(x, y, color="black")
@@ -138,7 +143,6 @@ def _draw_edges(axis: Axes, display: Display, system: System) -> None:
 
 
 def _draw_close(axis: Axes, display: Display, system: System, place: Floats) -> None:
-    """Draw pixels, cells and elemental images around a place of the panel."""
     panel, pitch = display.panel, display.array.coarsest_mm
     reach = 0.5 * CLOSE * pitch
     sides = reach * np.array((-1, 1))
@@ -156,7 +160,7 @@ def _draw_close(axis: Axes, display: Display, system: System, place: Floats) -> 
     corners = np.array(system.lattice.corners + system.lattice.corners[:1]).T
     x, y = system.frame.turn(*corners)
     centres = np.stack(_lenslets(system, place, 2 * int(CLOSE)), axis=1)
-    # Lenslets of which a part is visible, or a part of their image.
+    # Draw lenslets if a part of them or of their elemental image is visible.
     far = reach + pitch + np.abs(place).max() * display.convergence
     for cx, cy in centres[(np.abs(centres - place) < far).all(axis=1)].tolist():
         axis.plot(cx + x, cy + y, color=LENSLET)
@@ -167,7 +171,6 @@ def _draw_close(axis: Axes, display: Display, system: System, place: Floats) -> 
 
 
 def _draw_subpixels(axis: Axes, display: Display, system: System, columns: Indices, rows: Indices) -> None:
-    """Draw the sub-pixels of pixels; white ones are grey."""
     from matplotlib.collections import PolyCollection
 
     layout = layout_of(display.panel.subpixels)
@@ -181,13 +184,12 @@ def _draw_subpixels(axis: Axes, display: Display, system: System, columns: Indic
         corners = u + np.array([west, east, east, west]), v + np.array([north, north, south, south])
         x, y = system.frame.panel_from_pixel(*corners)
         face = "0.6" if colour == "white" else colour
-        # Rasterized: thousands of shapes would make the SVG large.
+        # Boxes are rasterized: thousands of shapes would make the SVG large.
         boxes = PolyCollection(list(np.stack([x, y], axis=2)), facecolor=face, alpha=0.3, rasterized=True)
         axis.add_collection(boxes, autolim=False)
 
 
 def _draw_section(axis: Axes, display: Display) -> None:
-    """Draw the panel, three lenslets and rays of the middle one, along a row of lenslets."""
     array, system = display.array, System.of(display)
     pitch, reach = array.pitches_mm[0], 1.5 * array.focal_length_mm
     gap, thickness = display.gap_mm, array.thickness_mm
@@ -216,5 +218,4 @@ def _draw_section(axis: Axes, display: Display) -> None:
     focal, distance = array.focal_length_mm, display.aperture_distance_mm
     words = f"gap {gap:.4g}, thickness {thickness:.4g}, focal length {focal:.4g}, D {distance:.4g} mm"
     axis.set(xlabel="along a row of lenslets, mm", ylabel="z, mm", aspect="equal", title=words)
-    # Below the chart, which the rays fill.
     axis.legend(loc="upper center", bbox_to_anchor=(0.5, -0.15), ncols=2)

@@ -1,4 +1,4 @@
-"""Views from many eyes through one window, of a scene or of a display with an integral image."""
+"""Renders views from many eyes through one window, of a scene or of a display that shows an image."""
 
 from __future__ import annotations
 
@@ -21,19 +21,20 @@ from lippmann.rendering.renderer import render_view
 from lippmann.rendering.sampling import Window
 from lippmann.scenes.scene import Scene
 
-#: Share of the viewing zone for the eyes: crosstalk begins at its ends.
+#: Fraction of the viewing zone that the eyes span. Crosstalk begins at its ends.
 ZONE_SHARE = 0.95
 #: Cone of eyes for a display without a viewing zone, degrees.
 CONE_DEG = 20.0
 MAX_CONE_DEG = 120.0
-#: Eyes of the grid, across and down, around the axis.
+#: Numbers of eyes in the grid, across and down, around the axis.
 GRID = (7, 3)
-#: Width of a render, pixels, and its samples.
+#: Width of a direct render, pixels.
 WIDTH_PX = 400
+#: Samples per pixel of a direct render.
 SAMPLES = 16
-#: Minimum half width of the grid, as a share of the viewing distance.
+#: Minimum half width of the grid, as a fraction of the viewing distance.
 LEAST_REACH = 0.05
-#: Returns the radiance that an eye sees.
+#: Function that returns the radiance that an eye sees.
 Viewer = Callable[[Eye], Radiance]
 
 
@@ -54,11 +55,11 @@ def image_viewer(image: IntegralImage, window: Window, samples: int, seed: int =
 def eyes_of(
     display: Display, across: int, down: int = 1, cone_deg: float | None = None, distance_mm: float | None = None
 ) -> list[tuple[float, float, float]]:
-    """Return eyes (mm) in equal steps, from left to right, row by row from the bottom, at one distance.
+    """Return eye positions (mm) in equal steps at one distance, row by row from the bottom left.
 
-    From the display's middle, the rows and the columns span a cone, by default the
-    viewing zone without crosstalk. The distance is by default the viewing distance.
-    Raises InputError for a cone or distance out of range.
+    Rows and columns span a cone from the display's middle, by default the viewing zone
+    without crosstalk. The default distance is the viewing distance. Raises InputError
+    for a cone or distance out of range.
     """
     distance = viewing_distance(display) if distance_mm is None else distance_mm
     if not 0.0 < distance < math.inf:
@@ -74,30 +75,31 @@ def eyes_of(
         if not 0.0 <= cone_deg <= MAX_CONE_DEG:
             raise InputError(f"the cone of {cone_deg:g} degrees is out of range; give 0 to {MAX_CONE_DEG:g}")
         reach_x = reach_y = math.tan(math.radians(0.5 * cone_deg)) * distance
-    rights, ups = _spaced(-reach_x, reach_x, across), _spaced(-reach_y, reach_y, down)
+    rights = _space_evenly(-reach_x, reach_x, across)
+    ups = _space_evenly(-reach_y, reach_y, down)
     return [(x + right, y + up, z) for up in ups for right in rights]
 
 
 def focus_depths(scene_range_mm: Sequence[float], count: int) -> list[float]:
-    """Return depths in equal steps from the farthest to the nearest."""
+    """Return depths in equal steps from the farthest to the nearest depth."""
     far, near = scene_range_mm
     if not (math.isfinite(far) and math.isfinite(near)):
         raise InputError("the scene has no bounded depth; give --depths")
-    return _spaced(far, near, count)
+    return _space_evenly(far, near, count)
 
 
-def _spaced(first: float, last: float, count: int) -> list[float]:
-    """Return numbers in equal steps; a single number is in the middle."""
+def _space_evenly(first: float, last: float, count: int) -> list[float]:
+    """Return numbers in equal steps; a single number is the middle."""
     return [0.5 * (first + last)] if count == 1 else np.linspace(first, last, count).tolist()
 
 
 def grid_of_eyes(display: Display) -> list[tuple[float, float, float]]:
-    """Return eyes (mm) across the viewing zone, at the viewing distance."""
+    """Return eye positions (mm) across the viewing zone, at the viewing distance."""
     share = max(display_properties(display).viewing_zone_mm / viewing_distance(display), LEAST_REACH)
     return eyes_of(display, *GRID, cone_deg=2.0 * math.degrees(math.atan(share)))
 
 
 def render_directs(scene: Scene, display: Display, seed: int = 0, progress: Progress | None = None) -> list[Direct]:
-    """Return direct renders of a scene from the grid's eyes."""
+    """Return direct renders of a scene from the eyes of the grid."""
     view = scene_viewer(scene, whole_window(display, WIDTH_PX), Settings(samples=SAMPLES, seed=seed))
     return [Direct(eye, view(Eye(eye))) for eye in report_each(grid_of_eyes(display), progress)]

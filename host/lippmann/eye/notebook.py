@@ -1,4 +1,4 @@
-"""What notebooks show besides single pictures: the viewer page, and sweeps of an eye."""
+"""Shows the viewer page, or the views of a moving eye, in a notebook."""
 
 from __future__ import annotations
 
@@ -24,7 +24,6 @@ class Widget:
     height_px: int
 
     def _repr_html_(self) -> str:
-        """Return an HTML frame with the page."""
         style = f"width: 100%; height: {self.height_px}px; border: 0"
         return f'<iframe sandbox="allow-scripts" style="{style}" srcdoc="{html.escape(self.page)}"></iframe>'
 
@@ -34,12 +33,11 @@ class Widget:
 
 @dataclass(frozen=True, repr=False)
 class Sweep:
-    """What a moving eye sees: views from its places, in order."""
+    """The views of a moving eye, in the order of the eye's positions."""
 
     views: Sequence[View]
 
     def _repr_html_(self) -> str:
-        """Return an HTML image, the animation to and fro."""
         animation = animation_bytes([view.radiance for view in self.views], "PNG")
         return f'<img src="data:image/png;base64,{base64.b64encode(animation).decode()}">'
 
@@ -48,9 +46,9 @@ class Sweep:
         return f"<Sweep, {len(self.views)} views of {width} x {height} px>"
 
     def save(self, path: str | Path) -> None:
-        """Write the views to and fro, .gif or animated .png; InputError when it cannot be written."""
+        """Write the views, forwards then backwards, as .gif or animated .png; raise InputError if that fails."""
         write_animation(path, [view.radiance for view in self.views])
 
     def show(self, seconds: float | None = None) -> None:
-        """Show the views to and fro, in a notebook or else in a window, as a picture's `show`."""
+        """Show the views, forwards then backwards, in a notebook or in a window, as a picture's `show`."""
         show_pictures(self, [*self.views, *self.views[-2:0:-1]], seconds, FRAME_MS / 1000.0)

@@ -1,8 +1,8 @@
-"""The observer: what an eye sees, through the real lenslets, of a panel with an integral image.
+"""Computes an eye's view, through the real lenslets, of a panel with an integral image.
 
-Rays are traced against the light, as by `trace_to_panel`: from the eye through the
-view's window (plane z = 0) and the lenslets to the panel's pixel or sub-pixel. A ray
-that ends in a neighbour's cell sees the neighbour's pixel: crosstalk.
+As in `trace_to_panel`, rays run against the light: from the eye through the view's
+window (plane z = 0) and the lenslets to a pixel or sub-pixel of the panel. Crosstalk
+means that a ray ends in a neighbour's cell and sees a pixel of the neighbour.
 """
 
 from __future__ import annotations
@@ -31,19 +31,19 @@ from lippmann.optics.zones import FARTHEST_EYE_MM, TOO_FAR
 from lippmann.rendering.integral_image import Showable
 from lippmann.rendering.sampling import Window
 
-#: Rays traced at once.
+#: Number of rays traced at once.
 CHUNK_RAYS = 1 << 21
-#: Bytes read at once of an image on disk.
+#: Number of bytes read at once from an image on disk.
 STORED_BYTES = 1 << 27
 #: Linear light (height, width, 3).
 Light = npt.NDArray[np.floating]
-#: Returns an image's colours for visible rays, columns, rows and hits on the panel.
+#: Function that returns colours for a mask of rays, columns, rows and panel hits.
 LookUp = Callable[[Arr, Arr, Arr, PixelHits], list[Arr]]
 
 
 @dataclass(frozen=True)
 class Eye:
-    """An eye: its pupil's centre (z > 0) and diameter (0: a pinhole), and the depth z in focus."""
+    """An eye with the pupil's centre (z > 0) and diameter (0 is a pinhole) and a focus depth z."""
 
     position_mm: tuple[float, float, float]
     pupil_mm: float = 0.0
@@ -67,14 +67,14 @@ class Eye:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class View(Showable):
-    """What an eye sees: linear radiance (height, width, 3) float32, shares of rays by `lippmann.Status`, metadata."""
+    """An eye's view: linear radiance (height, width, 3) float32, fractions of rays per `lippmann.Status`, metadata."""
 
     radiance: Radiance
     status_share: dict[str, float]
     metadata: dict[str, str] = field(default_factory=dict)
 
     def save(self, path: str | Path) -> None:
-        """Write the view: linear .exr or .tif, sRGB .png; InputError when it cannot be written."""
+        """Write the view as linear .exr or .tif or as sRGB .png; raise InputError if that fails."""
         write_picture(path, self.radiance, self.metadata)
 
 
@@ -88,7 +88,7 @@ def whole_window(display: Display, width_px: int | None = None) -> Window:
 
 
 def check_size(radiance: Light | StoredRows, display: Display) -> None:
-    """Refuse an image of another size than a display's panel."""
+    """Refuse an image that does not have the size of a display's panel."""
     panel = display.panel
     if radiance.shape != (panel.height_px, panel.width_px, 3):
         raise InputError(
@@ -107,20 +107,21 @@ def observe(
     seed: int = 0,
     crosstalk: bool = True,
 ) -> View:
-    """Return what an eye sees of a display, perhaps a misaligned one, whose panel shows `radiance`.
+    """Return an eye's view of a display that shows `radiance`; the display may be misaligned.
 
-    `radiance` is (height, width, 3), linear; from disk (`StoredRows`), memory holds
+    `radiance` is linear, (height, width, 3). From disk (`StoredRows`), memory contains
     only rows that a part of the view sees. The view covers the window, with `samples`
-    rays for each pixel. Without `crosstalk`, rays that end in a neighbour's cell see
-    black. Raises InputError when the image does not have the panel's size, the model is
-    unknown, or samples is out of range.
+    rays per pixel. Without `crosstalk`, rays that end in a neighbour's cell see black.
+    Raises InputError if the image does not have the panel's size, the model is unknown,
+    or `samples` is out of range.
     """
     mi, dr = mitsuba(), drjit()
     panel = display.panel
     check_size(radiance, display)
     check_choice("model", model, MODELS)
     check_flags(crosstalk=crosstalk)
-    samples, seed = whole_number("samples", samples, 1, 65536), whole_number("seed", seed, 0, 2**32 - 1)
+    samples = whole_number("samples", samples, 1, 65536)
+    seed = whole_number("seed", seed, 0, 2**32 - 1)
     if 3 * panel.width_px * panel.height_px >= 2**32:
         raise InputError(f"the panel of '{display.name}' has more values than 32 bits can index; take a smaller one")
     b, system = DrJitBackend(current_device()), System.of(display)
@@ -129,7 +130,7 @@ def observe(
         look_up = _light_in_memory(radiance)
     else:
         look_up = partial(_light_on_disk, radiance)
-        # Rows that a row of the view sees, without those of a lenslet.
+        # Panel rows per row of the view, without the height of a lenslet.
         row_bytes = 12 * panel.width_px * max(1, panel.height_px // window.height_px)
         chunk = min(chunk, window.width_px * max(1, STORED_BYTES // row_bytes))
     out = np.empty((total, 3), np.float32)
@@ -156,14 +157,14 @@ def _emitted_light(b: DrJitBackend, panel: Panel, look_up: LookUp, hits: PixelHi
     mi, dr = mitsuba(), drjit()
     column = mi.UInt32(dr.clip(dr.floor(hits.u), 0, panel.width_px - 1))
     row = mi.UInt32(dr.clip(dr.floor(hits.v), 0, panel.height_px - 1))
-    # The look-up may evaluate the pixels: the rays are then not traced again.
+    # The look-up may evaluate the pixels, so that rays are not traced again.
     colour = look_up(visible, column, row, hits)
     if panel.black:
         colour = [dr.select(visible, panel.black + (1.0 - panel.black) * c, 0.0) for c in colour]
     layout = layout_of(panel.subpixels)
     if layout is None:
         return colour
-    # A sub-pixel is brighter than its pixel, as it is smaller; white emits all three.
+    # A sub-pixel is smaller and so brighter than its pixel. White emits all colours.
     parts = layout.split_light(colour, dr.minimum(colour[0], dr.minimum(colour[1], colour[2])))
     colour = [mi.Float(0.0)] * 3
     for k, gain, inside in layout.emitters(b, hits.u, hits.v):
@@ -173,7 +174,6 @@ def _emitted_light(b: DrJitBackend, panel: Panel, look_up: LookUp, hits: PixelHi
 
 
 def _light_in_memory(radiance: Light) -> LookUp:
-    """Return the look-up of an image that is copied to the device."""
     mi, dr = mitsuba(), drjit()
     light = mi.Float(np.ascontiguousarray(radiance, np.float32).ravel())
 
@@ -211,7 +211,6 @@ def eye_rays(
     column = pixel - row * window.width_px
     s, t = points_in_square(pixel, sample, seed, stream=0)
     x, y = window.point(b.double(column) + b.double(s), b.double(row) + b.double(t))
-    # Opaque: another eye needs no compilation.
     double: Arr = b.double
     numbers = *eye.position_mm, eye.focus_z_mm, 0.5 * eye.pupil_mm
     ex, ey, ez, focus, radius = (dr.opaque(double, number) for number in numbers)

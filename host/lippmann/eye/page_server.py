@@ -1,4 +1,4 @@
-"""Serves the page on loopback, for browsers that refuse local files."""
+"""Serves the viewer page on loopback, for browsers that refuse local files."""
 
 from __future__ import annotations
 
@@ -11,8 +11,10 @@ from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from lippmann.errors import input_error
 
 LOOPBACK = "127.0.0.1"
-#: Maximum of simultaneous requests, and of the silence of one, s.
-MAX_REQUESTS, SILENCE_S = 8, 10.0
+#: Maximum number of simultaneous requests.
+MAX_REQUESTS = 8
+#: Time after which a silent connection ends, s.
+SILENCE_S = 10.0
 HEADERS = {
     "Content-Type": "text/html; charset=utf-8",
     "Referrer-Policy": "no-referrer",
@@ -22,9 +24,9 @@ HEADERS = {
 
 
 class PageServer(ThreadingHTTPServer):
-    """A server of one page at `url`, a secret address on loopback; it is not yet started.
+    """A server of one page at `url`, a secret address on loopback; a new server is not started.
 
-    Port 0 means any free port. Raises InputError when the port is taken.
+    Port 0 means any free port. Raises InputError if the port is taken.
     """
 
     daemon_threads = True
@@ -44,7 +46,7 @@ class PageServer(ThreadingHTTPServer):
         self.origins = [f"http://{host}" for host in self.hosts]
 
     def verify_request(self, request: object, client_address: object) -> bool:
-        """Accept a request unless there are too many."""
+        """Accept a request unless too many requests are running."""
         return self._free.acquire(blocking=False)
 
     def process_request_thread(
@@ -57,7 +59,7 @@ class PageServer(ThreadingHTTPServer):
             self._free.release()
 
     def handle_error(self, request: object, client_address: object) -> None:
-        """Ignore a browser that has gone."""
+        """Ignore a browser that closed the connection."""
 
 
 class _Handler(BaseHTTPRequestHandler):
@@ -65,7 +67,7 @@ class _Handler(BaseHTTPRequestHandler):
     server: PageServer
 
     def do_GET(self) -> None:
-        """Send the page; refuse requests of other sites, which use other names of this machine."""
+        """Send the page; refuse requests of other sites, which use other host names."""
         origin = self.headers.get("Origin")
         if self.headers.get("Host") not in self.server.hosts or origin not in (None, *self.server.origins):
             self.send_error(HTTPStatus.FORBIDDEN)

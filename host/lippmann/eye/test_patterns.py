@@ -1,8 +1,8 @@
-"""Test patterns for a panel: those of a board's register `display.pattern`, and others.
+"""Draws test patterns for a panel: the patterns of a board's register `display.pattern`, and others.
 
-Each pixel has a point in its lenslet's cell, where the line from the pixel's centre to
-the eye crosses the aperture plane (`optics.convergence`). Without a viewing distance
-the point is the pixel's centre.
+Each pixel has a point in its lenslet's cell. At this point, the line from the pixel's
+centre to the eye crosses the aperture plane (`optics.convergence`). Without a viewing
+distance, the point is the pixel's centre.
 """
 
 from __future__ import annotations
@@ -33,11 +33,11 @@ from lippmann.rendering.integral_image import IntegralImage
 from lippmann.rendering.sampling import Window
 
 Kind = Literal["lens-centres", "cells", "view-numbers", "single-lens", "white-for-eye", "ramp", "ramps", "checker"]
-#: Patterns that a board also draws, in the order of the register's values from 1 on.
+#: Patterns that a board also draws, in the order of the register values, from 1 on.
 ON_BOARD: tuple[Kind, ...] = ("single-lens", "lens-centres", "view-numbers", "checker", "ramp")
-#: Side of the checker's tiles, pixels; the board uses the same.
+#: Side of the checker's tiles, pixels. A board uses the same side.
 TILE = 32
-#: Half width of a pixel, pixels: more than half, since rounding may move a point.
+#: Half width of a pixel, pixels. It is above 1/2, because rounding may move a point.
 IN_PIXEL = 17 / 32
 BAND_ROWS = 64
 #: Panel values from 0 to 1; their shape broadcasts to (rows, columns, 3).
@@ -45,20 +45,20 @@ Values = npt.NDArray[np.generic]
 
 
 class Places(NamedTuple):
-    """Lenslets (i, j) of pixels, whether pixels contain their centres, and places in cells, 0 to 255."""
+    """Lenslets (i, j) of pixels, whether pixels contain lenslet centres, and positions in cells, 0 to 255."""
 
     i: npt.NDArray[np.number]
     j: npt.NDArray[np.number]
     centre: npt.NDArray[np.bool_]
     right: npt.NDArray[np.number]
     up: npt.NDArray[np.number]
-    #: Whether the lenslet exists: pixels behind the opaque mount stay black.
+    #: Whether the lenslet exists. Pixels behind the opaque mount stay black.
     present: npt.NDArray[np.bool_]
 
 
 @dataclass(frozen=True)
 class Pixels:
-    """Pixels of a display by column (1, N) and row (M, 1); `lens` and `fraction_bits` as for `draw`."""
+    """Pixels of a display at columns (1, N) and rows (M, 1), with `lens` and `fraction_bits` of `draw`."""
 
     display: Display
     column: npt.NDArray[np.int64]
@@ -68,8 +68,10 @@ class Pixels:
 
     @cached_property
     def places(self) -> Places:
-        """The pixels' lenslets and places in the cells."""
-        panel, grid, system = self.display.panel, self.display.array.grid, System.of(self.display)
+        """The pixels' lenslets and positions in the cells."""
+        panel = self.display.panel
+        grid = self.display.array.grid
+        system = System.of(self.display)
         columns, rows = np.broadcast_arrays(self.column, self.row)
         if (f := self.fraction_bits) is not None:
             config = configuration(self.display, Build.of(self.display, "pinhole", f, aims=False), "pinhole")
@@ -83,7 +85,7 @@ class Pixels:
         to_x, to_y = system.convergence.on_panel(np.zeros_like(cx), np.zeros_like(cy), cx, cy)
         at_u, at_v = system.frame.pixel_from_panel(*system.frame.panel_from_array(cx + to_x, cy + to_y))
         centre = (abs(at_u - u) <= IN_PIXEL) & (abs(at_v - v) <= IN_PIXEL)
-        # A hexagonal cell is four thirds of a row high.
+        # A hexagonal cell is four thirds of a row pitch high.
         high = self.display.array.row_pitch_mm * (4.0 / 3.0 if grid == "hex" else 1.0)
         sides = (x - system.lattice.shear * y) / self.display.array.pitches_mm[0], y / high
         right, up = (np.clip(np.floor(256.0 * (side + 0.5)), 0, 255) for side in sides)
@@ -91,42 +93,43 @@ class Pixels:
 
 
 def lens_centres(at: Pixels) -> Values:
-    """White where the eye sees a lenslet's centre."""
+    """Return white where the eye sees a lenslet's centre."""
     return np.asarray((at.places.centre & at.places.present)[..., None])
 
 
 def cells(at: Pixels) -> Values:
-    """Red, green or blue by (i - j) modulo 3: cells with a common side differ."""
+    """Return red, green or blue for (i - j) modulo 3, so that cells with a common side differ."""
     colour = np.where(at.places.present, (at.places.i - at.places.j) % 3, -1)
     return np.asarray(colour[..., None] == np.arange(3))
 
 
 def view_numbers(at: Pixels) -> Values:
-    """Red and green: the place in the cell, to the right and upward, in 255ths; blue 0."""
+    """Return the position in the cell, in 255ths: red to the right and green upwards; blue is 0."""
     right, up = at.places.right * at.places.present, at.places.up * at.places.present
     return np.stack([right, up, np.zeros_like(up)], axis=2) / 255.0
 
 
 def single_lens(at: Pixels) -> Values:
-    """White in the cell of one lenslet."""
+    """Return white in the cell of one lenslet."""
     its = (at.places.i == at.lens[0]) & (at.places.j == at.lens[1])
     return np.asarray((its & at.places.present)[..., None])
 
 
 def checker(at: Pixels) -> Values:
-    """White and black tiles, the first black."""
+    """Return white and black tiles; the first tile is black."""
     return ((at.column // TILE + at.row // TILE) % 2)[..., None]
 
 
 def ramp(at: Pixels) -> Values:
-    """Grey: the column modulo 256, in 255ths."""
+    """Return grey of the column modulo 256, in 255ths."""
     return (at.column % 256)[..., None] / 255.0
 
 
 def ramps(at: Pixels) -> Values:
-    """Four bands, grey, red, green and blue from the top, each from black at the left to full light.
+    """Return four bands, from the top grey, red, green and blue, each from black at the left to full light.
 
-    Each has all levels of the panel once, or as many as columns where these are fewer.
+    Each band has all levels of the panel once, or one level per column if columns are
+    fewer.
     """
     panel = at.display.panel
     columns, top = panel.width_px, (1 << panel.bits) - 1
@@ -148,10 +151,10 @@ PATTERNS: dict[Kind, Callable[[Pixels], Values]] = {
 
 
 def white_for_eye(display: Display, eye: Eye) -> Values:
-    """Return (height, width): 1 for pixels that an eye sees through their own exact lenslets, else 0."""
+    """Return 1 for pixels that an eye sees through their own exact lenslets, else 0, (height, width)."""
     mi, dr = mitsuba(), drjit()
     panel, b, system = display.panel, DrJitBackend(current_device()), System.of(display)
-    # The panel spreads a lenslet's points; there, rays may be half a pixel apart.
+    # Rays of a lenslet spread on the panel, where they may be half a pixel apart.
     spread = abs(1.0 - display.aperture_distance_mm / display.array.focal_length_mm)
     samples = min(2 + int(np.ceil(2.0 * spread)), 8) ** 2
     window = Window(panel.width_mm, panel.height_mm, panel.width_px, panel.height_px)

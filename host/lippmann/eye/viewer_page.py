@@ -1,6 +1,6 @@
-"""Assembles the viewer page, one text with all that the browser needs.
+"""Assembles the viewer page, one text with everything that the browser needs.
 
-Its parts are files of this package with `@@name@@` for values, `#include` in shaders.
+The parts are files of this package. Values replace `@@name@@`; shaders use `#include`.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ def read(name: str) -> str:
     return files("lippmann.eye").joinpath("page_files", name).read_text(encoding="utf-8")
 
 
-def filled(name: str, **values: str) -> str:
+def fill_template(name: str, **values: str) -> str:
     """Return a template with its holes filled by the values of the same names."""
     text = read(name)
     holes = set(HOLE.findall(text))
@@ -49,17 +49,19 @@ def shader(name: str) -> str:
 
 #: Range of the eye's distance, in viewing distances.
 DISTANCES = (0.25, 4.0)
-#: Maximum pupil, mm: as wide as a camera's lens, which shows focus best.
+#: Maximum pupil, mm. It is as wide as a camera lens, which shows focus best.
 PUPIL_MM = 20.0
-#: Largest rotation of the array, degrees, and largest relative change of its pitch.
-TURN_DEG, STRETCH = 5.0, 0.05
-#: Step of the stretch.
+#: Maximum rotation of the array, degrees.
+TURN_DEG = 5.0
+#: Maximum relative change of the array's pitch.
+STRETCH = 0.05
+#: Step of the slider for the relative pitch.
 FINE = 1e-4
 
 
 @dataclass(frozen=True)
 class Slider:
-    """A slider from `low` to `high` by `step`, initially at `value`."""
+    """A slider from `low` to `high` in steps of `step`, initially at `value`."""
 
     id: str
     label: str
@@ -70,9 +72,9 @@ class Slider:
     value: float = 0.0
 
     def html(self) -> str:
-        """Return the slider with its label and the display of its value."""
+        """Return the HTML of the slider, its label and its value."""
         numbers = {key: f"{getattr(self, key):.12g}" for key in ("low", "high", "step", "value")}
-        return filled("slider.html", id=self.id, label=html.escape(self.label), unit=self.unit, **numbers)
+        return fill_template("slider.html", id=self.id, label=html.escape(self.label), unit=self.unit, **numbers)
 
 
 def eye_reach_mm(display: Display) -> float:
@@ -80,24 +82,24 @@ def eye_reach_mm(display: Display) -> float:
     distance = viewing_distance(display)
     zone = distance * (1.0 + display.convergence) * display.array.coarsest_mm / display.aperture_distance_mm
     aside = max(abs(x) for x in middle_eye(display, distance)[:2])
-    return _neat(aside + 0.5 * (zone + max(display.panel.width_mm, display.panel.height_mm)))
+    return _round_up(aside + 0.5 * (zone + max(display.panel.width_mm, display.panel.height_mm)))
 
 
 def focus_reach_mm(display: Display) -> float:
     """Return the maximum focus depth, mm: twice the depth range, below the minimum viewing distance."""
-    return _neat(min(2.0 * depth_reach_mm(display)[1], 0.9 * DISTANCES[0] * viewing_distance(display)))
+    return _round_up(min(2.0 * depth_reach_mm(display)[1], 0.9 * DISTANCES[0] * viewing_distance(display)))
 
 
 def sliders(display: Display) -> dict[str, list[Slider]]:
-    """Return the sliders by group."""
+    """Return the sliders, keyed by group."""
     array = display.array
     reach, focus = eye_reach_mm(display), focus_reach_mm(display)
     x, y, distance = middle_eye(display, viewing_distance(display))
     near, far = (share * distance for share in DISTANCES)
-    shift, lift = _neat(0.5 * array.coarsest_mm), _neat(0.5 * array.focal_length_mm)
+    shift, lift = _round_up(0.5 * array.coarsest_mm), _round_up(0.5 * array.focal_length_mm)
     # A lenslet must cover at least a pixel, and its radius must span its cell.
-    narrow = 1.0 - _rounded(1.0 - max(1.0 - STRETCH, display.panel.coarsest_mm / array.finest_mm), FINE)
-    wide = 1.0 + _rounded(min(1.0 + STRETCH, array.radius_mm / array.half_diagonal_mm) - 1.0, FINE)
+    narrow = 1.0 - _round_down(1.0 - max(1.0 - STRETCH, display.panel.coarsest_mm / array.finest_mm), FINE)
+    wide = 1.0 + _round_down(min(1.0 + STRETCH, array.radius_mm / array.half_diagonal_mm) - 1.0, FINE)
     return {
         "Eye": [
             Slider("eye-x", "Right", "mm", -reach, reach, _step(reach), x),
@@ -113,21 +115,21 @@ def sliders(display: Display) -> dict[str, list[Slider]]:
             Slider("pitch-scale", "Stretched", "×", narrow, wide, FINE, 1.0),
             Slider("offset-x", "Moved right", "mm", -shift, shift, _step(shift)),
             Slider("offset-y", "Moved up", "mm", -shift, shift, _step(shift)),
-            Slider("gap", "Lifted", "mm", 0.0 - _rounded(min(display.gap_mm, lift), _step(lift)), lift, _step(lift)),
+            Slider("gap", "Lifted", "mm", 0.0 - _round_down(min(display.gap_mm, lift), _step(lift)), lift, _step(lift)),
         ],
     }
 
 
 def controls_html(display: Display) -> str:
-    """Return the groups of sliders."""
+    """Return the HTML of the groups of sliders."""
     return "".join(
         f"<fieldset>\n<legend>{html.escape(group)}</legend>\n{''.join(one.html() for one in members)}</fieldset>\n"
         for group, members in sliders(display).items()
     )
 
 
-def _neat(value: float) -> float:
-    """Round up to two digits."""
+def _round_up(value: float) -> float:
+    """Round up to two significant digits."""
     unit = 10.0 ** (math.floor(math.log10(value)) - 1)
     return math.ceil(value / unit - 1e-9) * unit
 
@@ -137,8 +139,8 @@ def _step(reach: float) -> float:
     return 10.0 ** (math.floor(math.log10(reach)) - 2)
 
 
-def _rounded(value: float, step: float) -> float:
-    """Round down to a multiple of the step: browsers count from the low end, and 0 must be a step."""
+def _round_down(value: float, step: float) -> float:
+    """Round down to a multiple of the step, because browsers count steps from the low end."""
     return math.floor(value / step + 1e-9) * step
 
 
@@ -157,12 +159,12 @@ SCRIPTS = (
     "main",
 )
 SHADERS = ("full.vert", "glance.frag", "view.frag", "show.frag")
-#: Maximum side of the panel's pictures: every WebGL 2 takes textures of this size.
+#: Maximum side of a panel's tile. Every WebGL 2 accepts textures of this size.
 TILE_PX = 2048
-#: Maximum of a panel's pixels: a texture of 1 GB.
+#: Maximum number of a panel's pixels, which need a texture of 1 GB.
 MAX_PX = 1 << 28
 FRAMES_PER_SECOND = 12.0
-#: Focus range in the depth drawing, in its units; the drawing ends at 110.
+#: Focus range in units of the depth drawing, which ends at 110.
 DRAWN = 100.0
 
 
@@ -184,9 +186,9 @@ def page_html(
 ) -> str:
     """Return the viewer page of an integral image, with direct renders beside the view.
 
-    `radiance` is (height, width, 3), linear; the page stores it as 8 bits sRGB, clipped
-    at 1. `later` are further frames of a film. Raises InputError for an image without
-    the panel's size, or a direct render without its aspect ratio.
+    `radiance` is linear, (height, width, 3); the page stores 8 bits in sRGB, clipped at
+    1. `later` has further frames of a film. Raises InputError for an image without the
+    panel's size, or for a direct render without the panel's aspect ratio.
     """
     panel, array = display.panel, display.array
     frames = [radiance, *later]
@@ -216,19 +218,19 @@ def page_html(
     reach = depth_reach_mm(display)[1] / scale
     defines = (f"#define {key} {value}\n" for key, value in _defines(display).items())
     head = "#version 300 es\n" + "".join(defines)
-    return filled(
+    return fill_template(
         "page.html",
         title=html.escape(title),
         summary=html.escape(summary),
         style=read("style.css"),
         aspect=aspect,
-        direct=filled("direct.html", aspect=aspect) if directs else "",
+        direct=fill_template("direct.html", aspect=aspect) if directs else "",
         controls=controls_html(display),
-        depth=filled("depth.svg", mm_per_unit=f"{scale:.9g}", reach=f"{reach:.6g}", left_mm=f"−{focus:g}"),
+        depth=fill_template("depth.svg", mm_per_unit=f"{scale:.9g}", reach=f"{reach:.6g}", left_mm=f"−{focus:g}"),
         display=script_json(described),
         shaders=script_json({name: head + shader(name) for name in SHADERS}),
         directs=script_json(pictures),
-        play=filled("play.html", rate=f"{frames_per_second:g}", frames=str(len(frames))) if later else "",
+        play=fill_template("play.html", rate=f"{frames_per_second:g}", frames=str(len(frames))) if later else "",
         panel="\n".join(tile for number, frame in enumerate(frames) for tile in _tiles(frame, number)),
         script="".join(read(f"scripts/{name}.js") for name in SCRIPTS),
     )
@@ -247,7 +249,7 @@ def check_direct(direct: Direct, display: Display) -> None:
 
 
 def _tiles(radiance: Light, frame: int) -> Iterator[str]:
-    """Yield a frame's pictures row by row, smaller ones at the right and at the bottom."""
+    """Yield the HTML of a frame's tiles, row by row; the last tiles may be smaller."""
     height, width = (-(-side // -(-side // TILE_PX)) for side in radiance.shape[:2])
     for top in range(0, radiance.shape[0], height):
         for start in range(0, radiance.shape[1], width):
@@ -266,7 +268,7 @@ def script_json(value: object) -> str:
 
 
 def _defines(display: Display) -> dict[str, str]:
-    """Return the shaders' macros: properties that no slider changes."""
+    """Return the shaders' macros for properties that no slider changes."""
     defines = {}
     if display.array.grid == "hex":
         defines["HEX"] = "1"

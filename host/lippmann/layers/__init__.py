@@ -1,1 +1,1 @@
-"""Scenes as stacks of textured layers, which an FPGA draws without a frame memory."""
+"""Converts scenes to stacks of textured layers, which an FPGA draws without a frame memory."""

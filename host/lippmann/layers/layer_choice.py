@@ -1,4 +1,4 @@
-"""Cost of layers in bytes and hardware, PSNR of their views, and the cheapest layers."""
+"""Computes the cost of layers and the PSNR of their views, and chooses the cheapest layers."""
 
 from __future__ import annotations
 
@@ -27,28 +27,30 @@ from lippmann.rendering.pixel_filter import MAX_SAMPLES
 from lippmann.rendering.renderer import render_integral
 from lippmann.scenes.scene import Scene
 
-#: Bytes of a block RAM of the ECP5 (DP16KD). A palette of 32-bit words takes one, too.
+#: Bytes of a block RAM (DP16KD) of the ECP5. A palette of 32-bit words takes one RAM.
 BLOCK_RAM_BYTES = 2048
-#: Bytes of the table of the panel's curve, one for each colour.
+#: Bytes of the table of the panel's curve. Each colour has its own table.
 CURVE_BYTES = 8192
-#: Multipliers of the steps of rtl/scene; of COMPOSITE for each layer behind the first.
+#: Multipliers of each step in rtl/scene. COMPOSITE counts per layer behind the first.
 EXIT_LINE, LAYER_COORDINATE, TEXEL_BLEND, COMPOSITE, BACKGROUND = 10, 6, 3, 4, 3
-#: Places of a moving eye, as shares of the reach, and rays per pixel of its view.
-EYES, EYE_SAMPLES = (-0.8, -0.4, 0.0, 0.4, 0.8), 64
-#: Samples per pixel of the full render; above `MAX_SAMPLES`, no pixel is filtered.
+#: Positions of a moving eye, as fractions of the reach.
+EYES = (-0.8, -0.4, 0.0, 0.4, 0.8)
+#: Number of rays per pixel of the eye's view.
+EYE_SAMPLES = 64
+#: Samples per pixel of the full render, too many for the pixel filter.
 FULL_SAMPLES = MAX_SAMPLES + 1
 
 
 @dataclass(frozen=True)
 class Cost:
-    """Bytes to load, and hardware of the drawing on an ECP5, of layers in slots."""
+    """Cost of layers in slots: the bytes to load, and the hardware on an ECP5."""
 
     layers: int
-    #: Texels and palettes, sent once.
+    #: Bytes of texels and palettes, which are sent once.
     load_bytes: int
-    #: Block RAMs (DP16KD) of the slots, one more than layers, and of the panel's curve.
+    #: Block RAMs (DP16KD) of the panel's curve and of one slot more than layers.
     block_rams: int
-    #: Multipliers (MULT18X18D), with the cross terms of wide products in logic.
+    #: Multipliers (MULT18X18D). Logic computes the cross terms of wide products.
     multipliers: int
 
 
@@ -65,7 +67,7 @@ def cost_of(layers: int, slot: Size, filter: Filter) -> Cost:
 
 
 def eyes_of(reach: Reach) -> list[Eye]:
-    """Return the places of an eye that moves from left to right."""
+    """Return the positions of an eye that moves from left to right."""
     x, y, z = reach.eye_mm
     return [Eye((x + share * reach.aside_mm, y, z)) for share in EYES]
 
@@ -77,22 +79,22 @@ def full_views(scene: Scene, display: Display, settings: Settings) -> list[Radia
 
 
 def views_of(radiance: Radiance, display: Display) -> list[Radiance]:
-    """Return the moving eye's views of a panel's light, a pixel per lenslet."""
+    """Return the moving eye's views of a panel's light, with one pixel per lenslet."""
     window = whole_window(display)
     return [observe(radiance, display, eye, window, EYE_SAMPLES).radiance for eye in eyes_of(reach_of(display))]
 
 
 def decibels(light: npt.NDArray[np.floating], display: Display, full: Sequence[Radiance]) -> list[float]:
-    """Return the PSNR (dB) of the moving eye's views of a panel's light against `full`."""
+    """Return the PSNR (dB) of the moving eye's views of a panel's light, compared with `full`."""
     views = views_of(light.astype(np.float32), display)
     return [psnr_db(view, reference) for view, reference in zip(views, full, strict=True)]
 
 
 def streamed(scene: Scene, display: Display, full: Sequence[Radiance], settings: Settings) -> tuple[Bytes, list[float]]:
-    """Return a frame (height, width, 3) as a host streams it, and the decibels of the moving eye's views.
+    """Return a frame (height, width, 3) as a host streams it, and the PSNR (dB) of the moving eye's views.
 
-    It is a full render of one sample more, because other seeds share a part of the
-    error. Its decibels are those of both renders' noise and the panel's bits.
+    The frame is a full render with one more sample per pixel, because renders with
+    other seeds share a part of the error. The PSNR includes the noise of both renders.
     """
     again = replace(settings, samples=FULL_SAMPLES + 1, seed=(settings.seed + 1) % 2**32)
     frame = panel_bytes(display, render_integral(scene, display, "exact", again).radiance)
@@ -109,10 +111,10 @@ def measured_cuts(
     filter: Filter | None,
     progress: Progress | None,
 ) -> Iterator[tuple[Cut, list[float]]]:
-    """Yield a scene's cut into each number of layers, and with a filter the views' decibels.
+    """Yield the cut of a scene into each number of layers, and with a filter the views' PSNR.
 
-    `parts` are what is cut by depths, and what becomes a layer of its own (see
-    `cut_scene`).
+    `parts` are the scene that is cut by depth and the scene that becomes its own layer
+    (see `cut_scene`).
     """
     full = [] if filter is None else full_views(scene, display, settings)
     for count in report_each(counts, progress):
@@ -121,7 +123,7 @@ def measured_cuts(
 
 
 def row_of(cut: Cut, views_db: Sequence[float], slot: Size, filter: Filter) -> Row:
-    """Return a cut's cost, and the mean and the least of its views' decibels, if any."""
+    """Return a cut's cost, and the mean and minimum PSNR of its views if there are views."""
     cost = cost_of(len(cut.stack.layers), slot, filter)
     quality = {"view_db": float(np.mean(views_db)), "worst_db": min(views_db)} if views_db else {}
     return {"layers": cost.layers, **quality, **dataclasses.asdict(cost)}
@@ -130,30 +132,32 @@ def row_of(cut: Cut, views_db: Sequence[float], slot: Size, filter: Filter) -> R
 TOLERANCE_DB = 25.0
 #: Default slots, texels across and down.
 SLOTS = ((64, 48), (128, 96), (256, 192), (512, 384))
-#: Block RAMs and multipliers that a board leaves of an ECP5-85: the optics of
-#: compact-square take 43 multipliers, the patterns 14.
-BLOCK_RAMS, MULTIPLIERS = 208 - 47, 156 - 57
+#: Number of block RAMs of an ECP5-85 that a board leaves free.
+BLOCK_RAMS = 208 - 47
+#: Number of multipliers of an ECP5-85 that a board leaves free. The optics of
+#: compact-square take 43 multipliers, and the patterns take 14.
+MULTIPLIERS = 156 - 57
 
 Limit = Literal["render", "hardware", "depths", "sizes"]
-#: Cost and decibels of layers by name (`row_of`); a candidate's `filter` and `slot`.
+#: Cost and PSNR of layers, keyed by name (`row_of`); a candidate's filter and slot.
 Row = dict[str, Any]
 
 
 @dataclass(frozen=True)
 class LayerChoice:
-    """The cheapest layers within the tolerance, or None and the reason."""
+    """The cheapest layers within the tolerance, or the reason why no layers suffice."""
 
     cheapest: Row | None
-    #: All layers that were drawn, from the cheapest on.
+    #: All layers that were drawn, in the order of cost.
     candidates: list[Row]
-    #: What keeps the best candidate from the tolerance.
+    #: Reason why the best candidate exceeds the tolerance.
     limit: Limit | None
-    #: Worst view of a full render with other samples, dB, when no layers suffice.
+    #: Minimum PSNR of another full render's views, dB, if no layers suffice.
     render_db: float | None
 
     @property
     def best(self) -> Row:
-        """The candidate whose worst view is best."""
+        """The candidate with the highest PSNR in its worst view."""
         return max(self.candidates, key=lambda row: row["worst_db"])
 
 
@@ -167,11 +171,11 @@ def choose_layers(
     settings: Settings | None = None,
     progress: Progress | None = None,
 ) -> LayerChoice:
-    """Choose the cheapest layers of a placed scene whose views by a moving eye are within the tolerance.
+    """Choose the cheapest layers of a placed scene that keep a moving eye's views within the tolerance.
 
-    The cost is block RAMs first, then bytes, then multipliers. Raises InputError for a
-    tolerance that is not positive and finite, slots that no board has, too little
-    hardware for a layer, and a scene of which no eye sees anything.
+    Costs compare block RAMs first, then bytes, then multipliers. Raises InputError for
+    a tolerance that is not positive and finite, slots that no board has, too little
+    hardware for a layer, and a scene that no eye sees.
     """
     if not 0.0 < tolerance_db < math.inf:
         raise InputError(f"tolerance {tolerance_db:g} dB is not positive and finite; give dB, such as {TOLERANCE_DB:g}")
@@ -203,7 +207,6 @@ Candidate = tuple[Cost, Size, Filter]
 
 
 def _candidates(slots: Sequence[Size], block_rams: int, multipliers: int) -> tuple[list[Candidate], list[Candidate]]:
-    """Return what fits the hardware, from the cheapest on, and what does not."""
     every = [
         (cost_of(count, slot, filter), slot, filter)
         for slot in dict.fromkeys(slots)

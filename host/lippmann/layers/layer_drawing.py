@@ -1,8 +1,8 @@
-"""Draws layers in float64: the golden form of what an FPGA draws.
+"""Draws layers in float64, as the golden model of the FPGA's drawing.
 
-A pixel's exit ray meets the plane of each layer; the texels there are composited from
-front to back in linear light, the pixel's samples are averaged, and the panel's curve
-is applied once. A ray without an exit is black.
+A pixel's exit ray meets the plane of each layer. The texels that the ray meets are
+composited from front to back in linear light. Then the pixel's samples are averaged,
+and the panel's curve is applied once. A ray without an exit is black.
 """
 
 from __future__ import annotations
@@ -41,23 +41,23 @@ from lippmann.scenes.placement import Placement
 Filter = Literal["nearest", "bilinear"]
 FILTERS: tuple[Filter, ...] = get_args(Filter)
 LAYER_ENGINES = ("golden", "twin", "rtl")
-#: Places of a pixel's samples, pixels from its centre, by their number.
+#: Sample positions, pixels from the pixel's centre, keyed by the number of samples.
 SAMPLES = {
     1: ((0.0, 0.0),),
     2: ((-0.25, -0.25), (0.25, 0.25)),
     4: ((-0.25, -0.25), (0.25, -0.25), (-0.25, 0.25), (0.25, 0.25)),
 }
-#: Largest slope, |dx/dz| and |dy/dz|, of a ray that draws.
+#: Maximum slope, |dx/dz| and |dy/dz|, of a ray that draws.
 MAX_SLOPE = 4.0
-#: Least texels of a row of a board's slots.
+#: Minimum number of texels in a row of a board's slot.
 MIN_ROW = 32
-#: Most bits of a panel's value that a board sends.
+#: Maximum number of bits of a panel value that a board sends.
 BOARD_BITS = 8
 CHUNK_RAYS = 1 << 18
 
 
 class ExitLines(NamedTuple):
-    """Exit rays: places in the plane z = 0, mm (N, 2), slopes (N, 2), and which draw (N,)."""
+    """Exit rays: points in the plane z = 0, mm (N, 2), slopes (N, 2), and the mask of rays that draw (N,)."""
 
     places_mm: Floats
     slopes: Floats
@@ -72,11 +72,11 @@ def draw_golden(
     model: Model = "exact",
     lines: Iterable[ExitLines] | None = None,
 ) -> Floats:
-    """Return the linear light (height, width, 3) of layers for a display, whatever its sub-pixels.
+    """Return the linear light (height, width, 3) of layers for a display, and ignore sub-pixels.
 
-    `lines` are its exit rays (`exit_lines`) or those of some rows, which alone are
-    drawn then. Raises InputError for an unknown filter, or a number of samples that a
-    board does not have.
+    `lines` are the display's exit rays (`exit_lines`), or the exit rays of the rows to
+    draw. Raises InputError for an unknown filter, or a number of samples that a board
+    does not have.
     """
     check_options(filter, samples)
     lines = exit_lines(display, samples, model) if lines is None else lines
@@ -85,7 +85,7 @@ def draw_golden(
 
 
 def scene_build_of(stack: LayerStack, filter: Filter, samples: int) -> SceneBuild:
-    """Return the smallest build that draws a stack; InputError, with the largest layer, without one."""
+    """Return the smallest build that draws a stack; raise InputError, with the largest layer, if none does."""
     widest = max(MIN_ROW, *(layer.width for layer in stack.layers))
     width = 1 << (widest - 1).bit_length()
     step = max(2, BLOCK_BYTES // width)
@@ -108,7 +108,7 @@ def check_options(filter: str, samples: object) -> None:
 
 
 def panel_bytes(display: Display, light: npt.NDArray[np.floating]) -> Bytes:
-    """Return a panel's values of linear light (..., 3), spread to 8 bits."""
+    """Return a panel's values for linear light (..., 3), scaled to 8 bits."""
     panel = display.panel
     return encoded_values(light, panel.transfer, min(panel.bits, BOARD_BITS)).astype(np.uint8)
 
@@ -132,7 +132,7 @@ def exit_lines(
 
 
 def composite(stack: LayerStack, lines: ExitLines, filter: Filter) -> Floats:
-    """Return the linear light (N, 3) of rays."""
+    """Return the linear light (N, 3) of rays through a stack."""
     light, through = np.zeros((len(lines.draws), 3)), np.ones(len(lines.draws))
     for layer in stack.layers:
         if layer.visible:
@@ -145,14 +145,13 @@ def composite(stack: LayerStack, lines: ExitLines, filter: Filter) -> Floats:
 
 
 def texel_coordinates(layer: Layer, lines: ExitLines) -> tuple[Floats, Floats]:
-    """Return where rays meet a layer, in its texels."""
+    """Return the texel coordinates where rays meet a layer."""
     x, y = (lines.slopes if layer.sky else lines.places_mm + layer.depth_mm * lines.slopes).T
     (a, b, s0), (c, d, t0) = layer.matrix
     return a * x + b * y + s0, c * x + d * y + t0
 
 
 def _bilinear(layer: Layer, s: Floats, t: Floats) -> tuple[Floats, Floats]:
-    """Return the mean of the four texels around places, as `_texels`."""
     column, row = np.floor(s - 0.5), np.floor(t - 0.5)
     across, down = s - 0.5 - column, t - 0.5 - row
     light, opacity = np.zeros((len(s), 3)), np.zeros(len(s))
@@ -165,7 +164,7 @@ def _bilinear(layer: Layer, s: Floats, t: Floats) -> tuple[Floats, Floats]:
 
 
 def _texels(layer: Layer, s: Floats, t: Floats) -> tuple[Floats, Floats]:
-    """Return the premultiplied light (N, 3) and the opacity (N,) of texels at places; 0 outside."""
+    """Return premultiplied light (N, 3) and opacity (N,) of the texels at points; both are 0 outside."""
     inside = (s >= 0.0) & (s < layer.width) & (t >= 0.0) & (t < layer.height)
     column, row = (np.where(inside, place, 0.0).astype(np.int64) for place in (s, t))
     index = layer.texels[row, column]
@@ -175,7 +174,7 @@ def _texels(layer: Layer, s: Floats, t: Floats) -> tuple[Floats, Floats]:
 
 @dataclass(frozen=True, eq=False)
 class LayerPlan(Plan):
-    """The picture of layers for a display; its own `BandRenderer`."""
+    """The plan of a picture of layers, which is its own `BandRenderer`."""
 
     stack: LayerStack
     filter: Filter
@@ -184,7 +183,7 @@ class LayerPlan(Plan):
 
     @functools.cached_property
     def identity(self) -> str:
-        """Hash of all that the pixels depend on."""
+        """Hash of all inputs that determine the pixels."""
         digest = hashlib.sha256(repr(self.stack.background).encode())
         for layer in self.stack.layers:
             shape = layer.texels.shape, layer.depth_mm, layer.brightness, layer.visible
@@ -194,7 +193,7 @@ class LayerPlan(Plan):
 
     @property
     def metadata(self) -> dict[str, str]:
-        """What the picture's file carries."""
+        """The metadata of the picture's file."""
         options, count = self.options, str(len(self.stack.layers))
         choices = {"model": options.model, "engine": options.engine, "samples": str(self.rays), "filter": self.filter}
         return {**choices, "layers": count, "version": __version__, **metadata_of(self.display)}
@@ -204,16 +203,19 @@ class LayerPlan(Plan):
         return self
 
     def prepare(self) -> float:
-        """Compile nothing."""
+        """Return 0: layers need no compilation."""
         return 0.0
 
     def render(self, number: int, report_rows: Callable[[int], None] | None = None) -> tuple[Radiance, list[int]]:
         """Return the radiance (rows, width, 3) of a band; no sample is lost.
 
-        For "twin", the RTL's integers, and "rtl", the RTL simulated, it is that of the
-        panel's bytes. Raises InputError for what their registers cannot hold.
+        "twin" (the RTL's integers) and "rtl" (the simulated RTL) give the radiance of
+        the panel's bytes. Raises InputError for values outside the registers' range.
         """
-        display, options, rows, model = self.display, self.options, self.bands[number], self.options.model
+        display = self.display
+        options = self.options
+        rows = self.bands[number]
+        model = self.options.model
         assert model != "auto"
         if options.engine == "golden":
             lines = exit_lines(display, self.rays, model, rows)

@@ -1,7 +1,7 @@
-"""Folders of layers, and of pictures that become layers (docs/reference/layers-file.md).
+"""Reads and writes folders of layers, and reads folders of pictures (docs/reference/layers-file.md).
 
-The PNG of a layer holds the bytes that a board stores. Its gamma chunk says that light
-is the square of a palette's colour, so that any viewer shows the right colours.
+The PNG of a layer has the bytes that a board stores. Its gamma chunk states that light
+is the square of a palette's colour, so that any viewer shows the correct colours.
 """
 
 from __future__ import annotations
@@ -34,16 +34,20 @@ from lippmann.scenes.mitsuba_xml import unique
 if TYPE_CHECKING:
     import PIL.Image
 
-#: The file that makes a folder one of layers, or of pictures.
-FILE, PICTURES_FILE = "layers.toml", "pictures.toml"
-#: Names of layers that are files' names on every system.
+#: Name of the file that describes a folder of layers.
+FILE = "layers.toml"
+#: Name of the file that describes a folder of pictures.
+PICTURES_FILE = "pictures.toml"
+#: Pattern of layer names that are valid file names on every system.
 NAME = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_-]{0,63}")
-#: Exponent from light to a palette's colour, 1/2, in PNG's steps of 10^-5.
+#: PNG gamma from light to a palette's colour, 1/2, in units of 10^-5.
 GAMMA = 50_000
-#: Side of a layer, texels, below which its size and place are in doubt.
+#: Side of a layer, texels, below which a warning doubts its size and position.
 FEW_TEXELS = 4
-#: Most pixels of a picture, and rows that are decoded at once.
-MAX_PIXELS, ROWS = 1 << 25, 256
+#: Maximum number of pixels of a picture.
+MAX_PIXELS = 1 << 25
+#: Number of rows that are decoded at once.
+ROWS = 256
 #: Red, green, blue and opacity of a picture's pixels, (height, width, 4).
 Rgba = npt.NDArray[np.float32]
 
@@ -57,7 +61,7 @@ Background = Annotated[tuple[Light, Light, Light], key("", shape="[red, green, b
 @documented
 @dataclass(frozen=True, kw_only=True)
 class LayerKeys:
-    """A layer of a folder."""
+    """A layer in a folder of layers."""
 
     picture: Annotated[Path, key("a PNG with a palette, beside this file; the name without `.png` is the layer's")]
     depth_mm: Annotated[Depth | Sky, key('z of the layer\'s plane; `"sky"`: infinitely far')]
@@ -76,15 +80,15 @@ class LayersFile:
 
 
 def is_layers(path: str | Path, file: str = FILE) -> bool:
-    """Tell whether a path is `layers.toml` (or another `file`), or a folder with it."""
+    """Tell whether a path is `layers.toml` (or another `file`), or a folder with this file."""
     return Path(path).name == file or (Path(path) / file).is_file()
 
 
 def load_named_layers(path: str | Path) -> tuple[LayerStack, tuple[str, ...]]:
-    """Read a folder of layers, or its `layers.toml`; return the stack, and its layers' names.
+    """Read a folder of layers, or its `layers.toml`; return the stack and the layers' names.
 
-    Raises InputError, with file, key and remedy, for bad keys, and pictures that are
-    not 8-bit PNGs with a palette.
+    Raises InputError, with file, key and remedy, for invalid keys, and for pictures
+    that are not 8-bit PNGs with a palette.
     """
     folder = path_of(path, "a folder of layers")
     file = folder / FILE if folder.is_dir() else folder
@@ -109,14 +113,14 @@ def load_named_layers(path: str | Path) -> tuple[LayerStack, tuple[str, ...]]:
 
 
 def save_layers(path: str | Path, stack: LayerStack, names: Sequence[str] = ()) -> Path:
-    """Write a stack as a folder, made when missing; return the path of its `layers.toml`.
+    """Write a stack to a folder, created if missing; return the path of its `layers.toml`.
 
-    `names` are those of the layers, by default layer_0, layer_1, ... from front to
-    back. Pictures that this function wrote for the folder's former layers are removed;
-    no other file is replaced.
+    `names` are the layers' names, by default layer_0, layer_1, ... from front to back.
+    Pictures that this function wrote for the folder's former layers are removed. No
+    other file is replaced.
 
-    Raises InputError for names that are not files' names or are those of other
-    pictures, and when writing fails.
+    Raises InputError for names that are invalid file names or belong to other pictures,
+    and if writing fails.
     """
     names = tuple(names) or tuple(f"layer_{place}" for place in range(len(stack.layers)))
     used_names = {name.casefold() for name in names}
@@ -145,7 +149,6 @@ def save_layers(path: str | Path, stack: LayerStack, names: Sequence[str] = ()) 
 
 
 def _written_pictures(file: Path) -> list[Path]:
-    """Return the pictures of a `layers.toml` that `save_layers` wrote."""
     try:
         layers = toml.read(LayersFile, toml.load(file, "layers"), str(file)).layer
     except InputError:  # not a folder of layers
@@ -155,8 +158,8 @@ def _written_pictures(file: Path) -> list[Path]:
 
 
 def _is_written(path: Path) -> bool:
-    """Tell by its gamma chunk whether `save_layers` wrote a picture."""
-    with contextlib.suppress(InputError), opened_png(path, "", "") as picture:
+    """Tell, from the gamma chunk, whether `save_layers` wrote a picture."""
+    with contextlib.suppress(InputError), open_png(path, "", "") as picture:
         return bool(picture.info.get("gamma") == GAMMA / 1e5)
     return False
 
@@ -180,7 +183,7 @@ def check_for_display(stack: LayerStack, display: Display, where: str = "layers"
 
 
 def check_depth(depth_mm: float, display: Display, where: str) -> None:
-    """Refuse a depth, except a sky's, at or behind a display's eyes."""
+    """Refuse a depth at or behind a display's eyes, except the depth of a sky."""
     eye = viewing_distance(display)
     if eye <= depth_mm < math.inf:
         what = f"{depth_mm:g} mm is not in front of the eyes of '{display.name}', at {eye:g} mm"
@@ -188,8 +191,8 @@ def check_depth(depth_mm: float, display: Display, where: str) -> None:
 
 
 @contextlib.contextmanager
-def opened_png(path: Path, if_missing: str, if_broken: str) -> Iterator[PIL.Image.Image]:
-    """Open a PNG; InputError, with these remedies, when it is missing or broken."""
+def open_png(path: Path, if_missing: str, if_broken: str) -> Iterator[PIL.Image.Image]:
+    """Open a PNG; raise InputError, with these remedies, if it is missing or broken."""
     from PIL import Image, UnidentifiedImageError
 
     if not path.is_file():
@@ -205,7 +208,7 @@ def opened_png(path: Path, if_missing: str, if_broken: str) -> Iterator[PIL.Imag
 
 def _read_png(path: Path) -> tuple[Bytes, Bytes]:
     """Return the indices (height, width) and the palette (256, 4) of a PNG."""
-    with opened_png(path, "mend its name in layers.toml", "write it again") as picture:
+    with open_png(path, "mend its name in layers.toml", "write it again") as picture:
         if max(picture.size) > MAX_SIDE:
             what = f"has {picture.width} x {picture.height} texels, more across or down than a board's slot can have"
             raise input_error(path, what, f"make each side at most {MAX_SIDE}")
@@ -240,7 +243,7 @@ def _write_png(path: Path, layer: Layer) -> None:
 
 
 def warn_of_textures(stack: LayerStack, names: Sequence[str]) -> None:
-    """Warn of layers of very few texels, and of transparent ones."""
+    """Warn of layers with very few texels, and of transparent layers."""
     for name, layer in zip(names, stack.layers, strict=True):
         if min(layer.width, layer.height) < FEW_TEXELS:
             size = f"{layer.width} x {layer.height} texels"
@@ -251,7 +254,7 @@ def warn_of_textures(stack: LayerStack, names: Sequence[str]) -> None:
 
 
 def warn_of_depths(depths_mm: Iterable[tuple[str, float]], display: Display) -> None:
-    """Warn of layers, except skies, outside the depth range, from their depths (name, z mm)."""
+    """Warn of layers (name, z in mm) outside the display's depth range, except of skies."""
     far, near = depth_reach_mm(display)
     worst: dict[str, float] = {}
     for name, depth in depths_mm:
@@ -269,7 +272,7 @@ Width = Annotated[float, key("", above=0.0, high=1e6)]
 @documented
 @dataclass(frozen=True, kw_only=True)
 class PictureKeys:
-    """A picture of a folder."""
+    """A picture in a folder of pictures."""
 
     file: Annotated[Path, key("a PNG in sRGB, with or without opacity; its path is relative to this file")]
     depth_mm: Annotated[Depth | Sky, key('z of the picture\'s plane; `"sky"`: infinitely far')]
@@ -293,7 +296,7 @@ def is_pictures(path: str | Path) -> bool:
 def cut_pictures(path: str | Path, display: Display, slot: Size = SLOT) -> tuple[Cut, tuple[str, ...]]:
     """Return the layers of a folder of pictures for a display, front to back, and their names.
 
-    Raises InputError, with file, key and remedy, for bad keys and pictures, and for
+    Raises InputError, with file, key and remedy, for invalid keys and pictures, and for
     depths at or behind the eyes.
     """
     check_slot(slot)
@@ -308,10 +311,11 @@ def cut_pictures(path: str | Path, display: Display, slot: Size = SLOT) -> tuple
             raise input_error(f"{where}.width_mm, centre_mm", what, "leave them out")
         depth = math.inf if one.depth_mm == "sky" else float(one.depth_mm)
         check_depth(depth, display, f"{where}.depth_mm")
-        area, reached = _placed(_read(file.parent / one.file), reach, depth, one.centre_mm, one.width_mm)
+        light = _read_picture(file.parent / one.file)
+        area, reached = _crop_to_reach(light, reach, depth, one.centre_mm, one.width_mm)
         if not reached.size:
             raise input_error(f"{where}.centre_mm", "no ray of the display reaches the picture", "move it inwards")
-        light = _resized(reached, texels_for(area, display, slot))
+        light = _resize_picture(reached, texels_for(area, display, slot))
         opacity = np.clip(light[..., 3], 0.0, 1.0)
         colour = np.clip(light[..., :3] / np.maximum(opacity, 1e-9)[..., None], 0.0, 1.0)
         layer, error_db = layer_of(area, colour, opacity)
@@ -323,9 +327,9 @@ def cut_pictures(path: str | Path, display: Display, slot: Size = SLOT) -> tuple
     return Cut(LayerStack(layers, np.array(keys.background)), slabs, errors), tuple(unique(names))
 
 
-def _read(path: Path) -> Rgba:
+def _read_picture(path: Path) -> Rgba:
     """Return a picture's premultiplied linear light and its opacity, (height, width, 4)."""
-    with opened_png(path, "mend its name in the file", "give a PNG") as picture:
+    with open_png(path, "mend its name in the file", "give a PNG") as picture:
         width, height = picture.size
         if width * height > MAX_PIXELS:
             remedy = f"make it smaller, at most {MAX_PIXELS} pixels"
@@ -342,8 +346,8 @@ def _read(path: Path) -> Rgba:
     return light
 
 
-def _placed(light: Rgba, reach: Reach, depth_mm: float, centre: Pair, width: float | None) -> tuple[Area, Rgba]:
-    """Return the area of the part of a picture that rays reach, and that part."""
+def _crop_to_reach(light: Rgba, reach: Reach, depth_mm: float, centre: Pair, width: float | None) -> tuple[Area, Rgba]:
+    """Return the area of a picture's part that rays reach, and the part itself."""
     reached = reach.area(depth_mm)
     rows, columns = light.shape[:2]
     if width is None:  # as large as needed to cover all, about its centre
@@ -359,8 +363,7 @@ def _placed(light: Rgba, reach: Reach, depth_mm: float, centre: Pair, width: flo
     return area, light[r0:r1, c0:c1]
 
 
-def _resized(light: Rgba, max_size: Size) -> Floats:
-    """Return a picture of at most `max_size` texels, each the mean of its pixels."""
+def _resize_picture(light: Rgba, max_size: Size) -> Floats:
     from PIL import Image
 
     height, width = light.shape[:2]

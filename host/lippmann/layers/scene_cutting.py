@@ -1,16 +1,15 @@
 """Cuts a Mitsuba scene into layers for a display.
 
-Depths come from what eyes see (`slabs_of`). Each slab is rendered by itself from the
-middle eye (`peel`): rays start at the slab's front, so that a layer holds what nearer
-layers hide. Where a surface crosses from one slab to the next, the farther layer
-continues it underneath the nearer one, as far as a moving eye looks behind that layer's
-edge.
+The slabs follow from the depths that eyes see (`slabs_of`). The middle eye renders each
+slab alone (`peel`). Rays start at the slab's front, so that a layer has the surfaces
+that nearer layers hide. Where a surface crosses from one slab to the next, the farther
+layer continues the surface underneath the nearer layer, as far as a moving eye sees.
 
-A layer shows all of its slab at one depth. A point at depth z has the disparity u = z /
-(E - z) for eyes at the distance E: it moves u mm across the display for each mm of the
-eye. To first order the error of a view is the difference of two disparities times the
-picture's gradient. The slabs have the least mean square of it over all points that are
-seen (`partition`).
+A layer shows its whole slab at one depth. For eyes at the distance E, a point at depth
+z has the disparity u = z / (E - z): if the eye moves by 1 mm, the point moves by u mm
+across the display. To first order, the error of a view is the difference of two
+disparities times the picture's gradient. The slabs minimise the mean square of this
+error over all visible points (`partition`).
 """
 
 from __future__ import annotations
@@ -39,42 +38,50 @@ from lippmann.rendering.renderer import make_integrator
 from lippmann.rendering.sampling import Lines, Seeds, first_hit, sampler_of
 from lippmann.scenes.scene import Scene
 
-#: Default slot.
+#: Default slot, texels across and down.
 SLOT = (256, 192)
-#: Lenslets at each edge of the panel, and places along it, that `reach_of` traces.
-EDGE_LENSLETS, REACH_RAYS = 2.0, 101
-#: Rays across and down for a scene's depths, and for the area of a slab; its samples.
-DEPTH_RAYS, TRIAL_RAYS, TRIAL_SAMPLES = (256, 192), (128, 96), 4
-#: Least texels that a layer continues underneath a nearer one.
+#: Lenslets at each edge of the panel that `reach_of` traces.
+EDGE_LENSLETS = 2.0
+#: Rays along each edge of the panel that `reach_of` traces.
+REACH_RAYS = 101
+#: Numbers of rays across and down that find a scene's depths.
+DEPTH_RAYS = (256, 192)
+#: Numbers of texels across and down that find the area of a slab.
+TRIAL_RAYS = (128, 96)
+#: Samples per texel that find the area of a slab.
+TRIAL_SAMPLES = 4
+#: Minimum number of texels that a layer continues underneath a nearer layer.
 EDGE_TEXELS = 2.0
 #: Coverage above which a texel belongs to a surface.
 COVERED = 0.5
 
 
 class Reach(NamedTuple):
-    """How far a display's rays and its eyes reach."""
+    """The areas that a display's rays and its eyes reach."""
 
-    #: Where rays meet the plane z = 0, mm (N, 2), and their slopes (N, 2).
+    #: Points where rays meet the plane z = 0, mm (N, 2).
     places_mm: Floats
+    #: Slopes of the rays, (N, 2).
     slopes: Floats
-    #: The middle eye, and the largest distance of other eyes from it, mm.
+    #: Position of the middle eye, mm.
     eye_mm: Point
+    #: Maximum distance of other eyes from the middle eye, mm.
     aside_mm: float
 
     def area(self, depth_mm: float) -> Area:
-        """Return the area that rays meet at a depth; at infinity, of their slopes."""
+        """Return the area that rays meet at a depth; at infinity, the area of the rays' slopes."""
         points = self.slopes if math.isinf(depth_mm) else self.places_mm + depth_mm * self.slopes
         return Area(depth_mm, *points.min(axis=0).tolist(), *points.max(axis=0).tolist())
 
 
 @dataclass(frozen=True)
 class Cut:
-    """A cut scene: the layers, their slabs, and the errors of their palettes, dB."""
+    """A cut scene: the layers, their slabs, and the PSNR of their palettes, dB."""
 
     stack: LayerStack
     slabs: tuple[Slab, ...]
     palette_db: tuple[float, ...]
-    #: Number of the layer that moves by itself.
+    #: Index of the layer that moves by itself.
     apart: int | None = None
 
 
@@ -87,7 +94,7 @@ def check_slot(slot: Size) -> None:
 
 
 def reach_of(display: Display) -> Reach:
-    """Return how far a display's chief rays and its eyes reach."""
+    """Return the areas that a display's chief rays and its eyes reach."""
     panel = display.panel
     # The farthest rays leave the lenslets at the panel's edges.
     band = math.ceil(EDGE_LENSLETS * display.array.coarsest_mm / min(panel.pitches_mm))
@@ -114,13 +121,13 @@ def cut_scene(
     settings: Settings | None = None,
     apart: Scene | None = None,
 ) -> Cut:
-    """Cut a placed scene into at most `count` layers for a display; a scene of fewer depths gives fewer.
+    """Cut a placed scene into at most `count` layers for a display; fewer depths give fewer layers.
 
-    `slot` is the most texels of a layer, across and down. `apart` is a scene of what
-    moves by itself: it becomes one of the layers, at its own depth.
+    `slot` is a layer's maximum number of texels across and down. `apart` is a scene of
+    the objects that move by themselves. It becomes one layer, at its own depth.
 
-    Raises InputError for counts and sizes out of range, and a scene of which no eye
-    sees anything.
+    Raises InputError for counts and sizes out of range, and for a scene that no eye
+    sees.
     """
     count = whole_number("count", count, 1 if apart is None else 2, MAX_LAYERS)
     check_slot(slot)
@@ -131,13 +138,13 @@ def cut_scene(
     parts.sort(key=lambda part: -part[0].depth_mm)
     entries, background, before = [], np.zeros(3), None
     for slab, part in parts:
-        view = _picture(part, slab, before if part is scene else None, display, reach, slot, settings)
+        view = _render_slab(part, slab, before if part is scene else None, display, reach, slot, settings)
         before = slab if part is scene else before
         if view is None:
             continue
         area, colour, opacity = view
         entries.append((*layer_of(area, colour, opacity), slab, part is apart))
-        # What shows beside the last layer's texture.
+        # The background is visible beside the last layer's texture.
         background = (opacity[..., None] * colour).sum(axis=(0, 1)) / max(opacity.sum(), 1e-9)
     if not entries:
         raise InputError(f"{scene.path}: no layer has any texel; place the scene with --fit")
@@ -147,13 +154,12 @@ def cut_scene(
 
 
 def layer_of(area: Area, light: Floats, opacity: Floats) -> tuple[Layer, float]:
-    """Return the layer of a picture in an area, and its palette's error, dB."""
+    """Return the layer of a picture in an area, and the PSNR of its palette, dB."""
     texels, palette, error_db = quantise(rgba_of(light, opacity))
     return Layer(texels, palette, area.depth_mm, area.matrix(texels.shape[1], texels.shape[0])), error_db
 
 
 def _find_slabs(scene: Scene, count: int, reach: Reach, settings: Settings) -> list[Slab]:
-    """Return the slabs of a scene that eyes in the middle and to all sides see."""
     (x, y, z), aside, window = reach.eye_mm, reach.aside_mm, reach.area(0.0)
     eyes = [(x + a * aside, y + b * aside, z) for a, b in ((0, 0), (-1, 0), (1, 0), (0, -1), (0, 1))]
     trial = replace(settings, samples=TRIAL_SAMPLES)
@@ -164,12 +170,12 @@ def _find_slabs(scene: Scene, count: int, reach: Reach, settings: Settings) -> l
     return slabs_of(depths, detail, count, z, min(scene.depth_range_mm[1], z))
 
 
-def _picture(
+def _render_slab(
     scene: Scene, slab: Slab, before: Slab | None, display: Display, reach: Reach, slot: Size, settings: Settings
 ) -> tuple[Area, Floats, Floats] | None:
-    """Return a slab's area, light and opacity; None if rays meet nothing."""
+    """Return a slab's area, light and opacity; None if rays meet no surface."""
     depth = math.inf if math.isinf(slab.depth_mm) else slab.depth_mm
-    # A texel more on each side: bilinear textures fade out in the outer half texel.
+    # Add a texel on each side, because bilinear textures fade in the outer half texel.
     reached = reach.area(depth)
     texel = max(finest_texel(depth, display), *np.divide(reached.size, slot).tolist())
     reached = Area(depth, reached.x0 - texel, reached.y0 - texel, reached.x1 + texel, reached.y1 + texel)
@@ -180,7 +186,7 @@ def _picture(
         return None
     hidden = 0.0
     if before is not None and not math.isinf(depth):
-        # How far eyes look behind the nearer layer's edge, and texels covered in part.
+        # Eyes see this width behind the nearer layer's edge. Add partly covered texels.
         hidden = reach.aside_mm * (before.depth_mm - depth) / (reach.eye_mm[2] - before.depth_mm)
         hidden += EDGE_TEXELS * texel
     area = reached.cells(mask, hidden)
@@ -188,13 +194,13 @@ def _picture(
     view = peel(scene, area, reach.eye_mm, between, size, settings)
     if hidden > 0.0 and before is not None:
         under = peel(scene, area, reach.eye_mm, (before.front_mm, slab.front_mm), size, settings)
-        view = _continued(view, under, (area.size[1] / size[1], area.size[0] / size[0]), hidden)
+        view = _extend_slice(view, under, (area.size[1] / size[1], area.size[0] / size[0]), hidden)
     colour = view.light / np.maximum(view.coverage, 1e-9)[..., None]
     return area, np.clip(colour, 0.0, 1.0), np.clip(view.coverage, 0.0, 1.0)
 
 
-def _continued(view: Slice, under: Slice, texel_mm: tuple[float, float], hidden_mm: float) -> Slice:
-    """Continue a slab's picture with the nearer slab's (`under`) for `hidden_mm`."""
+def _extend_slice(view: Slice, under: Slice, texel_mm: tuple[float, float], hidden_mm: float) -> Slice:
+    """Extend a slab's picture by the nearer slab's picture (`under`) over `hidden_mm`."""
     from scipy.ndimage import distance_transform_edt  # at its first use: slow to load
 
     own = view.coverage > COVERED
@@ -208,13 +214,13 @@ def _continued(view: Slice, under: Slice, texel_mm: tuple[float, float], hidden_
 
 
 def texels_for(area: Area, display: Display, slot: Size) -> Size:
-    """Return an area's texels: a slot's, or fewer, none finer than what a pixel sees."""
+    """Return an area's numbers of texels, at most a slot's, and no finer than a pixel sees."""
     width, height = (max(2, math.ceil(side / finest_texel(area.depth_mm, display))) for side in area.size)
     return min(slot[0], width), min(slot[1], height)
 
 
 def finest_texel(depth_mm: float, display: Display) -> float:
-    """Return the distance of neighbouring rays at a depth, mm, at least a pixel; of a sky, in slopes."""
+    """Return the distance of neighbouring rays at a depth, mm, at least a pixel; for a sky, of slopes."""
     pixel = display.panel.coarsest_mm
     slope = pixel / display.aperture_distance_mm
     return slope if math.isinf(depth_mm) else max(pixel, abs(depth_mm) * slope)
@@ -235,7 +241,7 @@ class Area:
 
     @property
     def size(self) -> tuple[float, float]:
-        """Width and height."""
+        """Width and height of the rectangle."""
         return self.x1 - self.x0, self.y1 - self.y0
 
     def matrix(self, width: int, height: int) -> Floats:
@@ -244,7 +250,7 @@ class Area:
         return np.array([[a, 0.0, -a * self.x0], [0.0, d, -d * self.y1]])
 
     def cells(self, mask: npt.NDArray[np.bool_], margin: float) -> Area:
-        """Return the part under a mask's cells, with a margin and a cell on each side."""
+        """Return the part under a mask's true cells, with a margin and a cell on each side."""
         rows, columns = np.flatnonzero(mask.any(axis=1)), np.flatnonzero(mask.any(axis=0))
         across, down = self.size[0] / mask.shape[1], self.size[1] / mask.shape[0]
         return Area(
@@ -257,7 +263,7 @@ class Area:
 
 
 class Slice(NamedTuple):
-    """An eye's view of a slab: light (height, width, 3) times coverage, coverage (height, width)."""
+    """An eye's view of a slab: light times coverage (height, width, 3), and coverage (height, width)."""
 
     light: Floats
     coverage: Floats
@@ -266,7 +272,7 @@ class Slice(NamedTuple):
 def peel(
     scene: Scene, area: Area, eye_mm: Point, between_mm: tuple[float, float], size: Size, settings: Settings
 ) -> Slice:
-    """Return what an eye sees in an area of the surfaces between two depths (front, back).
+    """Return an eye's view, in an area, of the surfaces between two depths (front, back).
 
     `size` is (width, height). A back of -infinity includes the scene's surroundings.
     """
@@ -302,11 +308,10 @@ def seen_depths(scene: Scene, area: Area, eye_mm: Point, size: Size, settings: S
     """Return the depths (N,) that an eye sees in an area, -infinity for surroundings, and the detail (N,).
 
     Detail is the squared difference of neighbouring texels. It counts for the nearer
-    one, whose surface hides what is behind its edge.
+    texel, whose surface hides farther surfaces behind its edge.
     """
     front, (width, height) = min(scene.depth_range_mm[1], eye_mm[2]), size
     index = dr.arange(mi.UInt32, width * height)
-    # A single sample is at the texel's centre.
     lines = _lines(area, eye_mm, size, index, dr.zeros(mi.UInt32, width * height), replace(settings, samples=1))
     _, valid, z = first_hit(scene, lines, front)
     depths = np.where(np.asarray(valid), np.asarray(z, np.float64), -np.inf).reshape(height, width)
@@ -322,8 +327,7 @@ def seen_depths(scene: Scene, area: Area, eye_mm: Point, size: Size, settings: S
 
 
 def _lines(area: Area, eye_mm: Point, size: Size, texel: Arr, sample: Arr, settings: Settings) -> Lines:
-    """Return the lines from samples of texels to an eye; of slopes, through the origin."""
-    # Opaque, so that another area or eye needs no compilation.
+    """Return the lines from texel samples to an eye; for slopes, lines through the origin."""
     columns = dr.opaque(mi.UInt32, size[0])
     places = area.x0, area.y1, area.size[0] / size[0], area.size[1] / size[1]
     x0, y1, across, down = (dr.opaque(mi.Float, value) for value in places)
@@ -339,11 +343,11 @@ def _lines(area: Area, eye_mm: Point, size: Size, texel: Arr, sample: Arr, setti
     return Lines((x, y, depth), (ray.x, ray.y, ray.z), mi.Bool(True))
 
 
-#: Bins of the histogram of disparities.
+#: Number of bins in the histogram of disparities.
 BINS = 512
-#: Weight of a point without any detail, in mean details.
+#: Weight of a point without detail, as a fraction of the mean detail.
 PLAIN = 0.05
-#: Least width of a bin, above rounding: 0.001 mm for an eye that moves 100 mm.
+#: Minimum width of a bin: a shift of 0.001 mm for an eye that moves 100 mm.
 FINEST = 1e-5
 #: Disparity at infinity.
 SKY = -1.0
@@ -366,22 +370,22 @@ def disparity(z_mm: npt.ArrayLike, eye_mm: float) -> Floats:
 
 
 def depth_of(u: float, eye_mm: float) -> float:
-    """Return the depth of a disparity; the inverse of `disparity`."""
+    """Return the depth for a disparity, as the inverse of `disparity`."""
     return -math.inf if u <= SKY else eye_mm * u / (1.0 + u)
 
 
 def slabs_of(z_mm: Floats, detail: Floats, count: int, eye_mm: float, front_mm: float) -> list[Slab]:
     """Return at most `count` slabs, front to back, for the depths (N,) that eyes at a distance see.
 
-    `detail` (N,) is the squared gradient of the picture there. Depths of -infinity, of
-    a scene's surroundings, have a slab of their own or share the last one. The first
-    slab starts at `front_mm`; the last one has no back.
+    `detail` (N,) is the squared gradient of the picture at these points. A scene's
+    surroundings, at depth -infinity, have their own slab or share the last slab. The
+    first slab starts at `front_mm`. The last slab has no back.
     """
     u = disparity(z_mm, eye_mm)
     near = u[u > SKY]
     low, high = (float(near.min()), float(near.max())) if near.size else (0.0, 0.0)
     step = max((high - low) / (BINS - 1), FINEST)
-    # Bin 0 is the sky; each other bin is known by the mean of its disparities.
+    # Bin 0 is the sky. The mean disparity represents every other bin.
     place = np.where(u > SKY, 1 + np.rint((u - low) / step).astype(np.int64), 0)
     mean_detail = float(detail.mean())
     share = detail + (PLAIN * mean_detail if mean_detail > 0.0 else 1.0)
@@ -399,10 +403,10 @@ def slabs_of(z_mm: Floats, detail: Floats, count: int, eye_mm: float, front_mm: 
 
 
 def partition(values: Floats, weights: Floats, count: int) -> list[int]:
-    """Return the ends of `count` runs of ordered values: the least weighted squares about their means."""
+    """Return the ends of `count` runs of ordered values with the minimum weighted variance."""
     n = len(values)
     sums = [np.concatenate([[0.0], np.cumsum(weights * values**power)]) for power in range(3)]
-    # The sums of squares of the runs from each start before each end.
+    # `runs` has, for each end, the sums of squares of the runs from each start.
     runs = []
     for end in range(1, n + 1):
         w, m, q = (one[end] - one[:end] for one in sums)

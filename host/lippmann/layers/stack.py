@@ -1,9 +1,8 @@
-"""A scene as a stack of layers, textures of palette colours in planes, with one background behind.
+"""Describes a scene as a stack of layers, textures of palette colours, before one background.
 
 Golden, twin and RTL draw from the bytes that a board stores. Pillow chooses the first
-palette of a picture; Lloyd's steps then move each colour to the mean of its texels.
-Distances are those of what is seen: of the square roots of light times the opacity, and
-of the opacity.
+palette of a picture. Lloyd's steps then move each colour to the mean of its texels.
+Distances of colours use the opacity, and the square root of light times the opacity.
 """
 
 from __future__ import annotations
@@ -26,9 +25,9 @@ Number = TypeVar("Number", bound=np.generic)
 MAX_LAYERS = 8
 #: Maximum side of a texture, texels.
 MAX_SIDE = 1024
-#: Colours of a palette.
+#: Number of colours in a palette.
 COLOURS = 256
-#: Farthest depth of a layer, mm; what lies beyond is a sky.
+#: Maximum distance of a layer from the array, mm; farther layers are skies.
 MAX_DEPTH_MM = 1e6
 
 
@@ -65,14 +64,14 @@ class Layer:
     palette
         (256, 4) uint8: red, green, blue (square roots of linear light) and opacity.
     depth_mm
-        z of the plane, mm; more than 0 is in front of the array. `math.inf`: a sky.
+        z of the plane, mm; a positive z is in front of the array. `math.inf` is a sky.
     matrix
         (2, 3) float64: a ray that meets the plane at (x, y), mm, sees texel (s, t) =
-        matrix @ (x, y, 1); of a sky matrix @ (dx/dz, dy/dz, 1). s runs to the right and
-        t downwards; texel (0, 0) covers 0 to 1 of both. A layer is transparent outside
-        of its texture.
+        matrix @ (x, y, 1). In a sky, (s, t) = matrix @ (dx/dz, dy/dz, 1). s increases
+        to the right and t downwards. Texel (0, 0) covers 0 to 1 in s and t. A layer is
+        transparent outside its texture.
     brightness
-        Factor on the light, 0 to 1; the opacity stays.
+        Factor on the light, 0 to 1. It does not change the opacity.
     visible
         Whether the layer is drawn.
     """
@@ -85,7 +84,6 @@ class Layer:
     visible: bool = True
 
     def __post_init__(self) -> None:
-        """Copy the arrays, read-only; refuse wrong types, shapes and values."""
         texels = _array("layer: texels", self.texels, np.uint8, (None, None), "(height, width), each at least 1")
         if max(texels.shape) > MAX_SIDE:
             size = f"{texels.shape[1]} x {texels.shape[0]}"
@@ -107,12 +105,12 @@ class Layer:
 
     @property
     def width(self) -> int:
-        """Texels of a row."""
+        """Number of texels in a row."""
         return int(self.texels.shape[1])
 
     @property
     def height(self) -> int:
-        """Rows of texels."""
+        """Number of rows of texels."""
         return int(self.texels.shape[0])
 
     @property
@@ -121,7 +119,7 @@ class Layer:
         return math.isinf(self.depth_mm)
 
     def moved(self, scale: float, offset_mm: tuple[float, float, float]) -> Layer:
-        """Return the layer scaled about the display's middle, then moved; a sky stays."""
+        """Return the layer scaled about the display's middle, then shifted; a sky does not change."""
         scale = _number("scale", scale)
         x, y, z = _array("layer: offset_mm", offset_mm, np.float64, (3,), "(x, y, z) in mm")
         if self.sky:
@@ -131,10 +129,10 @@ class Layer:
         return replace(self, depth_mm=scale * self.depth_mm + z, matrix=matrix)
 
     def padded(self, width: int, height: int) -> Bytes:
-        """Return the texels (height, width) of a slot: the texture at its top left, else transparent.
+        """Return a slot's texels (height, width): the texture at the top left, transparent texels elsewhere.
 
-        Raises InputError for a larger texture, and for a smaller one without a
-        transparent colour in its palette.
+        Raises InputError for a texture larger than the slot, and for a smaller texture
+        without a transparent colour in its palette.
         """
         size = f"layer: the texture of {self.width} x {self.height} texels"
         if self.width > width or self.height > height:
@@ -168,7 +166,6 @@ class LayerStack:
     background: Floats = field(default_factory=lambda: np.zeros(3))
 
     def __post_init__(self) -> None:
-        """Refuse wrong layers, wrong numbers of them, and backgrounds out of range."""
         check_type("layers", self.layers, (list, tuple), "a list of lippmann.Layer")
         layers = tuple(self.layers)
         for k, layer in enumerate(layers):
@@ -183,7 +180,7 @@ class LayerStack:
         object.__setattr__(self, "background", background)
 
     def moved(self, scale: float = 1.0, offset_mm: tuple[float, float, float] = (0.0, 0.0, 0.0)) -> LayerStack:
-        """Return the stack scaled about the display's middle, then moved, mm."""
+        """Return the stack scaled about the display's middle, then shifted by `offset_mm`."""
         if not 0.0 < as_number(scale) < math.inf:
             raise InputError(f"layers: scale {scale} is out of range; give more than 0")
         return replace(self, layers=tuple(layer.moved(scale, offset_mm) for layer in self.layers))
@@ -192,9 +189,9 @@ class LayerStack:
 def _array(
     name: str, values: npt.ArrayLike, kind: type[Number], shape: tuple[int | None, ...], form: str
 ) -> npt.NDArray[Number]:
-    """Return a read-only copy of values of a type and shape, in which None is any length above 0."""
+    """Return a read-only copy of values with a type and shape; a side None means any length above 0."""
     try:
-        # Bytes are not converted, which would lose fractions or high bits.
+        # Values are not converted to bytes, which would lose fractions or high bits.
         array = np.asarray(values, None if kind is np.uint8 else kind)
     except (TypeError, ValueError, OverflowError):
         raise InputError(f"{name} contains something that is not a number; give numbers") from None
@@ -217,7 +214,7 @@ def _number(name: str, value: object) -> float:
     return number
 
 
-#: Lloyd's steps; each makes the error smaller, the last ones by less than 1 %.
+#: Number of Lloyd's steps. Each of the last steps reduces the error by less than 1 %.
 STEPS = 12
 
 
@@ -227,11 +224,11 @@ def rgba_of(light: Floats, opacity: Floats) -> Bytes:
 
 
 def quantise(rgba: Bytes) -> tuple[Bytes, Bytes, float]:
-    """Quantise a picture (height, width, 4), bytes as in a palette, to 256 colours.
+    """Quantise a picture (height, width, 4) of palette bytes to 256 colours.
 
-    Returns texels, palette, and the PSNR, dB. Colour 0 is transparent, so that a
-    smaller texture can fill a slot. A picture of at most 255 other colours keeps them
-    all. Opaque texels stay opaque.
+    Returns texels, palette, and the PSNR in dB. Colour 0 is transparent, so that a
+    smaller texture can fill a slot. A picture with at most 255 other colours keeps all
+    its colours. Opaque texels stay opaque.
     """
     height, width = rgba.shape[:2]
     flat = np.where(rgba[..., 3:] > 0, rgba, 0).reshape(-1, 4)
@@ -255,7 +252,7 @@ def _perceived(rgba: Bytes) -> Floats:
 
 
 def nearest(rgba: Bytes, palette: Bytes) -> np.ndarray:
-    """Return the index of the palette's nearest colour, for opaque colours the nearest opaque one."""
+    """Return the index of the palette's nearest colour; opaque colours get an opaque colour."""
     from scipy.spatial import KDTree  # at its first use: slow to load
 
     place = KDTree(_perceived(palette)).query(_perceived(rgba))[1]
@@ -266,17 +263,17 @@ def nearest(rgba: Bytes, palette: Bytes) -> np.ndarray:
 
 
 def _palette(colours: Bytes, counts: np.ndarray) -> Bytes:
-    """Return 255 colours for many (N, 4), none transparent, of `counts` texels each."""
+    """Return 255 colours for N visible colours (N, 4), each with a number of texels in `counts`."""
     from PIL import Image
 
-    # Pillow's octree knows opacity. A picture of one row, each colour once.
+    # Pillow's octree supports opacity. The image has one row with each colour once.
     start = Image.fromarray(colours[None], "RGBA").quantize(COLOURS - 1, Image.Quantize.FASTOCTREE)
     palette: Bytes = np.array(start.getpalette("RGBA"), np.uint8).reshape(-1, 4)[np.unique(np.asarray(start))]
     points, opaque = _perceived(colours), colours[:, 3] == 255
     for _ in range(STEPS):
         place = nearest(colours, palette)
         weight = np.bincount(place, counts, len(palette))
-        # Colours without texels move to the worst ones.
+        # Colours with large errors replace colours without texels.
         error = ((points - _perceived(palette)[place]) ** 2).sum(axis=1) * counts
         worst = np.argsort(-error)[: COLOURS - 1 - np.count_nonzero(weight)]
         sums = np.stack([np.bincount(place, counts * points[:, k], len(palette)) for k in range(4)], axis=1)
@@ -286,7 +283,7 @@ def _palette(colours: Bytes, counts: np.ndarray) -> Bytes:
 
 
 def _colours_at(points: Floats, solid: np.ndarray) -> Bytes:
-    """Return points of `_perceived` as colours; `solid` ones become opaque."""
+    """Return points of `_perceived` as colours; `solid` points become opaque."""
     opacity = np.where(solid, 1.0, points[:, 3:].ravel())
     colour = points[:, :3] / np.maximum(points[:, 3:], 1e-9)
     rgba = np.concatenate([colour, opacity[:, None]], axis=1)

@@ -1,4 +1,4 @@
-"""A film: a scene, a number of frames, and the paths of what moves, from a TOML file."""
+"""Reads a film from a TOML file: a scene, a number of frames, and the paths of moving objects."""
 
 from __future__ import annotations
 
@@ -21,8 +21,8 @@ from lippmann.scenes.scene import Move
 Motion = Literal["smooth", "linear"]
 
 
-def interpolated(frames: Floats, numbers: Floats, motion: Motion | None, frame: float) -> Floats:
-    """Return numbers (N,) at a frame, from those (K, N) at the keys' frames (K,)."""
+def interpolate(frames: Floats, numbers: Floats, motion: Motion | None, frame: float) -> Floats:
+    """Return numbers (N,) at a frame, interpolated from numbers (K, N) at the key frames (K,)."""
     from scipy.interpolate import PchipInterpolator
 
     place = np.clip(frame, frames[0], frames[-1])
@@ -45,11 +45,11 @@ class Key:
 @documented
 @dataclass(frozen=True)
 class MotionPath:
-    """Keys, and the interpolation between them; nothing moves before the first and after the last.
+    """Keys and the interpolation between them. Nothing moves before the first key or after the last key.
 
     "smooth" interpolates each component by cubics that never go beyond a key (F.
     Fritsch, J. Butland, "A method for constructing local monotone piecewise cubic
-    interpolants", 1984). None means the film's `motion`, or else "smooth".
+    interpolants", 1984). None means the film's `motion`, by default "smooth".
     """
 
     keys: Annotated[tuple[Key, ...], key("positions at some frames; at least one"), Meta(min_length=1)]
@@ -60,14 +60,14 @@ class MotionPath:
         """Return the motion from rest to a frame, in the display's frame."""
         frames = np.array([key.frame for key in self.keys], np.float64)
         numbers = np.array([(*key.offset_mm, *key.rotation_deg, key.scale) for key in self.keys])
-        x, y, z, about_x, about_y, about_z, scale = interpolated(frames, numbers, self.motion, frame).tolist()
+        x, y, z, about_x, about_y, about_z, scale = interpolate(frames, numbers, self.motion, frame).tolist()
         turned = Placement(scale, (about_x, about_y, about_z))
         pivot = np.array(self.pivot_mm)
         x, y, z = (np.array([x, y, z]) + pivot - turned.display_from_scene[:3, :3] @ pivot).tolist()
         return replace(turned, offset_mm=(x, y, z))
 
 
-#: Maximum frames of a film: file names count to four digits.
+#: Maximum number of a film's frames, because file names have four digits.
 MAX_FRAMES = 10_000
 AnyPath = TypeVar("AnyPath", bound=MotionPath)
 Depth = Annotated[float | None, key("", default="the placement's, extended by the motions")]
@@ -83,7 +83,7 @@ class Moving(MotionPath):
 
 @dataclass(frozen=True, kw_only=True)
 class FilmFile:
-    """The keys of a film file. Later objects move what earlier ones have moved; the world is the scene."""
+    """The keys of a film file. An object also moves shapes that earlier objects moved; `world` is the scene."""
 
     scene: Annotated[Path, key("a Mitsuba scene; its path is relative to the film file")]
     frames: Annotated[int, key("number of frames, numbered from 0", low=1, high=MAX_FRAMES)]
@@ -98,13 +98,13 @@ class FilmFile:
 @documented
 @dataclass(frozen=True, kw_only=True)
 class Film(FilmFile):
-    """A film; `name` is its file's name without extension, `scene` an absolute path."""
+    """A film; `name` is its file name without extension, and `scene` is an absolute path."""
 
     name: str
 
     @property
     def key_frames(self) -> list[int]:
-        """The first frame, the last, and those of all keys, which bound all motion."""
+        """The first frame, the last frame, and the frames of all keys, which bound all motion."""
         paths = [*self.object, self.world] if self.world is not None else self.object
         return sorted({0, self.frames - 1, *(one.frame for path in paths for one in path.keys)})
 
@@ -114,7 +114,7 @@ class Film(FilmFile):
         return tuple(Move(one.shapes, back @ one.at(frame).display_from_scene @ forward) for one in self.object)
 
     def placement(self, frame: int, placement: Placement, film_placement: Placement | None = None) -> Placement:
-        """Return the scene's placement at a frame, from that at rest and the film's."""
+        """Return the scene's placement at a frame, from the placements at rest and of the film."""
         if self.world is not None:
             placement = placement.then(self.world.at(frame))
         if film_placement is not None:
@@ -125,13 +125,13 @@ class Film(FilmFile):
 
 
 def is_film(path: str | Path) -> bool:
-    """Tell whether a path is a TOML file, but not a scene's."""
+    """Tell whether a path is a TOML file, but not the file of a scene."""
     path = Path(path)
     return path.suffix.lower() == ".toml" and path.is_file() and kind_of(path) is None
 
 
 def load_film(path: str | Path) -> Film:
-    """Read a film file; InputError names file, key and remedy."""
+    """Read a film file; raise InputError with file, key and remedy."""
     path = Path(path)
     film = Film(**values(toml.read(FilmFile, toml.load(path, "film"), str(path))), name=path.stem)
     near, far = film.near_mm, film.far_mm
@@ -155,6 +155,6 @@ def check_frames(key_frames: Sequence[int], frames: int, where: str) -> None:
 
 
 def _with_motion(path: AnyPath, film: Film, where: str) -> AnyPath:
-    """Return a path with the film's motion if it has none; see `check_frames`."""
+    """Return a path with the film's motion if it has none. Raises InputError as `check_frames`."""
     check_frames([one.frame for one in path.keys], film.frames, where)
     return replace(path, motion=path.motion or film.motion)

@@ -1,4 +1,4 @@
-"""The frames of a film: their plans, and their files in a folder."""
+"""Plans the frames of a film, and stores them as files in a folder."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ logger = logging.getLogger("lippmann")
 
 @dataclass(frozen=True, eq=False)
 class FramePlan(ScenePlan):
-    """A frame of a film. All have one seed: pixels at rest do not change."""
+    """The plan of a film's frame. All frames share a seed, so pixels at rest do not change."""
 
     film: Film
     frame: int
@@ -46,7 +46,7 @@ class FramePlan(ScenePlan):
 
     @cached_property
     def identity(self) -> str:
-        """See `Plan`; the frame's file carries it."""
+        """See `Plan`; the frame's file stores the identity."""
         moves = [(move.shapes, move.matrix.tolist()) for move in self.moves]
         reach = (self.film.near_mm is None, self.film.far_mm is None)
         return pixels_identity(self.digest, self.placement, self.display, self.options, moves=moves, reach=reach)
@@ -62,7 +62,7 @@ class FramePlan(ScenePlan):
         return self._with_moved_shapes(scene) if self.film.object else scene
 
     def _with_moved_shapes(self, scene: Scene) -> Scene:
-        """Return the scene with depths of moved shapes, except for the film file's own."""
+        """Return the scene with the depths of moved shapes, unless the film file gives the depths."""
         rest_low, rest_high = placed_box(_bounds_at_rest(self.scene, self.digest), scene.placement)
         low, high = scene.box(scene.placement)
         far, near = scene.depth_range_mm
@@ -75,7 +75,6 @@ class FramePlan(ScenePlan):
 
 @functools.lru_cache(maxsize=1)
 def _bounds_at_rest(path: Path, digest: str) -> Box:
-    """Return the scene's bounds at rest; the scene is freed."""
     return load_scene(path, Placement(near_mm=1.0, far_mm=0.0)).bounds
 
 
@@ -83,12 +82,12 @@ def plan_film(film: Film, display: Display, options: RenderOptions, scale: float
     """Return the plans of a film's frames, scaled about the display's centre.
 
     A scale of None fits the film into the depth range. Raises InputError if the scene
-    cannot be read, or is unbounded and has to fit.
+    cannot be read, or if an unbounded scene has to fit.
     """
     digest, at_rest = digest_of(film.scene), placement_beside(film.scene)
     film_placement = None if scale == 1.0 else Placement(scale or 1.0)
     if scale is None:
-        film_placement = _fitting(film, at_rest, display)
+        film_placement = _fit_film(film, at_rest, display)
         # The depths in the film file are for the original size.
         film = replace(film, near_mm=None, far_mm=None)
     panel = display.panel
@@ -100,8 +99,7 @@ def plan_film(film: Film, display: Display, options: RenderOptions, scale: float
     ]
 
 
-def _fitting(film: Film, at_rest: Placement, display: Display) -> Placement:
-    """Return the placement that fits all key frames into a display."""
+def _fit_film(film: Film, at_rest: Placement, display: Display) -> Placement:
     anywhere = Placement(near_mm=1.0, far_mm=0.0)
     boxes = [
         load_scene(film.scene, anywhere, film.moves(frame, at_rest)).box(film.placement(frame, at_rest))
@@ -115,8 +113,8 @@ def _fitting(film: Film, at_rest: Placement, display: Display) -> Placement:
 
 
 def choose_shading(plans: list[FramePlan]) -> list[FramePlan]:
-    """Replace "auto": use the cache if trials at all key frames allow it."""
-    # Shaded in one way, pixels at rest do not change from frame to frame.
+    """Replace shading "auto"; use the cache if trials at all key frames allow it."""
+    # All frames have one shading, so that pixels at rest do not change.
     options, film = plans[0].options, plans[0].film
     if options.settings.shading != "auto":
         return plans
@@ -131,14 +129,14 @@ def choose_shading(plans: list[FramePlan]) -> list[FramePlan]:
 
 
 def warn_of_frame(plan: FramePlan) -> None:
-    """Warn and log as `report_and_choose_model` for a frame; keep the renderer for `start`."""
+    """Warn and log for a frame, as `report_and_choose_model`; keep the renderer for `start`."""
     scene = plan.load()
     model = report_and_choose_model(scene, plan.display, plan.options)
     plan.planned_by.append(make_renderer(scene, plan.display, replace(plan.options, model=model), plan.bands))
 
 
 def render_frame(plan: FramePlan) -> IntegralImage:
-    """Render a frame in this process. Errors as `FramePlan.load` and `Renderer`."""
+    """Render a frame in this process. Raises the errors of `FramePlan.load` and `Renderer`."""
     return render_picture(plan)
 
 
@@ -147,12 +145,12 @@ REMEDY = "choose another folder with -o"
 
 
 def frame_path(folder: Path, frame: int) -> Path:
-    """Return the path of a frame."""
+    """Return the path of a frame's file."""
     return folder / f"{FRAME_STEM}{frame:04d}.exr"
 
 
 def check_folder(folder: Path, frames: int) -> None:
-    """Raise InputError for a folder that cannot be made, or with a longer film's frames."""
+    """Raise InputError if a folder cannot be created, or contains frames of a longer film."""
     exists = folder.exists()
     make_folder(folder, REMEDY)
     if not exists:  # until there is a frame
@@ -173,10 +171,9 @@ def is_rendered(folder: Path, plan: FramePlan) -> bool:
 
 
 class FrameFolder:
-    """A sink for a film's frames. Each becomes a file after its last band."""
+    """A sink for a film's frames. Each frame becomes a file after its last band."""
 
     def __init__(self, folder: Path, plans: Sequence[FramePlan]) -> None:
-        """Make the folder; raise InputError if that fails."""
         self.folder, self._existed = folder, folder.exists()
         make_folder(folder, REMEDY)
         self._plans = plans
@@ -189,7 +186,7 @@ class FrameFolder:
         return [band for plan in self.missing_plans for band in bands_of_plan(plan)]
 
     def take(self, rendered: RenderedBand) -> None:
-        """Take a band; InputError or NoSpaceError if its frame cannot be written."""
+        """Store a band; raise InputError or NoSpaceError if its frame cannot be written."""
         plan = rendered.band.plan
         assert isinstance(plan, FramePlan)
         if plan.frame not in self._pictures:
@@ -214,7 +211,7 @@ class FrameFolder:
 
 @dataclass
 class Reel:
-    """A film, played in a loop without skipping frames, so more slowly if need be."""
+    """A film that plays in a loop. It skips no frame, so it may play more slowly."""
 
     plans: Sequence[FramePlan]
     frames_per_second: float
@@ -227,18 +224,18 @@ class Reel:
         return int(self._place)
 
     def advance(self, seconds: float) -> None:
-        """Let time pass, if the film plays."""
+        """Advance the film by a time, if the film plays."""
         if self.playing:
             self._move(min(seconds * self.frames_per_second, 1.0))
 
     def step(self, frames: int) -> None:
-        """Stop, and go to another frame."""
+        """Stop the film, and move by a number of frames."""
         self.playing = False
         self._place = float(self.frame)
         self._move(frames)
 
     def stage(self, frame: int) -> tuple[Scene | None, Placement]:
-        """Return a frame's scene (None: the same for all frames) and placement."""
+        """Return a frame's scene and placement; the scene is None if no shapes move."""
         plan = self.plans[frame]
         scene = plan.load() if plan.moves else None
         return scene, plan.placement if scene is None else scene.placement

@@ -1,4 +1,4 @@
-"""A film of layers, which a board draws: a folder of layers, and their motions from a TOML file."""
+"""Reads a film of layers, which a board draws: a folder of layers, and motions from a TOML file."""
 
 from __future__ import annotations
 
@@ -16,10 +16,10 @@ from lippmann.display.description import Display
 from lippmann.errors import InputError, did_you_mean, input_error, likely_file
 from lippmann.layers.layers_folder import Light, check_depth, is_layers, load_named_layers
 from lippmann.layers.stack import Layer, LayerStack
-from lippmann.motion.film import MAX_FRAMES, Motion, check_frames, interpolated
+from lippmann.motion.film import MAX_FRAMES, Motion, check_frames, interpolate
 from lippmann.scenes.placement import ORIGIN, Number, Scale, Triple
 
-#: Frames a second of a folder of layers.
+#: Frames per second of a folder of layers.
 STILL_RATE = 12.0
 Pair = tuple[Number, Number]
 
@@ -75,13 +75,13 @@ class LayerFilm:
     moving: tuple[MovingLayer, ...] = ()
 
     def at(self, frame: int) -> tuple[LayerStack, tuple[int, ...]]:
-        """Return a frame's stack, front to back, and its layers' numbers at rest."""
+        """Return a frame's stack, front to back, and its layers' indices in the stack at rest."""
         layers = list(self.stack.layers)
         order = [float(number) for number in range(len(layers))]
         for one in self.moving:
             number = self.names.index(one.name)
-            layers[number] = _moved(layers[number], one, frame, self.motion)
-            last = _last(one, frame)
+            layers[number] = _move_layer(layers[number], one, frame, self.motion)
+            last = _last_key(one, frame)
             if last is not None and last.order is not None:
                 order[number] = last.order
         numbers = tuple(sorted(range(len(layers)), key=lambda number: (order[number], number)))
@@ -97,7 +97,7 @@ class LayerFilm:
 
 
 def load_layer_film(path: str | Path) -> LayerFilm:
-    """Read a film or a folder of layers; InputError names file, key and remedy."""
+    """Read a film or a folder of layers; raise InputError with file, key and remedy."""
     path = Path(path)
     if is_layers(path) or path.is_dir():
         return LayerFilm(*load_named_layers(path))
@@ -128,27 +128,26 @@ def load_layer_film(path: str | Path) -> LayerFilm:
     return LayerFilm(stack, names, film.frames, film.frames_per_second, film.motion, film.layer)
 
 
-def _last(moving: MovingLayer, frame: int) -> LayerKey | None:
-    """Return the last key at or before a frame."""
+def _last_key(moving: MovingLayer, frame: int) -> LayerKey | None:
     reached = [one for one in moving.keys if one.frame <= frame]
     return reached[-1] if reached else None
 
 
-def _moved(layer: Layer, moving: MovingLayer, frame: int, motion: Motion) -> Layer:
+def _move_layer(layer: Layer, moving: MovingLayer, frame: int, motion: Motion) -> Layer:
     """Return a layer at a frame: sheared, scaled, rotated about its pivot, and shifted."""
     numbers = np.array(
         [(*one.offset_mm, one.rotation_deg, one.scale, one.shear, one.brightness) for one in moving.keys]
     )
     frames = np.array([one.frame for one in moving.keys], np.float64)
-    x, y, z, turn, scale, shear, brightness = interpolated(frames, numbers, moving.motion or motion, frame).tolist()
+    x, y, z, turn, scale, shear, brightness = interpolate(frames, numbers, moving.motion or motion, frame).tolist()
     angle = np.deg2rad(turn)
     rotation = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
     from_rest = scale * rotation @ np.array([[1.0, shear], [0.0, 1.0]])
-    # A point p at rest goes to pivot + from_rest (p - pivot) + shift, with its texels.
+    # A point p at rest moves to pivot + from_rest (p - pivot) + shift, with its texels.
     pivot = np.array(moving.pivot_mm)
     linear = layer.matrix[:, :2] @ np.linalg.inv(from_rest)
     zero = layer.matrix[:, 2] + layer.matrix[:, :2] @ pivot - linear @ (pivot + np.array([x, y]))
-    last = _last(moving, frame)
+    last = _last_key(moving, frame)
     visible = layer.visible if last is None else layer.visible and last.visible
     return replace(
         layer,
@@ -160,7 +159,7 @@ def _moved(layer: Layer, moving: MovingLayer, frame: int, motion: Motion) -> Lay
 
 
 def check_keys(film: LayerFilm, display: Display, path: str | Path) -> None:
-    """Raise InputError for an impossible layer, such as behind the eyes."""
+    """Raise InputError for an impossible layer, such as a layer behind the eyes."""
     for frame in range(film.frames):
         try:
             stack, numbers = film.at(frame)

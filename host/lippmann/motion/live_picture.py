@@ -1,4 +1,4 @@
-"""The integral image of a moving scene, and the loop that shows it: quickly, and finer at rest."""
+"""Shows the integral image of a moving scene, fast during motion and with more samples at rest."""
 
 from __future__ import annotations
 
@@ -30,12 +30,12 @@ from lippmann.rendering.sampling import RaySource, Window, display_source
 from lippmann.scenes.placement import Matrix, Placement
 from lippmann.scenes.scene import Scene
 
-#: Bits of float32 0 and 1; as integers, the bits between are in the floats' order.
+#: Bits of the float32 numbers 0 and 1. As integers, the bits have the floats' order.
 ZERO, ONE = 0, 0x3F800000
 
 
 def least_radiance(panel: Panel, bits: int) -> npt.NDArray[np.float32]:
-    """Return each level's least radiance, except the darkest's (2^bits - 1,)."""
+    """Return the minimum radiance of each level except the darkest, (2^bits - 1,)."""
     levels = values_of(bits)[1:]
     low, high = np.full(len(levels), ZERO), np.full(len(levels), ONE)
     while (high - low > 1).any():
@@ -57,11 +57,12 @@ class Encoder:
         bits = min(panel.bits, 8)
         self._byte = getattr(dr, mi.variant().split("_")[0]).ad.UInt8
         self._shape = (panel.height_px, panel.width_px, 3)
-        self._least, self._values = mi.Float(least_radiance(panel, bits)), self._byte(values_of(bits))
+        self._least = mi.Float(least_radiance(panel, bits))
+        self._values = self._byte(values_of(bits))
         dr.make_opaque(self._least, self._values)
 
     def __call__(self, planes: list[Jit]) -> Pixels:
-        """Return values (height, width, 3) of colour planes, perhaps Dr.Jit's memory."""
+        """Return values (height, width, 3) of colour planes, which may share Dr.Jit's memory."""
         place = 3 * dr.arange(mi.UInt32, dr.width(planes[0]))
         values = dr.empty(self._byte, 3 * dr.width(place))
         for k, plane in enumerate(planes):
@@ -72,14 +73,14 @@ class Encoder:
         return np.asarray(values).reshape(self._shape)
 
 
-#: Maximum seconds of a moving picture; above, blocks of pixels get one ray.
+#: Maximum time of a moving picture, s. If it takes longer, a block gets one ray.
 QUICK_S = 0.06
-#: Pictures that are timed; another program may disturb one.
+#: Number of timed pictures, since another program may disturb one.
 TRIALS = 3
 MAX_BLOCK = 8
-#: Samples of a pass at rest; the first pass equals a render of so many samples.
+#: Samples of a pass at rest. The first pass equals a render with these samples.
 PASS_SAMPLES = 4
-#: Pixels rendered between two checks of the mouse, by device.
+#: Pixels rendered between two checks of the mouse, keyed by device.
 PIXELS_AT_ONCE = {"llvm": 1 << 18, "cuda": 1 << 25}
 
 
@@ -89,10 +90,11 @@ class LivePicture:
     def __init__(
         self, scene: Scene, display: Display, model: Model, settings: Settings, block: int | None = None
     ) -> None:
-        """Compile the programs; a block of None is chosen by speed. Raises InputError as `Renderer`."""
+        """Compile the programs. A `block` of None is chosen by speed. Raises InputError as `Renderer`."""
         self._scene, self._panel, self._encoder = scene, display.panel, Encoder(display.panel)
         # A quick picture has fewer rays than the cache would have points.
-        self._settings, self._source = replace(settings, shading="each"), display_source(display, model)
+        self._settings = replace(settings, shading="each")
+        self._source = display_source(display, model)
         #: Side of the blocks of pixels that get one ray in a quick picture.
         self.block = 1
         self._renderers: dict[int, Renderer] = {}
@@ -111,7 +113,7 @@ class LivePicture:
         self._planes: list[Jit] = []
 
     def stage(self, scene: Scene) -> None:
-        """Take the scene of another frame; call `quick` next."""
+        """Use the scene of another frame. Call `quick` next."""
         self._scene = scene
         self._renderers.clear()
 
@@ -137,16 +139,16 @@ class LivePicture:
         return radiance_of(self._mean(), self._panel.width_px)
 
     def quick(self, placement: Placement) -> None:
-        """Draw the scene at another placement, one ray for each block of pixels."""
+        """Draw the scene at another placement, with one ray per block of pixels."""
         self._placement, self._passes = self._scene.placed(placement).placement, 0
-        planes = self._drawn(1, lambda: False) or []
+        planes = self._draw_pass(1, lambda: False) or []
         if self.block > 1:
             planes = [dr.gather(type(plane), plane, self._block_of_pixel) for plane in planes]
         self._planes = planes
 
     def finer(self, interrupted: Callable[[], bool]) -> bool:
-        """Add a pass to the mean; return False if it was interrupted."""
-        planes = self._drawn(PASS_SAMPLES, interrupted)
+        """Add a pass to the mean; return False if the pass was interrupted."""
+        planes = self._draw_pass(PASS_SAMPLES, interrupted)
         if planes is None:
             return False
         self._planes = [a + b for a, b in zip(self._planes, planes, strict=True)] if self._passes else planes
@@ -161,7 +163,7 @@ class LivePicture:
     def _renderer(self, samples: int) -> Renderer:
         """Return the renderer of quick pictures (one sample) or of passes."""
         if samples not in self._renderers:
-            source = _coarse(self._source, self.block) if samples == 1 < self.block else self._source
+            source = _coarsen(self._source, self.block) if samples == 1 < self.block else self._source
             rows = BAND_ROWS * max(1, round(PIXELS_AT_ONCE[current_device()] / (source.width_px * BAND_ROWS)))
             bands = [range(first, min(first + rows, source.height_px)) for first in range(0, source.height_px, rows)]
             self._renderers[samples] = Renderer(self._scene, source, replace(self._settings, samples=samples), bands)
@@ -169,14 +171,13 @@ class LivePicture:
 
     def _compile(self, samples: int) -> None:
         renderer = self._renderer(samples)
-        # A placement without rotation has another program than one with rotation.
+        # Placements with rotation use another program than placements without it.
         for turn_deg in (0.0, 1.0):
             renderer.move(replace(self._scene.placement, rotation_deg=(0.0, turn_deg, 0.0)))
             renderer.prepare()
         renderer.move(self._scene.placement)
 
-    def _drawn(self, samples: int, interrupted: Callable[[], bool]) -> list[Jit] | None:
-        """Return the planes of the next pass; None if it was interrupted."""
+    def _draw_pass(self, samples: int, interrupted: Callable[[], bool]) -> list[Jit] | None:
         renderer = self._renderer(samples)
         renderer.move(self._placement, self._passes)
         parts = []
@@ -187,8 +188,7 @@ class LivePicture:
         return [dr.concat(list(planes)) for planes in zip(*parts, strict=True)]
 
 
-def _coarse(source: RaySource, block: int) -> RaySource:
-    """Return the rays through the centres of blocks of pixels."""
+def _coarsen(source: RaySource, block: int) -> RaySource:
     return replace(
         source,
         width_px=-(-source.width_px // block),
@@ -200,7 +200,6 @@ def _coarse(source: RaySource, block: int) -> RaySource:
 
 
 def _blocks(panel: Panel, block: int) -> Jit:
-    """Return the index of each pixel's block, row by row (UInt32)."""
     pixel = dr.arange(mi.UInt32, panel.width_px * panel.height_px)
     row = pixel // panel.width_px
     blocks = row // block * -(-panel.width_px // block) + (pixel - row * panel.width_px) // block
@@ -208,11 +207,11 @@ def _blocks(panel: Panel, block: int) -> Jit:
     return blocks
 
 
-#: Samples at which a resting picture is finished.
+#: Samples per pixel of a finished picture at rest.
 MAX_SAMPLES = 64
-#: A film's frame, and the hand's motion.
+#: A film's frame number and the hand's motion.
 Moment = tuple[int, tuple[float, ...]]
-#: Maximum memory for pictures of a film's frames.
+#: Maximum memory for pictures of a film's frames, bytes.
 CACHE_BYTES = 1 << 30
 PANEL, VIEW = "panel", "eye's view"
 #: Pause between two checks of mouse and keys while there is nothing to do, s.
@@ -230,7 +229,7 @@ class EyeView:
     window: Window
 
     def draw(self, radiance: Radiance, moving: bool) -> Pixels:
-        """Return what the eye sees of the panel's radiance (height, width, 3)."""
+        """Return the eye's view of the panel's radiance (height, width, 3)."""
         view = observe(radiance, self.display, self.eye, self.window, VIEW_SAMPLES[not moving])
         return encoded_values(view.radiance, "srgb", 8).astype("uint8")
 
@@ -251,21 +250,21 @@ class Played:
 
 @dataclass
 class LiveShow:
-    """A scene, or a film, moved by hand, on screens and a board."""
+    """A scene or a film that a user moves, on screens and a board."""
 
     picture: LivePicture
     hand: Hand
     screens: Screens
     view: EyeView | None = None
-    #: Sends each picture of the panel to a board.
+    #: Function that sends each picture of the panel to a board.
     send: Callable[[Pixels], None] | None = None
     reel: Reel | None = None
-    #: The moment on the screens, and that of the live picture.
+    #: The moment on the screens, and the moment of the live picture.
     _current: Moment | None = None
     _drawn: Moment | None = None
-    #: Pictures of a film's frames, as long as the hand does not move.
+    #: Pictures of a film's frames, kept until the hand moves.
     _cache: dict[Moment, list[Pixels]] = field(default_factory=dict)
-    #: Time of the first picture (time.perf_counter), number and seconds of others.
+    #: Time of the first picture (time.perf_counter); number and times of the others.
     _first: float = 0.0
     _frames: int = 0
     _times: deque[float] = field(default_factory=lambda: deque(maxlen=1000))
@@ -281,9 +280,9 @@ class LiveShow:
     ) -> Played:
         """Run the loop until the user ends it.
 
-        With `seconds` it ends after them, when the picture has all `samples`. The scene
-        rotates `turn_deg` degrees a second, or the film plays, for `moving_s` seconds
-        (None: to the end). `opened` is when the window opened (time.perf_counter).
+        The loop ends after `seconds`, once the picture has all `samples`. For
+        `moving_s` seconds (None means to the end), the scene rotates by `turn_deg` per
+        second, or the film plays. `opened` is the opening time (time.perf_counter).
         """
         began = last = time.perf_counter()
         picture, reel = self.picture, self.reel
@@ -323,7 +322,6 @@ class LiveShow:
         )
 
     def _draw(self, moment: Moment) -> None:
-        """Draw the quick picture of the current moment."""
         frame, _ = moment
         if self.reel is not None and (self._drawn is None or frame != self._drawn[0]):
             scene, self.hand.base = self.reel.stage(frame)
@@ -333,7 +331,6 @@ class LiveShow:
         self._drawn = moment
 
     def _show(self, moment: Moment) -> None:
-        """Show a moment from the cache, or draw it."""
         began = time.perf_counter()
         if any(motion != moment[1] for _, motion in self._cache):
             self._cache.clear()
@@ -356,12 +353,10 @@ class LiveShow:
         self._current = moment
 
     def _pictures(self, moving: bool) -> list[Pixels]:
-        """Return the panel's picture, and the eye's view."""
         panel = [self.picture.values]
         return panel if self.view is None else [*panel, self.view.draw(self.picture.radiance, moving)]
 
     def _present(self, pictures: list[Pixels], state: str) -> None:
-        """Show the panel's picture and the eye's view; send the panel's picture."""
         for name, pixels in zip((PANEL, VIEW), pictures, strict=False):
             self.screens.show(name, pixels, f"Lippmann: {state}")
         if self.send is not None:

@@ -1,4 +1,4 @@
-"""Windows and full monitors with pictures, and the actions of mouse and keys (SDL)."""
+"""Shows pictures in windows and on full monitors, and applies mouse and keys (SDL)."""
 
 from __future__ import annotations
 
@@ -15,18 +15,20 @@ from lippmann.errors import DeviceError
 from lippmann.motion.film_frames import Reel
 from lippmann.scenes.placement import SCALE_RANGE, Matrix, Placement
 
-#: Degrees of rotation per pixel of a drag, and per press of an arrow key.
-DRAG_DEG, KEY_DEG = 0.4, 5.0
-#: Pixels of a drag that a press of a key stands for.
+#: Rotation per pixel of a drag, degrees.
+DRAG_DEG = 0.4
+#: Rotation per press of an arrow key, degrees.
+KEY_DEG = 5.0
+#: Length of a drag that equals a press of a key, pixels.
 KEY_PX = 10.0
-#: Factor of a step of the wheel, and of the keys + and -.
+#: Scale factor of a step of the wheel, and of the keys + and -.
 ZOOM = 1.05
 STEEP_DEG = 89.0
 
 
 @dataclass
 class Hand:
-    """The motion of a scene by hand about `pivot_mm`, from the placement `base`."""
+    """The user's motion of a scene about `pivot_mm`, from the placement `base`."""
 
     base: Placement
     pivot_mm: Matrix
@@ -38,7 +40,7 @@ class Hand:
     shift_mm: Matrix = field(default_factory=lambda: np.zeros(3))
 
     def turn(self, yaw_deg: float, pitch_deg: float = 0.0) -> None:
-        """Rotate the scene to the right, and upwards."""
+        """Rotate the scene to the right and upwards."""
         self.yaw_deg = math.remainder(self.yaw_deg + yaw_deg, 360.0)
         self.pitch_deg = min(max(self.pitch_deg + pitch_deg, -STEEP_DEG), STEEP_DEG)
 
@@ -53,7 +55,7 @@ class Hand:
             self.scale = scale
 
     def reset(self) -> None:
-        """Put the scene back."""
+        """Reset the motion of the scene."""
         self.yaw_deg = self.pitch_deg = 0.0
         self.scale, self.shift_mm = 1.0, np.zeros(3)
 
@@ -63,7 +65,7 @@ class Hand:
         return (self.yaw_deg, self.pitch_deg, self.scale, *self.shift_mm.tolist())
 
     def placement(self) -> Placement:
-        """Return the moved scene's placement, without depths once it has moved."""
+        """Return the moved scene's placement; a motion removes its near and far depths."""
         if (self.yaw_deg, self.pitch_deg, self.scale) == (0.0, 0.0, 1.0) and not self.shift_mm.any():
             return self.base
         turns = (self.pitch_deg, 0.0, 0.0), (0.0, self.yaw_deg, 0.0)
@@ -75,14 +77,14 @@ class Hand:
 
 
 class Screens:
-    """The windows of a live picture; without `pygame`, none."""
+    """The windows of a live picture; there are none without `pygame`."""
 
     def __init__(self, pygame: Any = None) -> None:
         self._pygame = pygame
         self._windows: dict[str, Any] = {}
 
     def open(self, name: str, size: tuple[int, int], monitor: int | None = None) -> None:
-        """Open a window that fits the desktop, or fill a monitor; InputError without one of this size."""
+        """Open a window that fits the desktop, or fill a monitor; raise InputError without such a monitor."""
         pygame = self._pygame
         if pygame is None:
             return
@@ -122,7 +124,7 @@ class Screens:
         return any(pygame.mouse.get_pressed()) and bool(pygame.event.peek(pygame.MOUSEMOTION))
 
     def obey(self, hand: Hand, reel: Reel | None = None) -> bool:
-        """Let mouse and keys move a scene and a film; return False at the end."""
+        """Apply mouse and keys to a scene and a film; return False if the user ends the loop."""
         pygame = self._pygame
         for event in [] if pygame is None else pygame.event.get():
             if event.type in (pygame.QUIT, pygame.WINDOWCLOSE):
@@ -173,7 +175,7 @@ class Screens:
 
 
 def check_screens(size: tuple[int, int], monitor: int | None) -> None:
-    """Raise before a render what `screens` and `Screens.open` would raise after it."""
+    """Raise, before a render, the errors that `screens` and `Screens.open` would raise later."""
     sizes = monitors()
     if monitor is not None:
         check_monitor(sizes, monitor, size)
@@ -181,6 +183,6 @@ def check_screens(size: tuple[int, int], monitor: int | None) -> None:
 
 @contextmanager
 def screens() -> Iterator[Screens]:
-    """Yield the desktop's screens, closed after the block; DeviceError without any."""
+    """Yield the desktop's screens and close them after the block; DeviceError without a desktop."""
     with desktop("a window") as pygame, closing(Screens(pygame)) as windows:
         yield windows

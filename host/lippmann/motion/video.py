@@ -1,4 +1,4 @@
-"""Video files of frames: lossless for panels, compressed for views."""
+"""Writes video files, lossless for panels and compressed for views."""
 
 from __future__ import annotations
 
@@ -19,9 +19,9 @@ from lippmann.errors import MissingLibraryError, to_install
 from lippmann.rendering.sampling import Window
 
 Values = npt.NDArray[np.uint8]
-#: Lossless RGB: blurred colours would mix the images of neighbouring lenslets.
+#: Suffixes for lossless RGB. Blurred colours would mix images of neighbouring lenslets.
 LOSSLESS_SUFFIXES = (".mkv",)
-#: For every player; colour has half the resolution, so both sides must be even.
+#: Suffixes for every player. Colour has half the resolution, so sides must be even.
 VIEW_SUFFIXES = (".mp4",)
 
 
@@ -56,7 +56,7 @@ def write_video(
         place = f"file:{partial}"  # else a colon names a protocol, and a dash an option
         command = [ffmpeg, "-y", "-v", "quiet", *source, *codec, place]
         try:
-            # A group of its own: Ctrl-C ends the command, and the end of frames ffmpeg.
+            # ffmpeg has its own process group, so that Ctrl-C ends only the command.
             with subprocess.Popen(command, stdin=subprocess.PIPE, process_group=0) as encoder:
                 assert encoder.stdin is not None
                 for frame in frames:
@@ -70,7 +70,7 @@ def write_video(
 def write_views(
     path: str | Path, views: Iterable[Radiance], window: Window, frames_per_second: float, there_and_back: bool = False
 ) -> None:
-    """Write views (height, width, 3), linear, by suffix. Errors as `write_video` and `write_animation`."""
+    """Write linear views (height, width, 3) to a file. Raises the errors of `write_video`, `write_animation`."""
     if Path(path).suffix.lower() not in VIEW_SUFFIXES:
         write_animation(path, views, there_and_back, 1000.0 / frames_per_second)
         return

@@ -1,1 +1,1 @@
-"""From a scene and a display to an integral image, on Mitsuba 3."""
+"""Renders the integral image of a scene for a display, with Mitsuba 3."""

@@ -1,4 +1,4 @@
-"""The bands and chunks in which a picture is rendered: their sizes and their memory."""
+"""Computes sizes and memory of the bands and chunks in which a picture is rendered."""
 
 from __future__ import annotations
 
@@ -14,24 +14,26 @@ from lippmann.rendering.options import Settings, Shading
 from lippmann.rendering.pixel_filter import BYTES_A_PIXEL, is_filter_allowed
 from lippmann.rendering.sampling import TILE_PX, colours_of
 
-#: Samples of a chunk, by device. A GPU is idle between chunks.
+#: Number of samples in a chunk, keyed by device. A GPU is idle between chunks.
 CHUNK_SAMPLES = {"llvm": 1 << 22, "cuda": 1 << 25}
-#: Approximate pixels of a band, by device.
+#: Approximate number of pixels in a band, keyed by device.
 BAND_PIXELS = {"llvm": 1 << 20, "cuda": 1 << 25}
-#: Rays of a band, about, where a pixel has many: ten seconds of work.
+#: Approximate maximum rays of a band, keyed by device: ten seconds of work.
 BAND_RAYS = {"llvm": 1 << 26, "cuda": 1 << 31}
-#: The command keeps the bands of a picture with more pixels or rays.
-KEPT_PIXELS, KEPT_RAYS = 1 << 25, 1 << 27
-#: Memory of the irradiance cache and its larger samples, MB.
+#: Pixels of a picture above which the command keeps the bands.
+KEPT_PIXELS = 1 << 25
+#: Rays of a picture above which the command keeps the bands.
+KEPT_RAYS = 1 << 27
+#: Memory of the irradiance cache and of its larger samples, MB.
 CACHE_MEMORY_MB = 250.0
-#: Memory of the libraries and one chunk, MB (measured; the output is added).
+#: Measured memory of the libraries and one chunk, without the output, MB.
 BASE_MEMORY_MB = 500.0
-#: Memory of each further ray of a chunk of one tile, bytes (measured).
+#: Measured memory of each ray beyond `CHUNK_SAMPLES` in a chunk of one tile, bytes.
 RAY_BYTES = 80.0
 
 
 def bands_of(width_px: int, height_px: int, rays: int, device: str | None = None) -> list[range]:
-    """Return the rows of an image's bands, which start at multiples of `BAND_ROWS`."""
+    """Return the rows of an image's bands. Every band starts at a multiple of `BAND_ROWS`."""
     device = device or current_device()
     pixels = min(BAND_PIXELS[device], BAND_RAYS[device] / rays)
     rows = BAND_ROWS * max(1, round(pixels / (width_px * BAND_ROWS)))
@@ -39,21 +41,20 @@ def bands_of(width_px: int, height_px: int, rays: int, device: str | None = None
 
 
 def memory_mb(width_px: int, height_px: int, shading: Shading, samples: int, colours: int) -> float:
-    """Return the memory, MB, of an image or a band; `samples` is for each colour of a pixel."""
-    # Radiance in float32 three times: planes, image, and a capture's rotated image.
+    """Return the memory in MB for an image or a band; `samples` counts per pixel and colour."""
+    # Radiance is in memory three times: planes, image, and a capture's rotated image.
     pixels = width_px * height_px
     needed = BASE_MEMORY_MB + 3.0 * pixels * 3 * 4 / 1e6
     if is_filter_allowed(samples, colours):
-        # Before a variant is set; a GPU has its own memory.
+        # This is for "llvm", because a GPU has its own memory.
         band = len(bands_of(width_px, height_px, samples, "llvm")[0])
         needed += BYTES_A_PIXEL * band * width_px / 1e6
-    # A chunk is a tile at least.
     needed += max(0, TILE_PX * TILE_PX * samples * colours - CHUNK_SAMPLES["llvm"]) * RAY_BYTES / 1e6
     return needed + (CACHE_MEMORY_MB if shading == "shared" else 0.0)
 
 
 def check_display_memory(display: Display, settings: Settings, where: str) -> None:
-    """Raise InputError for a display (`where`) with an image above the memory limit."""
+    """Raise InputError if a display's image exceeds the memory limit; `where` names the display."""
     panel = display.panel
     try:
         check_memory(panel.width_px, panel.height_px, settings, colours_of(panel))
@@ -69,20 +70,22 @@ def check_memory(width_px: int, height_px: int, settings: Settings, colours: int
 
 
 def check_memory_mb(needed: float, limit: float | None, what: str, remedy: str) -> None:
-    """Raise InputError above a memory limit, MB, by default 80 % of the free memory."""
+    """Raise InputError above a memory limit in MB, by default 80 % of the free memory."""
     limit = 0.8 * free_memory_mb() if limit is None else limit
     if not needed <= limit:
         raise InputError(f"{what}: needs {math.ceil(needed)} MB, the limit is {limit:.0f} MB; {remedy}")
 
 
 def check_band_memory(display: Display, bands: Sequence[range], settings: Settings, workers: int = 1) -> None:
-    """Raise InputError if a band for each worker exceeds the memory limit."""
+    """Raise InputError if one band per worker, all together, exceeds the memory limit."""
     rows, panel = max(len(rows) for rows in bands), display.panel
     needed = memory_mb(panel.width_px, rows, settings.shading, settings.samples, colours_of(panel))
-    what, remedy = f"a band of {rows} rows of {panel.width_px} pixels", "raise memory_mb (--memory-mb)"
+    what = f"a band of {rows} rows of {panel.width_px} pixels"
+    remedy = "raise memory_mb (--memory-mb)"
     if workers > 1:
         each = " or --shading each" if settings.shading == "shared" else ""
-        what, remedy = f"{what} for each of {workers} workers", f"{remedy}, or give fewer --workers{each}"
+        what = f"{what} for each of {workers} workers"
+        remedy = f"{remedy}, or give fewer --workers{each}"
     check_memory_mb(workers * needed, settings.memory_mb, what, remedy)
 
 

@@ -1,4 +1,4 @@
-"""Warnings about a scene for a display: what is not rendered, not sharp, invisible, or noisy."""
+"""Warns of scene parts that are not rendered, not sharp or invisible, and of noise."""
 
 from __future__ import annotations
 
@@ -21,16 +21,18 @@ from lippmann.rendering.sampling import Window, colours_of
 from lippmann.scenes.scene import Scene
 
 logger = logging.getLogger("lippmann")
-#: Range of a scene's width, in widths of the panel, that gives no warning.
+#: Range of the scene's width, in panel widths, that gives no warning.
 SIZE_RANGE = (0.02, 1000.0)
-#: Width of the trial view, pixels; one ray each.
+#: Width of the trial view in pixels. Each pixel gets one ray.
 TRIAL_PX = 96
-#: Minimum fraction of the view in the depth range, and maximum relative noise.
-MIN_SHARP, MAX_NOISE = 0.1, 0.1
+#: Minimum fraction of the view inside the depth range.
+MIN_SHARP = 0.1
+#: Maximum noise, as a fraction of the mean light.
+MAX_NOISE = 0.1
 
 
 def warn_of_unused_parts(scene: Scene, settings: Settings) -> None:
-    """Warn of what the integrator ignores, and of no light. Errors as `make_integrator`."""
+    """Warn of ignored parts of the scene and of missing light; raise InputError as `make_integrator`."""
     make_integrator(scene, settings)
     if settings.integrator != "scene":
         unused = []
@@ -40,7 +42,7 @@ def warn_of_unused_parts(scene: Scene, settings: Settings) -> None:
         ignores_media = media > 0 and not settings.integrator.startswith("volpath")
         if ignores_media:
             unused.append(f"the media of {media} shapes (integrator volpath renders them)")
-        # Most files name an integrator: no warning of that alone without a log.
+        # Most files name an integrator, so this alone is reported only at level INFO.
         if ignores_media or (unused and logger.isEnabledFor(logging.INFO)):
             warn_user(f"{settings.integrator} ignores {' and '.join(unused)}")
     for line in scene.notes:
@@ -50,7 +52,7 @@ def warn_of_unused_parts(scene: Scene, settings: Settings) -> None:
 
 
 def warn_of_view(scene: Scene, display: Display, settings: Settings, engine: Engine = "fast") -> None:
-    """Warn, after a trial view, of an unsuitable size, place, depth or noise."""
+    """Render a trial view; warn of an unsuitable size, position or depth, and of noise."""
     panel, width = display.panel, scene.width_mm
     if width > 0.0 and not SIZE_RANGE[0] <= width / panel.width_mm <= SIZE_RANGE[1]:
         warn_user(
@@ -85,8 +87,7 @@ def warn_of_view(scene: Scene, display: Display, settings: Settings, engine: Eng
 def _warn_of_depths(
     scene: Scene, display: Display, trial: Settings, eye: tuple[float, float, float], window: Window
 ) -> None:
-    """Warn of a scene that is invisible, or mostly outside the depth range."""
-    # Distances from the plane near_mm to the first surface, scene units; 0 if none.
+    # Distance from the plane z = near_mm to the first surface, scene units; else 0.
     length = render_view(scene, eye, window, replace(trial, integrator="depth")).radiance[:, :, 0].astype(np.float64)
     y, x = np.mgrid[: window.height_px, : window.width_px] + 0.5
     steep = eye[2] / np.sqrt(eye[2] ** 2 + sum(c**2 for c in window.point(x, y)))

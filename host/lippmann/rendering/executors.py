@@ -1,4 +1,4 @@
-"""Executors, which render bands: this process, new workers, or those of a Dask scheduler."""
+"""Renders bands in this process, on new local workers, or on the workers of a Dask scheduler."""
 
 from __future__ import annotations
 
@@ -23,22 +23,22 @@ from lippmann.errors import InputError, MissingLibraryError, device_error, input
 from lippmann.rendering.bands import check_band_memory
 from lippmann.rendering.cache_key import pixel_versions
 from lippmann.rendering.plan import BandRenderer, Plan
-from lippmann.rendering.shading import garbage_kept
+from lippmann.rendering.shading import keep_garbage
 
 if TYPE_CHECKING:
     from distributed import Client, Future, Scheduler, Security
 
 logger = logging.getLogger("lippmann")
-#: Seconds in which the scheduler must answer, and a first worker must join.
+#: Maximum wait for the scheduler's answer and for the first worker to join, s.
 ANSWER_S = 10.0
-#: Seconds without any worker after which the log says so.
+#: Time without any worker, s, after which a log line reports it.
 ALONE_S = 5.0
-#: Seconds without a heartbeat after which a worker's bands go to another.
+#: Time without a heartbeat, s, after which another worker gets the bands.
 STOPPED_WORKER_S = 30.0
-#: Bands submitted for each thread of the workers: one is rendered, one waits.
+#: Bands submitted per worker thread. One band is rendered while the next one waits.
 AHEAD = 2
 MAX_WORKERS = 64
-#: A worker renders one band at a time, on all cores.
+#: Lock of a worker that renders one band at a time, on all cores.
 _rendering = threading.Lock()
 
 
@@ -51,16 +51,15 @@ class Band:
 
     @property
     def rows(self) -> range:
-        """The rows of the picture."""
+        """The picture's rows in this band."""
         return self.plan.bands[self.number]
 
     def __str__(self) -> str:
-        """Return its name for messages."""
         return f"band {self.number} of {self.plan.name}"
 
 
 class RenderedBand(NamedTuple):
-    """A band, its radiance (rows, width, 3), its choices, and seconds of compilation."""
+    """A rendered band: radiance (rows, width, 3), renderer's choices and compilation time in s."""
 
     band: Band
     radiance: Radiance
@@ -68,12 +67,12 @@ class RenderedBand(NamedTuple):
     prepare_seconds: float = 0.0
 
 
-#: Renders bands in any order; may report the finished rows of the current band.
+#: Function that renders bands in any order and may report the current band's rows.
 Executor = Callable[[Sequence[Band], Callable[[int], None]], Iterator[RenderedBand]]
 
 
 def render_here(bands: Sequence[Band], report_rows: Callable[[int], None]) -> Iterator[RenderedBand]:
-    """Render bands in this process. Raises the renderers' errors."""
+    """Render bands in this process. Raises the errors of the renderers."""
     for _, bands_of_one in itertools.groupby(bands, lambda band: id(band.plan)):
         renderer: BandRenderer | None = None
         for band in bands_of_one:
@@ -86,10 +85,10 @@ def render_here(bands: Sequence[Band], report_rows: Callable[[int], None]) -> It
 
 
 def choose_executor(workers: int | None = None, scheduler: str | None = None, device: str = "auto") -> Executor:
-    """Return the executor: so many workers of this machine, a scheduler's, or this process.
+    """Return the executor for new local workers, for a Dask scheduler, or for this process.
 
-    `device` is each worker's. Raises InputError for both at once, for a wrong number,
-    and as `render_on_cluster` if no scheduler or worker answers.
+    Each worker uses `device`. Raises InputError if `workers` and `scheduler` are both
+    given, if `workers` is out of range, or if no scheduler or worker answers.
     """
     if workers is not None and scheduler is not None:
         raise InputError("workers and scheduler both say who renders; leave one out")
@@ -100,13 +99,13 @@ def choose_executor(workers: int | None = None, scheduler: str | None = None, de
     if scheduler is not None:
         if not (isinstance(address, str) and address):
             raise InputError(f"scheduler {address!r} is not an address; give one such as tcp://127.0.0.1:8786")
-        _connected(scheduler).close()
+        _connect(scheduler).close()
         return lambda bands, _: render_on_cluster(scheduler, device, bands)
     return render_here
 
 
 def render_by_workers(count: int, device: str, bands: Sequence[Band]) -> Iterator[RenderedBand]:
-    """Render on new workers of this machine; InputError if their bands exceed the memory limit."""
+    """Render bands on new local workers; raise InputError if the bands exceed the memory limit."""
     if not bands:  # only the file is to be written
         return
     plan, workers = bands[0].plan, min(count, len(bands))
@@ -120,18 +119,18 @@ def render_by_workers(count: int, device: str, bands: Sequence[Band]) -> Iterato
 def render_on_cluster(
     address: str, device: str, bands: Sequence[Band], security: Security | None = None
 ) -> Iterator[RenderedBand]:
-    """Render bands on a cluster, whose workers read the scene from the same path; yield each as it arrives.
+    """Render bands on a cluster, and yield each finished band. Workers read the scene from the same path.
 
-    `address` is the scheduler's, such as tcp://127.0.0.1:8786; `device` each worker's,
-    "auto", "llvm" or "cuda"; `security` is for `local_workers`. Raises InputError
-    without a scheduler or a worker, and for a worker with another scene or version;
-    DeviceError if the scheduler is lost, or a band crashes several workers;
-    MissingLibraryError without Dask, or without Lippmann on a worker.
+    The scheduler has the `address`, such as tcp://127.0.0.1:8786. Each worker uses
+    `device`: "auto", "llvm" or "cuda". `security` is the security of `local_workers`.
+    Raises InputError if no scheduler or worker answers, or if a worker has another
+    scene or version; DeviceError if the scheduler is lost or a band crashes several
+    workers; MissingLibraryError if Dask is missing, or Lippmann on a worker.
     """
     if not bands:
         return
-    client = _connected(address, security)
-    where, remedy = (address, f" ({_worker(address)})") if security is None else ("--workers", "")
+    client = _connect(address, security)
+    where, remedy = (address, f" ({_worker_command(address)})") if security is None else ("--workers", "")
     try:
         yield from _distribute(client, device, bands, where, remedy)
     except ModuleNotFoundError as error:
@@ -147,7 +146,6 @@ def render_on_cluster(
 
 
 def _distribute(client: Client, device: str, bands: Sequence[Band], where: str, remedy: str) -> Iterator[RenderedBand]:
-    """Submit bands as workers become free, and yield what arrives."""
     from distributed import KilledWorker, wait
 
     waiting = iter(bands)
@@ -158,7 +156,7 @@ def _distribute(client: Client, device: str, bands: Sequence[Band], where: str, 
         threads = sum(client.nthreads().values())
         room = max(1, AHEAD * threads) - len(running)
         for band in itertools.islice(waiting, max(0, room)):
-            running[client.submit(_rendered, band, device, pixel_versions(), pure=False)] = band
+            running[client.submit(_render_on_worker, band, device, pixel_versions(), pure=False)] = band
         if not running:
             return
         finished: set[Future[tuple[Radiance, dict[str, str]]]] = set()
@@ -182,8 +180,7 @@ def _distribute(client: Client, device: str, bands: Sequence[Band], where: str, 
 
 
 def _give_up_stopped_workers(client: Client, heartbeats: dict[str, tuple[float, float]], where: str) -> None:
-    """Remove workers without a heartbeat for `STOPPED_WORKER_S`."""
-    # The last heartbeat by the scheduler's clock, and its arrival by this machine's.
+    # `heartbeats` maps a worker to its last heartbeat and this machine's time of it.
     now = time.monotonic()
     for address, state in client.scheduler_info(n_workers=-1)["workers"].items():
         last, since = heartbeats.get(address, (None, now))
@@ -192,7 +189,7 @@ def _give_up_stopped_workers(client: Client, heartbeats: dict[str, tuple[float, 
         elif now - since > STOPPED_WORKER_S:
 
             async def remove(dask_scheduler: Scheduler | None = None, address: str = address) -> None:
-                # A local function is sent as code: the scheduler may lack Lippmann.
+                # Dask sends a local function as code: the scheduler needs no Lippmann.
                 assert dask_scheduler is not None
                 await dask_scheduler.remove_worker(address, stimulus_id="lippmann-stopped-worker")
 
@@ -204,8 +201,8 @@ def _give_up_stopped_workers(client: Client, heartbeats: dict[str, tuple[float, 
 
 @contextlib.contextmanager
 def local_workers(count: int) -> Iterator[tuple[str, Security]]:
-    """Start local workers; yield their scheduler's address and `Security`. MissingLibraryError without Dask."""
-    # Dask runs any program that it is sent: so on loopback, by TLS with its own key.
+    """Start local workers; yield the scheduler's address and `Security`; raise MissingLibraryError without Dask."""
+    # Dask runs any program that it receives: it gets loopback and TLS with a new key.
     try:
         import dask
         from distributed import LocalCluster, Security
@@ -216,7 +213,7 @@ def local_workers(count: int) -> Iterator[tuple[str, Security]]:
     no_pages: dict[str, list[str]] = {"distributed.scheduler.http.routes": [], "distributed.worker.http.routes": []}
     with starting_python(), dask.config.set(no_pages):
         with interrupts.blocked_in_children():
-            # Without a memory limit: near one, Dask would pause a worker for ever.
+            # No memory limit, because near a limit Dask would pause a worker for ever.
             cluster = LocalCluster(
                 n_workers=count,
                 threads_per_worker=1,
@@ -231,14 +228,12 @@ def local_workers(count: int) -> Iterator[tuple[str, Security]]:
             yield cluster.scheduler_address, security
 
 
-def _worker(address: str) -> str:
-    """Return the command for a worker, on loopback if the scheduler is."""
+def _worker_command(address: str) -> str:
     loopback = re.search(r"//(127\.|localhost|\[::1\])", address)
     return f"dask worker {address}{' --host 127.0.0.1' if loopback else ''} --no-dashboard"
 
 
-def _connected(address: str, security: Security | None = None) -> Client:
-    """Return a client of a cluster that has at least one worker."""
+def _connect(address: str, security: Security | None = None) -> Client:
     try:
         import distributed
     except ImportError as error:
@@ -254,11 +249,12 @@ def _connected(address: str, security: Security | None = None) -> Client:
         client.wait_for_workers(1, timeout=ANSWER_S)
     except TimeoutError:
         client.close()
-        raise input_error(address, "no worker has joined the scheduler", f"start one: {_worker(address)}") from None
+        remedy = f"start one: {_worker_command(address)}"
+        raise input_error(address, "no worker has joined the scheduler", remedy) from None
     return client
 
 
-def _rendered(band: Band, device: str, expected: dict[str, str]) -> tuple[Radiance, dict[str, str]]:
+def _render_on_worker(band: Band, device: str, expected: dict[str, str]) -> tuple[Radiance, dict[str, str]]:
     from distributed import get_worker
 
     name = f"worker {get_worker().address}"
@@ -266,23 +262,23 @@ def _rendered(band: Band, device: str, expected: dict[str, str]) -> tuple[Radian
         versions = pixel_versions(), expected
         theirs, ours = (", ".join(f"{key} {value}" for key, value in one.items()) for one in versions)
         raise input_error(name, f"has {theirs}, asked for {ours}", "install the same Lippmann everywhere")
-    # Another thread's garbage may be Dr.Jit's, whose lock this thread holds.
-    with _rendering, garbage_kept():
+    # Another thread that frees Dr.Jit's garbage would wait for this thread's lock.
+    with _rendering, keep_garbage():
         start_mitsuba(device)
         return render_band(band, name)
 
 
 def render_band(band: Band, worker: str = "this process") -> tuple[Radiance, dict[str, str]]:
-    """Return a band's radiance and its renderer's choices. Errors as `Plan.start`."""
+    """Return a band's radiance and the renderer's choices. Raises the errors of `Plan.start`."""
     identity = band.plan.identity
     if identity not in _kept_renderers:
         _kept_renderers.clear()  # frees the last scene before the next compilation
         _kept_renderers[identity] = band.plan.start(worker)
     renderer = _kept_renderers[identity]
     radiance, _ = renderer.render(band.number)
-    # A copy, for other threads (`radiance_of`).
+    # Other threads need a copy (see `radiance_of`).
     return np.require(radiance, requirements="O"), dict(renderer.choices)
 
 
-#: The renderer of a worker's last plan, by the plan's identity.
+#: The renderer of a worker's last plan, keyed by the plan's identity.
 _kept_renderers: dict[str, BandRenderer] = {}

@@ -1,4 +1,4 @@
-"""The integral image: radiance, the display that it was made for, and metadata."""
+"""The integral image, with radiance, metadata and the display for which it was made."""
 
 from __future__ import annotations
 
@@ -27,25 +27,23 @@ from lippmann.errors import DeviceError, InputError, check_flags, check_type, in
 
 
 class Showable:
-    """Something with radiance that a notebook or a window shows, in sRGB."""
+    """An object with radiance that a notebook or a window shows in sRGB."""
 
     radiance: Radiance
     metadata: dict[str, str]
 
     def __repr__(self) -> str:
-        """Return the size and the metadata, not the pixels."""
         height, width = self.radiance.shape[:2]
         return f"<{type(self).__name__}, {width} x {height} px, {self.metadata}>"
 
     def _repr_png_(self) -> bytes:
-        """Return the PNG that a notebook shows."""
         return png_bytes(self.radiance)
 
     def show(self, seconds: float | None = None) -> None:
         """Show the image below a notebook's cell, or in a window.
 
-        Escape, q, the close button or `seconds` end it. Without a desktop (a server,
-        a batch job) a line on stderr says so, and the program continues.
+        Escape, q, the close button or the end of `seconds` closes the window. Without a
+        desktop (a server, a batch job) the program prints a line on stderr and goes on.
         """
         show_pictures(self, [self], seconds)
 
@@ -64,31 +62,30 @@ def show_pictures(widget: object, pictures: Sequence[Showable], seconds: float |
 
 @dataclass(frozen=True, eq=False, repr=False)
 class IntegralImage(Showable):
-    """The picture of a display's panel. Raises InputError for radiance of another size, of integers, or not finite.
+    """The picture of a display's panel. Raises InputError if the radiance has a wrong size, is integer or not finite.
 
     Attributes
     ----------
     radiance
-        (height, width, 3) float32 of the panel's pixels, linear; `StoredRows` if loaded
-        with `stored`.
-    display
-        The display that it was made for.
+        Linear radiance of the panel's pixels, (height, width, 3) float32; `StoredRows`
+        if loaded with `stored`.
+        display
+        The display for which the image was made.
     metadata
         Display, identity, the panel's transfer curve and bits, model, samples, seed,
         versions, ...
     measured
-        Figures of its render, such as `seconds` and a capture's losses; not saved.
+        Figures of the render, such as `seconds` and a capture's losses; not saved.
     """
 
     radiance: Radiance
     display: Display
     metadata: dict[str, str] = field(default_factory=dict)
     measured: dict[str, float] = field(default_factory=dict)
-    #: Name and identity of the file's display, if the image was loaded by force.
+    #: Name and identity of the file's display, if the image was loaded with `force`.
     _made_for: dict[str, str] = field(default_factory=dict, init=False)
 
     def __post_init__(self) -> None:
-        """Check type and size, convert to float32, and add the display's metadata."""
         check_type("display", self.display, Display, "a lippmann.Display")
         for name in ("metadata", "measured"):
             check_type(name, getattr(self, name), Mapping, "a dictionary")
@@ -118,7 +115,7 @@ class IntegralImage(Showable):
         object.__setattr__(self, "metadata", {**texts, **metadata_of(self.display)})
 
     def save(self, path: str | Path) -> None:
-        """Write radiance (.exr, .tif) or panel values (.png). InputError if that fails, or for NaN and infinity."""
+        """Write radiance (.exr, .tif) or panel values (.png). Raises InputError if that fails, or for NaN, infinity."""
         panel = self.display.panel
         write_picture(path, self.radiance, {**self.metadata, **self._made_for}, panel.transfer, panel.bits)
 
@@ -126,32 +123,32 @@ class IntegralImage(Showable):
     def load(
         cls, path: str | Path, display: str | Path | Display, force: bool = False, stored: bool = False
     ) -> IntegralImage:
-        """Read an image made for a display. Files of version 0.1 have no bits to check.
+        """Read an image that was made for a display. The bits of files from version 0.1 are not checked.
 
         Parameters
         ----------
         path
             An image file (.exr, .tif, .png).
         display
-            A display file, or what `load_display` returned.
+            A display file, or a display from `load_display`.
         force
-            Accept an image for another display, or without an identity; it keeps its
-            file's identity.
+            Accept an image for another display or without an identity. The image keeps
+            the identity of its file.
         stored
-            Leave the pixels in the file: `observe` reads only the rows that it needs.
+            Leave the pixels in the file. `observe` reads only the rows that it needs.
 
         Raises
         ------
         InputError
-            For a file that is missing, broken, of another size or display, or a PNG for
-            another transfer curve or number of bits.
+            If the file is missing or broken, or was made for another size or display;
+            for a PNG also if the transfer curve or the number of bits differs.
         """
         check_flags(force=force, stored=stored)
         built = display_at(display)
 
         def accept(metadata: Mapping[str, str]) -> None:
             if not force:
-                _check(metadata, built, str(path), Path(path).suffix.lower() in ENCODED_SUFFIXES)
+                _check_metadata(metadata, built, str(path), Path(path).suffix.lower() in ENCODED_SUFFIXES)
 
         size = built.panel.width_px, built.panel.height_px
         file = StoredRows(path, size, accept) if stored else read_picture(path, size, accept)
@@ -170,14 +167,13 @@ def metadata_of(display: Display) -> dict[str, str]:
 
 
 def check_image(image: object) -> None:
-    """Raise InputError for what is not an image, such as the path of one."""
+    """Raise InputError if `image` is not an IntegralImage, such as a path."""
     if not isinstance(image, IntegralImage):
         what = f"{str(image)[:80]!r} is not an IntegralImage"
         raise InputError(f"{what}; load a file with lippmann.IntegralImage.load(path, display)")
 
 
-def _check(metadata: Mapping[str, str], display: Display, source: str, encoded: bool) -> None:
-    """Refuse a file (`source`) for another display, or `encoded` values for other tones."""
+def _check_metadata(metadata: Mapping[str, str], display: Display, source: str, encoded: bool) -> None:
     identity = metadata.get("identity")
     if identity != display.identity:
         other = f"was made for display '{metadata.get('display', '?')}' ({identity})"

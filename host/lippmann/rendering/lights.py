@@ -1,9 +1,9 @@
-"""Integrator `lights`, the founding paper's: all lights at each hit, point lights without noise.
+"""The founding paper's integrator `lights`: all lights at each hit, and point lights without noise.
 
-At each hit *every* emitter gets a shadow ray, the smooth part of the BSDF reflects its
-light, and mirror reflection and refraction are followed up to `max_depth`. Area lights
-and environments get one random sample each. Light between diffuse surfaces is left out;
-Mitsuba's `path` includes it. Splats (3D Gaussians) have their own colours.
+At each hit *every* emitter gets a shadow ray, and the smooth part of the BSDF reflects
+the emitter's light. Mirror reflection and refraction continue up to `max_depth`. Area
+lights and environments get one random sample each. Light between diffuse surfaces is
+missing (Mitsuba's `path` has it). Splats (3D Gaussians) emit their own colours.
 """
 
 from __future__ import annotations
@@ -13,11 +13,11 @@ from lippmann.base.variant import Jit, dr, mi
 
 
 def coherence_hint(depth: Jit) -> Jit:
-    """Return Embree's coherence hint for rays after `depth` surfaces (UInt32)."""
+    """Return Embree's coherence hint for rays that met `depth` (UInt32) surfaces."""
     return depth == 0 if has_avx512() else False
 
 
-#: Maximum splats along a ray, which ends where they leave 1 % of the light.
+#: Maximum splats along a ray. A ray ends where the splats pass only 1 % of the light.
 MAX_SPLATS = 256
 
 
@@ -27,8 +27,8 @@ def has_splats(scene: Jit) -> bool:
 
 
 def needs_chance(scene: Jit) -> bool:
-    """Tell whether `lights` may use random numbers for a scene, and so have noise."""
-    # Not with points, spots and directions, if no surface scatters and mirrors.
+    """Tell whether `lights` may use random numbers for a scene, which cause noise."""
+    # Delta lights need none, unless a surface transmits, or scatters and mirrors.
     if not all(mi.has_flag(lamp.flags(), mi.EmitterFlags.Delta) for lamp in scene.emitters()):
         return True
     for surface in scene.shapes():
@@ -37,7 +37,8 @@ def needs_chance(scene: Jit) -> bool:
             return True
         flags, kinds = bsdf.flags(), mi.BSDFFlags
         passes = mi.has_flag(flags, kinds.DeltaTransmission) or mi.has_flag(flags, kinds.Null)
-        mirrors, scatters = mi.has_flag(flags, kinds.DeltaReflection), mi.has_flag(flags, kinds.Smooth)
+        mirrors = mi.has_flag(flags, kinds.DeltaReflection)
+        scatters = mi.has_flag(flags, kinds.Smooth)
         if passes or (mirrors and scatters):
             return True
     return False
@@ -46,8 +47,8 @@ def needs_chance(scene: Jit) -> bool:
 def register_lights() -> None:
     """Register the integrator plugin `lights` for Mitsuba's current variant.
 
-    Parameters of the plugin: `max_depth` (integer, surfaces that a ray may meet,
-    default 4); `shadows` (boolean, default true; false is for measurements).
+    Its parameters are `max_depth` (integer, maximum surfaces per ray, default 4) and
+    `shadows` (boolean, default true; false is for measurements).
     """
     base: Jit = mi.SamplingIntegrator
 
@@ -71,7 +72,6 @@ def register_lights() -> None:
 
 
 def _sample_splats(scene: Jit, sampler: Jit, ray: Jit, active: Jit) -> tuple[Jit, Jit, list[Jit]]:
-    """Return the splats' own light along rays, by Mitsuba's integrator."""
     field = mi.load_dict({"type": "volprim_rf_basic", "max_depth": MAX_SPLATS})
     radiance, _, _, _ = field.sample(dr.ADMode.Primal, scene, sampler, ray, None, None, active)
     return radiance, mi.Bool(active), []
@@ -80,9 +80,9 @@ def _sample_splats(scene: Jit, sampler: Jit, ray: Jit, active: Jit) -> tuple[Jit
 def _sample_lights(
     scene: Jit, sampler: Jit, ray: Jit, active: Jit, max_depth: int, shadows: bool
 ) -> tuple[Jit, Jit, list[Jit]]:
-    """Return the radiance along rays, and which of them met a surface."""
+    """Return the radiance along rays, and the mask of rays that met a surface."""
     emitters = list(scene.emitters())
-    # Point, spot and directional lights are invisible: rays never meet them.
+    # Point, spot and directional lights are invisible, because rays never meet them.
     visible_emitters = not all(_is_delta(emitter) for emitter in emitters)
     mirror_only = mi.BSDFContext()
     mirror_only.type_mask = mi.BSDFFlags.Delta
@@ -98,10 +98,9 @@ def _sample_lights(
         bsdf = si.bsdf(ray)
         flags = bsdf.flags()
         smooth = active & mi.has_flag(flags, mi.BSDFFlags.Smooth)
-        lit = _light_of_all(scene, emitters, sampler, si, bsdf, smooth, shadows)
+        lit = _sum_lights(scene, emitters, sampler, si, bsdf, smooth, shadows)
         radiance += dr.select(smooth, throughput * lit, 0.0)
         depth += 1
-        # Only mirror reflection and refraction are followed.
         active &= mi.has_flag(flags, mi.BSDFFlags.Delta) & (depth < max_depth)
         bounced, weight = bsdf.sample(mirror_only, si, sampler.next_1d(active), sampler.next_2d(active), active)
         ray = si.spawn_ray(si.to_world(bounced.wo))
@@ -115,14 +114,13 @@ def _sample_lights(
     return radiance, met, []
 
 
-def _light_of_all(scene: Jit, emitters: list[Jit], sampler: Jit, si: Jit, bsdf: Jit, active: Jit, shadows: bool) -> Jit:
-    """Return the light of all emitters that surfaces reflect against the rays."""
+def _sum_lights(scene: Jit, emitters: list[Jit], sampler: Jit, si: Jit, bsdf: Jit, active: Jit, shadows: bool) -> Jit:
     arrivals = [
         emitter.sample_direction(si, mi.Point2f(0.5) if _is_delta(emitter) else sampler.next_2d(active), active)
         for emitter in emitters
     ]
     directions = [si.to_local(ds.d) for ds, _ in arrivals]
-    # One call for all lights, so that a texture is evaluated once.
+    # With one call for all lights, a texture is evaluated once.
     reflectances = dr.dispatch(bsdf, _reflectance_of_all, si, directions, active)
     total = mi.Spectrum(0.0)
     for (ds, weight), reflectance in zip(arrivals, reflectances, strict=True):

@@ -1,4 +1,4 @@
-"""The options of a render: lens model, engine, samples, integrator and others, checked when made."""
+"""The options of a render, such as lens model, engine and samples, checked at creation."""
 
 from __future__ import annotations
 
@@ -17,28 +17,27 @@ MAX_SAMPLES = 65536
 
 @dataclass(frozen=True)
 class Settings:
-    """How to render."""
+    """Settings of the renderer."""
 
-    #: Samples per pixel or sub-pixel: one at the centre, or several over the area.
+    #: Samples per pixel or sub-pixel. One is at the centre, several cover the area.
     samples: int = 1
-    #: "chief": rays through the lenslet's centre; "full": spread over its cell.
+    #: Rays pass through a lenslet's centre ("chief") or its whole cell ("full").
     aperture: Aperture = "chief"
-    #: "lights" (ours), Mitsuba's ("direct", "path", ...), or "scene": the file's.
+    #: Integrator: "lights", an integrator of Mitsuba, or "scene" for the file's own.
     integrator: str = "lights"
-    #: Surfaces that a ray may meet.
+    #: Maximum number of surfaces that a ray meets.
     max_depth: int = 4
     #: The same seed gives the same pixels on a machine with the same versions.
     seed: int = 0
     #: Memory limit, MB. None means 80 % of the free memory.
     memory_mb: float | None = None
-    #: Diffuse light: "shared", from an irradiance cache; "each", from each ray; "auto",
-    #: from the cache if that is faster and a trial finds it accurate.
+    #: Diffuse light is from an irradiance cache ("shared") or from each ray ("each").
+    #: "auto" uses the cache if it is faster and a trial finds it accurate.
     shading: Shading = "auto"
-    #: Maximum points of the cache. None: its capacity, and with "auto" fewer than rays.
+    #: Maximum cache points. None means the capacity, with "auto" fewer than the rays.
     light_points: int | None = None
 
     def __post_init__(self) -> None:
-        """Refuse settings out of range."""
         for name, low, high in (("samples", 1, MAX_SAMPLES), ("max_depth", 1, 1000), ("seed", 0, 2**32 - 1)):
             object.__setattr__(self, name, whole_number(name.replace("_", " "), getattr(self, name), low, high))
         check_choice("aperture", self.aperture, APERTURES)
@@ -57,18 +56,17 @@ MODEL_OPTIONS: tuple[ModelOption, ...] = ("auto", *MODELS)
 class RenderOptions:
     """Lens model, engine and settings of a render."""
 
-    #: "auto": the cheapest whose error stays below `tolerance` (`optics.model_choice`).
+    #: Lens model. "auto" takes the cheapest with an error below `tolerance`.
     model: ModelOption = "auto"
-    #: Error that "auto" allows, pixels of the reconstructed view.
+    #: Maximum error for the model "auto", in pixels of the reconstructed view.
     tolerance: float = TOLERANCE
-    #: What traces the rays through the lenslets.
+    #: Engine that traces the rays through the lenslets.
     engine: Engine = "fast"
     #: Word length of the engines twin and rtl; `None` means the longest.
     fraction_bits: int | None = None
     settings: Settings = field(default_factory=Settings)
 
     def __post_init__(self) -> None:
-        """Refuse unknown names, and a word length for an engine that has none."""
         check_choice("model", self.model, MODEL_OPTIONS)
         check_choice("engine", self.engine, ENGINES)
         check_tolerance(self.tolerance)

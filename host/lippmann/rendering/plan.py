@@ -1,4 +1,4 @@
-"""A job, whose options may be "auto", and its plan, which any process can render."""
+"""Turns a job, which may have "auto" options, into a plan that any process can render."""
 
 from __future__ import annotations
 
@@ -44,13 +44,13 @@ class BandRenderer(Protocol):
 
     @property
     def choices(self) -> Mapping[str, str]:
-        """Its decisions on what was "auto", as metadata."""
+        """The values chosen for "auto" options, as metadata."""
 
     def prepare(self) -> float:
-        """Compile the program; return the seconds that it took."""
+        """Compile the program; return the compilation time in seconds."""
 
     def render(self, number: int, report_rows: Callable[[int], None] | None = None) -> tuple[Radiance, list[int]]:
-        """Return a band's radiance (rows, width, 3), and its lost samples by reason.
+        """Return a band's radiance (rows, width, 3), and the number of lost samples per reason.
 
         `report_rows` is called with the number of the band's finished rows.
         """
@@ -62,48 +62,48 @@ class Plan(ABC):
 
     display: Display
     options: RenderOptions
-    #: The rows of each band, the same on every worker's device.
+    #: The rows of each band. They do not depend on a worker's device.
     bands: tuple[range, ...]
 
     @property
     @abstractmethod
     def name(self) -> str:
-        """Name for messages."""
+        """The picture's name in messages."""
 
     @property
     @abstractmethod
     def identity(self) -> str:
-        """Hash of all that the pixels depend on, 16 hexadecimal digits."""
+        """Hash of all inputs that determine the pixels, 16 hexadecimal digits."""
 
     @property
     @abstractmethod
     def metadata(self) -> dict[str, str]:
-        """The metadata of the picture's file; a renderer's `choices` replace some."""
+        """The metadata of the picture's file. A renderer's `choices` replace some entries."""
 
     @property
     def rays(self) -> int:
-        """Rays for each pixel."""
+        """Number of rays per pixel."""
         return self.options.settings.samples
 
     @property
     def prepare_seconds(self) -> float:
-        """Seconds of compilation that planning took; 0 after `start`."""
+        """Compilation time during planning, s; 0 after `start`."""
         return 0.0
 
     @abstractmethod
     def start(self, worker: str | None = None) -> BandRenderer:
-        """Return the renderer; InputError if a file differs on the named worker."""
+        """Return the renderer; raise InputError if a scene file differs on the named worker."""
 
 
 @dataclass(frozen=True, eq=False)
 class ScenePlan(Plan):
-    """The picture of a scene. Only in a film's frame may the lens model be "auto"."""
+    """The plan of a scene's picture. Its lens model is "auto" in a film's frame only."""
 
     scene: Path
-    #: `digest_of` the scene; "" if no other process renders it and no band is kept.
+    #: `digest_of` the scene, or "" if only this process renders and no band is kept.
     digest: str
     placement: Placement
-    #: The renderer of the planning, for the next `start` in this process.
+    #: The renderer from planning, which the next `start` in this process returns.
     planned_by: list[Renderer] = field(default_factory=list, init=False)
 
     @property
@@ -136,7 +136,7 @@ class ScenePlan(Plan):
         return load_scene(self.scene, self.placement)
 
     def start(self, worker: str | None = None) -> Renderer:
-        """Return the planning's renderer, or a new one, which loads the scene."""
+        """Return the renderer from planning, or load the scene into a new renderer."""
         if worker is not None:
             check_same_scene(worker, self.scene, self.digest)
         if self.planned_by:
@@ -144,7 +144,6 @@ class ScenePlan(Plan):
         return make_renderer(self.load(), self.display, self.options, self.bands)
 
     def __getstate__(self) -> dict[str, Any]:
-        """Leave out the renderer, which belongs to this process."""
         return {**self.__dict__, "planned_by": []}
 
 
@@ -166,7 +165,7 @@ def make_renderer(
     bands: tuple[range, ...] | None = None,
     in_memory: bool = False,
 ) -> Renderer:
-    """Return a scene's renderer; see `Renderer` and `resolve_model`, also for errors."""
+    """Return a scene's renderer. Raises the errors of `Renderer` and `resolve_model`."""
     settings, model = options.settings, resolve_model(scene, display, options)
     source = display_source(display, model, settings.samples, settings.aperture, options.engine, options.fraction_bits)
     renderer = Renderer(scene, source, settings, bands, in_memory=in_memory)
@@ -177,7 +176,7 @@ def make_renderer(
 def resolve_model(
     scene: Scene, display: Display, options: RenderOptions, logger: logging.Logger | None = None
 ) -> Model:
-    """Return the lens model, chosen and logged for "auto". Errors as `model_choice.choose_model`."""
+    """Return the lens model; choose and log it for "auto". Raises the errors of `choose_model`."""
     if options.model != "auto":
         return options.model
     choice = model_choice.choose_model(display, scene.depth_range_mm, options.settings.aperture, options.tolerance)
@@ -187,7 +186,7 @@ def resolve_model(
 
 
 def image_metadata(options: RenderOptions, scene_path: Path) -> dict[str, str]:
-    """Return the metadata of an image, to which `IntegralImage` adds the display."""
+    """Return an image's metadata; `IntegralImage` adds the display's metadata."""
     bits = {} if options.engine in ("golden", "fast") else {"fraction_bits": str(options.fraction_bits or WIDEST)}
     names = ("aperture", "integrator", "samples", "max_depth", "seed", "shading")
     return {
@@ -203,7 +202,7 @@ def image_metadata(options: RenderOptions, scene_path: Path) -> dict[str, str]:
 
 @contextlib.contextmanager
 def open_scene(source: SceneSource, placement: Placement | None = None, device: str = "auto") -> Iterator[Scene]:
-    """Set the variant, and yield a loaded scene. Errors as `load_scene`, `start_mitsuba`."""
+    """Set Mitsuba's variant, and yield a loaded scene. Raises the errors of `load_scene`, `start_mitsuba`."""
     check_type("placement", placement, (Placement, type(None)), "a lippmann.Placement or None")
     check_device(device)
     if isinstance(source, str | Path):
@@ -212,20 +211,18 @@ def open_scene(source: SceneSource, placement: Placement | None = None, device: 
             yield load_scene(source, placement)
         return
     if not isinstance(source, Scene):
-        # A mitsuba.Scene belongs to the variant by which it was loaded.
         variant_name = getattr(type(source), "variant_name", None)
-        with own_variant(device if variant_name is None else _device_of(variant_name(source))):
+        with own_variant(device if variant_name is None else _device_name(variant_name(source))):
             yield scene_of(source, placement)
         return
-    own = _device_of(source.mitsuba.variant_name())
+    own = _device_name(source.mitsuba.variant_name())
     if device not in ("auto", own):
         raise InputError(f"the scene was loaded for device '{own}', not '{device}'; load it again")
     with own_variant(own):
         yield source if placement is None else source.placed(placement)
 
 
-def _device_of(variant: str) -> str:
-    """Return the device of Mitsuba's variant."""
+def _device_name(variant: str) -> str:
     for name, own in VARIANTS.items():
         if own == variant:
             return name
@@ -233,7 +230,7 @@ def _device_of(variant: str) -> str:
 
 
 def place_scene(scene: Scene, display: Display, arrange: Arrange | None = None) -> Scene:
-    """Return the scene as `arranged` for a display, by default as `usual`."""
+    """Return the scene placed for a display by `arrange`, by default by `scene.usual`."""
     arrange = scene.usual if arrange is None else arrange
     if arrange is None:
         return scene
@@ -243,8 +240,8 @@ def place_scene(scene: Scene, display: Display, arrange: Arrange | None = None) 
 
 
 def report_and_choose_model(scene: Scene, display: Display, options: RenderOptions) -> Model:
-    """Warn of what a picture will lack; choose and log the lens model. Errors as `resolve_model`."""
-    # The trial view takes time, so it is made only for a log that takes INFO.
+    """Warn of problems in a picture; choose and log the lens model. Raises the errors of `resolve_model`."""
+    # The trial view takes time, so it is rendered only at log level INFO.
     warn_of_unused_parts(scene, options.settings)
     if logger.isEnabledFor(logging.INFO):
         warn_of_view(scene, display, options.settings, options.engine)
@@ -253,7 +250,7 @@ def report_and_choose_model(scene: Scene, display: Display, options: RenderOptio
 
 @dataclass(frozen=True)
 class Job:
-    """The picture of a loaded scene for a display."""
+    """A loaded scene, its display and the render options."""
 
     scene: Scene
     display: Display
@@ -261,13 +258,13 @@ class Job:
     arrange: Arrange | None = None
 
     def plan(self, portable: bool = False) -> ScenePlan:
-        """Decide all "auto"; a `portable` plan needs a scene file. Errors as `arranged`, `Renderer`."""
-        # For other processes, and bands that are kept, the scene's files identify it.
+        """Resolve all "auto" options. `portable` needs a scene file. Raises the errors of `arranged`, `Renderer`."""
+        # Other processes and kept bands identify the scene by its files.
         scene = place_scene(self.scene, self.display, self.arrange)
         path = scene.path.absolute()  # for workers' folders; links stay: their neighbours are read
         if portable and not path.exists():
             raise InputError("a scene in memory can neither be shared with workers nor be kept; give its file")
-        # The tolerance has no more effect, and must not change the identity.
+        # The model is chosen, so the tolerance must not change the plan's identity.
         model = report_and_choose_model(scene, self.display, self.options)
         options = replace(self.options, model=model, tolerance=TOLERANCE)
         panel = self.display.panel

@@ -1,9 +1,9 @@
 """Renders an integral image, or a plain perspective view, chunk by chunk.
 
-**One pass for both sides of the display.** A panel pixel's refracted ray is the line
-along which a viewer sees the pixel. The renderer follows it *towards* the display, from
-in front of the nearest object: the first surface that it meets hides the others, before
-the display (real image) or behind it (virtual image).
+**One pass renders both sides of the display.** A viewer sees a panel pixel along the
+pixel's refracted ray. The renderer traces this ray *towards* the display, from in front
+of the nearest object. The first surface on the ray hides all others, in front of the
+display (real image) or behind it (virtual image).
 """
 
 from __future__ import annotations
@@ -36,21 +36,26 @@ from lippmann.scenes.placement import Placement
 from lippmann.scenes.scene import Scene, without_places
 
 logger = logging.getLogger("lippmann")
-#: The chunks of a band grow by up to this fraction, to save a small last one.
+#: Chunks of a band grow by up to this fraction, to avoid a small last chunk.
 CHUNK_SLACK = 0.1
-#: A sample with the cache needs more memory: its chunks are smaller.
+#: Divisor of the chunk size with the cache, whose samples need more memory.
 CACHE_CHUNK_DIVISOR = 2
-#: For "auto": minimum PSNR by the cache, dB, and minimum rays per point of the cache.
-CACHE_DB, RAYS_A_POINT = 45.0, 4
-#: One lamp's shadow rays take as long as the trial (docs/generated/reports/shading.md).
+#: Minimum PSNR in dB with the cache for shading "auto".
+CACHE_DB = 45.0
+#: Minimum number of rays per cache point for shading "auto".
+RAYS_A_POINT = 4
+#: One lamp's shadow rays take as long as a trial (docs/generated/reports/shading.md).
 MIN_LAMPS = 2
-#: The trial: parts of the image along each axis, rays per colour in all parts together,
-#: and maximum samples per pixel. Not 2^18 rays: with a texture of as many values they would be
-#: another recording.
-TRIAL_PARTS, TRIAL_RAYS, TRIAL_SAMPLES = 4, 28 * 28 * 256, 4
-#: Seed of the trial's places, which are the same for each seed of a render.
+#: Number of the trial's image parts along each axis.
+TRIAL_PARTS = 4
+#: Rays per colour of the trial. 2^18 rays would need another recording if a texture has
+#: 2^18 values.
+TRIAL_RAYS = 28 * 28 * 256
+#: Maximum samples per pixel of the trial.
+TRIAL_SAMPLES = 4
+#: Seed of the trial's tile positions, which do not depend on the render's seed.
 TRIAL_SEED = 1
-#: Minimum rays of a picture for which the trial pays.
+#: Minimum number of rays in a picture for which a trial saves time.
 MIN_RAYS = 1 << 21
 #: Maximum fraction of samples that meet surfaces without a lattice.
 MAX_UNCACHED = 0.5
@@ -60,31 +65,32 @@ MAX_UNCACHED = 0.5
 class Rendered:
     """A rendered image and its cost."""
 
-    #: (height, width, 3) float32, linear RGB.
+    #: Linear RGB radiance, (height, width, 3) float32.
     radiance: Radiance
-    #: Wall time and processor time (all threads), without compilation.
+    #: Wall time without compilation, s.
     seconds: float
+    #: Processor time of all threads without compilation, s.
     cpu_seconds: float
     prepare_seconds: float
-    #: All rays, also those that were lost before the scene.
+    #: All rays, including rays that were lost before the scene.
     samples_traced: int
-    #: Percentage of lost rays for each of the source's reasons (`Lines.lost`).
+    #: Percentage of rays that were lost for each reason in `Lines.lost`.
     lost_percent: tuple[float, ...] = ()
     shading: Shading = "each"
 
     @property
     def samples_per_second(self) -> float:
-        """Rays a second, without compilation."""
+        """Number of rays per second, without compilation."""
         return self.samples_traced / max(self.seconds, 1e-9)
 
     @property
     def measured(self) -> dict[str, float]:
-        """The times by name, for reports."""
+        """The time figures for reports, keyed by name."""
         return {name: getattr(self, name) for name in ("seconds", "prepare_seconds", "samples_per_second")}
 
 
 def make_integrator(scene: Scene, settings: Settings) -> Jit:
-    """Return the integrator. Raises InputError if it is unknown, or no ray sampler."""
+    """Return the integrator. Raises InputError if it is unknown or cannot sample single rays."""
     if settings.integrator == "scene":
         integrator = scene.mitsuba.integrator()
     else:
@@ -92,7 +98,7 @@ def make_integrator(scene: Scene, settings: Settings) -> Jit:
         try:
             integrator = mi.load_dict({"type": settings.integrator, "max_depth": settings.max_depth})
         except Exception as error:
-            # Mitsuba's `direct` has no max_depth.
+            # Mitsuba's `direct` has no parameter max_depth.
             try:
                 integrator = mi.load_dict({"type": settings.integrator})
             except Exception:
@@ -100,7 +106,7 @@ def make_integrator(scene: Scene, settings: Settings) -> Jit:
                 raise InputError(
                     f"integrator '{settings.integrator}' does not load ({reason}); choose lights, direct, path or scene"
                 ) from None
-    # Differentiable ones (prb, ...) are SamplingIntegrators, but need more than a ray.
+    # Differentiable integrators (prb, ...) have this type but need more than a ray.
     differentiable = ".ad." in type(integrator).__module__
     if differentiable or not isinstance(integrator, mi.SamplingIntegrator):
         raise InputError(
@@ -110,7 +116,7 @@ def make_integrator(scene: Scene, settings: Settings) -> Jit:
 
 
 class Renderer:
-    """Renders the bands of an image, in any order, by one program."""
+    """Renders the bands of an image in any order, with one program."""
 
     def __init__(
         self,
@@ -122,8 +128,8 @@ class Renderer:
     ) -> None:
         """Choose the program; raise InputError as `make_integrator`.
 
-        `bands` are each one's rows, from multiples of `BAND_ROWS` on; None: `bands_of`.
-        With `in_memory` all of them are kept in memory, not one.
+        `bands` has the rows of each band, by default from `bands_of`. Bands start at
+        multiples of `BAND_ROWS`. With `in_memory`, memory has to store all bands.
         """
         self._samples, self._seed, self._pass = settings.samples, settings.seed, 0
         self._width, self._height = source.width_px, source.height_px
@@ -133,25 +139,24 @@ class Renderer:
         self._pose = Pose.of(scene.placement)
         self._colours = source.colours
         self._source, self._filtered = source, is_filtered(source, settings.samples)
-        #: Rays for each pixel.
+        #: Number of rays per pixel.
         self.rays = settings.samples * self._colours
         self.bands = bands or bands_of(self._width, self._height, self.rays)
         rows = self._height if in_memory else max(len(rows) for rows in self.bands)
         started = time.perf_counter()
-        #: The settings without "auto": every process caches the same shapes.
+        #: The settings without "auto", so that every process caches the same shapes.
         self.settings = replace(settings, shading="each", light_points=None)
         self.cache_report: str | None = None
         if settings.shading != "each":
             self.cache_report = self._choose_cache(scene, settings, rows, integrator)
-        #: Seconds of the choice above, and of all calls of `prepare`.
+        #: Time of choosing the cache and of all calls of `prepare`, s.
         self.prepare_seconds = time.perf_counter() - started
-        #: "shared" or "each"; and all decisions on "auto", as metadata.
         self.shading = self.settings.shading
+        #: The values chosen for "auto" options, as metadata.
         self.choices: dict[str, str] = {"shading": self.shading}
 
     @property
-    def _chunk(self) -> int:
-        """Tiles of a chunk."""
+    def _tiles_per_chunk(self) -> int:
         samples = CHUNK_SAMPLES[current_device()] // (CACHE_CHUNK_DIVISOR if self.shading == "shared" else 1)
         return max(1, samples // (self.rays * TILE_PX * TILE_PX))
 
@@ -161,11 +166,11 @@ class Renderer:
         why, is_reported = why_not_cached(scene, source, settings.integrator), not is_auto
         rays = self._width * self._height * self.rays
         if why is None and is_auto:
-            # A GPU traces a ray faster than it looks into the cache.
+            # A GPU traces a ray faster than it reads the cache.
             if len(scene.mitsuba.emitters()) < MIN_LAMPS or current_device() == "cuda" or rays < MIN_RAYS:
                 return None
             needed = memory_mb(self._width, rows, "shared", self._samples, self._colours)
-            # The user's limit alone: the free memory must not change a picture.
+            # Only the user's limit counts: free memory must not change a picture.
             is_reported = settings.memory_mb is not None and needed > settings.memory_mb
             why = "--memory-mb leaves no room for it" if is_reported else None
         if why is None:
@@ -184,8 +189,8 @@ class Renderer:
         return f"no irradiance cache: {why}" if is_reported else None
 
     def _judge_trial(self) -> tuple[bool, str]:
-        """Tell whether all parts reach `CACHE_DB` with the cache; and a line for the log."""
-        decibels = self._trial()
+        """Return whether all image parts reach `CACHE_DB` with the cache, and a line for the log."""
+        decibels = self._trial_psnr()
         if decibels is None:
             why = "most rays meet surfaces that are not plain diffuse, or too large"
             return False, f"no irradiance cache: {why}"
@@ -197,11 +202,11 @@ class Renderer:
         return is_used, f"{trial}: {likeness}; {verdict}"
 
     def move(self, placement: Placement, number: int = 0) -> None:
-        """Move the scene for later bands, of pass `number`; the program is reused."""
+        """Move the scene. Later bands belong to pass `number`; the program is reused."""
         self._pose, self._pass = Pose.of(placement), number
 
     def prepare(self) -> float:
-        """Compile the program by rendering one tile; return the seconds."""
+        """Compile the program by rendering one tile; return the time in seconds."""
         started = time.perf_counter()
         self.draw(range(TILE_PX), tiles=1)
         seconds = time.perf_counter() - started
@@ -209,8 +214,7 @@ class Renderer:
         return seconds
 
     def _trial_tiles(self) -> npt.NDArray[np.int64]:
-        """Return the tiles of the trial: a random one in each of equal parts."""
-        # A regular grid would miss columns.
+        """Return the trial's tiles, a random tile in each of equal image parts."""
         rays = TILE_PX * TILE_PX * min(self._samples, TRIAL_SAMPLES)
         side = max(1, math.isqrt(TRIAL_RAYS // rays) // TRIAL_PARTS) * TRIAL_PARTS
         within = np.random.default_rng(TRIAL_SEED).random((2, side, side))
@@ -220,21 +224,21 @@ class Renderer:
         tiles: npt.NDArray[np.int64] = rows * self._across + columns
         return tiles
 
-    def _trial(self) -> float | None:
-        """Return the cache's PSNR, dB; None if most samples are uncached."""
-        # The least of the `TRIAL_PARTS` x `TRIAL_PARTS` parts of the image.
+    def _trial_psnr(self) -> float | None:
+        """Return the cache's PSNR in dB; None if most samples are uncached."""
+        # The PSNR is the minimum over `TRIAL_PARTS` x `TRIAL_PARTS` parts of the image.
         tiles = self._trial_tiles()
         side, rays = math.isqrt(len(tiles)), TILE_PX * TILE_PX * self.rays
         samples = min(self._samples, TRIAL_SAMPLES)
-        # At once if the samples' indices have 31 bits, as programs need; else by tiles.
+        # Tiles run together if sample indices fit into 31 bits, as programs require.
         together = (tiles.max() + 1) * rays < 1 << 31
-        # Two variables, as in `_run`: one would be another recording.
+        # Two variables, as in `_run`: one variable would cause another recording.
         seeds = Seeds(*(dr.opaque(mi.UInt32, value) for value in (self._seed, self._pass)))
         trials = []
         for first, chunk in [(0, tiles)] if together else [(tile, np.zeros(1, np.int64)) for tile in tiles]:
-            # Numpy's memory has another alignment, which would be another recording.
+            # Numpy's arrays have another alignment, which causes another recording.
             lane = dr.arange(mi.UInt32, len(chunk) * TILE_PX * TILE_PX * self._colours * samples)
-            # Of each colour of a pixel so many of its samples, far apart.
+            # The trial uses `samples` samples of each colour of a pixel, far apart.
             group = lane // samples
             pixel = group // self._colours
             tile = dr.gather(mi.UInt32, mi.UInt32(chunk.astype(np.uint32)), pixel // (TILE_PX * TILE_PX))
@@ -258,22 +262,22 @@ class Renderer:
     def draw(
         self, rows: range, report_rows: Callable[[int], None] | None = None, tiles: int | None = None
     ) -> tuple[list[Jit], list[int]]:
-        """Return rows as colour planes, black after the first `tiles`, and lost samples by reason."""
+        """Return rows as colour planes, black after `tiles` tiles, and the number of lost samples per reason."""
         planes = [dr.zeros(mi.Float, self._width * len(rows)) for _ in range(3)]
         if tiles is None:
             tiles = self._across * -(-len(rows) // TILE_PX)
-        # The mean of several passes is as good without the filter.
+        # Without the filter, the mean of several passes is equally good.
         filtered = self._filtered and self._pass == 0
         sums = PixelFilter(self._source, self._samples, rows) if filtered else None
         lost = []
-        # Equal chunks: each has a fixed cost, because Dr.Jit visits all shapes for each.
-        chunks = max(1, math.ceil(tiles / self._chunk - CHUNK_SLACK))
+        # Chunks are equal. Each has a fixed cost: Dr.Jit visits all shapes.
+        chunks = max(1, math.ceil(tiles / self._tiles_per_chunk - CHUNK_SLACK))
         size = -(-tiles // chunks)
         for first in range(0, tiles, size):
             interrupts.check()
             count = min(size, tiles - first)
             lost.append(self._run(rows, first, count, planes, sums))
-            if self.shading != "shared":  # which waits for its points, and prepares a chunk during the one before
+            if self.shading != "shared":  # shared shading waits itself, and overlaps preparation with rendering
                 dr.sync_thread()
             if report_rows is not None:
                 report_rows(len(rows) * (first + count) // tiles)
@@ -283,10 +287,10 @@ class Renderer:
         return planes, [sum(int(count[0]) for count in counts) for counts in zip(*lost, strict=True)]
 
     def _run(self, rows: range, first_tile: int, count: int, planes: list[Jit], sums: PixelFilter | None) -> list[Jit]:
-        """Render tiles into `sums`, or else the planes; return the lost samples."""
+        """Render tiles into `sums`, or into `planes` without `sums`; return the lost samples."""
         pixels = count * TILE_PX * TILE_PX
         index = dr.arange(mi.UInt32, pixels * self.rays)
-        # Opaque, as all that changes from chunk to chunk: literals would be compiled.
+        # Values that change between chunks are opaque: literals would be compiled.
         first = dr.opaque(mi.UInt32, rows.start // TILE_PX * self._across + first_tile)
         seeds = Seeds(*(dr.opaque(mi.UInt32, value) for value in (self._seed, self._pass)))
         dr.make_opaque(index)
@@ -303,13 +307,13 @@ class Renderer:
 
 
 def radiance_of(planes: list[Jit], width: int) -> Radiance:
-    """Return colour planes as an image (rows, width, 3), perhaps Dr.Jit's memory."""
-    # Copy it for other threads: freeing it waits for Dr.Jit, which may wait for Python.
+    """Return colour planes as an image (rows, width, 3), which may share Dr.Jit's memory."""
+    # Copy the image for other threads: freeing Dr.Jit's memory could wait for ever.
     return np.asarray(dr.ravel(mi.Color3f(planes))).reshape(-1, width, 3)
 
 
 def finite_radiance(radiance: Radiance, name: object) -> Radiance:
-    """Return radiance with black for NaN and the largest half float for infinity; warn of them."""
+    """Return radiance with NaN replaced by black, infinity by the largest half float; warn of both."""
     if what := describe_not_finite(radiance):
         remedy = "see whether a texture or a light of the scene has such numbers"
         warn_user(f"{name}: {what}; NaN becomes black, infinite light {HALF_MAX:g}: {remedy}")
@@ -318,7 +322,7 @@ def finite_radiance(radiance: Radiance, name: object) -> Radiance:
 
 
 def render_rays(scene: Scene, source: RaySource, settings: Settings, progress: Progress | None = None) -> Rendered:
-    """Render an image; `progress` gets (rows done, all rows). Errors as `make_integrator`, `check_memory`."""
+    """Render an image; `progress` gets (rows done, all rows). Raises InputError as `Renderer`, `check_memory`."""
     check_memory(source.width_px, source.height_px, settings, source.colours)
     renderer = Renderer(scene, source, settings)
     renderer.prepare()
@@ -353,7 +357,7 @@ def render_integral(
     engine: Engine = "fast",
     fraction_bits: int | None = None,
 ) -> Rendered:
-    """Render a scene for a display by an engine's rays. Errors as `render_rays`, `lippmann.engines.trace`."""
+    """Render a scene with a display's rays from an engine. Raises the errors of `render_rays`, `engines.trace`."""
     source = display_source(display, model, settings.samples, settings.aperture, engine, fraction_bits)
     return render_rays(scene, source, settings, progress)
 
@@ -366,9 +370,8 @@ def render_view(
     pupil_mm: float = 0.0,
     focus_z_mm: float = 0.0,
 ) -> Rendered:
-    """Render what an eye sees through a window; see `eye_source`, `render_rays`."""
+    """Render an eye's view through a window. Raises the errors of `render_rays`."""
     near = scene.placement.near_mm
     if near is not None and near > eye_mm[2]:
-        # The eye does not see what is behind it.
         scene = replace(scene, placement=replace(scene.placement, near_mm=eye_mm[2], far_mm=None))
     return render_rays(scene, eye_source(eye_mm, window, pupil_mm, focus_z_mm), settings)

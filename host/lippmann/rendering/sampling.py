@@ -1,4 +1,4 @@
-"""Sources of primary rays: a display's pixels through their lenslets, or an eye through a window."""
+"""Creates primary rays from a display's pixels through their lenslets, or from an eye through a window."""
 
 from __future__ import annotations
 
@@ -32,52 +32,52 @@ TILE_PX = 8
 class Lines(NamedTuple):
     """Lines of sight in the display's frame."""
 
-    #: Three Floats, a point of each line, mm.
+    #: A point on each line, three Floats, mm.
     point: tuple[Jit, Jit, Jit]
-    #: Three Floats, unit vectors along the lines, from the display to the viewer.
+    #: Unit vectors along the lines, from the display to the viewer, three Floats.
     direction: tuple[Jit, Jit, Jit]
-    #: Which lines exist: a ray that the lenslets block has none.
+    #: Mask of the lines that exist. A ray that the lenslets block has no line.
     active: Jit
-    #: Which do not exist, for each of the source's reasons.
+    #: Masks of the lost lines, one mask for each reason of the source.
     lost: tuple[Jit, ...] = ()
 
 
 @dataclass(frozen=True)
 class RaySource:
-    """A source of primary rays: the size of an image, and its lines of sight."""
+    """A source of primary rays, with the size of its image and its lines of sight."""
 
     width_px: int
     height_px: int
-    #: Returns the lines of sight. Arguments: a backend, pixel coordinates u and v
-    #: (double), and for each of them a random point of the unit square (two Floats) for
-    #: the lenslet's aperture.
+    #: Function that returns lines of sight. Its arguments are a backend, pixel
+    #: coordinates u and v (double), and random points of the unit square (two
+    #: Floats), which select points of the lenslet's aperture.
     lines: Callable[[DrJitBackend, Jit, Jit, tuple[Jit, Jit]], Lines]
-    #: Sub-pixels; None if a pixel emits its three colours from the same place.
+    #: Sub-pixel layout. None means that a pixel emits all colours from its whole area.
     layout: Layout | None = None
-    #: Whether `lines` stays in Dr.Jit, so that its program can be recorded.
+    #: Whether `lines` uses only Dr.Jit, so that its program can be recorded.
     recordable: bool = True
-    #: Finest visible detail, mm: the lenslets' pitch; None without lenslets.
+    #: Size of the finest visible detail, mm: the lenslet pitch. None without lenslets.
     detail_mm: float | None = None
-    #: Returns a number (UInt32) of the lenslet at each point; arguments as the first
-    #: three of `lines`. Neighbours with the same owner share samples (`PixelFilter`);
-    #: with None, none do.
+    #: Function that returns the number (UInt32) of each pixel's lenslet. Its arguments
+    #: are the first three of `lines`. Neighbouring pixels with equal numbers share
+    #: samples (`PixelFilter`). None means that no pixels share samples.
     owner: Callable[[DrJitBackend, Jit, Jit], Jit] | None = None
 
     @property
     def colours(self) -> int:
-        """Number of colours with samples of their own: 3 with sub-pixels, else 1."""
+        """Number of colours that have their own samples: 3 with sub-pixels, otherwise 1."""
         return 1 if self.layout is None else 3
 
 
 def owner_number(i: Jit, j: Jit) -> Jit:
-    """Return a number (UInt32) for each lenslet (i, j); neighbours differ."""
+    """Return a number (UInt32) for each lenslet (i, j); neighbouring lenslets differ."""
     return mi.UInt32(mi.Int32(i)) * 0x10001 + mi.UInt32(mi.Int32(j))
 
 
 def lines_from_pixels(
     b: DrJitBackend, display: Display, u: Jit, v: Jit, aperture: tuple[Jit, Jit] | None, model: Model
 ) -> Lines:
-    """Trace pixel coordinates (double) through the lenslets; see `rays_from_pixels`."""
+    """Trace rays from pixel coordinates (double) through the lenslets, by `rays_from_pixels`."""
     out = rays_from_pixels(b, System.of(display), u, v, aperture, model)
     point = (
         mi.Float(out.centre_x + b.double(out.ray.x)),
@@ -95,11 +95,11 @@ def display_source(
     engine: Engine = "fast",
     fraction_bits: int | None = None,
 ) -> RaySource:
-    """Return the rays of a display's pixels, traced by an engine; `fraction_bits` is for "twin" and "rtl".
+    """Return the source of a display's rays; engines "twin" and "rtl" use `fraction_bits`.
 
-    "fast" traces inside the renderer's program, and places several samples anywhere in
-    a pixel; the others trace chunk by chunk, and place them on sixteenths of a pixel,
-    which the RTL's words can hold.
+    The engine "fast" traces inside the renderer's program, from any points of a pixel.
+    Other engines trace chunk by chunk. They round the points of several samples to
+    sixteenths of a pixel, which the RTL's words can represent.
     """
     panel = display.panel
 
@@ -121,7 +121,6 @@ def display_source(
         return owner_number(*System.of(display).locate(b, u, v)[:2])
 
     layout, finest = layout_of(panel.subpixels), display.array.finest_mm
-    # Pixels of the other engines are plain means, for comparisons.
     fast = engine == "fast"
     return RaySource(panel.width_px, panel.height_px, lines, layout, fast, finest, owner if fast else None)
 
@@ -136,21 +135,21 @@ class Window:
     height_px: int
 
     def point(self, u: Jit, v: Jit) -> tuple[Jit, Jit]:
-        """Return x and y, mm, of pixel coordinates."""
+        """Return the position x, y, mm, of pixel coordinates."""
         return (u / self.width_px - 0.5) * self.width_mm, (0.5 - v / self.height_px) * self.height_mm
 
 
 def eye_source(
     eye_mm: tuple[float, float, float], window: Window, pupil_mm: float = 0.0, focus_z_mm: float = 0.0
 ) -> RaySource:
-    """Return the rays from an eye through a window (mm), without a display.
+    """Return the source of rays from an eye (mm) through a window, without a display.
 
-    With a pupil, a ray passes a random point of it, and the point at the depth in focus
-    that the pupil's centre sees through the pixel.
+    With a pupil, a ray passes through a random point of the pupil. The ray also passes
+    through the point in focus that the pupil's centre sees through the pixel.
     """
 
     def lines(b: DrJitBackend, u: Jit, v: Jit, square: tuple[Jit, Jit]) -> Lines:
-        # Opaque: another eye or window needs no compilation.
+        # Values are opaque: another eye or window needs no compilation.
         wide, high = (dr.opaque(mi.Float64, c) for c in (window.width_mm, window.height_mm))
         x, y = (mi.Float(c) for c in replace(window, width_mm=wide, height_mm=high).point(u, v))
         ex, ey, ez, radius, focus = (dr.opaque(mi.Float, c) for c in (*eye_mm, 0.5 * pupil_mm, focus_z_mm))
@@ -167,12 +166,12 @@ def eye_source(
 
 
 def colours_of(panel: Panel) -> int:
-    """Return `RaySource.colours` of a panel."""
+    """Return `RaySource.colours` for a panel."""
     return 1 if layout_of(panel.subpixels) is None else 3
 
 
 def pixel_of(first_tile: Jit, place: Jit, width: int, height: int) -> tuple[Jit, Jit]:
-    """Return a pixel's index by its place in the tiles, and whether it is inside."""
+    """Return a pixel's index from its index in the tiles, and whether the pixel is inside."""
     tiles_across = -(-width // TILE_PX)
     tile = first_tile + place // (TILE_PX * TILE_PX)
     bits = place & (TILE_PX * TILE_PX - 1)
@@ -187,15 +186,15 @@ def pixel_of(first_tile: Jit, place: Jit, width: int, height: int) -> tuple[Jit,
 
 @dataclass
 class Parts:
-    """The sampled parts of pixels (`Box`), for each colour and pixel of the layout."""
+    """The sampled areas of pixels (`Box`), for each colour and each pixel of the layout."""
 
     box: tuple[Jit, Jit, Jit, Jit]
-    #: Whether all parts are as high as their pixels.
+    #: Whether every area is as high as its pixel.
     full_height: bool
 
     @classmethod
     def of(cls, layout: Layout | None) -> Parts:
-        """Return the parts of a layout; opaque, so that others need no compilation."""
+        """Return a layout's areas as opaque values, so that another layout needs no compilation."""
         boxes = [Box(0.0, 0.0, 1.0, 1.0)]
         if layout is not None:
             boxes = [box for colour in COLOURS[:3] for box in layout.boxes(colour)]
@@ -206,17 +205,17 @@ class Parts:
 
 @dataclass
 class Seeds:
-    """Seeds (UInt32). No named tuple: Dr.Jit would not record its values."""
+    """The seeds (UInt32) of a render, in a class that Dr.Jit can record."""
 
     image: Jit
-    #: Number of the picture's pass, from 0.
+    #: Number of the picture's pass, counted from 0.
     number: Jit
 
 
 def lines_of(
     source: RaySource, samples: int, seeds: Seeds, pixel: Jit, sample: Jit, parts: Parts, colour: Jit = 0
 ) -> Lines:
-    """Return lines of sight, by the indices (UInt32) of pixel, sample and colour."""
+    """Return the lines of sight for indices (UInt32) of pixels, samples and colours."""
     b = DrJitBackend(current_device())
     x, y = points_in_pixel(pixel, sample, samples, seeds.image, seeds.number)
     row = pixel // source.width_px
@@ -234,7 +233,7 @@ def lines_of(
 
 @dataclass
 class Pose:
-    """A placement as Dr.Jit values: a moved scene needs no new program."""
+    """A placement as Dr.Jit values, so that a moved scene needs no new program."""
 
     near_mm: Jit
     #: The first three rows of `Placement.scene_from_display`; None for the identity.
@@ -242,14 +241,14 @@ class Pose:
 
     @classmethod
     def of(cls, placement: Placement) -> Pose:
-        """Convert a placement."""
+        """Convert a placement to Dr.Jit values."""
         matrix = placement.scene_from_display
         moved = not np.array_equal(matrix, np.eye(4))
         rows = [[dr.opaque(mi.Float, float(x)) for x in line] for line in matrix[:3]] if moved else None
         return cls(dr.opaque(mi.Float, placement.near_mm), rows)
 
     def ray(self, lines: Lines) -> Jit:
-        """Return the scene's rays, from in front of it towards the display."""
+        """Return rays in scene coordinates, from in front of the scene towards the display."""
         point, direction, near = lines.point, lines.direction, self.near_mm
         t = (near - point[2]) / direction[2]
         start = mi.Point3f(point[0] + t * direction[0], point[1] + t * direction[1], near)
@@ -264,7 +263,7 @@ class Pose:
 
 
 def first_hit(scene: Scene, lines: Lines, front_mm: float) -> tuple[Jit, Jit, Jit]:
-    """Return the rays from z = `front_mm`, which of them hit, and the hits' depths, mm."""
+    """Return the rays from z = `front_mm`, the mask of rays that hit, and the hits' depths, mm."""
     ray = Pose.of(replace(scene.placement, near_mm=front_mm, far_mm=None)).ray(lines)
     si = scene.mitsuba.ray_intersect(ray)
     front, scale = (dr.opaque(mi.Float, value) for value in (front_mm, scene.placement.scale))
@@ -272,7 +271,7 @@ def first_hit(scene: Scene, lines: Lines, front_mm: float) -> tuple[Jit, Jit, Ji
 
 
 def first_depths(scene: Scene, eye_mm: tuple[float, float, float], window: Window) -> npt.NDArray[np.float32]:
-    """Return depths z that an eye sees, mm, (height, width); -infinity if none."""
+    """Return the depths z that an eye sees, mm (height, width); -infinity without a surface."""
     near = scene.placement.near_mm
     front = eye_mm[2] if near is None else min(near, eye_mm[2])
     number = dr.arange(mi.UInt32, window.width_px * window.height_px)
@@ -282,8 +281,8 @@ def first_depths(scene: Scene, eye_mm: tuple[float, float, float], window: Windo
 
 
 def sampler_of(seeds: Seeds, pixel: Jit, sample: Jit) -> Jit:
-    """Return a sampler for integrators, by indices (UInt32) of pixels and samples."""
-    # Its numbers depend neither on chunks, bands and workers nor on the colour.
+    """Return a sampler for integrators, seeded by indices (UInt32) of pixels and samples."""
+    # The random numbers do not depend on chunks, bands, workers or colours.
     sampler = _sampler_class(mi.variant())(mi.Properties())
     first, second = mi.sample_tea_32(pixel, seeds.image + seeds.number, HASH_ROUNDS)
     state, stream = mi.sample_tea_32(first ^ sample, second, HASH_ROUNDS)

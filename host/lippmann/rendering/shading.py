@@ -1,4 +1,4 @@
-"""How samples get their colours: each by its own rays, or from an irradiance cache."""
+"""Computes the colours of samples, from their own rays or from an irradiance cache."""
 
 from __future__ import annotations
 
@@ -30,17 +30,17 @@ from lippmann.rendering.surface_lattice import (
 )
 from lippmann.scenes.scene import Scene
 
-#: Dr.Jit's words for a function that it cannot record or replay.
+#: Pattern of Dr.Jit's errors about a function that it cannot record or replay.
 NOT_RECORDED = re.compile(r"record|frozen|freez|replay")
-#: A lamp with a picture, in Mitsuba's text: Dr.Jit 1.5 crashes in a GPU's replay.
+#: Pattern of a lamp with an image, for which Dr.Jit 1.5 crashes in a GPU's replay.
 PICTURE_LAMP = re.compile(r"BitmapTexture|EnvironmentMap")
 
 
 class Recorded:
     """A function of Dr.Jit values and a scene, recorded at its first call (`drjit.freeze`).
 
-    All that changes between calls must be an argument: other numbers become part of the
-    recording. A function that Dr.Jit cannot record is traced at every call.
+    Values that change between calls must be arguments; other values become a part of
+    the recording. A function that Dr.Jit cannot record is traced at every call.
     """
 
     def __init__(self, function: Callable[..., Jit], scene: Scene) -> None:
@@ -51,19 +51,19 @@ class Recorded:
 
         frozen: Jit = dr.freeze(call, state_fn=lambda *_: references.scene.mitsuba)
         self._function, self._frozen = function, frozen
-        # Made now: if made in the first call, the second would be another recording.
+        # The arrays exist before the first call, so that the second call replays it.
         self._parts = lamps, _ = scene.mitsuba.emitters(), scene.mitsuba.shapes()
         self._recordable = current_device() != "cuda" or not any(PICTURE_LAMP.search(str(lamp)) for lamp in lamps)
         weakref.finalize(self, references.release, frozen)
 
     def __call__(self, *arguments: Jit) -> Jit:
-        """Return what the function returns."""
+        """Return the result of the function."""
         if self._recordable:
             try:
-                with garbage_kept():
+                with keep_garbage():
                     return self._frozen(*arguments)
             except RuntimeError as error:
-                # Dr.Jit wraps the function's own errors, too.
+                # Dr.Jit also wraps the errors of the function itself.
                 cause = error if error.__cause__ is None else error.__cause__
                 if not NOT_RECORDED.search(str(cause)):
                     raise cause from None
@@ -72,23 +72,23 @@ class Recorded:
 
 
 class _References:
-    """What a frozen function of Dr.Jit calls; it must not refer to the function and scene itself."""
+    """Function and scene that a frozen function of Dr.Jit uses without its own references to them."""
 
-    # Dr.Jit's object waits for the garbage collector; programs contain all live scenes.
+    # Other references would last until garbage collection.
 
     def __init__(self, function: Callable[..., Jit], scene: Scene) -> None:
         self.function, self.scene = function, scene
 
     def release(self, frozen: Jit) -> None:
-        """Free function and scene, and the recordings."""
+        """Free the function, the scene and the recordings."""
         del self.function, self.scene
         frozen.clear()
 
 
 @contextlib.contextmanager
-def garbage_kept() -> Iterator[None]:
-    """Stop garbage collection: Dr.Jit crashes if a scene is freed while it records."""
-    # It deadlocks if one thread frees a value of Dr.Jit's while another is in Dr.Jit.
+def keep_garbage() -> Iterator[None]:
+    """Stop garbage collection, because Dr.Jit crashes if a scene is freed while it records."""
+    # Dr.Jit also deadlocks if a thread frees its values while another runs Dr.Jit.
     enabled = gc.isenabled()
     gc.disable()
     try:
@@ -98,12 +98,12 @@ def garbage_kept() -> Iterator[None]:
             gc.enable()
 
 
-#: Bit of a lamp mask: irradiance is computed. Each other bit: the point sees a lamp.
+#: Bit of a lamp mask that marks computed irradiance. Other bits mark visible lamps.
 COMPUTED = 1 << 31
 MAX_LAMPS = 31
-#: A spot's picture, in Mitsuba's text; a spot without one has a uniform spectrum there.
+#: Pattern of a spot light with an image; other spot lights have a uniform spectrum.
 SPOT_PICTURE = re.compile(r"texture = (?!UniformSpectrum)")
-#: Lamps, by Mitsuba's names, whose light is almost linear between points.
+#: Mitsuba's class names of lamps whose light is almost linear between points.
 LAMPS = ("PointLight", "SpotLight", "DirectionalEmitter")
 
 
@@ -111,12 +111,13 @@ class IrradianceCache:
     """The irradiance at a scene's lattice points, computed at first use."""
 
     def __init__(self, scene: Scene, spacing: float, max_points: int = MAX_POINTS) -> None:
-        """Lay the lattices, with points at most `spacing` apart, in units of the scene; see `lay_lattices`."""
+        """Create lattices by `lay_lattices`, with points at most `spacing` apart, in scene units."""
         self.lattices, self.points = lay_lattices(scene.mitsuba, spacing, max_points)
-        # Of each point: red, green, blue, and the lamp mask; written before it is read.
+        # Red, green, blue and lamp mask of each point, which are written before a read.
         self._light = dr.empty(mi.Float, 4 * 2 * self.points)
-        # The lamp masks again, 0 if not computed; and marks of the points to compute.
-        self._lamps, self._marks = dr.zeros(mi.UInt32, 2 * self.points), dr.zeros(mi.UInt8, 2 * self.points)
+        # Lamp masks again, 0 for missing points, and marks of the points to compute.
+        self._lamps = dr.zeros(mi.UInt32, 2 * self.points)
+        self._marks = dr.zeros(mi.UInt8, 2 * self.points)
         emitters = list(scene.mitsuba.emitters())
 
         def light_at(place: Place, tested: Jit, visible: Jit, lattices: Lattices) -> tuple[Jit, Jit]:
@@ -126,19 +127,20 @@ class IrradianceCache:
             place, nothing = place_of(lattices, point), point & 0
             return light_at(place, nothing, nothing, lattices)
 
-        self._light_at_points, self._light_at = Recorded(light_at_points, scene), Recorded(light_at, scene)
+        self._light_at_points = Recorded(light_at_points, scene)
+        self._light_at = Recorded(light_at, scene)
 
     def at(self, place: Place) -> Jit:
-        """Return the irradiance / pi at places, without the cache."""
-        # Two variables, as in `between`: a shared one would be another recording.
+        """Return the irradiance / pi at positions, without the cache."""
+        # Two variables, as in `between`, because a shared one causes another recording.
         tested, visible = (dr.opaque(mi.UInt32, 0, dr.width(place.lattice)) for _ in range(2))
         light, _ = self._light_at(place, tested, visible, self.lattices)
         return light
 
     def compute(self, points: list[Jit], active: Jit) -> None:
-        """Compute the irradiance at three arrays of points, where it is missing."""
+        """Compute the missing irradiance at the points of three arrays."""
 
-        # A loop, because three scatters in turn would be three programs.
+        # A loop, because three scatters one after another would be three programs.
         def mark(corner: Jit) -> tuple[Jit]:
             point = dr.select(corner == 0, points[0], dr.select(corner == 1, points[1], points[2]))
             missing = active & (dr.gather(mi.UInt32, self._lamps, point, active) == 0)
@@ -146,7 +148,7 @@ class IrradianceCache:
             return (corner + 1,)
 
         dr.while_loop((mi.UInt32(0),), lambda corner: corner < 3, mark, mode="symbolic")
-        # Each once and in order: shadow rays of neighbours are traced side by side.
+        # Points are sorted, so that shadow rays of neighbours are traced side by side.
         new = dr.compress(self._marks != 0)
         if not dr.width(new):
             return
@@ -157,7 +159,7 @@ class IrradianceCache:
         dr.eval(self._light, self._lamps, self._marks)
 
     def between(self, place: Place, active: Jit) -> Jit:
-        """Return irradiance / pi at places, interpolated, or computed at shadows' edges."""
+        """Return the irradiance / pi at positions, interpolated, or computed at shadow edges."""
         points, weights = corners(self.lattices, place)
         self.compute(points, active)
         cached = [dr.gather(mi.Vector4f, self._light, point, active) for point in points]
@@ -170,7 +172,8 @@ class IrradianceCache:
         edge = dr.compress(active & (differ != 0))
         if dr.width(edge):
             there = Place(*(dr.gather(type(one), one, edge) for one in (place.lattice, place.u, place.v, place.back)))
-            differ, visible = dr.gather(mi.UInt32, differ, edge), dr.gather(mi.UInt32, a, edge)
+            differ = dr.gather(mi.UInt32, differ, edge)
+            visible = dr.gather(mi.UInt32, a, edge)
             own, _ = self._light_at(there, ~differ, visible, self.lattices)
             dr.scatter(light, own, edge)
         return light
@@ -179,8 +182,8 @@ class IrradianceCache:
 def _light_at(
     scene: Jit, emitters: list[Jit], place: Place, tested: Jit, visible: Jit, lattices: Lattices
 ) -> tuple[Jit, Jit]:
-    """Return the irradiance / pi at places, and their lamp masks."""
-    # `visible` holds for the lamps in `tested`; each other lamp gets a shadow ray.
+    """Return the irradiance / pi and the lamp masks at positions."""
+    # Lamps in `tested` are visible as `visible` says. Other lamps get a shadow ray.
     lattice, u, v = place.lattice, place.u, place.v
     outward = from_octahedron(u, v)
     centre = dr.gather(mi.Point3f, lattices.centre, lattice)
@@ -206,33 +209,38 @@ def _light_at(
     return light * (1.0 / math.pi), lamps
 
 
-#: Follows rays. Arguments: samples' indices, sampler, rays, which exist, and others.
+#: Function that follows rays. It gets sample indices, sampler, rays, mask and others.
 Follow = Callable[..., tuple[Jit, ...]]
-#: The fate of a sample: black, in the cache, or left to the integrator.
-BLACK, CACHED, UNCACHED = 0, 1, 2
+#: Fate of a sample that is black.
+BLACK = 0
+#: Fate of a sample whose light is in the cache.
+CACHED = 1
+#: Fate of a sample whose light the integrator computes.
+UNCACHED = 2
 
 
 class Program:
     """The program of a chunk: the integrator computes each sample."""
 
     def __init__(self, scene: Scene, source: RaySource, samples: int, integrator: Jit) -> None:
-        self._parts, self._traced = Parts.of(source.layout), _colour_of_each(scene, source, samples, integrator)
+        self._parts = Parts.of(source.layout)
+        self._traced = _colour_of_each(scene, source, samples, integrator)
 
     def __call__(self, index: Jit, first: Jit, seeds: Seeds, pose: Pose) -> tuple[Jit, list[Jit]]:
-        """Return samples' colours, by indices from the tile `first` on, and the lost ones' numbers."""
+        """Return the colours of samples, indexed from the tile `first` on, and the numbers of lost samples."""
         colour, *lost = self._traced(index, first, seeds, pose, self._parts)
         return colour, lost
 
 
 class CachedProgram(Program):
-    """The program that takes diffuse light from the cache, other light from the integrator."""
+    """The program that takes diffuse light from the cache and other light from the integrator."""
 
     def __init__(
         self, scene: Scene, source: RaySource, samples: int, integrator: Jit, max_depth: int, cache: IrradianceCache
     ) -> None:
         super().__init__(scene, source, samples, integrator)
         self.cache, self.samples, self._colours = cache, samples, source.colours
-        self._met = _of_samples(scene, source, samples, _first_diffuse(scene, max_depth))
+        self._met = _make_sample_program(scene, source, samples, _first_diffuse(scene, max_depth))
 
     def __call__(self, index: Jit, first: Jit, seeds: Seeds, pose: Pose) -> tuple[Jit, list[Jit]]:
         """See `Program`."""
@@ -250,8 +258,8 @@ class CachedProgram(Program):
         return self.cache.between(place, cached)
 
     def trial(self, index: Jit, first: Jit, seeds: Seeds, pose: Pose, samples: int) -> tuple[Radiance, Radiance, float]:
-        """Return radiance (pixels, 3) with and without the cache, and the uncached fraction."""
-        # Uncached samples are black in both. `samples` is for each colour of a pixel.
+        """Return radiance (pixels, 3) with and without the cache, and the fraction of uncached samples."""
+        # Uncached samples are black in both arrays. `samples` is per pixel and colour.
         weight, place, fate, *_ = self._met(index, first, seeds, pose, self._parts, self.cache.lattices)
         cached = fate == CACHED
         radiances = []
@@ -261,8 +269,8 @@ class CachedProgram(Program):
         return radiances[0], radiances[1], float(np.mean(np.array(fate) == UNCACHED))
 
 
-def _of_samples(scene: Scene, source: RaySource, samples: int, follow: Follow) -> Callable[..., Jit]:
-    """Return the program that applies `follow` to samples' rays and counts the lost."""
+def _make_sample_program(scene: Scene, source: RaySource, samples: int, follow: Follow) -> Callable[..., Jit]:
+    """Return the program that applies `follow` to samples' rays and counts the lost samples."""
     rays = samples * source.colours
 
     def trace(index: Jit, first: Jit, seeds: Seeds, pose: Pose, parts: Parts, *others: Jit) -> tuple[Jit, ...]:
@@ -275,7 +283,7 @@ def _of_samples(scene: Scene, source: RaySource, samples: int, follow: Follow) -
         lost = [mask & inside for mask in lines.lost]
         sampler = sampler_of(seeds, pixel, sample)
         results = follow(index, sampler, pose.ray(lines), lines.active & inside, *others)
-        # Evaluated before the sums, because each sum would trace the rays again.
+        # The results are evaluated first, because each sum would trace the rays again.
         dr.eval(results, lost)
         return *results, *(dr.count(mask) for mask in lost)
 
@@ -285,15 +293,14 @@ def _of_samples(scene: Scene, source: RaySource, samples: int, follow: Follow) -
 def _colour_of_each(scene: Scene, source: RaySource, samples: int, integrator: Jit) -> Callable[..., Jit]:
     def follow(index: Jit, sampler: Jit, ray: Jit, active: Jit) -> tuple[Jit, ...]:
         radiance, _, _ = integrator.sample(scene.mitsuba, sampler, ray, None, active)
-        # Not 0.0: the recording of a black tile would keep its size.
+        # An opaque 0, because 0.0 would fix the recording to a black tile's size.
         return (dr.select(active, mi.Color3f(radiance), mi.Float(index >> 31)),)
 
-    return _of_samples(scene, source, samples, follow)
+    return _make_sample_program(scene, source, samples, follow)
 
 
 def _first_diffuse(scene: Scene, max_depth: int) -> Follow:
-    """Return a `Follow` that returns the factor on irradiance / pi, place and fate."""
-    # As the integrator `lights`, through mirrors and glass.
+    """Return a `Follow` that returns the factor on irradiance / pi, the position and the fate."""
     mirror_only = mi.BSDFContext()
     mirror_only.type_mask = mi.BSDFFlags.Delta
 

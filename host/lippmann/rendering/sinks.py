@@ -1,4 +1,4 @@
-"""Where a picture's bands go: into memory, or files, from which a render continues."""
+"""Stores the bands of a picture in memory, or in files from which a later render continues."""
 
 from __future__ import annotations
 
@@ -28,31 +28,31 @@ from lippmann.rendering.plan import Plan
 from lippmann.rendering.renderer import finite_radiance
 
 logger = logging.getLogger("lippmann")
-#: File name of a kept band: its picture's identity and first row.
+#: File name of a kept band: the picture's identity and the first row.
 BAND_NAME = re.compile(r"([0-9a-f]{16})-([0-9]{5})\.npy")
 #: Bytes of the CRC-32 that follows the rows in a kept band.
 CRC_BYTES = 4
 
 
 class Sink(Protocol):
-    """Takes rendered bands."""
+    """Stores rendered bands."""
 
     @property
     def bands(self) -> Sequence[Band]:
-        """All bands of its pictures."""
+        """All bands of the sink's pictures."""
 
     def missing_bands(self) -> Sequence[Band]:
-        """Return the bands that are to be rendered, in this order."""
+        """Return the bands that must be rendered, in rendering order."""
 
     def take(self, rendered: RenderedBand) -> None:
-        """Take a band."""
+        """Store a rendered band."""
 
     def stop(self, done_rows: int) -> None:
-        """End after an error or an interruption; `done_rows` rows have been taken."""
+        """Stop after an error or an interruption; `done_rows` rows are stored."""
 
 
 class RenderTimes(NamedTuple):
-    """The cost of a render: seconds of rendering and of compilation, rays, and bands."""
+    """The cost of a render: time of rendering and compilation in s, numbers of rays and bands."""
 
     seconds: float
     prepare_seconds: float
@@ -61,14 +61,14 @@ class RenderTimes(NamedTuple):
     kept_bands: int
 
     def measured(self, keeps_bands: bool = False) -> dict[str, float]:
-        """Return `IntegralImage.measured`, with bands for a sink that keeps them."""
+        """Return `IntegralImage.measured`, with the numbers of bands if the sink keeps bands."""
         bands = {"bands": self.bands, "bands_kept": self.kept_bands} if keeps_bands else {}
         rate = self.rays / max(self.seconds, 1e-9)
         return {"seconds": self.seconds, "prepare_seconds": self.prepare_seconds, "samples_per_second": rate, **bands}
 
 
 def render_into(sink: Sink, executor: Executor = render_here, progress: Progress | None = None) -> RenderTimes:
-    """Render the missing bands; `progress` gets (rows done, all rows). Raises the executor's and sink's errors."""
+    """Render the missing bands; `progress` gets (rows done, all rows). Raises the errors of executor and sink."""
     total = sum(len(band.rows) for band in sink.bands)
     report = RowProgress(progress, total)
     rays, prepare_seconds = 0, 0.0
@@ -107,26 +107,26 @@ class MemorySink:
         self.metadata = plan.metadata
 
     def missing_bands(self) -> Sequence[Band]:
-        """Return the bands that have not been taken."""
+        """Return the bands that are not stored yet."""
         return list(self._missing.values())
 
     def take(self, rendered: RenderedBand) -> None:
-        """Copy a band."""
+        """Copy a band into the picture."""
         rows = rendered.band.rows
         self.radiance[rows.start : rows.stop] = rendered.radiance
         self.metadata |= rendered.choices
         self._missing.pop(rendered.band.number, None)
 
     def stop(self, done_rows: int) -> None:
-        """Do nothing: the picture is lost with the process."""
+        """Do nothing, because the picture ends with the process."""
 
     def write(self, path: Path) -> None:
-        """Write the picture; raise InputError or NoSpaceError if that fails."""
+        """Write the picture; raise InputError or NoSpaceError if writing fails."""
         panel = self.plan.display.panel
         write_picture(path, self.radiance, self.metadata, panel.transfer, panel.bits)
 
     def image(self, times: RenderTimes) -> IntegralImage:
-        """Return the picture with the times of its render."""
+        """Return the picture with its render times."""
         return IntegralImage(self.radiance, self.plan.display, self.metadata, times.measured())
 
 
@@ -134,12 +134,12 @@ class KeptBands:
     """A picture whose bands are files in a folder, locked until `release`."""
 
     def __init__(self, folder: Path, plan: Plan, remedy: str = "choose another place for the picture") -> None:
-        """Lock the folder; InputError if that fails or bands are too large, NoSpaceError on a full disk."""
+        """Lock the folder. Raises InputError if that fails or bands are too large, NoSpaceError if the disk is full."""
         check_band_memory(plan.display, plan.bands, plan.options.settings)
         self._lock = FolderLock(folder, remedy)
         self.folder, self.plan, self.bands = folder, plan, bands_of_plan(plan)
         try:
-            _check_disk(folder, plan, remedy)
+            _check_disk_space(folder, plan, remedy)
         except NoSpaceError:
             self.release()
             raise
@@ -170,14 +170,13 @@ class KeptBands:
         self._checked.add(rendered.band.number)
 
     def stop(self, done_rows: int) -> None:
-        """Keep the bands for the next command, and log their place."""
+        """Keep the bands for the next command, and log their folder."""
         self.release()
         if done_rows:
             message = "%d of %d rows are kept in %s: the same command goes on from there"
             logger.info(message, done_rows, self.shape[0], self.folder)
 
     def __getitem__(self, rows: slice) -> Radiance:
-        """Return some rows, all of one band."""
         first, stop, _ = rows.indices(self.shape[0])
         for band in self.bands:
             if first in band.rows:
@@ -188,7 +187,7 @@ class KeptBands:
         return np.empty((0, *self.shape[1:]), np.float32)
 
     def write(self, path: Path) -> None:
-        """Write the picture and remove the bands, which stay if that fails (InputError, NoSpaceError)."""
+        """Write the picture, then remove the bands. If writing fails (InputError, NoSpaceError), the bands stay."""
         panel = self.plan.display.panel
         try:
             write_picture(path, self, self.metadata, panel.transfer, panel.bits)
@@ -198,7 +197,7 @@ class KeptBands:
         self.remove()
 
     def image(self, times: RenderTimes) -> IntegralImage:
-        """Return the picture with its render's times; the bands stay in the folder."""
+        """Return the picture with its render times; the bands stay in the folder."""
         radiance = np.concatenate([self[band.rows.start : band.rows.stop] for band in self.bands])
         self.release()
         return IntegralImage(radiance, self.plan.display, self.metadata, times.measured(keeps_bands=True))
@@ -210,7 +209,7 @@ class KeptBands:
         self._lock.close()
 
     def remove(self) -> None:
-        """Remove the bands, and the folder unless something else is in it."""
+        """Remove the bands, and the folder unless it contains other files."""
         for band in self.bands:
             self._path(band.number).unlink(missing_ok=True)
         remove_stale(self.folder)
@@ -221,7 +220,7 @@ class KeptBands:
 
     def _read(self, number: int, warn: bool = False) -> Radiance | None:
         """Return a band, or None if it is missing or damaged."""
-        # The header must be numpy's own. The checksum is compared once.
+        # The file's header must equal numpy's. The checksum is compared only once.
         shape = (len(self.plan.bands[number]), *self.shape[1:])
         header = io.BytesIO()
         np.lib.format.write_array_header_1_0(header, {"descr": "<f4", "fortran_order": False, "shape": shape})
@@ -243,7 +242,7 @@ class KeptBands:
                 raise MemoryError from None
             return None
         if warn:
-            warn_user(f"{path}: this band is damaged, and rendered again")
+            warn_user(f"{path}: this band is damaged and will be rendered again")
         return None
 
 
@@ -253,7 +252,7 @@ def render_picture(
     folder: str | Path | None = None,
     progress: Progress | None = None,
 ) -> IntegralImage:
-    """Render a plan; a folder keeps the finished bands. Errors as `render_into`."""
+    """Render a plan; a folder keeps the finished bands. Raises the errors of `render_into`."""
     path = None if folder is None else path_of(folder, "a folder for kept bands")
     if path is None:
         sink: MemorySink | KeptBands = MemorySink(plan)
@@ -264,8 +263,7 @@ def render_picture(
     return sink.image(render_into(sink, executor, progress))
 
 
-def _check_disk(folder: Path, plan: Plan, remedy: str) -> None:
-    """Raise NoSpaceError if the disk has no room for the missing bands."""
+def _check_disk_space(folder: Path, plan: Plan, remedy: str) -> None:
     there = sum(path.stat().st_size for path in folder.glob(f"{plan.identity}-*.npy"))
     needed = plan.display.panel.width_px * plan.display.panel.height_px * 3 * 4 - there
     free = shutil.disk_usage(folder).free
@@ -275,12 +273,12 @@ def _check_disk(folder: Path, plan: Plan, remedy: str) -> None:
 
 
 def bands_folder(path: Path) -> Path:
-    """Return the folder for the bands of a picture's file."""
+    """Return the folder for the kept bands of a picture's file."""
     return path.with_name(f"{path.name}.bands")
 
 
 def log_remaining_bands(path: Path) -> None:
-    """Log that an unfinished render's bands are beside a picture just written."""
+    """Log that bands of an unfinished render are beside the written picture."""
     folder = bands_folder(path)
     try:
         count = sum(BAND_NAME.fullmatch(one.name) is not None for one in folder.iterdir())

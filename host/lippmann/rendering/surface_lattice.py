@@ -1,8 +1,8 @@
-"""Lattices of points over a scene's surfaces, for the irradiance cache.
+"""Lattices of points on a scene's surfaces, for the irradiance cache.
 
-A triangle has rows of points along a side, shorter towards the corner. A slender
-triangle has equal rows along its shortest side, up to the apex opposite. A sphere has
-those of an octahedron. Each place lies between three points.
+A triangle has rows of points parallel to a side, shorter towards the opposite corner. A
+slender triangle has rows of equally many points, from the shortest side to the apex. A
+sphere has the rows of an octahedral map. Three points surround each position.
 """
 
 from __future__ import annotations
@@ -15,27 +15,32 @@ import numpy as np
 
 from lippmann.base.variant import Jit, dr, mi
 
-#: Diffuse BSDFs in Mitsuba's text: one-sided, or diffuse on both sides.
+#: Patterns of Mitsuba's text for BSDFs that are diffuse on one side or both sides.
 ONE_SIDED = re.compile(r"SmoothDiffuse\[")
 TWO_SIDED = re.compile(r"TwoSided\[\s*brdf\[0\] = SmoothDiffuse\[.*?brdf\[1\] = SmoothDiffuse\[", re.DOTALL)
-#: The number of a shape without a lattice.
+#: Lattice index that marks a shape without a lattice.
 NONE = 0xFFFFFFFF
-#: Steps of a lattice: a sphere's minimum keeps the light linear between points to 1 in
-#: 1,000; with the maximum, a place in float32 is exact to a thousandth of a step.
-MIN_STEPS, MIN_SPHERE_STEPS, MAX_STEPS = 1, 32, 1 << 14
-#: Maximum points of all lattices; each side of a surface has its own irradiance.
+#: Minimum number of steps along a triangle's side.
+MIN_STEPS = 1
+#: Minimum steps on a sphere: light between points is linear to 1 in 1,000.
+MIN_SPHERE_STEPS = 32
+#: Maximum number of steps: float32 positions are accurate to 0.001 steps.
+MAX_STEPS = 1 << 14
+#: Maximum number of lattice points. Each side of a surface has its own irradiance.
 MAX_POINTS = 1 << 22
 
 
 @dataclass
 class Lattices:
-    """The lattices of all triangles and spheres, numbered in order: Dr.Jit arrays."""
+    """The lattices of all triangles and spheres, as Dr.Jit arrays over the lattice index."""
 
-    #: The first lattice of each shape, by its pointer's number, or NONE.
+    #: Index of a shape's first lattice, or NONE, by the number of the shape's pointer.
     of_shape: Jit
-    #: Each lattice's first point, steps in and between rows, shape, triangle, kind.
+    #: Index of each lattice's first point.
     first: Jit
+    #: Number of steps along each lattice's longest row.
     steps: Jit
+    #: Number of steps across each lattice's rows.
     row_steps: Jit
     shape: Jit
     triangle: Jit
@@ -44,16 +49,21 @@ class Lattices:
     radius: Jit
 
 
-#: Bits of a lattice's kind: sphere; two-sided surface; slender triangle, whose apex is
-#: corner 0, or corner 1 or 2 with one of the last bits.
-SPHERE, TWO, FAN, APEX_1, APEX_2 = 1, 2, 4, 8, 16
-#: Kinds whose rows all have the same number of points.
+#: Bit of a lattice's kind: sphere.
+SPHERE = 1
+#: Bit of a lattice's kind: two-sided surface.
+TWO = 2
+#: Bit of a lattice's kind: slender triangle.
+FAN = 4
+#: Bits of a lattice's kind: the apex is corner 1 or corner 2. Without both, corner 0.
+APEX_1, APEX_2 = 8, 16
+#: Kinds of lattices whose rows all have the same number of points.
 EVEN = SPHERE | FAN
 
 
 @dataclass
 class Place:
-    """Places: lattice, coordinates from 0 to 1, and whether on the surface's back."""
+    """Positions on surfaces: lattice index, coordinates 0 to 1, and whether on the back side."""
 
     lattice: Jit
     u: Jit
@@ -62,7 +72,7 @@ class Place:
 
 
 def corners(lattices: Lattices, place: Place) -> tuple[list[Jit], list[Jit]]:
-    """Return the three points around places, and their weights."""
+    """Return the three lattice points around each position, and their weights."""
     lattice, back = place.lattice, place.back
     steps, row_steps = (dr.gather(mi.UInt32, numbers, lattice) for numbers in (lattices.steps, lattices.row_steps))
     kind = dr.gather(mi.UInt32, lattices.kind, lattice)
@@ -73,7 +83,7 @@ def corners(lattices: Lattices, place: Place) -> tuple[list[Jit], list[Jit]]:
     last = dr.select(even, mi.Int32(steps) - 1, mi.Int32(steps) - 1 - j)
     i = dr.clip(mi.Int32(dr.floor(along)), 0, last)
     a, b = along - mi.Float(i), up - mi.Float(j)
-    # A triangle's last cell of a row is half a cell.
+    # The last cell in each row of a triangle is half a cell.
     upper = (a + b > 1.0) & (even | (i < last))
     one = dr.select(upper, 1, 0)
     corner = mi.UInt32(i + one), mi.UInt32(j + one)
@@ -83,30 +93,28 @@ def corners(lattices: Lattices, place: Place) -> tuple[list[Jit], list[Jit]]:
     side = dr.select(back, mi.UInt32(1), mi.UInt32(0))
 
     def number(x: Jit, y: Jit) -> Jit:
-        row = dr.select(even, y * (steps + 1), _before(y, steps))
+        row = dr.select(even, y * (steps + 1), _points_before(y, steps))
         return 2 * (first + row + x) + side
 
-    # In the cell's upper half the coordinates count from the opposite corner.
+    # In the upper half of a cell, coordinates are measured from the opposite corner.
     weights = [dr.select(upper, a + b - 1.0, 1.0 - a - b), dr.select(upper, 1.0 - b, a), dr.select(upper, 1.0 - a, b)]
     return [number(*corner), number(*right), number(*above)], weights
 
 
 def _on_fan(kind: Jit, u: Jit, v: Jit) -> tuple[Jit, Jit]:
-    """Return s along a row, t to the apex, of a place on a slender triangle."""
-    # u and v are barycentric, of corners 1 and 2. Places of other kinds stay.
+    """Return the coordinates on a slender triangle: s along a row, t towards the apex."""
+    # u and v are barycentric coordinates of corners 1 and 2. Other kinds keep u and v.
     apex_1, apex_2 = (kind & APEX_1) != 0, (kind & APEX_2) != 0
     w = 1.0 - u - v
     to_apex, one, other = (
         dr.select(apex_1, a, dr.select(apex_2, b, c)) for a, b, c in ((u, v, w), (v, w, u), (w, u, v))
     )
-    # At the apex both may be 0, by rounding.
     s = dr.clip(one / dr.maximum(one + other, 1e-30), 0.0, 1.0)
     fan = (kind & FAN) != 0
     return dr.select(fan, s, u), dr.select(fan, to_apex, v)
 
 
 def _from_fan(kind: Jit, s: Jit, t: Jit) -> tuple[Jit, Jit]:
-    """Return the inverse of `_on_fan`."""
     apex_1, apex_2 = (kind & APEX_1) != 0, (kind & APEX_2) != 0
     one, other = s * (1.0 - t), (1.0 - s) * (1.0 - t)
     u = dr.select(apex_1, t, dr.select(apex_2, other, one))
@@ -115,13 +123,12 @@ def _from_fan(kind: Jit, s: Jit, t: Jit) -> tuple[Jit, Jit]:
     return dr.select(fan, u, s), dr.select(fan, v, t)
 
 
-def _before(row: Jit, steps: Jit) -> Jit:
-    """Return the number of a triangle's points in the rows before one."""
+def _points_before(row: Jit, steps: Jit) -> Jit:
     return row * (steps + 1) - (row * (row - 1)) // 2
 
 
 def on_octahedron(direction: Jit) -> tuple[Jit, Jit]:
-    """Return the place of a direction in the unit square (octahedral mapping)."""
+    """Return the point of the unit square for a direction (octahedral map)."""
     x, y, z = direction.x, direction.y, direction.z
     size = dr.abs(x) + dr.abs(y) + dr.abs(z)
     x, y = x / size, y / size
@@ -134,7 +141,7 @@ def on_octahedron(direction: Jit) -> tuple[Jit, Jit]:
 
 
 def from_octahedron(u: Jit, v: Jit) -> Jit:
-    """Return the direction that the octahedral map gives to a point of the unit square."""
+    """Return the direction for a point of the unit square, the inverse of `on_octahedron`."""
     x, y = 2.0 * u - 1.0, 2.0 * v - 1.0
     z = 1.0 - dr.abs(x) - dr.abs(y)
     x, y = (
@@ -145,7 +152,7 @@ def from_octahedron(u: Jit, v: Jit) -> Jit:
 
 
 def place_of(lattices: Lattices, point: Jit) -> Place:
-    """Return the places of points, by their numbers."""
+    """Return the positions of lattice points with given indices."""
     back = (point & 1) != 0
     place = point >> 1
     lattice = dr.binary_search(
@@ -156,24 +163,24 @@ def place_of(lattices: Lattices, point: Jit) -> Place:
     )
     even = (kind & EVEN) != 0
     place -= dr.gather(mi.UInt32, lattices.first, lattice)
-    # The row: of a triangle the largest j with j (n + 1) - j (j - 1) / 2 <= place.
+    # A triangle's row is the largest j with j (n + 1) - j (j - 1) / 2 <= place.
     half = mi.Float64(steps) + 1.5
     row = mi.UInt32(dr.floor(half - dr.sqrt(dr.maximum(half * half - 2.0 * mi.Float64(place), 0.0))))
-    row = dr.select(_before(row, steps) > place, row - 1, row)
-    row = dr.select(_before(row + 1, steps) <= place, row + 1, row)
+    row = dr.select(_points_before(row, steps) > place, row - 1, row)
+    row = dr.select(_points_before(row + 1, steps) <= place, row + 1, row)
     row = dr.select(even, place // (steps + 1), row)
-    column = place - dr.select(even, row * (steps + 1), _before(row, steps))
+    column = place - dr.select(even, row * (steps + 1), _points_before(row, steps))
     u, v = _from_fan(kind, mi.Float(column) / mi.Float(steps), mi.Float(row) / mi.Float(row_steps))
     return Place(mi.UInt32(lattice), u, v, back)
 
 
 def lay_lattices(scene: Jit, spacing: float, max_points: int) -> tuple[Lattices, int]:
-    """Return the lattices of the smallest shapes, and the number of their points."""
+    """Return the lattices of the smallest shapes, up to `max_points`, and the number of points."""
     parts: list[dict[str, Jit]] = []
     for shape in scene.shapes():
         text = str(shape.bsdf())
         two = bool(TWO_SIDED.match(text))
-        part = _of_shape(shape, spacing) if two or ONE_SIDED.match(text) else None
+        part = _lay_shape(shape, spacing) if two or ONE_SIDED.match(text) else None
         if part is not None:
             number = int(np.asarray(dr.reinterpret_array(mi.UInt32, mi.ShapePtr(shape)))[0])
             part["kind"] |= TWO if two else 0
@@ -208,14 +215,14 @@ def _points(steps: Jit, row_steps: Jit, kind: Jit) -> Jit:
     return np.where(kind & EVEN, (steps + 1) * (row_steps + 1), (steps + 1) * (steps + 2) // 2)
 
 
-def _of_shape(shape: Jit, spacing: float) -> dict[str, Jit] | None:
-    """Return a mesh's or sphere's lattices, by the names of `Lattices`; None if too large."""
+def _lay_shape(shape: Jit, spacing: float) -> dict[str, Jit] | None:
+    """Return a shape's lattices, keyed by the fields of `Lattices`; None if unsuitable or too large."""
     if shape.is_mesh():
         points = np.array(shape.vertex_positions_buffer(), np.float64).reshape(-1, 3)
         faces = np.array(shape.faces_buffer()).reshape(-1, 3)
         if not len(faces) or not np.isfinite(points).all():
             return None
-        # In column k the side opposite corner k.
+        # Column k has the lengths of the sides opposite corner k.
         sides = np.linalg.norm(points[np.roll(faces, 1, axis=1)] - points[np.roll(faces, 2, axis=1)], axis=2)
         if sides.max() > MAX_STEPS * spacing:
             return None
@@ -223,7 +230,7 @@ def _of_shape(shape: Jit, spacing: float) -> dict[str, Jit] | None:
             np.maximum(np.ceil(length / spacing), MIN_STEPS).astype(np.int64)
             for length in (sides.max(axis=1), sides.min(axis=1))
         )
-        # Not if it saves little: slender triangles may have oblique cells.
+        # A fan must halve the number of points, because its cells may be oblique.
         fan = 2 * _points(short, long, FAN) <= _points(long, long, 0)
         apex = np.array([0, APEX_1, APEX_2])[sides.argmin(axis=1)]
         count = len(faces)
