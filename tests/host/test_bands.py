@@ -319,7 +319,7 @@ def test_a_scheduler_that_is_not_there_leaves_nothing(large, mi, monkeypatch, re
     before = set(large.iterdir())
     words = "-o", "a.png", "--scheduler", "tcp://127.0.0.1:1"
     assert "tcp://127.0.0.1:1" in refusal_of(*RENDER, *words)
-    assert "workers and scheduler both say who renders" in refusal_of(*RENDER, *words, "--workers", "2")
+    assert "workers and scheduler are both given" in refusal_of(*RENDER, *words, "--workers", "2")
     assert set(large.iterdir()) == before
 
 

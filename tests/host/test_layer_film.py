@@ -108,7 +108,7 @@ def keys_of(*keys, name="fish"):
         (keys_of("frame = 0, scale = 0"), "scale"),
         (keys_of("frame = 0, offset_mm = [0, 0, 1]", name="water"), "'water' is a sky"),
         (keys_of("frame = 0") * 2, r"layer\[1\].name: 'fish' moves already"),
-        ("", r"film.toml: layers: .*cut: is no folder of layers; give a folder with layers.toml"),
+        ("", r"film.toml: layers: .*cut: is not a folder of layers; give a folder with layers.toml"),
     ],
 )
 def test_bad_films_are_refused(place, text, says):

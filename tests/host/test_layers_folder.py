@@ -59,7 +59,7 @@ def test_saving_again_removes_the_former_pictures_and_nothing_else(folder):
 def test_a_picture_that_is_not_ours_is_never_replaced(folder):
     stack = LayerStack((load_layers(folder).layers[0],) * 2)
     before = {path.name: path.read_bytes() for path in folder.iterdir()}
-    with pytest.raises(InputError, match=r"one\.png: is there, and is no layer of an earlier run; choose another"):
+    with pytest.raises(InputError, match=r"one\.png: exists, and is not a layer of an earlier run; choose another"):
         save_layers(folder, stack, ["other", "one"])
     assert {path.name: path.read_bytes() for path in folder.iterdir()} == before
 
@@ -177,9 +177,9 @@ def test_a_wrong_picture_is_named(folder, kind):
 
 
 def test_a_folder_without_layers_and_names_that_no_file_has(tmp_path):
-    with pytest.raises(InputError, match=r"is no folder of layers; give a folder with layers.toml"):
+    with pytest.raises(InputError, match=r"is not a folder of layers; give a folder with layers.toml"):
         load_layers(tmp_path)
-    with pytest.raises(InputError, match=r"no folder of layers"):
+    with pytest.raises(InputError, match=r"not a folder of layers"):
         load_layers(tmp_path / "nowhere")
     stack = LayerStack((Layer(np.zeros((2, 2), np.uint8), np.zeros((256, 4), np.uint8), 0.0, np.eye(3)[:2]),) * 2)
     for names in (("a",), ("a", "A"), ("a", "b/c"), ("a", "")):

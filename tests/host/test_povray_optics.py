@@ -136,7 +136,7 @@ def test_an_ideal_lens_and_a_sensor_are_refused():
     with pytest.raises(InputError, match="no sensor"):
         setup_view(load_setup(repository() / "scenes/setups/pickup.toml"))
     setup = load_setup(repository() / "scenes/setups/fig8a.toml")
-    with pytest.raises(InputError, match=r"viewing_distance_mm.*give a display without one"):
+    with pytest.raises(InputError, match=r"viewing_distance_mm.*give a display without it"):
         setup_view(dataclasses.replace(setup, display=dataclasses.replace(setup.display, viewing_distance_mm=600.0)))
 
 

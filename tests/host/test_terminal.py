@@ -122,5 +122,6 @@ def test_names_of_videos_are_files(tmp_path, monkeypatch, name):
 
 
 def test_workers_on_this_machine_stay_on_it():
-    assert cluster._worker_command("tcp://127.0.0.1:8786") == "dask worker tcp://127.0.0.1:8786 --host 127.0.0.1 --no-dashboard"
-    assert cluster._worker_command("tcp://far:8786") == "dask worker tcp://far:8786 --no-dashboard"
+    command_of = cluster._worker_command
+    assert command_of("tcp://127.0.0.1:8786") == "dask worker tcp://127.0.0.1:8786 --host 127.0.0.1 --no-dashboard"
+    assert command_of("tcp://far:8786") == "dask worker tcp://far:8786 --no-dashboard"

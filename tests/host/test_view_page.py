@@ -83,7 +83,7 @@ def test_a_large_panel_travels_in_tiles(monkeypatch, limit, across, width, heigh
 def test_a_panel_that_no_browser_holds_is_refused():
     display = dataclasses.replace(small(), panel=Panel(32768, 18432, 0.05))
     nothing = np.broadcast_to(np.float32(0.0), (18432, 32768, 3))
-    with pytest.raises(InputError, match=r"32768 x 18432 pixels are more than browsers hold.*; show a smaller panel"):
+    with pytest.raises(InputError, match=r"32768 x 18432 pixels are more than browsers can show.*; show a smaller"):
         page_html(display, nothing, "x")
 
 

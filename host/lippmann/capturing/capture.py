@@ -149,7 +149,7 @@ def shown_depth(setup: Setup, z_mm: npt.ArrayLike, rotated: bool) -> Floats:
     if eye_mm is None or (distance is None and not rotated):
         return depth
     wider, lean = (1.0, 2.0 / eye_mm) if distance is None else (1.0 + g / eye_mm, 1.0 / eye_mm)
-    # 1 / (wider / depth + lean), also for a depth of 0.
+    # This is 1 / (wider / depth + lean), also for a depth of 0.
     with np.errstate(divide="ignore"):
         return np.asarray(depth / (wider + lean * depth))
 

@@ -43,7 +43,7 @@ MIN_ELEMENTAL_PX = 2.0
 @documented
 @dataclass(frozen=True)
 class Subject:
-    """The position of the scene. The object's frame starts at its centre: x right, y up, +z to the lens."""
+    """The position of the scene. The object's frame is centred on the object: x right, y up, +z to the lens."""
 
     distance_mm: Annotated[Length, key("object's centre from the lens, or from the array without a lens")]
     scale: Annotated[Scale, key("factor of the size, about the object's centre")] = 1.0
@@ -237,10 +237,10 @@ def _make_lens(keys: LensKeys, object_mm: float, where: str) -> ImagingLens:
             pair = pair.with_focal_length(focal)
         except ValueError:
             name = "focal_length_mm" if image_mm is None else "image_distance_mm"
-            what = f"no pair of such thick lenses, so far apart, has a focal length of {focal:g} mm"
+            what = f"no pair of lenses of this thickness and separation has a focal length of {focal:g} mm"
             raise input_error(f"{where}{name}", what, "give a smaller thickness_mm or separation_mm") from None
     if not 0.5 * pair.aperture_mm < pair.radius_mm:
-        what = f"{pair.aperture_mm:g} mm is wider than domes of radius {pair.radius_mm:.5g} mm are"
+        what = f"{pair.aperture_mm:g} mm is wider than domes of radius {pair.radius_mm:.5g} mm"
         raise input_error(f"{where}aperture_mm", what, "give a smaller aperture, or a higher index")
     if pair.thickness_mm < pair.sag_mm:
         what = f"{pair.thickness_mm:g} mm is below the sag of the domes over the aperture, {pair.sag_mm:.5g} mm"
@@ -252,7 +252,7 @@ def _captured_array(keys: ArrayKeys, display_array: Array, where: str) -> tuple[
     array, focal, concave = display_array, keys.focal_length_mm, False
     if focal is not None:
         if focal == 0.0:
-            raise input_error(f"{where}focal_length_mm", "0 is no focal length", "give mm, negative for concave")
+            raise input_error(f"{where}focal_length_mm", "0 is not a focal length", "give mm, negative for concave")
         concave = focal < 0.0
         array = replace(display_array, radius_mm=abs(focal) * (display_array.index - 1.0))
         check_radius(array, f"{where}focal_length_mm")
@@ -270,8 +270,8 @@ def _captured_array(keys: ArrayKeys, display_array: Array, where: str) -> tuple[
 def _check_setup(setup: Setup, source: str) -> None:
     check_elemental_images(setup, source, "give a display of finer pixels or larger lenslets")
     if setup.display.panel.subpixels != "none":
-        what = f"display '{setup.display.name}' has colour sub-pixels, a camera none"
-        raise input_error(source, what, "give one without")
+        what = f"display '{setup.display.name}' has colour sub-pixels, but a camera has none"
+        raise input_error(source, what, "give a display without sub-pixels")
     lens, stand = setup.lens, f"{setup.array_distance_mm:.4g} mm behind the lens"
     if lens is not None:
         distance = setup.subject.distance_mm
@@ -292,4 +292,4 @@ def _check_setup(setup: Setup, source: str) -> None:
         if lens is not None:
             key = "array.position_mm"
             what = f"the array stands {stand}, not before the camera: outside the image space"
-        raise input_error(f"{source}: {key}", what, "move one of them")
+        raise input_error(f"{source}: {key}", what, "move the camera or the array")

@@ -47,7 +47,7 @@ class ThinLens:
         """Trace rays in the lens's frame, towards the object (dz > 0).
 
         Returns the rays from the last face, and the mask of rays that passed every face
-        inside the aperture. A ray that did not pass has finite values.
+        inside the aperture, without total internal reflection. Other rays are finite.
         """
         x, y = ray.x - ray.z * (ray.dx / ray.dz), ray.y - ray.z * (ray.dy / ray.dz)
         power = 1.0 / self.focal_length_mm

@@ -50,8 +50,8 @@ def _sensor_class() -> type:
             self.display = load_display(str(mi.file_resolver().resolve(path)))
             layout = layout_of(self.display.panel.subpixels)
             if layout is not None and layout.borrows:
-                what = "pixels of this panel lack a colour, and a film's pixel has its own rays only"
-                raise input_error(WHERE, what, "take lippmann render, or a display with other subpixels")
+                what = "pixels of this panel lack a colour, but a film's pixel has only its own rays"
+                raise input_error(WHERE, what, "use lippmann render, or a display with other subpixels")
             self.model = cast(Model, _choice("model", props.get("model", "exact"), MODELS))
             self.full = _choice("aperture", props.get("aperture", "chief"), APERTURES) == "full"
             self.near_mm = float(props.get("near_mm", 0.0))
@@ -95,7 +95,6 @@ def _sensor_class() -> type:
 
 
 def _subpixel_weight(b: DrJitBackend, display: Display, u: Arr, v: Arr) -> Arr:
-    """Return each colour's weight at points of pixels: the sub-pixel's gain, or 0."""
     mi, dr = mitsuba(), drjit()
     layout = layout_of(display.panel.subpixels)
     if layout is None:

@@ -101,7 +101,7 @@ def export_display(scene: Scene, display: Display, model: Model, folder: Path) -
     """
     panel, name = display.panel, f"display '{display.name}'"
     if panel.subpixels != "none":
-        raise InputError(f"{name} has colour sub-pixels, POV-Ray one ray a pixel; take subpixels none")
+        raise InputError(f"{name} has colour sub-pixels, but POV-Ray traces one ray per pixel; set subpixels to none")
     if panel.width_px * panel.height_px > MAX_RAYS:
         size = f"{panel.width_px} x {panel.height_px} pixels, each a triangle in POV-Ray's file"
         raise InputError(f"{name} has {size}; take a panel of at most {MAX_RAYS} pixels")

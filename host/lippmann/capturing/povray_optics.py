@@ -40,10 +40,10 @@ def setup_view(setup: Setup) -> View:
     if isinstance(setup.pickup, Pickup):
         raise input_error(where, "POV-Ray has no sensor behind an array", "give a [camera]")
     if isinstance(setup.lens, ThinLens):
-        raise input_error(where, "POV-Ray has no ideal thin lens", 'give one of kind "pair"')
+        raise input_error(where, "POV-Ray has no ideal thin lens", 'give a lens of kind "pair"')
     if setup.display.viewing_distance_mm is not None:
         what = "its display has a viewing_distance_mm, and POV-Ray takes pictures right behind the lenslets only"
-        raise input_error(where, what, "give a display without one")
+        raise input_error(where, what, "give a display without it")
     assert to_plane is not None
     # The position z of the lens's origin, or of the array's vertices without a lens.
     origin = setup.subject.distance_mm + (0.0 if setup.lens is None else setup.lens.hiatus_mm)

@@ -160,7 +160,7 @@ class Materials:
             try:
                 bitmap = self._mi.Bitmap(str(path))
             except Exception as error:
-                raise texture.refusal(f"cannot be read ({' '.join(str(error).split())[:200]})", "mend it") from None
+                raise texture.refusal(f"cannot be read ({' '.join(str(error).split())[:200]})", "repair it") from None
             if bitmap.component_format() != self._mi.Struct.Type.UInt8:
                 raise texture.refusal("has more than 8 bits a colour", "save it as an 8-bit PNG")
             name = f"{plain(path.stem)}-{len(self._pictures)}.png"
@@ -325,7 +325,7 @@ def _load_mesh(item: Item) -> tuple[Any, str]:
     try:
         return mi.load_dict(properties), stem
     except Exception as error:  # Mitsuba's errors have no common base
-        raise item.refusal(f"cannot be read ({' '.join(str(error).split())[:200]})", "mend it") from None
+        raise item.refusal(f"cannot be read ({' '.join(str(error).split())[:200]})", "repair it") from None
 
 
 def _column(buffer: Any, width: int) -> Array:

@@ -96,7 +96,7 @@ class Item:
         """Raise InputError for the first property that has not been read."""
         for name in self._properties:
             if name not in self._read:
-                raise self.refusal(f"has a {name}, which has no counterpart", f"leave {name} out")
+                raise self.refusal(f"has a {name}, which has no counterpart in POV-Ray", f"leave {name} out")
 
 
 class Tree:

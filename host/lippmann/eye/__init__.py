@@ -1,1 +1,1 @@
-"""What an eye sees: observer, views, the viewer page and the notebook."""
+"""Computes and shows the views of an eye: observer, viewer page and notebook."""

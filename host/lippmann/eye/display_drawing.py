@@ -124,7 +124,7 @@ def draw_display(display: Display, path: Path) -> None:
 
 
 def _lenslets(system: System, place: Sequence[float] | Floats, span: int, every: int = 1) -> tuple[Floats, Floats]:
-    """Return the centres of lenslets up to `span` steps of `every` lenslets from a place of the panel."""
+    """Return the centres of lenslets up to `span` steps of `every` lenslets from a point of the panel."""
     i, j, *_ = system.lattice.locate(NumpyBackend(), *map(np.asarray, system.frame.array_from_panel(*place)))
     steps = every * np.mgrid[-span : span + 1, -span : span + 1].reshape(2, -1)
     i, j = i + steps[0], j + steps[1]

@@ -21,7 +21,7 @@ from lippmann.rendering.renderer import render_view
 from lippmann.rendering.sampling import Window
 from lippmann.scenes.scene import Scene
 
-#: Fraction of the viewing zone that the eyes span. Crosstalk begins at its ends.
+#: Fraction of the viewing zone that the eyes span. Crosstalk begins at the zone's ends.
 ZONE_SHARE = 0.95
 #: Cone of eyes for a display without a viewing zone, degrees.
 CONE_DEG = 20.0
@@ -63,13 +63,14 @@ def eyes_of(
     """
     distance = viewing_distance(display) if distance_mm is None else distance_mm
     if not 0.0 < distance < math.inf:
-        raise InputError(f"the eyes' distance {distance:g} mm is not before the display; give a distance above 0")
+        raise InputError(f"the eyes' distance {distance:g} mm is not in front of the display; give a distance above 0")
     x, y, z = middle_eye(display, distance)
     if cone_deg is None:
         (zone,) = zones(display, [distance])
         narrow = math.tan(math.radians(0.5 * CONE_DEG)) * distance
         west, east, low, high = (-narrow, narrow, -narrow, narrow) if zone is None else zone
-        reach_x, reach_y = 0.5 * ZONE_SHARE * (east - west), 0.5 * ZONE_SHARE * (high - low)
+        reach_x = 0.5 * ZONE_SHARE * (east - west)
+        reach_y = 0.5 * ZONE_SHARE * (high - low)
         x, y = (x, y) if zone is None else (0.5 * (west + east), 0.5 * (low + high))
     else:
         if not 0.0 <= cone_deg <= MAX_CONE_DEG:

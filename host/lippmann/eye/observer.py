@@ -92,7 +92,7 @@ def check_size(radiance: Light | StoredRows, display: Display) -> None:
     panel = display.panel
     if radiance.shape != (panel.height_px, panel.width_px, 3):
         raise InputError(
-            f"the image is {radiance.shape[1]} x {radiance.shape[0]} pixels, the panel of '{display.name}' "
+            f"the image is {radiance.shape[1]} x {radiance.shape[0]} pixels, but the panel of '{display.name}' has "
             f"{panel.width_px} x {panel.height_px}; render it for this display"
         )
 
@@ -153,7 +153,6 @@ def observe(
 
 
 def _emitted_light(b: DrJitBackend, panel: Panel, look_up: LookUp, hits: PixelHits, visible: Arr) -> list[Arr]:
-    """Return the three colours at the rays' hits, black for rays that are not `visible`."""
     mi, dr = mitsuba(), drjit()
     column = mi.UInt32(dr.clip(dr.floor(hits.u), 0, panel.width_px - 1))
     row = mi.UInt32(dr.clip(dr.floor(hits.v), 0, panel.height_px - 1))

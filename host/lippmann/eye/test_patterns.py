@@ -151,7 +151,7 @@ PATTERNS: dict[Kind, Callable[[Pixels], Values]] = {
 
 
 def white_for_eye(display: Display, eye: Eye) -> Values:
-    """Return 1 for pixels that an eye sees through their own exact lenslets, else 0, (height, width)."""
+    """Return 1 for pixels that an eye sees through their own lenslets, else 0, (height, width)."""
     mi, dr = mitsuba(), drjit()
     panel, b, system = display.panel, DrJitBackend(current_device()), System.of(display)
     # Rays of a lenslet spread on the panel, where they may be half a pixel apart.
@@ -188,7 +188,7 @@ def draw(
     """
     check_choice("pattern", kind, get_args(Kind))
     if eye is None and kind == "white-for-eye":
-        raise InputError("white-for-eye is white for one eye; give its place, --eye X,Y,Z in mm")
+        raise InputError("the pattern white-for-eye needs an eye; give its position, --eye X,Y,Z in mm")
     if eye is not None and kind != "white-for-eye":
         raise InputError("--eye belongs to the pattern white-for-eye; leave it out")
     if lens is not None and kind != "single-lens":

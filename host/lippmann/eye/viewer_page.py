@@ -96,7 +96,8 @@ def sliders(display: Display) -> dict[str, list[Slider]]:
     reach, focus = eye_reach_mm(display), focus_reach_mm(display)
     x, y, distance = middle_eye(display, viewing_distance(display))
     near, far = (share * distance for share in DISTANCES)
-    shift, lift = _round_up(0.5 * array.coarsest_mm), _round_up(0.5 * array.focal_length_mm)
+    shift = _round_up(0.5 * array.coarsest_mm)
+    lift = _round_up(0.5 * array.focal_length_mm)
     # A lenslet must cover at least a pixel, and its radius must span its cell.
     narrow = 1.0 - _round_down(1.0 - max(1.0 - STRETCH, display.panel.coarsest_mm / array.finest_mm), FINE)
     wide = 1.0 + _round_down(min(1.0 + STRETCH, array.radius_mm / array.half_diagonal_mm) - 1.0, FINE)
@@ -196,7 +197,7 @@ def page_html(
         check_size(frame, display)
     if panel.width_px * panel.height_px * len(frames) > MAX_PX:
         times = f"{len(frames)} frames of " * bool(later)
-        what = f"{times}{panel.width_px} x {panel.height_px} pixels are more than browsers hold ({MAX_PX})"
+        what = f"{times}{panel.width_px} x {panel.height_px} pixels are more than browsers can show ({MAX_PX})"
         remedy = "show fewer frames" if later else "show a smaller panel, or compute views: lippmann observe"
         raise input_error(f"display '{display.name}'", what, remedy)
     for direct in directs:

@@ -150,7 +150,7 @@ class LayerChoice:
     cheapest: Row | None
     #: All layers that were drawn, in the order of cost.
     candidates: list[Row]
-    #: Reason why the best candidate exceeds the tolerance.
+    #: Reason why the best candidate misses the tolerance.
     limit: Limit | None
     #: Minimum PSNR of another full render's views, dB, if no layers suffice.
     render_db: float | None

@@ -93,7 +93,7 @@ def load_named_layers(path: str | Path) -> tuple[LayerStack, tuple[str, ...]]:
     folder = path_of(path, "a folder of layers")
     file = folder / FILE if folder.is_dir() else folder
     if not file.exists():
-        raise input_error(path, "is no folder of layers", f"give a folder with {FILE}; lippmann layers makes one")
+        raise input_error(path, "is not a folder of layers", f"give a folder with {FILE}; lippmann layers makes one")
     keys = toml.read(LayersFile, toml.load(file, "layers"), str(file))
     layers = dict[str, Layer]()
     for place, one in enumerate(keys.layer):
@@ -129,14 +129,14 @@ def save_layers(path: str | Path, stack: LayerStack, names: Sequence[str] = ()) 
         raise input_error(path, what, "give each a name of its own")
     for name in names:
         if not NAME.fullmatch(name):
-            raise input_error(path, f"'{name}' is not a layer's name", "take letters, digits, _ and - only")
+            raise input_error(path, f"'{name}' is not a layer's name", "use letters, digits, _ and - only")
     folder = Path(path)
     make_folder(folder)
     file = check_output(folder / FILE, (".toml",))
     pictures = [folder / f"{name}.png" for name in names]
     for picture in pictures:
         if picture.exists() and not _is_written(picture):
-            raise input_error(picture, "is there, and is no layer of an earlier run", "choose another folder")
+            raise input_error(picture, "exists, and is not a layer of an earlier run", "choose another folder")
     former_pictures = _written_pictures(file)
     for picture, layer in zip(pictures, stack.layers, strict=True):
         _write_png(picture, layer)
@@ -311,8 +311,8 @@ def cut_pictures(path: str | Path, display: Display, slot: Size = SLOT) -> tuple
             raise input_error(f"{where}.width_mm, centre_mm", what, "leave them out")
         depth = math.inf if one.depth_mm == "sky" else float(one.depth_mm)
         check_depth(depth, display, f"{where}.depth_mm")
-        light = _read_picture(file.parent / one.file)
-        area, reached = _crop_to_reach(light, reach, depth, one.centre_mm, one.width_mm)
+        picture = _read_picture(file.parent / one.file)
+        area, reached = _crop_to_reach(picture, reach, depth, one.centre_mm, one.width_mm)
         if not reached.size:
             raise input_error(f"{where}.centre_mm", "no ray of the display reaches the picture", "move it inwards")
         light = _resize_picture(reached, texels_for(area, display, slot))

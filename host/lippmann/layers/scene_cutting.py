@@ -105,7 +105,7 @@ def reach_of(display: Display) -> Reach:
     rays = trace(display, np.concatenate([np.stack(grid, axis=-1).reshape(-1, 2) for grid in grids]) + 0.5)
     good = rays.status == Status.OK
     if not good.any():
-        raise InputError(f"display '{display.name}': no ray leaves its lenslets; look with lippmann inspect")
+        raise InputError(f"display '{display.name}': no ray leaves its lenslets; see lippmann inspect")
     slopes = rays.direction[good, :2] / rays.direction[good, 2:]
     origin = rays.origin_mm[good]
     eye = middle_eye(display, viewing_distance(display))

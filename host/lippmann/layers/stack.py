@@ -210,7 +210,7 @@ def _array(
 def _number(name: str, value: object) -> float:
     number = as_number(value)
     if math.isnan(number):
-        raise InputError(f"layer: {name} {value!r} is not a number; give one")
+        raise InputError(f"layer: {name} {value!r} is not a number; give a number")
     return number
 
 

@@ -1,1 +1,1 @@
-"""Pictures in time: films and live pictures."""
+"""Renders films and live pictures."""

@@ -83,7 +83,7 @@ class Moving(MotionPath):
 
 @dataclass(frozen=True, kw_only=True)
 class FilmFile:
-    """The keys of a film file. An object also moves shapes that earlier objects moved; `world` is the scene."""
+    """The keys of a film file. An object also moves shapes that earlier objects moved; `world` moves all."""
 
     scene: Annotated[Path, key("a Mitsuba scene; its path is relative to the film file")]
     frames: Annotated[int, key("number of frames, numbered from 0", low=1, high=MAX_FRAMES)]
@@ -155,6 +155,5 @@ def check_frames(key_frames: Sequence[int], frames: int, where: str) -> None:
 
 
 def _with_motion(path: AnyPath, film: Film, where: str) -> AnyPath:
-    """Return a path with the film's motion if it has none. Raises InputError as `check_frames`."""
     check_frames([one.frame for one in path.keys], film.frames, where)
     return replace(path, motion=path.motion or film.motion)

@@ -134,7 +134,6 @@ def _last_key(moving: MovingLayer, frame: int) -> LayerKey | None:
 
 
 def _move_layer(layer: Layer, moving: MovingLayer, frame: int, motion: Motion) -> Layer:
-    """Return a layer at a frame: sheared, scaled, rotated about its pivot, and shifted."""
     numbers = np.array(
         [(*one.offset_mm, one.rotation_deg, one.scale, one.shear, one.brightness) for one in moving.keys]
     )

@@ -78,7 +78,7 @@ QUICK_S = 0.06
 #: Number of timed pictures, since another program may disturb one.
 TRIALS = 3
 MAX_BLOCK = 8
-#: Samples of a pass at rest. The first pass equals a render with these samples.
+#: Samples of a pass at rest. The first pass equals a render with as many samples.
 PASS_SAMPLES = 4
 #: Pixels rendered between two checks of the mouse, keyed by device.
 PIXELS_AT_ONCE = {"llvm": 1 << 18, "cuda": 1 << 25}
@@ -91,7 +91,9 @@ class LivePicture:
         self, scene: Scene, display: Display, model: Model, settings: Settings, block: int | None = None
     ) -> None:
         """Compile the programs. A `block` of None is chosen by speed. Raises InputError as `Renderer`."""
-        self._scene, self._panel, self._encoder = scene, display.panel, Encoder(display.panel)
+        self._scene = scene
+        self._panel = display.panel
+        self._encoder = Encoder(display.panel)
         # A quick picture has fewer rays than the cache would have points.
         self._settings = replace(settings, shading="each")
         self._source = display_source(display, model)
@@ -161,7 +163,6 @@ class LivePicture:
         return [plane / passes for plane in self._planes]
 
     def _renderer(self, samples: int) -> Renderer:
-        """Return the renderer of quick pictures (one sample) or of passes."""
         if samples not in self._renderers:
             source = _coarsen(self._source, self.block) if samples == 1 < self.block else self._source
             rows = BAND_ROWS * max(1, round(PIXELS_AT_ONCE[current_device()] / (source.width_px * BAND_ROWS)))
@@ -171,7 +172,7 @@ class LivePicture:
 
     def _compile(self, samples: int) -> None:
         renderer = self._renderer(samples)
-        # Placements with rotation use another program than placements without it.
+        # Placements with rotation use another program than placements without rotation.
         for turn_deg in (0.0, 1.0):
             renderer.move(replace(self._scene.placement, rotation_deg=(0.0, turn_deg, 0.0)))
             renderer.prepare()
@@ -282,7 +283,7 @@ class LiveShow:
 
         The loop ends after `seconds`, once the picture has all `samples`. For
         `moving_s` seconds (None means to the end), the scene rotates by `turn_deg` per
-        second, or the film plays. `opened` is the opening time (time.perf_counter).
+        second, or the film plays. `opened` is the time of opening (perf_counter).
         """
         began = last = time.perf_counter()
         picture, reel = self.picture, self.reel

@@ -97,7 +97,7 @@ class Screens:
         self._windows[name] = pygame.Window(name, size, (place, place), fullscreen=True)
 
     def show(self, name: str, pixels: Pixels, title: str) -> None:
-        """Show a picture (height, width, 3); DeviceError if the window is gone."""
+        """Show a picture (height, width, 3); raise DeviceError if the window is gone."""
         pygame = self._pygame
         if pygame is None:
             return
@@ -183,6 +183,6 @@ def check_screens(size: tuple[int, int], monitor: int | None) -> None:
 
 @contextmanager
 def screens() -> Iterator[Screens]:
-    """Yield the desktop's screens and close them after the block; DeviceError without a desktop."""
+    """Yield the desktop's screens, then close them; raise DeviceError without a desktop."""
     with desktop("a window") as pygame, closing(Screens(pygame)) as windows:
         yield windows

@@ -35,7 +35,7 @@ def write_video(
 ) -> None:
     """Write a video of sRGB frames (height, width, 3) uint8: FFV1 (.mkv) or H.264 (.mp4, even sides).
 
-    Raises InputError if the file cannot be written; MissingLibraryError without ffmpeg.
+    Raises InputError if the file cannot be written, MissingLibraryError without ffmpeg.
     """
     path = check_output(path, LOSSLESS_SUFFIXES + VIEW_SUFFIXES)
     try:

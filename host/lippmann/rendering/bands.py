@@ -46,7 +46,7 @@ def memory_mb(width_px: int, height_px: int, shading: Shading, samples: int, col
     pixels = width_px * height_px
     needed = BASE_MEMORY_MB + 3.0 * pixels * 3 * 4 / 1e6
     if is_filter_allowed(samples, colours):
-        # This is for "llvm", because a GPU has its own memory.
+        # Only the bands of "llvm" count, because a GPU has its own memory.
         band = len(bands_of(width_px, height_px, samples, "llvm")[0])
         needed += BYTES_A_PIXEL * band * width_px / 1e6
     needed += max(0, TILE_PX * TILE_PX * samples * colours - CHUNK_SAMPLES["llvm"]) * RAY_BYTES / 1e6

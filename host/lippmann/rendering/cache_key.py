@@ -43,7 +43,7 @@ def pixel_versions() -> dict[str, str]:
 @functools.cache
 def code_digest(folder: Path) -> str:
     """Return "+" and 8 hexadecimal digits for a folder's Python files; "" if the folder has none."""
-    # Between releases, code changes without a new version. An installation may lack it.
+    # Code changes between releases without a new version. Sources may be missing.
     digest = hashlib.sha256()
     paths = [path for path in sorted(folder.rglob("*.py")) if path.is_file() and not path.name.startswith(".")]
     for path in paths:

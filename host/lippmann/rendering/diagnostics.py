@@ -42,7 +42,7 @@ def warn_of_unused_parts(scene: Scene, settings: Settings) -> None:
         ignores_media = media > 0 and not settings.integrator.startswith("volpath")
         if ignores_media:
             unused.append(f"the media of {media} shapes (integrator volpath renders them)")
-        # Most files name an integrator, so this alone is reported only at level INFO.
+        # An unused integrator alone is common, and is reported only at level INFO.
         if ignores_media or (unused and logger.isEnabledFor(logging.INFO)):
             warn_user(f"{settings.integrator} ignores {' and '.join(unused)}")
     for line in scene.notes:

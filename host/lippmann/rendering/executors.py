@@ -91,7 +91,7 @@ def choose_executor(workers: int | None = None, scheduler: str | None = None, de
     given, if `workers` is out of range, or if no scheduler or worker answers.
     """
     if workers is not None and scheduler is not None:
-        raise InputError("workers and scheduler both say who renders; leave one out")
+        raise InputError("workers and scheduler are both given; leave one out")
     if workers is not None:
         count = whole_number("workers", workers, 1, MAX_WORKERS)
         return lambda bands, _: render_by_workers(count, device, bands)
@@ -122,7 +122,7 @@ def render_on_cluster(
     """Render bands on a cluster, and yield each finished band. Workers read the scene from the same path.
 
     The scheduler has the `address`, such as tcp://127.0.0.1:8786. Each worker uses
-    `device`: "auto", "llvm" or "cuda". `security` is the security of `local_workers`.
+    `device`: "auto", "llvm" or "cuda". `security` is from `local_workers`.
     Raises InputError if no scheduler or worker answers, or if a worker has another
     scene or version; DeviceError if the scheduler is lost or a band crashes several
     workers; MissingLibraryError if Dask is missing, or Lippmann on a worker.
@@ -139,7 +139,7 @@ def render_on_cluster(
         ) from None
     except (OSError, CancelledError) as error:  # of Dask's connections, and of waiting for them
         what = f"the scheduler is lost ({type(error).__name__})"
-        remedy = "start it and run the command again: what is finished is kept"
+        remedy = "start it and run the command again: finished bands are kept"
         raise device_error(address, what, remedy) from None
     finally:
         client.close()
@@ -261,7 +261,7 @@ def _render_on_worker(band: Band, device: str, expected: dict[str, str]) -> tupl
     if pixel_versions() != expected:
         versions = pixel_versions(), expected
         theirs, ours = (", ".join(f"{key} {value}" for key, value in one.items()) for one in versions)
-        raise input_error(name, f"has {theirs}, asked for {ours}", "install the same Lippmann everywhere")
+        raise input_error(name, f"has {theirs}, but {ours} is needed", "install the same Lippmann everywhere")
     # Another thread that frees Dr.Jit's garbage would wait for this thread's lock.
     with _rendering, keep_garbage():
         start_mitsuba(device)

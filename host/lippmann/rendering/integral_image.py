@@ -115,7 +115,7 @@ class IntegralImage(Showable):
         object.__setattr__(self, "metadata", {**texts, **metadata_of(self.display)})
 
     def save(self, path: str | Path) -> None:
-        """Write radiance (.exr, .tif) or panel values (.png). Raises InputError if that fails, or for NaN, infinity."""
+        """Write radiance (.exr, .tif) or panel values (.png); raise InputError if that fails, for NaN or infinity."""
         panel = self.display.panel
         write_picture(path, self.radiance, {**self.metadata, **self._made_for}, panel.transfer, panel.bits)
 

@@ -28,7 +28,7 @@ def has_splats(scene: Jit) -> bool:
 
 def needs_chance(scene: Jit) -> bool:
     """Tell whether `lights` may use random numbers for a scene, which cause noise."""
-    # Delta lights need none, unless a surface transmits, or scatters and mirrors.
+    # Delta lights need no chance, unless a surface transmits, or scatters and mirrors.
     if not all(mi.has_flag(lamp.flags(), mi.EmitterFlags.Delta) for lamp in scene.emitters()):
         return True
     for surface in scene.shapes():

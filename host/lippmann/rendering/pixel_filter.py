@@ -2,7 +2,7 @@
 
 A pixel is a weighted mean of its samples and its four neighbours' samples. At x, y from
 the pixel's centre the weight is f(x) f(y), with f(d) = (1/2 + s - |d|) / 2s clipped to
-0 and 1. It is a box of one pixel, blurred by a box of 2 s pixels (`softness`).
+0 and 1. f is a box of one pixel, blurred by a box of 2 s pixels (`softness`).
 """
 
 from __future__ import annotations

@@ -106,7 +106,7 @@ def make_integrator(scene: Scene, settings: Settings) -> Jit:
                 raise InputError(
                     f"integrator '{settings.integrator}' does not load ({reason}); choose lights, direct, path or scene"
                 ) from None
-    # Differentiable integrators (prb, ...) have this type but need more than a ray.
+    # Differentiable SamplingIntegrators (prb, ...) need more than a ray.
     differentiable = ".ad." in type(integrator).__module__
     if differentiable or not isinstance(integrator, mi.SamplingIntegrator):
         raise InputError(
@@ -162,7 +162,9 @@ class Renderer:
 
     def _choose_cache(self, scene: Scene, settings: Settings, rows: int, integrator: Jit) -> str | None:
         """Use the irradiance cache if possible and requested; return a line for the log."""
-        source, points, is_auto = self._source, settings.light_points, settings.shading == "auto"
+        source = self._source
+        points = settings.light_points
+        is_auto = settings.shading == "auto"
         why, is_reported = why_not_cached(scene, source, settings.integrator), not is_auto
         rays = self._width * self._height * self.rays
         if why is None and is_auto:
@@ -232,7 +234,7 @@ class Renderer:
         samples = min(self._samples, TRIAL_SAMPLES)
         # Tiles run together if sample indices fit into 31 bits, as programs require.
         together = (tiles.max() + 1) * rays < 1 << 31
-        # Two variables, as in `_run`: one variable would cause another recording.
+        # The seeds are two variables: one variable would cause another recording.
         seeds = Seeds(*(dr.opaque(mi.UInt32, value) for value in (self._seed, self._pass)))
         trials = []
         for first, chunk in [(0, tiles)] if together else [(tile, np.zeros(1, np.int64)) for tile in tiles]:

@@ -51,7 +51,7 @@ class Recorded:
 
         frozen: Jit = dr.freeze(call, state_fn=lambda *_: references.scene.mitsuba)
         self._function, self._frozen = function, frozen
-        # The arrays exist before the first call, so that the second call replays it.
+        # The arrays exist before the first call: so the second call replays the first.
         self._parts = lamps, _ = scene.mitsuba.emitters(), scene.mitsuba.shapes()
         self._recordable = current_device() != "cuda" or not any(PICTURE_LAMP.search(str(lamp)) for lamp in lamps)
         weakref.finalize(self, references.release, frozen)
@@ -74,7 +74,7 @@ class Recorded:
 class _References:
     """Function and scene that a frozen function of Dr.Jit uses without its own references to them."""
 
-    # Other references would last until garbage collection.
+    # References of the frozen function would last until garbage collection.
 
     def __init__(self, function: Callable[..., Jit], scene: Scene) -> None:
         self.function, self.scene = function, scene
@@ -113,7 +113,7 @@ class IrradianceCache:
     def __init__(self, scene: Scene, spacing: float, max_points: int = MAX_POINTS) -> None:
         """Create lattices by `lay_lattices`, with points at most `spacing` apart, in scene units."""
         self.lattices, self.points = lay_lattices(scene.mitsuba, spacing, max_points)
-        # Red, green, blue and lamp mask of each point, which are written before a read.
+        # Red, green, blue and lamp mask of each point. Unwritten points are never read.
         self._light = dr.empty(mi.Float, 4 * 2 * self.points)
         # Lamp masks again, 0 for missing points, and marks of the points to compute.
         self._lamps = dr.zeros(mi.UInt32, 2 * self.points)
@@ -183,7 +183,7 @@ def _light_at(
     scene: Jit, emitters: list[Jit], place: Place, tested: Jit, visible: Jit, lattices: Lattices
 ) -> tuple[Jit, Jit]:
     """Return the irradiance / pi and the lamp masks at positions."""
-    # Lamps in `tested` are visible as `visible` says. Other lamps get a shadow ray.
+    # `visible` is the visibility of lamps in `tested`. Other lamps get a shadow ray.
     lattice, u, v = place.lattice, place.u, place.v
     outward = from_octahedron(u, v)
     centre = dr.gather(mi.Point3f, lattices.centre, lattice)
@@ -209,7 +209,7 @@ def _light_at(
     return light * (1.0 / math.pi), lamps
 
 
-#: Function that follows rays. It gets sample indices, sampler, rays, mask and others.
+#: Function that follows rays, given sample indices, sampler, rays, mask and others.
 Follow = Callable[..., tuple[Jit, ...]]
 #: Fate of a sample that is black.
 BLACK = 0

@@ -219,7 +219,6 @@ class KeptBands:
         return self.folder / f"{self.plan.identity}-{self.plan.bands[number].start:05d}.npy"
 
     def _read(self, number: int, warn: bool = False) -> Radiance | None:
-        """Return a band, or None if it is missing or damaged."""
         # The file's header must equal numpy's. The checksum is compared only once.
         shape = (len(self.plan.bands[number]), *self.shape[1:])
         header = io.BytesIO()

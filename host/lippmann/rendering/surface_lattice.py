@@ -55,7 +55,7 @@ SPHERE = 1
 TWO = 2
 #: Bit of a lattice's kind: slender triangle.
 FAN = 4
-#: Bits of a lattice's kind: the apex is corner 1 or corner 2. Without both, corner 0.
+#: Bits of a lattice's kind: the apex is corner 1, or corner 2 instead of corner 0.
 APEX_1, APEX_2 = 8, 16
 #: Kinds of lattices whose rows all have the same number of points.
 EVEN = SPHERE | FAN
