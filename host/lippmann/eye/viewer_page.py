@@ -112,11 +112,11 @@ def sliders(display: Display) -> dict[str, list[Slider]]:
             Slider("focus", "Focus", "mm", -focus, focus, _step(focus)),
         ],
         "The array as built": [
-            Slider("rotation", "Turned", "°", -TURN_DEG, TURN_DEG, 0.01),
-            Slider("pitch-scale", "Stretched", "×", narrow, wide, FINE, 1.0),
-            Slider("offset-x", "Moved right", "mm", -shift, shift, _step(shift)),
-            Slider("offset-y", "Moved up", "mm", -shift, shift, _step(shift)),
-            Slider("gap", "Lifted", "mm", 0.0 - _round_down(min(display.gap_mm, lift), _step(lift)), lift, _step(lift)),
+            Slider("rotation", "Rotation", "°", -TURN_DEG, TURN_DEG, 0.01),
+            Slider("pitch-scale", "Pitch", "×", narrow, wide, FINE, 1.0),
+            Slider("offset-x", "Shift right", "mm", -shift, shift, _step(shift)),
+            Slider("offset-y", "Shift up", "mm", -shift, shift, _step(shift)),
+            Slider("gap", "Gap change", "mm", 0.0 - _round_down(min(display.gap_mm, lift), _step(lift)), lift, _step(lift)),
         ],
     }
 

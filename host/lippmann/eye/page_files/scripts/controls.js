@@ -1,4 +1,4 @@
-// The page's sliders and boxes, read by their ids.
+// Reads and sets the page's sliders and boxes by their ids.
 
 const element = (id) => document.getElementById(id);
 const number = (id) => element(id).valueAsNumber;
@@ -8,7 +8,7 @@ function sliders() {
   return [...document.querySelectorAll("input[type=range]")];
 }
 
-// Writes a slider's value beside it, for eyes and for screen readers.
+// Writes a slider's value beside the slider, also for screen readers.
 function tell(slider) {
   const decimals = (slider.step.split(".")[1] ?? "").length;
   const text = `${slider.valueAsNumber.toFixed(decimals)} ${slider.dataset.unit}`.trim();
@@ -22,7 +22,7 @@ function setSlider(id, value) {
   tell(slider);
 }
 
-// To a share of its range, 0 to 1.
+// Sets a slider to a fraction, 0 to 1, of its range.
 function setShare(id, share) {
   const slider = element(id);
   setSlider(id, Number(slider.min) + share * (Number(slider.max) - Number(slider.min)));
@@ -33,7 +33,7 @@ function nudgeSlider(id, share) {
   setSlider(id, slider.valueAsNumber + share * (Number(slider.max) - Number(slider.min)));
 }
 
-// Sets sliders back to the values that the page came with.
+// Resets sliders to the page's initial values.
 function resetSliders(chosen) {
   for (const slider of chosen) {
     slider.value = slider.defaultValue;
@@ -41,7 +41,7 @@ function resetSliders(chosen) {
   }
 }
 
-// What the sliders say: the eye, and the errors of the display as built.
+// Returns the values of the controls: the eye, and the errors of the display as built.
 function readControls() {
   return {
     eye: {

@@ -1,4 +1,4 @@
-// What stands behind the display and what before it: the plane in focus, in words and in the drawing.
+// Shows the plane in focus, behind or in front of the display, in words and in the drawing.
 
 function mm(value) {
   return `${Math.abs(value).toFixed(Math.abs(value) < 10 ? 1 : 0)} mm`;
@@ -21,7 +21,7 @@ function eyeInWords({ position: [x, y, z] }) {
   return `Eye ${aside}, ${mm(z)} away.`;
 }
 
-// The drawing's x runs with z; its scale is in the drawing, written by the page's maker.
+// The drawing's x axis is z. viewer_page.py writes the scale into the drawing.
 function drawDepth(eye) {
   const drawing = element("depth-drawing");
   const { mmPerUnit } = drawing.dataset;

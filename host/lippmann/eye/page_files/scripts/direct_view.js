@@ -1,4 +1,4 @@
-// Direct perspective renders beside the view: the one whose eye is nearest.
+// Shows, beside the view, the direct perspective render whose eye is nearest.
 
 class DirectView {
   constructor(directs) {
@@ -6,7 +6,7 @@ class DirectView {
     this.shown = undefined;
   }
 
-  // Positions on the sphere of directions count, and distance as a share.
+  // Compares directions, and the logarithm of the distance with a smaller weight.
   nearest([x, y, z]) {
     const apart = ({ eye_mm: [a, b, c] }) => Math.hypot(a / c - x / z, b / c - y / z, 0.1 * Math.log(c / z));
     return this.directs.reduce((best, one) => (apart(one) < apart(best) ? one : best));

@@ -1,10 +1,10 @@
-// The eye follows the mouse, a finger, or the keys over the observer's view.
+// Moves the eye with the mouse, a finger or the keys over the observer's view.
 
-const KEY_STEP = 0.02; // of a slider's range
-const BIG_STEPS = 5; // with Shift
+const KEY_STEP = 0.02; // step of a key, as a fraction of a slider's range
+const BIG_STEPS = 5; // factor of the step with Shift
 
-// `move(name, value)` sets a slider, `nudge(name, share)` moves it by a share of its range, `centre()` brings the eye
-// back to the middle. Across and down the canvas the eye goes through the ranges of its sliders.
+// `move(name, share)` sets a slider to a fraction of its range, `nudge(name, share)` moves a slider by a fraction of its
+// range, and `centre()` moves the eye back to the middle. The canvas's width and height span the sliders' ranges.
 function followPointer(canvas, { move, nudge, centre }) {
   const follow = (event) => {
     const box = canvas.getBoundingClientRect();

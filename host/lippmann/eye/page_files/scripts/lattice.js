@@ -1,4 +1,4 @@
-// Which lenslet a point belongs to, and where lenslets stand: optics/lattice.py, optics/system.py, optics/panel.py.
+// Finds the lenslet of a point and the centres of lenslets, as optics/lattice.py, optics/system.py and optics/panel.py.
 
 const HALF_SQRT3 = Math.sqrt(3) / 2;
 
@@ -8,7 +8,7 @@ function centreOf(system, i, j) {
   return [x + system.shear * y, y];
 }
 
-// Whether the array has a lenslet there.
+// Whether the array has a lenslet with this centre.
 function present(system, [x, y]) {
   return Math.abs(x - system.shear * y) <= system.ends[0] && Math.abs(y) <= system.ends[1];
 }
@@ -29,7 +29,7 @@ function locate(system, [x, y]) {
   return t < s ? [i + 1, j] : [i, j + 1];
 }
 
-// The lenslet that owns a point of the panel, array's frame: its cell is on the line from there to the eye.
+// The lenslet that owns a point of the panel, array's frame. The line from the point to the eye crosses the lenslet's cell.
 function owner(system, point) {
   return locate(system, point.map((c, k) => c - (c - system.axis[k]) * system.share));
 }
@@ -39,7 +39,7 @@ function behind(system, point) {
   return point.map((c, k) => (c - system.axis[k] * system.share) / (1 - system.share));
 }
 
-// Corners of a cell, from its centre, in the array's frame.
+// Corners of a cell relative to the cell's centre, in the array's frame.
 function cellCorners({ hex, pitch, shear }) {
   const count = hex ? 6 : 4;
   const radius = 1 / Math.sqrt(hex ? 3 : 2);

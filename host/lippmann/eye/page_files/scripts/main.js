@@ -1,4 +1,4 @@
-// Puts the page together, and draws when something changed.
+// Starts the page, and draws when something changes.
 
 const MOST_RAYS_AT_REST = 64;
 const SPEAK_AFTER_MS = 600;
@@ -21,7 +21,7 @@ class Viewer {
     new ResizeObserver(() => this.resized()).observe(this.canvas.parentElement);
   }
 
-  // A browser that cannot show the view still shows the rest.
+  // A browser without WebGL 2 shows everything except the view.
   startView() {
     try {
       this.renderer = new ViewRenderer(this.canvas, this.shaders, this.panel);
@@ -95,7 +95,7 @@ class Viewer {
     return element("fill").getAttribute("aria-pressed") === "true";
   }
 
-  // Lets the view fill the window, or go back to its place.
+  // Makes the view fill the window, or returns the view to its place.
   fill(wanted) {
     element("fill").setAttribute("aria-pressed", String(wanted));
     this.canvas.parentElement.classList.toggle("filled", wanted);
@@ -125,7 +125,7 @@ class Viewer {
     return [width_px * x, height_px * y];
   }
 
-  // The window of the canvas's shape round the panel.
+  // The window around the panel with the aspect ratio of the canvas.
   get windowMm() {
     const [width, height] = this.panelMm;
     const pixel = Math.max(width / this.canvas.width, height / this.canvas.height);
@@ -137,13 +137,13 @@ class Viewer {
     this.waiting ??= requestAnimationFrame((now) => this.frame(now));
   }
 
-  // What is shown of the panel changed, but nothing that the eye sees.
+  // The panel's picture changed, but not the eye's view.
   panelChanged() {
     this.panelStale = true;
     this.waiting ??= requestAnimationFrame((now) => this.frame(now));
   }
 
-  // Takes the controls' values up, for the view to be drawn anew.
+  // Reads the controls, and starts a new view.
   update() {
     const now = readControls();
     this.system = systemOf(this.display, now.built);
@@ -206,8 +206,8 @@ class Viewer {
     }
   }
 
-  // For scripts and tests: draws a view of so many pixels at once, with so many rays for each, 0 for a glance; a PNG's
-  // data URL. `settings` has the form of `readControls`, whose values stand for what it leaves out.
+  // For scripts and tests: draws a view of width x height pixels with `rays` rays per pixel (0 is a glance), and returns
+  // the data URL of a PNG. `settings` has the form of `readControls`; missing values come from the controls.
   picture(settings, width, height, rays) {
     const { eye, built, crosstalk } = { ...readControls(), ...settings };
     this.renderer.resize(width, height);

@@ -1,10 +1,11 @@
-// How many rays a pixel gets in a frame: as many as keep the picture moving.
+// Chooses the number of rays per pixel and frame, so that the picture stays fluid.
 
 const SLOW_MS = 28;
 const QUICK_MS = 19;
 const MOST_RAYS = 16;
-// Frames to wait before more rays are tried again, and frames that an average spans.
+// Number of frames to wait before more rays are tried again.
 const PATIENCE = 120;
+// Number of frames in an average.
 const SPAN = 8;
 
 class Pace {
@@ -15,7 +16,7 @@ class Pace {
     this.wait = SPAN;
   }
 
-  // Told the time of each frame in a row of frames.
+  // Records the time of each frame in a sequence of frames.
   tick(now) {
     if (this.last !== undefined) {
       this.milliseconds += (now - this.last - this.milliseconds) / SPAN;
@@ -32,7 +33,7 @@ class Pace {
     this.last = now;
   }
 
-  // Told when the row ends: the next frame is no measure.
+  // Ends the sequence, so that the time until the next frame does not count.
   rest() {
     this.last = undefined;
   }

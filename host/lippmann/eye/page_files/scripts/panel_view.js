@@ -1,7 +1,7 @@
-// The panel and its elemental images: zoom to the pixel, pan, the lenslets' seams, and what the eye looks at.
+// Shows the panel and its elemental images, with zoom, pan, the lenslets' borders, and rings where the eye looks.
 
-const SEAMS_FROM_PX = 8; // a cell's width on the screen
-const MOST_ZOOM = 64; // screen pixels for a panel pixel
+const SEAMS_FROM_PX = 8; // minimum width of a cell on the screen that shows borders
+const MOST_ZOOM = 64; // maximum number of screen pixels per panel pixel
 
 class PanelView {
   constructor(canvas, panel, onChange) {
@@ -31,7 +31,7 @@ class PanelView {
     ];
   }
 
-  // Zooms by a factor and keeps the panel pixel under a point of the canvas there.
+  // Zooms by a factor. The panel pixel at the point `at` of the canvas stays at that point.
   zoomBy(factor, at = [this.canvas.width / 2, this.canvas.height / 2]) {
     const before = this.pixelAt(at);
     this.zoom = Math.min(this.scale * factor, MOST_ZOOM);
@@ -53,7 +53,7 @@ class PanelView {
     this.panBy(0, 0);
   }
 
-  // Fills the canvas with about three lenslets, those round the middle of what is shown.
+  // Fills the canvas with about three lenslets around the middle of the visible part.
   showLenslets(system) {
     this.zoom = Math.min((Math.min(this.canvas.width, this.canvas.height) * Math.min(...system.pixelPitch)) / (3 * Math.max(...system.pitch)), MOST_ZOOM);
     this.panBy(0, 0);
@@ -103,7 +103,7 @@ class PanelView {
     });
   }
 
-  // One finger or the mouse pans; two fingers zoom too.
+  // One finger or the mouse pans. Two fingers also zoom.
   drag(id, before, now) {
     const others = [...this.pointers].filter(([other]) => other !== id).map(([, at]) => at);
     this.pointers.set(id, now);
@@ -124,10 +124,10 @@ class PanelView {
     context.setTransform(1, 0, 0, 1, 0, 0);
     context.clearRect(0, 0, canvas.width, canvas.height);
     context.imageSmoothingEnabled = scale < 1;
-    context.imageSmoothingQuality = "high"; // a panel is full of detail: what skips pixels shows stripes that are not there
+    context.imageSmoothingQuality = "high"; // a panel is full of detail: skipped pixels would cause moire stripes
     const [left, top] = this.pixelAt([0, 0]);
     panel.forEach((bitmap, x, y) => {
-      // Whole screen pixels: between edges inside one, the background would shine through.
+      // Edges lie on whole screen pixels, because the background would shine through partly covered pixels.
       const edges = [x - left, y - top, x - left + bitmap.width, y - top + bitmap.height];
       const [x0, y0, x1, y1] = edges.map((edge) => Math.round(edge * scale));
       const visible = x1 > 0 && y1 > 0 && x0 < canvas.width && y0 < canvas.height;
@@ -175,7 +175,7 @@ class PanelView {
     this.context.stroke();
   }
 
-  // A ring round the place that each lenslet shows to this eye: on the line from the eye through the lenslet's centre.
+  // Draws a ring around the point of the panel on the line from the eye through each lenslet's centre.
   drawMarks(system, cells, eye) {
     const context = this.context;
     const radius = Math.max(0.7, 3 / this.scale);

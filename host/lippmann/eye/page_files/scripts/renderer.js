@@ -1,8 +1,8 @@
-// The observer's view: one ray for each pixel and pass, summed in a float texture, then shown; or one ray straight to
-// the screen.
+// Renders the observer's view. Each pass adds one ray per pixel to a float texture, which is then shown. A glance draws
+// one ray per pixel directly on the screen.
 
 class ViewRenderer {
-  // `shaders` maps file names to sources, `panel` is the integral image, a PanelTiles.
+  // `shaders` maps file names to sources. `panel` is the integral image as PanelTiles.
   constructor(canvas, shaders, panel) {
     const gl = canvas.getContext("webgl2", { alpha: false, antialias: false, depth: false });
     if (!gl) throw new Error("this browser has no WebGL 2");
@@ -68,7 +68,7 @@ class ViewRenderer {
     return texture;
   }
 
-  // Writes a panel's pixels into the texture that is bound.
+  // Writes a panel's pixels into the bound texture.
   fillTexture(panel) {
     const gl = this.gl;
     panel.forEach((bitmap, _x, _y, layer) => {
@@ -77,7 +77,7 @@ class ViewRenderer {
     });
   }
 
-  // Takes another frame's pixels, of the same size; what was summed is lost.
+  // Replaces the panel by another frame of the same size, and clears the summed rays.
   setPanel(panel) {
     this.gl.activeTexture(this.gl.TEXTURE0);
     this.gl.bindTexture(this.gl.TEXTURE_2D_ARRAY, this.panelLight);
@@ -86,7 +86,7 @@ class ViewRenderer {
     this.rays = 0;
   }
 
-  // Gives the canvas a size in pixels; what was summed is lost.
+  // Sets the canvas's size in pixels, and clears the summed rays.
   resize(width, height) {
     const gl = this.gl;
     this.canvas.width = width;
@@ -106,7 +106,7 @@ class ViewRenderer {
     this.rays = 0;
   }
 
-  // Starts a view anew: of a system, seen by an eye {position, pupil, focus}, through a window in mm.
+  // Starts a new view of a system for an eye {position, pupil, focus} through a window in mm.
   begin(system, eye, windowMm, crosstalk) {
     const gl = this.gl;
     for (const { program, places } of [this.glanceProgram, this.lookProgram]) {
@@ -139,7 +139,7 @@ class ViewRenderer {
     this.rays = 0;
   }
 
-  // Runs a program over all pixels of a framebuffer (null: the canvas), with a texture beside the panel's.
+  // Runs a program over all pixels of a framebuffer (null is the canvas), with a second texture beside the panel's texture.
   run({ program, places }, frame, beside, uniforms = () => {}) {
     const gl = this.gl;
     gl.viewport(0, 0, this.canvas.width, this.canvas.height);
@@ -153,7 +153,7 @@ class ViewRenderer {
     gl.drawArrays(gl.TRIANGLES, 0, 3);
   }
 
-  // Shows the view with one ray through each pixel's middle, and no more of the pupil than its own.
+  // Shows the view with one ray per pixel, from the pixel's centre to the pupil's centre.
   glance() {
     this.run(this.glanceProgram, null, null);
   }

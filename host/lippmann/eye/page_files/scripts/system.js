@@ -1,13 +1,13 @@
-// The display as built: the designed one with the sliders' errors, as plain numbers for shaders and drawing.
-// As display.py, `misaligned`, optics/system.py. Millimetres; `display` is the page's description of the display.
+// Returns the display as built: the designed display with the sliders' errors, as numbers for shaders and drawing.
+// The formulas are those of display/description.py and optics/system.py. Lengths are mm. `display` is the page's JSON.
 
 function systemOf(display, built) {
   const { panel, array } = display;
   const hex = array.grid === "hex";
-  const pitch = [array.pitch_mm, array.pitch_mm].flat().slice(0, 2).map((one) => one * built.pitchScale); // also of one number
+  const pitch = [array.pitch_mm, array.pitch_mm].flat().slice(0, 2).map((one) => one * built.pitchScale); // one number stands for both
   const shear = array.shear ?? 0;
   const halfDiagonal = Math.max(...cellCorners({ hex, pitch, shear }).map(([x, y]) => Math.hypot(x, y)));
-  // The last lenslets within the extent, in half steps, and half such a step more: nothing is there.
+  // Position of the last lenslet within the extent, plus a quarter of a step, where no lenslet is.
   const steps = [pitch[0], pitch[1] * (hex ? HALF_SQRT3 : 1)];
   const ends = steps.map((step, k) =>
     array.extent_mm  // a stretched array keeps its lenslets
@@ -15,7 +15,7 @@ function systemOf(display, built) {
   const radius = array.radius_mm;
   const flatDistance = Math.sqrt(Math.max(radius ** 2 - halfDiagonal ** 2, 0));
   const sag = halfDiagonal ** 2 / (radius + flatDistance);
-  // A thinnest lenslet that is stretched is still one: its substrate spans the deeper rims.
+  // If stretching makes the sag larger than the thickness, the thickness grows to the sag.
   const thickness = built.pitchScale > 1 ? Math.max(array.thickness_mm, sag) : array.thickness_mm;
   const gap = Math.max(display.gap_mm + built.gap, 0);
   const rotation = ((array.rotation_deg + built.rotation) * Math.PI) / 180;
@@ -38,9 +38,9 @@ function systemOf(display, built) {
     thickness,
     gap,
     apertureDistance,
-    share: eye === null ? 0 : apertureDistance / (apertureDistance + eye), // the array stands at this share of the way from panel to eye
-    axis: arrayFromPanel(frame, display.viewing_axis_mm), // that eye is in front of it, array's frame
+    share: eye === null ? 0 : apertureDistance / (apertureDistance + eye), // fraction of the distance from panel to eye at which the array is
+    axis: arrayFromPanel(frame, display.viewing_axis_mm), // point in front of which this eye is, array's frame
     panelPx: [panel.width_px, panel.height_px],
-    pixelPitch: [panel.pixel_pitch_mm, panel.pixel_pitch_mm].flat().slice(0, 2), // x and y, also of one number
+    pixelPitch: [panel.pixel_pitch_mm, panel.pixel_pitch_mm].flat().slice(0, 2), // x and y; one number stands for both
   };
 }

@@ -1,8 +1,8 @@
-// Intersection with the domes and refraction there: optics/faces.py, which derives the formulas.
-// Lens-local, the vertex at the origin, the dome bulging to +z, glass below.
+// Intersects rays with the domes and refracts them, by the formulas of optics/faces.py.
+// Coordinates are local to a lenslet: the vertex is the origin, the dome bulges to +z, and the glass is below.
 
 uniform float curvature;  // 1 / R
-uniform float sag;        // depth of a cell's corners
+uniform float sag;        // depth of a cell's corners below the vertex
 
 const int MAX_CELLS = 16;
 
@@ -12,12 +12,12 @@ struct Ray {
 };
 
 struct Crossing {
-  vec3 point;    // on the dome, local to the lenslet met
-  vec2 centre;   // of that lenslet, from the one that the ray was local to
-  float cosine;  // between ray and normal
+  vec3 point;    // point on the dome, local to the lenslet that the ray meets
+  vec2 centre;   // centre of that lenslet, from the centre of the ray's lenslet
+  float cosine;  // cosine of the angle between ray and normal
 };
 
-// Meets the sphere that the ray is local to; `t` counts from the ray's point. Perpendicular-foot form.
+// Intersects the ray with the sphere of its lenslet; `t` is measured from the ray's point. Perpendicular-foot form.
 bool meet_cap(Ray ray, bool upward, out float t, out vec3 at, out float cosine) {
   float along = dot(ray.point, ray.way);
   vec3 foot = ray.point - along * ray.way;
@@ -30,12 +30,12 @@ bool meet_cap(Ray ray, bool upward, out float t, out vec3 at, out float cosine) 
   return square >= 0.0;
 }
 
-// Negative in the glass, positive in the air; lens-local.
+// Returns a height that is negative in the glass and positive in the air, in lens-local coordinates.
 float height(vec3 at) {
   return curvature * dot(at, at) + 2.0 * at.z;
 }
 
-// The first dome met, whichever lenslet owns it. False: none within MAX_CELLS.
+// Finds the first dome that the ray meets, of any lenslet. Returns false if there is none within MAX_CELLS cells.
 bool meet(Ray ray, bool upward, out Crossing met) {
   float t;
   met.centre = vec2(0.0);
@@ -49,7 +49,7 @@ bool meet(Ray ray, bool upward, out Crossing met) {
     found = meet_cap(ray, upward, t, met.point, met.cosine) && t <= t_flat;
     step_to = found ? vec2(0.0) : step_to;
 #ifdef STEPPED
-    // Through the wall between two domes: the glass ends there, or begins.
+    // The ray crosses the wall between two domes, where the glass ends or begins.
     float wall = height(ray.point + t_flat * ray.way - vec3(step_to, 0.0));
     if (!found && (upward ? wall > 0.0 : wall < 0.0)) break;
 #endif
@@ -60,7 +60,7 @@ bool meet(Ray ray, bool upward, out Crossing met) {
 #endif
 }
 
-// Snell's law at the sphere. False: totally reflected.
+// Applies Snell's law at the sphere. Returns false for total internal reflection.
 bool refract_dome(Crossing met, float ratio, bool upward, inout vec3 way) {
   float square = 1.0 - ratio * ratio * (1.0 - met.cosine) * (1.0 + met.cosine);
   float bend = sqrt(max(square, 0.0)) - ratio * met.cosine;
@@ -80,7 +80,7 @@ bool blocked_above(Ray ray) {
     float t, cosine;
     vec3 at;
     bool met = meet_cap(ray, true, t, at, cosine);
-    // This cell's cap, entered from the side: the other root. The dome just left cannot be met again.
+    // A ray from the side meets this cell's cap at the other root. A ray cannot meet again the dome that it just left.
     t = -(ray.way.z + cosine) / curvature - dot(ray.point, ray.way);
     blocked = met && k > 0 && t > t_before && t <= min(t_flat, t_top);
 #ifdef STEPPED

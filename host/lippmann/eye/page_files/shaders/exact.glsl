@@ -1,22 +1,22 @@
-// From the viewer's side through both faces to the panel: optics/models.py, `_reach_exact`.
+// Traces a ray from the viewer through both faces to the panel, as optics/models.py.
 
-uniform float index;      // of the glass, in air
-uniform float thickness;  // vertex to flat face
-uniform float gap;        // panel to the array's near face
+uniform float index;      // refractive index of the glass in air
+uniform float thickness;  // distance from vertex to flat face
+uniform float gap;        // distance from the panel to the array's nearer face
 
-// Where on the panel plane a ray from the world ends.
+// The point of the panel plane where a ray from the viewer ends.
 struct Landing {
-  vec2 point;   // local to the lenslet passed; crosstalk where that does not own it
-  vec2 centre;  // of that lenslet, from the one that the ray was local to
+  vec2 point;   // point local to the lenslet that the ray passed; crosstalk if this lenslet does not own the point
+  vec2 centre;  // centre of that lenslet, from the centre of the ray's lenslet
 };
 
-// `ray` stands on the face that the viewer sees, local to the lenslet whose cell it stands in, heading for the panel.
-// False: missed, totally reflected or blocked.
+// `ray` starts on the viewer's face, towards the panel, local to the lenslet whose cell contains its point.
+// Returns false if the ray misses, is totally reflected or is blocked.
 bool reach_panel(Ray ray, out Landing landing) {
   Crossing met;
 #ifdef PLANO_TO_PANEL
   bool through = meet(ray, false, met);
-  refract_dome(met, 1.0 / index, false, ray.way);  // into the denser medium: never reflected
+  refract_dome(met, 1.0 / index, false, ray.way);  // no total reflection, because the ray enters the denser medium
   ray.point = met.point;
 #ifndef GLANCE
   through = through && !blocked_below(ray);
@@ -26,7 +26,7 @@ bool reach_panel(Ray ray, out Landing landing) {
   float panel_z = -(thickness + gap);
   landing.centre = met.centre;
 #else
-  // Seen in the mirror z -> -z the domes bulge to +z here too, and the light goes up through them.
+  // In the mirror image z -> -z the domes also bulge to +z, and the light passes upwards through them.
   ray.way.z = -ray.way.z;
   refract_flat(ray.way, 1.0 / index);
   ray.point.z = -thickness;

@@ -1,4 +1,5 @@
-// Refraction at the flat face: optics/faces.py. False: totally reflected. `ratio` is index before over index behind.
+// Refracts a ray at the flat face, as optics/faces.py. Returns false for total internal reflection. `ratio` is the index
+// before the face divided by the index behind the face.
 bool refract_flat(inout vec3 way, float ratio) {
   way.xy *= ratio;
   float across = length(way.xy);

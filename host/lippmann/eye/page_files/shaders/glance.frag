@@ -1,6 +1,6 @@
-// One ray for each pixel of the view, through its centre and the pupil's, straight to the screen: while things move.
-// A ray keeps to the dome over which it comes to the array: which neighbour it meets or is blocked by beyond the seam
-// concerns few rays, and to ask for it takes a third of the time.
+// Draws one ray per pixel of the view, through the pixel's centre and the pupil's centre, on the screen during motion.
+// A ray uses only the dome above which it reaches the array. Neighbouring domes concern few rays, and testing them takes
+// a third of the time.
 #define GLANCE
 precision highp float;
 precision highp int;

@@ -1,12 +1,12 @@
-// Which lenslet a point belongs to: optics/lattice.py, the array's frame, mm.
+// Finds the lenslet of a point, as optics/lattice.py, in the array's frame, mm.
 
-uniform vec2 pitch;   // of the lenslets of a row, and the one that the distance of rows follows from
+uniform vec2 pitch;   // x: pitch within a row; y: pitch that determines the distance of rows
 uniform float shear;
 uniform float slant;  // pitch.x / pitch.y
-uniform vec2 ends;    // lenslets whose centres lie farther from the origin, along the rows and across them, are missing
+uniform vec2 ends;    // maximum distance of existing lenslets' centres from the origin, along and across rows
 
 const float HALF_SQRT3 = 0.8660254037844386;
-// Where a line that runs along a flat crosses it.
+// Distance to the crossing for a line that is parallel to a flat.
 const float ALONG = 3.0e38;
 
 // Centre of lenslet (i, j).
@@ -19,21 +19,21 @@ vec2 centre_of(vec2 lenslet) {
   return vec2(centre.x + shear * centre.y, centre.y);
 }
 
-// Whether the array has a lenslet there; beside the array the mount is opaque.
+// Whether the array has a lenslet with this centre. Beside the array the mount is opaque.
 bool present(vec2 centre) {
   return all(lessThanEqual(abs(vec2(centre.x - shear * centre.y, centre.y)), ends));
 }
 
-// A vector across the sides of a cell, whose product with a point from the centre is half of pitch.x there.
+// Returns a vector across a side of a cell. Its dot product with a point of that side is half of pitch.x.
 vec2 across(vec2 regular) {
   return vec2(regular.x, regular.y * slant - regular.x * shear);
 }
 
-// The owner (i, j) of a point, in whole numbers.
+// Returns the lenslet (i, j) that owns a point, as whole numbers.
 vec2 locate(vec2 point) {
   point.x -= shear * point.y;
 #ifdef HEX
-  // Corner of the lattice parallelogram that holds the point, then the nearest of its four corners.
+  // Finds the lattice parallelogram that contains the point, then the nearest of its four corners.
   vec2 u = point / vec2(pitch.x, HALF_SQRT3 * pitch.y);
   vec2 st = vec2(u.x - 0.5 * u.y, u.y);
   vec2 corner = floor(st);
@@ -49,7 +49,7 @@ vec2 locate(vec2 point) {
 #endif
 }
 
-// Whether a point, measured from a lenslet's centre, lies in its cell; half-open, so that each point has one owner.
+// Whether a point, relative to a lenslet's centre, is in the lenslet's cell. Cells are half-open: a point has one owner.
 bool holds(vec2 point) {
   float half_pitch = 0.5 * pitch.x;
   float first = dot(across(vec2(1.0, 0.0)), point);
@@ -62,7 +62,7 @@ bool holds(vec2 point) {
 #endif
 }
 
-// One pair of flats: keeps the first that the line crosses, and the centre of the neighbour (i, j) there.
+// Tests one pair of flats; keeps the first flat that the line crosses, and the centre of the neighbour beyond it.
 void cross_flats(vec2 regular, vec2 neighbour, vec2 point, vec2 way, inout float t, inout vec2 step_to) {
   float q = dot(across(regular), point), v = dot(across(regular), way);
   float side = v < 0.0 ? -1.0 : 1.0;
@@ -71,7 +71,7 @@ void cross_flats(vec2 regular, vec2 neighbour, vec2 point, vec2 way, inout float
   t = min(t, here);
 }
 
-// Where the line point + t way leaves the cell round the origin, and from there the neighbour's centre.
+// Returns t where the line point + t way leaves the cell around the origin, and the neighbour's centre.
 float leave(vec2 point, vec2 way, out vec2 step_to) {
   float t = ALONG;
   step_to = vec2(0.0);

@@ -1,4 +1,4 @@
-// The whole way: eye, lenslets, panel.
+// Traces a ray from the eye through the lenslets to the panel.
 
 #include "lattice.glsl"
 #include "dome.glsl"
@@ -7,9 +7,9 @@
 #include "eye.glsl"
 #include "panel.glsl"
 
-uniform bool crosstalk;  // whether pixels are seen that the lenslet does not own
-uniform float share;     // of the way from the panel to the eye on which elemental images converge: the array is there
-uniform vec2 axis;       // that eye is in front of it, array's frame
+uniform bool crosstalk;  // whether the eye sees pixels that the lenslet does not own
+uniform float share;     // position of the array, as a fraction of the distance from panel to the eye of convergence
+uniform vec2 axis;       // point in front of which this eye is, array's frame
 
 #ifdef PLANO_TO_PANEL
 #define NEAREST_FACE 0.0
@@ -17,7 +17,7 @@ uniform vec2 axis;       // that eye is in front of it, array's frame
 #define NEAREST_FACE thickness
 #endif
 
-// Pixel coordinates that a ray from the eye, its point on the viewer's face, ends at. False: it sees black.
+// Returns the pixel coordinates where a ray from the eye ends; the ray's point is on the viewer's face. False is black.
 bool look(Ray ray, out vec2 pixel) {
   ray.way.xy = array_from_panel_way(ray.way.xy);
   vec2 point = array_from_panel(ray.point.xy);

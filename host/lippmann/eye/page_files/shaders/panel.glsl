@@ -1,4 +1,4 @@
-// The panel: its frame, the array's frame, and the light of a pixel: optics/system.py, observe.py.
+// Converts between the frames of panel and array, and returns a pixel's light, as optics/system.py and observer.py.
 
 uniform highp sampler2DArray panel;  // panel values, sRGB, in tiles
 uniform ivec2 tile_px;
@@ -29,7 +29,7 @@ bool on_panel(vec2 pixel) {
   return all(greaterThanEqual(pixel, vec2(0.0))) && all(lessThan(pixel, panel_px));
 }
 
-// The panel value of the pixel at these coordinates, which is on the panel.
+// Returns the panel value of the pixel at coordinates on the panel.
 vec3 value_at(vec2 pixel) {
   ivec2 place = ivec2(pixel);
   ivec2 tile = place / tile_px;
@@ -38,11 +38,11 @@ vec3 value_at(vec2 pixel) {
 
 #ifdef EMITS
 #ifdef SUBPIXELS
-// Left, top, right and bottom of the sub-pixels, and their gains for red, green, blue and white: subpixels.py.
+// Left, top, right and bottom of the sub-pixels, and gains for red, green, blue and white, as subpixels.py.
 const vec4 boxes[SUBPIXELS] = BOXES, gains[SUBPIXELS] = GAINS;
 #endif
 
-// What the panel emits at a point of a pixel that shows a light. A black pixel is not quite dark.
+// Returns the panel's light at a point of a pixel that shows `light`. A black pixel emits a little light.
 vec3 emitted(vec2 pixel, vec3 light) {
   light = BLACK + (1.0 - BLACK) * light;
 #ifdef SUBPIXELS

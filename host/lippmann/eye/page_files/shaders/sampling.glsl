@@ -1,9 +1,9 @@
-// Sample points of a view's pixels: optics/sample_points.py, the same points for the same seed 0, so that the page and
-// `lippmann observe` follow the same rays.
+// Computes sample points of a view's pixels, as optics/sample_points.py with seed 0. So the page and `lippmann observe`
+// trace the same rays.
 
 const vec2 R2_STEPS = vec2(0.7548776662466927, 0.5698402909980532);
 
-// Hash of two numbers to [0, 1): six rounds of the Tiny Encryption Algorithm (Wheeler and Needham, 1994), as Mitsuba's
+// Hashes two numbers to [0, 1) by six rounds of the Tiny Encryption Algorithm (Wheeler and Needham, 1994), as Mitsuba's
 // sample_tea_float32.
 float hash(uint a, uint b) {
   uint total = 0u;
@@ -15,13 +15,13 @@ float hash(uint a, uint b) {
   return uintBitsToFloat((b >> 9) | 0x3f800000u) - 1.0;
 }
 
-// Point `number` of a pixel in the unit square; streams are independent.
+// Returns point `number` of a pixel in the unit square. Streams are independent.
 vec2 point_in_square(uint pixel, uint number, uint stream) {
   vec2 shift = vec2(hash(pixel, 2u * stream * 0x9e3779b9u), hash(pixel, (2u * stream + 1u) * 0x9e3779b9u));
   return min(fract(shift + float(number) * R2_STEPS), vec2(1.0 - exp2(-24.0)));
 }
 
-// (cos, sin) of at most a quarter of pi, to 3e-7 by Taylor's series: a GPU's own may be off by 5e-4.
+// Returns (cos, sin) of an angle up to pi / 4, to 3e-7 by Taylor's series. A GPU's own functions may be wrong by 5e-4.
 vec2 turned(float angle) {
   float q = angle * angle;
   float cosine = 1.0 - q / 2.0 * (1.0 - q / 12.0 * (1.0 - q / 30.0 * (1.0 - q / 56.0)));
@@ -29,7 +29,7 @@ vec2 turned(float angle) {
   return vec2(cosine, sine);
 }
 
-// The unit square onto the unit disk, area-true, squares to rings (Shirley and Chiu, 1997).
+// Maps the unit square to the unit disk with equal areas, squares to rings (Shirley and Chiu, 1997).
 vec2 square_to_disk(vec2 point) {
   const float QUARTER_PI = 0.7853981633974483;
   vec2 r = 2.0 * point - 1.0;

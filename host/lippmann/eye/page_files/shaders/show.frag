@@ -1,9 +1,9 @@
-// The mean light of each pixel's rays, encoded for the screen.
+// Shows the mean light of each pixel's rays, encoded for the screen.
 precision highp float;
 
 #include "srgb.glsl"
 
-uniform highp sampler2D light;  // sums, and in alpha the number of rays
+uniform highp sampler2D light;  // sums of light; alpha is the number of rays
 
 out vec4 colour;
 

@@ -1,4 +1,4 @@
-// Panel values and light: sRGB, IEC 61966-2-1, as images.py.
+// Converts between panel values and light by sRGB, IEC 61966-2-1, as base/tones.py.
 
 vec3 decode(vec3 value) {
   return mix(pow((value + 0.055) / 1.055, vec3(2.4)), value / 12.92, lessThanEqual(value, vec3(0.04045)));

@@ -1,4 +1,4 @@
-// One more ray for each pixel of the view. Adds its light to what the rays before it saw.
+// Traces one more ray per pixel of the view, and adds its light to the light of the earlier rays.
 precision highp float;
 precision highp int;
 
