@@ -116,7 +116,7 @@ def sliders(display: Display) -> dict[str, list[Slider]]:
             Slider("pitch-scale", "Pitch", "×", narrow, wide, FINE, 1.0),
             Slider("offset-x", "Shift right", "mm", -shift, shift, _step(shift)),
             Slider("offset-y", "Shift up", "mm", -shift, shift, _step(shift)),
-            Slider("gap", "Gap change", "mm", 0.0 - _round_down(min(display.gap_mm, lift), _step(lift)), lift, _step(lift)),
+            Slider("gap", "Gap", "mm", 0.0 - _round_down(min(display.gap_mm, lift), _step(lift)), lift, _step(lift)),
         ],
     }
 
