@@ -108,10 +108,10 @@ def to_install(extra: str = "") -> str:
     return f"run pip install 'lippmann[{extra}]'" if extra else "run pip install --upgrade lippmann"
 
 
-def missing_library(error: ImportError) -> MissingLibraryError:
-    """Return the error for a missing library, with the command that installs it."""
+def missing_library(error: ImportError, extra: str = "") -> MissingLibraryError:
+    """Return the error for a missing library, with the command that installs it or an extra."""
     module = (error.name or "").partition(".")[0]
-    extra = "".join(name for name, modules in EXTRA_MODULES.items() if module in modules)
+    extra = extra or "".join(name for name, modules in EXTRA_MODULES.items() if module in modules)
     what = f"{module} cannot be imported ({error})" if module else str(error)
     return MissingLibraryError(f"{what}; {to_install(extra)}")
 

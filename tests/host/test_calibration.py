@@ -3,6 +3,7 @@
 import contextlib
 import dataclasses
 import io
+import itertools
 import json
 import math
 import re
@@ -34,6 +35,7 @@ from lippmann.errors import InputError, LippmannWarning
 from lippmann.optics.backend import NumpyBackend
 from lippmann.optics.lattice import Lattice
 from lippmann.optics.system import PanelFrame
+from lippmann.rendering.integral_image import IntegralImage
 from tools.calibration_accuracy import deviations, eye_difference, judge, random_case
 
 SEED = 2
@@ -556,6 +558,20 @@ def test_rotation_and_shear_come_back():
         rows = py * (math.sqrt(0.75) if grid == "hex" else 1.0)
         steps = np.array([[c, -s], [s, c]]) @ [[px, 0.5 * px * (grid == "hex") + shear * rows], [0.0, rows]]
         np.testing.assert_allclose(array_of(grid, steps, np.zeros(2)), [px, py, shear, turn, 0.0, 0.0], atol=1e-12)
+
+
+def test_interrupted_patterns_leave_nothing(case, tmp_path, monkeypatch):
+    kept = itertools.count()
+
+    def save(image, path):
+        path.write_bytes(b"")
+        if next(kept) == 3:
+            raise KeyboardInterrupt
+
+    monkeypatch.setattr(IntegralImage, "save", save)
+    with pytest.raises(KeyboardInterrupt):
+        write_patterns(PatternSet.of(case.nominal), case.nominal, tmp_path / "set")
+    assert list((tmp_path / "set").iterdir()) == []
 
 
 def test_patterns_are_drawn_for_the_panel(case, tmp_path, capfd):

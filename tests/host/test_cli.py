@@ -254,6 +254,14 @@ def test_the_installed_command_ends_at_once(place, words, redirected, code, said
     assert re.fullmatch(said, done.stderr)
 
 
+@pytest.mark.parametrize("words", ["inspect tiny.toml", "trace --help", "vectors --display tiny.toml --stream"])
+def test_a_reader_that_closes_the_pipe_is_no_failure(place, words):
+    command = [sys.executable, "-m", "lippmann", *words.split()]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE) as process:
+        process.stdout.close()
+        assert (process.stderr.read(), process.wait(60)) == (b"", 0)
+
+
 @pytest.mark.parametrize(
     "watch", ["sys.setprofile(lambda *_: None)", "threading.Thread(target=threading.main_thread().join).start()"]
 )

@@ -52,6 +52,12 @@ def test_a_missing_extra_is_named_with_the_command_that_installs_it(tmp_path, ex
     assert re.fullmatch(rf"lippmann: \w+ cannot be imported \(.*\); run pip install 'lippmann\[{extra}\]'", last)
 
 
+@pytest.mark.parametrize("command", ["calibrate", "live"])
+def test_a_command_names_the_extra_with_all_that_it_needs(tmp_path, command):
+    done = lippmann(tmp_path, ["board"], f"{command} --help")
+    assert (done.returncode, f"run pip install 'lippmann[{command}]'" in done.stderr) == (3, True), done.stderr
+
+
 def test_a_missing_extra_is_named_in_python_too():
     program = "import sys, lippmann; sys.modules['cobs'] = None; assert hasattr(lippmann, 'Board'); lippmann.Board.open"
     done = subprocess.run([sys.executable, "-c", program], check=False, capture_output=True, text=True)

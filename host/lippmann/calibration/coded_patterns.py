@@ -15,6 +15,7 @@ camera did not move.
 
 from __future__ import annotations
 
+import contextlib
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -211,11 +212,14 @@ def write_patterns(patterns: PatternSet, display: Display, folder: Path) -> list
     """Write the pictures and `patterns.toml`; return the pictures' paths. Raises like `make_folder`."""
     make_folder(folder)
     files = [folder / name for name in patterns.files]
-    for pattern, file in zip(patterns.patterns, files, strict=True):
-        light = np.broadcast_to(patterns.light(pattern)[..., None], (patterns.height_px, patterns.width_px, 3))
-        IntegralImage(light, display, {"pattern": pattern.stem, "version": __version__}).save(file)
-    with replacing(folder / FILE) as partial:
-        partial.write_text(patterns.text(display), encoding="utf-8")
+    with contextlib.ExitStack() as unfinished:
+        for pattern, file in zip(patterns.patterns, files, strict=True):
+            light = np.broadcast_to(patterns.light(pattern)[..., None], (patterns.height_px, patterns.width_px, 3))
+            unfinished.callback(file.unlink, missing_ok=True)
+            IntegralImage(light, display, {"pattern": pattern.stem, "version": __version__}).save(file)
+        with replacing(folder / FILE) as partial:
+            partial.write_text(patterns.text(display), encoding="utf-8")
+        unfinished.pop_all()
     return files
 
 

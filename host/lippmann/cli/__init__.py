@@ -24,6 +24,8 @@ COMMANDS = (
     *("inspect", "fit", "trace", "vectors", "regress", "render", "layers", "animate", "capture", "observe", "view"),
     *("pattern", "calibrate", "export", "board", "stream", "play", "display", "live", "demo", "report", "doctor"),
 )
+#: Extras of the package, keyed by command, of commands that need several.
+COMMAND_EXTRAS = {"calibrate": "calibrate", "live": "live", "display": "live", "demo": "board,live,simulate"}
 #: Commands of earlier versions, with their replacements.
 OLD_COMMANDS = {"bench": "measurements of Lippmann itself are made in a checkout: python -m tools.bench"}
 
@@ -49,7 +51,10 @@ class _Commands(click.Group):
             if cmd_name in OLD_COMMANDS:
                 raise InputError(f"lippmann {cmd_name}: {OLD_COMMANDS[cmd_name]}")
             raise click.exceptions.NoSuchCommand(cmd_name, possibilities=list(COMMANDS), ctx=ctx)
-        command: click.Command = import_module(f"lippmann.cli.{cmd_name}").command
+        try:
+            command: click.Command = import_module(f"lippmann.cli.{cmd_name}").command
+        except ModuleNotFoundError as error:
+            raise missing_library(error, COMMAND_EXTRAS.get(cmd_name, "")) from None
         return command
 
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
@@ -85,13 +90,14 @@ def run(arguments: list[str], command: click.Command = cli, name: str | None = "
         print("lippmann: stdout is closed; open it, or send it to /dev/null", file=sys.stderr)
         return MissingLibraryError.exit_code
     new_folders.clear()
+    stdout = sys.stdout
     try:
         with logs_on_stderr():
             code = command.main(args=arguments, prog_name=name, standalone_mode=False, obj=arguments)
-    except SystemExit:
-        raise
-    except BrokenPipeError:
-        # A reader that closes the pipe is not a failure.
+    except (SystemExit, BrokenPipeError) as end:
+        # A reader that closes the pipe is not a failure. Click replaces stdout then, and exits.
+        if isinstance(end, SystemExit) and sys.stdout is stdout:
+            raise
         _drop_output()
         return 0
     except BaseException as error:

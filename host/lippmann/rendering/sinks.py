@@ -134,7 +134,7 @@ class KeptBands:
     """A picture whose bands are files in a folder, locked until `release`."""
 
     def __init__(self, folder: Path, plan: Plan, remedy: str = "choose another place for the picture") -> None:
-        """Lock the folder. Raises InputError if that fails or bands are too large, NoSpaceError if the disk is full."""
+        """Lock the folder. Raises InputError if this fails or bands are too large; NoSpaceError."""
         check_band_memory(plan.display, plan.bands, plan.options.settings)
         self._lock = FolderLock(folder, remedy)
         self.folder, self.plan, self.bands = folder, plan, bands_of_plan(plan)
