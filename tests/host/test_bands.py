@@ -531,7 +531,7 @@ def test_what_a_folder_for_bands_says(place, mi, caplog):
     assert "a picture of one band is kept only when complete" in caplog.text
     assert (folder / "mine.txt").exists()
     lock = sinks.FolderLock(folder, "")
-    with pytest.raises(InputError, match=r"belongs to another command.*or give another folder as kept"):
+    with pytest.raises(InputError, match=r"is in use by another command.*or give another folder as kept"):
         lippmann.render(place / "three.xml", place / "small.toml", **options)
     lock.close()
 

@@ -180,8 +180,8 @@ def beats_in_lenslets(display: Display, distance_mm: float = math.inf) -> Pair:
     An eye at a distance z looks through neighbouring lenslets at points 1 + D/z pitches
     apart. The pixel columns have the frequency k = (1/p, 0); their phase advances by
     k . a cycles along a lattice vector a. The eye sees the longest wave whose frequency
-    f satisfies f . a = k . a modulo 1 for both lattice vectors; |f| is the distance of
-    k from the reciprocal lattice. If all lenslets have equal phase, the period is infinite.
+    f satisfies f . a = k . a modulo 1 for both lattice vectors. The length of f is the
+    distance from k to the reciprocal lattice. With equal phases the period is infinite.
     """
     lattice, frame = System.of(display).lattice, PanelFrame.of(display)
     pitch_mm = lattice.pitches_mm[0]
