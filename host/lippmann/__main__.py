@@ -27,7 +27,7 @@ def main(arguments: list[str] | None = None) -> None:
 
 
 def program() -> None:
-    """Run `main`, then end the process without closing its libraries, to save time."""
+    """Run `main`, then end the process at once; closing its libraries takes time."""
     try:
         main()
     except SystemExit as end:

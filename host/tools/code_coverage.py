@@ -1,7 +1,7 @@
 """Measures which lines the quick tests execute (`make coverage`), and which RTL bits they toggle (`make toggles`).
 
-The pages list lines and bits that no test reaches, with the reasons in code_coverage_holes.toml. Each RTL file with
-such lines needs a reason.
+The coverage pages list lines and signal bits that no test reaches; code_coverage_holes.toml has the
+reasons. Each RTL file with such lines needs a reason.
 """
 
 from __future__ import annotations

@@ -196,7 +196,7 @@ class Check:
                     self._is_wrong(f"{both} bring bits of one clock that meet before {pin.cell}: {_SIDE_BY_SIDE}")
 
     def _source(self, row: Row) -> Register | None:
-        """Return the register that a row reads."""
+        """Return the register that a row of the table reads."""
         return self.net.register(self.net.straight(self.net.cells[row.cells[0]].bit("DI")))
 
     def _crossing(self, one: Sampled) -> Iterator[tuple[str, str, str, str]]:

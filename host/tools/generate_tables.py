@@ -143,7 +143,7 @@ def _toml(value: object) -> str:
 @documented
 @dataclass(frozen=True, kw_only=True)
 class Promise:
-    """A promise of a page."""
+    """A promise that a page makes to users, and the tests that hold it."""
 
     page: Annotated[str, key("the page, from the top of the checkout")]
     words: Annotated[str, key("words that the page has; line ends are spaces")]

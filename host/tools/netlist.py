@@ -329,7 +329,7 @@ def _ask_rays(link: Patient, display: Display) -> None:
 
 
 def _stream(link: Patient, picture: Pixels) -> None:
-    """Send a picture's tiles in every coding, and present it; then send the same frame as copies."""
+    """Send and show a picture in tiles of every coding; then the same with copied tiles."""
     grid, epoch = link.info.grid, link.info.epoch
     for turn in range(2):
         tiles = [grid.cut(picture, tile) for tile in range(grid.count)]

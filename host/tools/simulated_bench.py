@@ -1,4 +1,4 @@
-"""Simulates a bench to test calibrations: cameras that see a complete panel, and disturbances outside every model."""
+"""Simulates a bench to test calibrations: cameras that see a complete panel, disturbances that no model describes."""
 
 from __future__ import annotations
 

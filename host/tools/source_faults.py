@@ -57,7 +57,7 @@ class Fault:
         lines, was = text.split("\n"), self.was.split("\n")
         place = slice(self.line - 1, self.line - 1 + len(was))
         if lines[place] != was:
-            raise ValueError(f"{self.file}:{self.line} differs from the lines that the fault changes")
+            raise ValueError(f"{self.file}:{self.line} does not have the lines that the fault changes")
         lines[place] = self.now.split("\n")
         return "\n".join(lines)
 

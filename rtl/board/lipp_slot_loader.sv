@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 `default_nettype none
 
-/// Writes a block of 1024 bytes into a texture slot of the scene, and stores each block's CRC-32.
+/// Writes blocks of 1024 bytes into a texture slot of the scene, and stores the CRC-32 of each.
 ///
 /// Input start_i samples slot_i and block_i, which must exist in the build. The words of the block
 /// are then read from a memory: word_i is the word at word_at_o, two clocks later. One byte is

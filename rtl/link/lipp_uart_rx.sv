@@ -34,7 +34,7 @@ module lipp_uart_rx (
   logic [2:0] eighth_q;
   logic [12:0] phase_q;
   logic [19:0] place_d;
-  logic enter_q;  // high in the first clock of an eighth
+  logic enter_q;  // high in the first clock of each eighth of a bit
   assign place_d = {bit_q, eighth_q, phase_q} + 20'(step_i);
 
   logic busy_q, broken_q, bit_done, majority;

@@ -70,10 +70,10 @@ package lipp_scene_pkg;
     logic signed [31:0] s0;     // s0 and t0 in texels, 16 fraction bits
     logic signed [31:0] t0;
     logic signed [31:0] depth;  // radii, 20 fraction bits; for a sky, the factor of slopes
-    logic signed [31:0] a;      // factor of X in s, texels per radius, 24 fraction bits
-    logic signed [31:0] b;      // factor of Y in s, texels per radius, 24 fraction bits
-    logic signed [31:0] c;      // factor of X in t, texels per radius, 24 fraction bits
-    logic signed [31:0] d;      // factor of Y in t, texels per radius, 24 fraction bits
+    logic signed [31:0] a;      // coefficient of X in s, texels per radius, 24 fraction bits
+    logic signed [31:0] b;      // coefficient of Y in s, texels per radius, 24 fraction bits
+    logic signed [31:0] c;      // coefficient of X in t, texels per radius, 24 fraction bits
+    logic signed [31:0] d;      // coefficient of Y in t, texels per radius, 24 fraction bits
     look_t              look;
   } layer_config_t;
 

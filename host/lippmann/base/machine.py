@@ -66,7 +66,7 @@ def proc_mb(file: str, entry: str) -> float | None:
 
 def peak_memory_mb() -> float:
     """Return the peak memory of this process so far, MB, or 0 if the system does not report it."""
-    # /proc is preferred, because `getrusage` includes the parent's peak.
+    # /proc is preferred: `getrusage` includes the parent process's memory.
     if (peak := proc_mb("self/status", "VmHWM")) is not None:
         return peak
     try:

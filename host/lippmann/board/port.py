@@ -1,4 +1,4 @@
-"""Open a board's port by its URL, and transfer packets: serial device, Unix or TCP socket.
+"""Open a board's port (a serial device, Unix or TCP socket) by its URL; transfer packets.
 
 unix://PATH is a Unix socket, socket://HOST:PORT a TCP socket. pyserial opens others.
 """

@@ -269,7 +269,7 @@ class Weights(NamedTuple):
 
     @classmethod
     def equal(cls, problem: Problem, scatter: tuple[float, float]) -> Weights:
-        """Return weights with the same scatter for all views and all lenslets as inliers."""
+        """Return weights that give each view the same scatter and exclude no lenslet."""
         return cls([scatter] * len(problem.views), [np.ones(len(one.index), bool) for one in problem.views])
 
     def measured(self, problem: Problem, x: Floats) -> Weights:

@@ -1,4 +1,4 @@
-"""Decode the panel point that each camera pixel sees from photographs of the patterns.
+"""Decode photographs of the patterns: which panel point each camera pixel sees.
 
 The phase of a pixel's light gives the point within a period, and the Gray code gives
 the period. A pixel is used if its light changes enough between black and white, is not

@@ -106,7 +106,7 @@ def placement_before(setup: Setup, path: Path, setup_path: str | Path | None = N
 def capture(scene: Scene, setup: Setup, settings: Settings, rotate: bool, progress: Progress | None = None) -> Rendered:
     """Render the image that a set-up captures of a scene, placed by `placement_before`.
 
-    `settings.aperture` applies to a pickup. `rotate` rotates the elemental images.
+    Only a set-up with a sensor uses `settings.aperture`. `rotate` rotates the elemental images.
     `lost_percent` has the percentages of the lens and of the array. Raises InputError
     as `check_placement`, and if no light passes the array or the lens.
     """

@@ -83,7 +83,7 @@ def _check_same_panel(built: Display, display: Display) -> None:
     if (panel.width_px, panel.height_px) != (own.width_px, own.height_px):
         size = f"the panel has {panel.width_px} x {panel.height_px} pixels"
         what = f"{size}, '{display.name}' has {own.width_px} x {own.height_px}"
-        raise input_error(f"display '{built.name}'", what, "give the same panel with its array as mounted")
+        raise input_error(f"display '{built.name}'", what, "give a file of the same panel")
 
 
 @make_command("shoot", command)

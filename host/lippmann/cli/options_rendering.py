@@ -43,7 +43,7 @@ def _settings(
     return replace(light, samples=samples, aperture=aperture or "full", memory_mb=memory_mb, shading=shading)
 
 
-#: Group of render settings; the command also has --seed and --aperture.
+#: Group of render settings. A command with this group also has --seed and --aperture.
 SETTINGS: Any = _settings
 
 

@@ -205,7 +205,7 @@ class Condition(NamedTuple):
     #: Shift of the exit point, whose ulp is that of pitch or thickness. For rays from
     #: the world: shift of the point on the panel.
     shift_mm: Floats
-    #: Change of direction, radians, per mm at start and aperture point. For rays from the
+    #: Change of direction, radians, per mm of shift of the start and aperture points. For rays from the
     #: world: 0.
     start: Floats
 

@@ -235,7 +235,7 @@ def fates(display: Display, random: Random, count: int) -> Sets:
 
 @_case
 def losses(display: Display, random: Random, count: int) -> Sets:
-    """Test rays of every status far from its onset: stopped by a dome, by a wall, or by the array's end."""
+    """Test rays that a dome, a wall or the array's end stops, far from where the status changes."""
     array, panel = display.array, display.panel
     domes = changed(display, radius_mm=1.02 * array.half_diagonal_mm, index=1.25, thickness_mm=0.0, gap_mm=0.0)
     walls = changed(domes, shear=1.0, radius_mm=1.02 * replace(array, shear=1.0).half_diagonal_mm)

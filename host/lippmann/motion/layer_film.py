@@ -142,7 +142,7 @@ def _move_layer(layer: Layer, moving: MovingLayer, frame: int, motion: Motion) -
     angle = np.deg2rad(turn)
     rotation = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
     from_rest = scale * rotation @ np.array([[1.0, shear], [0.0, 1.0]])
-    # A point p at rest moves to pivot + from_rest (p - pivot) + shift, with its texels.
+    # A point p of the resting layer moves to pivot + from_rest (p - pivot) + shift.
     pivot = np.array(moving.pivot_mm)
     linear = layer.matrix[:, :2] @ np.linalg.inv(from_rest)
     zero = layer.matrix[:, 2] + layer.matrix[:, :2] @ pivot - linear @ (pivot + np.array([x, y]))

@@ -289,7 +289,7 @@ class Renderer:
         return planes, [sum(int(count[0]) for count in counts) for counts in zip(*lost, strict=True)]
 
     def _run(self, rows: range, first_tile: int, count: int, planes: list[Jit], sums: PixelFilter | None) -> list[Jit]:
-        """Render tiles into `sums`, or into `planes` without `sums`; return the lost samples."""
+        """Render tiles into `sums`, or `planes` if that is None; return counts of lost samples."""
         pixels = count * TILE_PX * TILE_PX
         index = dr.arange(mi.UInt32, pixels * self.rays)
         # Values that change between chunks are opaque: literals would be compiled.

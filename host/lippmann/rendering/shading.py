@@ -72,7 +72,7 @@ class Recorded:
 
 
 class _References:
-    """Function and scene that a frozen function of Dr.Jit uses without its own references to them."""
+    """Keeps the function and the scene of a frozen Dr.Jit function alive."""
 
     # References of the frozen function would last until garbage collection.
 

@@ -131,7 +131,7 @@ class MemorySink:
 
 
 class KeptBands:
-    """A picture whose bands are files in a folder, locked until `release`."""
+    """A picture whose bands are files in a folder. `release` ends the lock on the folder."""
 
     def __init__(self, folder: Path, plan: Plan, remedy: str = "choose another place for the picture") -> None:
         """Lock the folder. Raises InputError if this fails or bands are too large; NoSpaceError."""

@@ -55,7 +55,7 @@ SPHERE = 1
 TWO = 2
 #: Bit of a lattice's kind: slender triangle.
 FAN = 4
-#: Bits of a lattice's kind: the apex is corner 1, or corner 2 instead of corner 0.
+#: Bits of a lattice's kind: the first sets the apex to corner 1, the second to corner 2.
 APEX_1, APEX_2 = 8, 16
 #: Kinds of lattices whose rows all have the same number of points.
 EVEN = SPHERE | FAN

@@ -198,7 +198,7 @@ class BoardOptions(TypedDict, total=False):
     trace_clocks: tuple[int, int]
     #: Seed of random pauses at both ends of a byte line; 0 means no pauses.
     stalls: int
-    #: Build of the drawing; `None` selects a board without drawing.
+    #: Build of the drawing; `None` selects a board that cannot draw.
     scene: SceneBuild | None
     #: Frame memory, by default block RAM. SDRAM needs a panel of even width.
     memory: Memory
