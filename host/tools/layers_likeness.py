@@ -137,7 +137,8 @@ def hole_percent(
 
     A hole shows light from behind the first k layers, although every ray of the scene in the pixel and around it meets
     a surface of the first k slabs. The surroundings of a pixel reach as far as layers displace surfaces for the eye,
-    plus a view's pixel. With a separate layer, whose slab overlaps others, only light from behind all layers counts.
+    plus a view's pixel. With a layer that was cut separately, whose slab overlaps
+    others, only light from behind all layers shows a hole.
     """
     reach, window = reach_of(display), whole_window(display)
     half = 0.5 * window.width_mm, 0.5 * window.height_mm

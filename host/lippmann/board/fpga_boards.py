@@ -144,7 +144,7 @@ def fpga_board(name: str) -> FpgaBoard:
         raise input_error(name, "no such board", f"{remedy}; rtl/board/NAME/board.toml adds one")
     board = read(FpgaBoard, _keys(path), str(path))
     if board.name != name:
-        raise input_error(f"{path}: name", f'"{board.name}" is not the folder\'s', f'write "{name}"')
+        raise input_error(f"{path}: name", f'"{board.name}" names another folder', f'write "{name}"')
     return board
 
 

@@ -1,7 +1,7 @@
 """Writes numbers, vectors, blocks and cameras in POV-Ray's scene language.
 
-POV-Ray's frame is left-handed by convention only. A camera defines its own right, so
-that points stay unchanged and images are not mirrored. Rays pass through pixel centres.
+POV-Ray's axes are left-handed only by convention: a camera's `right` vector decides. So
+points stay unchanged, and images are not mirrored. Rays pass through pixel centres.
 """
 
 from __future__ import annotations

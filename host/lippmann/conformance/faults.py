@@ -24,7 +24,7 @@ from lippmann.optics.system import PanelFrame, System
 #: Steps of the trace of a ray, in order.
 STAGES = ("panel", "lenslet", "aim", "first face", "dome", "exit", "status", "words")
 
-#: Arrays of a foreign file, with the step that computes the array, and its columns.
+#: The step that computes each array of a foreign file, and the array's width.
 FIELDS = {
     "panel_mm": ("panel", 2),
     "home": ("lenslet", 2),

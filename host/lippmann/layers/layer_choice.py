@@ -55,7 +55,7 @@ class Cost:
 
 
 def cost_of(layers: int, slot: Size, filter: Filter) -> Cost:
-    """Return the cost of layers, each in a slot of texels across and down."""
+    """Return what layers take of the board; `slot` is a slot's texels across, down."""
     texels = slot[0] * slot[1]
     # "bilinear" splits a slot into four banks of texels, each with its own palette.
     banks = 4 if filter == "bilinear" else 1

@@ -48,7 +48,7 @@ RAYS_A_POINT = 4
 MIN_LAMPS = 2
 #: Number of the trial's image parts along each axis.
 TRIAL_PARTS = 4
-#: Rays per colour of the trial. 2^18 rays would need another recording if a texture has
+#: Rays per colour in the cache's trial. 2^18 rays would need another recording if a texture has
 #: 2^18 values.
 TRIAL_RAYS = 28 * 28 * 256
 #: Maximum samples per pixel of the trial.

@@ -138,7 +138,7 @@ class IrradianceCache:
         return light
 
     def compute(self, points: list[Jit], active: Jit) -> None:
-        """Compute the missing irradiance at the points of three arrays."""
+        """Compute the irradiance that points, three arrays, lack."""
 
         # A loop, because three scatters one after another would be three programs.
         def mark(corner: Jit) -> tuple[Jit]:
