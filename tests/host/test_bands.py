@@ -517,6 +517,9 @@ def test_python_keeps_bands_and_shares_them(place, narrow):
         assert image.metadata == usual.metadata
     with pytest.raises(InputError, match="a scene in memory can neither be shared"):
         lippmann.render({"type": "scene", "ball": {"type": "sphere"}}, display, **options, workers=2)
+    paint = {"type": "diffuse", "reflectance": {"type": "rgb", "value": [0.0, np.nan, 0.0]}}
+    with pytest.raises(InputError, match="the scene: reflectance.value of the material 'paint' is not finite"):
+        lippmann.render({"type": "scene", "ball": {"type": "sphere", "paint": paint}}, display, **options)
 
 
 def test_what_a_folder_for_bands_says(place, mi, caplog):

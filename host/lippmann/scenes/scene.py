@@ -196,7 +196,7 @@ def load_scene(
         scene = mi.parser.instantiate(configuration, state)
     if not isinstance(scene, mi.Scene):
         raise input_error(path, "contains no scene", "make <scene> its outermost element")
-    _check_lamps(scene, str(path))
+    _check_numbers(scene, str(path))
     loaded = Scene(path, scene, placement, integrator, bool(cameras), notes=tuple(notes))
     return replace(loaded.placed(placement), usual=usual)
 
@@ -211,18 +211,21 @@ def scene_of(scene: mts.Scene | dict[str, object], placement: Placement | None =
     if not isinstance(scene, mi.Scene):
         what = f"{type(scene).__name__} is not a scene"
         raise InputError(f"{what}; give a path, a mitsuba.Scene or a dictionary of the type scene")
-    _check_lamps(scene, "the scene")
+    _check_numbers(scene, "the scene")
     placement = Placement() if placement is None else placement
     return Scene(Path("scene"), scene, placement, None, bool(scene.sensors())).placed(placement)
 
 
-def _check_lamps(scene: mts.Scene, where: str) -> None:
-    for lamp in scene.emitters():
-        for name, value in mi.traverse(lamp):
-            numbers = value if dr.is_array_v(value) else getattr(value, "matrix", None)
-            small = dr.is_array_v(numbers) and math.prod(dr.shape(numbers)) <= LAMP_NUMBERS
-            if small and not np.isfinite(np.array(numbers)).all():
-                which = f"the lamp '{lamp.id()}'" if lamp.id() else f"a {lamp.class_name()}"
+def _check_numbers(scene: mts.Scene, where: str) -> None:
+    for part in mi.traverse(scene).hierarchy:
+        is_lamp = isinstance(part, mi.Emitter)
+        for name, value in mi.traverse(part) if is_lamp or isinstance(part, mi.BSDF | mi.Medium) else ():
+            numbers = value if dr.is_float_v(value) else getattr(value, "matrix", None)
+            if not dr.is_float_v(numbers) or (is_lamp and math.prod(dr.shape(numbers)) > LAMP_NUMBERS):
+                continue
+            if not np.isfinite(np.array(numbers)).all():
+                kind = "lamp" if is_lamp else "material"
+                which = f"the {kind} '{part.id()}'" if part.id() else f"a {part.class_name()}"
                 raise input_error(where, f"{name} of {which} is not finite", "give finite numbers")
 
 
