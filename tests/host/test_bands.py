@@ -10,6 +10,7 @@ import shutil
 import signal
 import subprocess
 import sys
+import warnings
 from dataclasses import replace
 from pathlib import Path
 from unittest.mock import Mock
@@ -518,7 +519,7 @@ def test_python_keeps_bands_and_shares_them(place, narrow):
     with pytest.raises(InputError, match="a scene in memory can neither be shared"):
         lippmann.render({"type": "scene", "ball": {"type": "sphere"}}, display, **options, workers=2)
     paint = {"type": "diffuse", "reflectance": {"type": "rgb", "value": [0.0, np.nan, 0.0]}}
-    with pytest.raises(InputError, match="the scene: reflectance.value of the material 'paint' is not finite"):
+    with pytest.raises(InputError, match=r"the scene: reflectance\.value of the material 'paint' is not finite"):
         lippmann.render({"type": "scene", "ball": {"type": "sphere", "paint": paint}}, display, **options)
 
 
@@ -537,6 +538,24 @@ def test_what_a_folder_for_bands_says(place, mi, caplog):
     with pytest.raises(InputError, match=r"is in use by another command.*or give another folder as kept"):
         lippmann.render(place / "three.xml", place / "small.toml", **options)
     lock.close()
+
+
+@pytest.mark.parametrize("kept", [None, "kept"])
+def test_a_black_picture_is_warned_of_once(place, narrow, kept):
+    """Python was silent without a log; a picture with one value of light has no warning."""
+    plan, _ = still(place, Settings())
+    for light, expected in ((0.0, ["the whole picture is black"]), (1.0, [])):
+
+        def nearly_black(bands, report, light=light):
+            for rendered in render_here(bands, report):
+                radiance = np.zeros_like(rendered.radiance)
+                radiance[-1, -1, -1] = light * (rendered.band.number == 4)
+                yield rendered._replace(radiance=radiance)
+
+        with warnings.catch_warnings(record=True) as caught:
+            warnings.simplefilter("always")
+            render_picture(plan, nearly_black, None if kept is None else place / f"{kept} {light}")
+        assert [str(one.message).partition(":")[0] for one in caught] == expected
 
 
 def test_nan_and_infinity_of_a_renderer_are_warned_of(place, narrow):

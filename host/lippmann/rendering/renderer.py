@@ -59,6 +59,8 @@ TRIAL_SEED = 1
 MIN_RAYS = 1 << 21
 #: Maximum fraction of samples that meet surfaces without a lattice.
 MAX_UNCACHED = 0.5
+#: Warning of a picture whose values are all 0.
+BLACK = "the whole picture is black: the scene may be outside the view, have no light, or only black materials"
 
 
 @dataclass(frozen=True)

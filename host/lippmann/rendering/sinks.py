@@ -25,7 +25,7 @@ from lippmann.rendering.bands import check_band_memory
 from lippmann.rendering.executors import Band, Executor, RenderedBand, render_here
 from lippmann.rendering.integral_image import IntegralImage
 from lippmann.rendering.plan import Plan
-from lippmann.rendering.renderer import finite_radiance
+from lippmann.rendering.renderer import BLACK, finite_radiance
 
 logger = logging.getLogger("lippmann")
 #: File name of a kept band: the picture's identity and the first row.
@@ -76,9 +76,11 @@ def render_into(sink: Sink, executor: Executor = render_here, progress: Progress
         missing = sink.missing_bands()
         report.add(total - sum(len(band.rows) for band in missing))
         planning_seconds = missing[0].plan.prepare_seconds if missing else 0.0
+        is_black = len(missing) == len(sink.bands)
         started = time.perf_counter()
         for rendered in executor(missing, report):
             sink.take(rendered._replace(radiance=finite_radiance(rendered.radiance, rendered.band)))
+            is_black = is_black and not rendered.radiance.any()
             rows = len(rendered.band.rows)
             report.add(rows)
             rays += rows * rendered.band.plan.display.panel.width_px * rendered.band.plan.rays
@@ -87,6 +89,8 @@ def render_into(sink: Sink, executor: Executor = render_here, progress: Progress
         sink.stop(report.done)
         raise
     seconds = time.perf_counter() - started - prepare_seconds
+    if is_black:
+        warn_user(BLACK)
     prepare_seconds += planning_seconds
     return RenderTimes(seconds, prepare_seconds, rays, len(sink.bands), len(sink.bands) - len(missing))
 
