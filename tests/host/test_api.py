@@ -250,7 +250,7 @@ def test_a_users_variant_neither_matters_nor_changes(small, mi, few_samples, var
     [
         ({"model": "thick"}, "unknown model 'thick'; choose from auto, pinhole"),
         ({"engine": "slow"}, "unknown engine 'slow'; choose from golden"),
-        ({"fraction_bits": 20}, r"fraction_bits \(--fraction-bits\) belongs to the engines twin and rtl"),
+        ({"fraction_bits": 20}, r"fraction_bits belongs to the engines twin and rtl"),
         ({"samples": 0}, "samples 0 is out of range"),
         ({"samples": 65537}, "samples 65537 is out of range"),
         ({"seed": -1}, "seed"),
@@ -262,7 +262,8 @@ def test_a_users_variant_neither_matters_nor_changes(small, mi, few_samples, var
         ({"integrator": ""}, "integrator.*choose lights"),
         ({"device": "tpu"}, "unknown device 'tpu'"),
         ({"placement": "x.toml"}, "placement must be a lippmann.Placement or None, not 'x.toml'"),
-        ({"memory_mb": float("nan")}, r"memory_mb \(--memory-mb\) nan is not a limit"),
+        ({"memory_mb": float("nan")}, "memory_mb nan is not a limit"),
+        ({"engine": "twin", "fraction_bits": 14.0}, r"fraction_bits: 14\.0 is not valid; give a whole number from 14"),
         ({"kept": ""}, "'' is not a path; give the path of a folder for kept bands"),
         ({"scheduler": ""}, "scheduler '' is not an address; give one such as tcp://"),
         ({"model": "pinhole", "tolerance": "x"}, "tolerance 'x' is not positive and finite"),

@@ -335,7 +335,7 @@ def test_a_still_counts_the_rays_of_its_subpixels(place, mi):
 def test_a_limit_below_one_band_is_refused(place, narrow):
     whole, _ = still(place, Settings())
     small = replace(whole, options=replace(whole.options, settings=Settings(memory_mb=100.0)))
-    refusal = "a band of 64 rows of 46 pixels: needs 501 MB, the limit is 100 MB; raise memory_mb (--memory-mb)"
+    refusal = "a band of 64 rows of 46 pixels: needs 501 MB, the limit is 100 MB; raise memory_mb"
     with pytest.raises(InputError, match=re.escape(refusal)):
         render_bands(place / "a.exr", small)
     assert not (place / "a.exr.bands").exists()
@@ -447,7 +447,7 @@ def test_workers_that_lack_memory_are_refused_not_waited_for(large, monkeypatch,
     """Dask would have them wait for memory: what all of them need is looked at before."""
     monkeypatch.chdir(large)
     said = refusal_of(*RENDER, "-o", "a.png", "--workers", "64", "--memory-mb", "2000")
-    assert re.search(r"a band of \d+ rows of \d+ pixels for each of 4 workers: needs \d+ MB.*fewer --workers", said)
+    assert re.search(r"a band of \d+ rows of \d+ pixels for each of 4 workers: needs \d+ MB.*--memory-mb, or .* fewer", said)
     assert not (large / "a.png.bands").exists()
 
 

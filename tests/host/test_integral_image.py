@@ -2,6 +2,7 @@
 
 import dataclasses
 import io
+import re
 import subprocess
 import sys
 
@@ -12,7 +13,7 @@ import pytest
 from lippmann.base.images import read_picture, write_picture
 from lippmann.base.tones import encoded_values
 from lippmann.display.description import display_text
-from lippmann.errors import InputError
+from lippmann.errors import InputError, LippmannWarning
 from lippmann.eye.observer import View
 from lippmann.rendering.bands import BASE_MEMORY_MB
 from lippmann.rendering.integral_image import IntegralImage, metadata_of
@@ -61,7 +62,7 @@ def test_another_display_is_refused(tmp_path, suffix):
         IntegralImage.load(path, other)
     for stored in (False, True):
         forced = IntegralImage.load(path, other, force=True, stored=stored)
-        assert forced.metadata["identity"] == other.identity
+        assert forced.metadata["identity"] == display.identity
         forced.save(again)
         assert IntegralImage.load(again, display).metadata["identity"] == display.identity
     write_picture(path, image_for(display).radiance, {})
@@ -168,6 +169,37 @@ def test_what_is_saved_can_be_loaded(tmp_path, suffix, value):
     largest = {".exr": 65504.0, ".png": 1.0}[suffix]
     least = -largest if suffix == ".exr" else 0.0
     assert IntegralImage.load(path, display).radiance[12, 16, 1] == (largest if value > 0 else least)
+
+
+@pytest.mark.parametrize(
+    ("key", "value"),
+    [("", "v"), ("a=b", "v"), ("a\nb", "v"), ("a\0", "v"), ("a ", "v"), ("k" * 71, "v"), ("a\ud800", "v"),
+     ("k", ""), ("k", "a\0b"), ("k", "\udc80"), ("k", "v" * 70_000)],
+)  # fmt: skip
+def test_metadata_that_a_file_would_lose_is_refused(tmp_path, key, value):
+    with pytest.raises(InputError, match=rf"^metadata {re.escape(repr(key[:40]))}: (is|has) a (key|value).*; give"):
+        IntegralImage(image_for(display_with()).radiance, display_with(), {key: value})
+    metadata = {"k" * 70: "first\nsecond", "\u03b1 \xe9:1": "=", "long": "v" * 59_000}
+    for suffix in (".exr", ".tif", ".png"):
+        write_picture(tmp_path / f"a{suffix}", np.zeros((1, 1, 3)), metadata)
+        assert metadata.items() <= read_picture(tmp_path / f"a{suffix}").metadata.items()
+        with pytest.raises(InputError, match="metadata"):
+            write_picture(tmp_path / f"b{suffix}", np.zeros((1, 1, 3)), {key: value})
+
+
+def test_values_below_0_are_warned_of_once(tmp_path):
+    display = display_with()
+    radiance = image_for(display).radiance
+    radiance[11, 16, 1] = -3.0
+    radiance[12, :2] = -1.0
+    said = re.escape("values below 0 (count: 7, the first in row 11, column 16), which a display shows as black")
+    write_picture(tmp_path / "a.exr", radiance, metadata_of(display))
+    with pytest.warns(LippmannWarning, match=f"image for display .*: {said}"):
+        IntegralImage.load(tmp_path / "a.exr", display)
+    stored = IntegralImage.load(tmp_path / "a.exr", display, stored=True).radiance
+    with pytest.warns(LippmannWarning, match=rf"a\.exr: {said}") as caught:
+        [stored[:5], stored[5:], stored[12]]
+    assert len(caught) == 1
 
 
 def test_a_file_of_another_size_is_refused(tmp_path):

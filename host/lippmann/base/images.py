@@ -22,7 +22,7 @@ from lippmann.base.files import not_written, remove_stale_once, replacing
 from lippmann.base.limits import check_expanded, png_chunks, png_is_complete
 from lippmann.base.programs import silent_stderr
 from lippmann.base.tones import BAND_ROWS, Numbers, Transfer, decode, encoded_values, transfer_text
-from lippmann.errors import InputError, input_error, likely_file, missing_library, not_there, path_of, reason
+from lippmann.errors import InputError, input_error, likely_file, missing_library, not_there, path_of, reason, warn_user
 
 if TYPE_CHECKING:
     import OpenImageIO
@@ -44,6 +44,8 @@ COLOUR_SPACES = {"srgb": "sRGB", "gamma2.2": "Gamma2.2", "linear": "Linear"}
 #: Without row filters, PNG files are written three times as fast, and are not larger.
 PNG_SETTINGS = {"png:filter": 0x08, "png:compressionLevel": 2}
 PREFIX = "lippmann:"
+#: Maximum size of a key (PNG), and of all metadata (TIFF), bytes.
+MAX_KEY_BYTES, MAX_METADATA_BYTES = 70, 60_000
 
 #: Linear radiance, (height, width, 3).
 Radiance = npt.NDArray[np.float32]
@@ -116,6 +118,7 @@ def write_picture(
     (see `encoded_values`). Raises InputError if the file cannot be written.
     """
     path = check_output(path)
+    check_metadata(metadata)
     suffix = path.suffix.lower()
     firsts = range(0, radiance.shape[0], BAND_ROWS)
     for first in firsts:
@@ -146,16 +149,32 @@ def write_picture(
             raise not_written(path, trouble, partial)
 
 
-def describe_not_finite(radiance: Rows) -> str:
-    """Describe the number of NaN and infinite values in an image and the first position, or return ""."""
+def describe_wrong(radiance: Rows, negative: bool = False, first_row: int = 0) -> str:
+    """Describe the number of values not finite, or below 0, and the first position, or return ""."""
     count, place = 0, ""
     for first in range(0, radiance.shape[0], BAND_ROWS):
-        wrong = ~np.isfinite(radiance[first : first + BAND_ROWS])
+        rows = radiance[first : first + BAND_ROWS]
+        wrong = rows < 0.0 if negative else ~np.isfinite(rows)
         if wrong.any():
             row, column, _ = np.argwhere(wrong)[0]
-            place = place or f"row {first + row}, column {column}"
+            place = place or f"row {first_row + first + row}, column {column}"
             count += int(np.count_nonzero(wrong))
-    return f"NaN or infinity (count: {count}, the first in {place})" if count else ""
+    what = "values below 0" if negative else "NaN or infinity"
+    return f"{what} (count: {count}, the first in {place})" if count else ""
+
+
+def check_metadata(metadata: Mapping[str, str]) -> None:
+    """Raise InputError for a key or a value that a file would lose or cut."""
+    size = 0
+    for key, value in metadata.items():
+        where, plain = f"metadata {key[:40]!r}", " ".join(key.split())
+        if key != plain or not key.isprintable() or "=" in key or not 0 < len(key.encode()) <= MAX_KEY_BYTES:
+            remedy = f"give plain words without =, at most {MAX_KEY_BYTES} bytes"
+            raise input_error(where, "is a key that an image file cannot keep", remedy)
+        size += len(f"{PREFIX}{key}={value}\n".replace("\n", "\n\t").encode(errors="replace"))
+        if not value or size > MAX_METADATA_BYTES or re.search("[\0\ud800-\udfff]", value):
+            remedy = f"give plain text, at most {MAX_METADATA_BYTES} bytes in all"
+            raise input_error(where, "has a value that an image file cannot keep", remedy)
 
 
 def _file_spec(
@@ -314,6 +333,7 @@ class StoredRows:
         with _quiet(self._path):
             self._source, self.metadata = _opened(self._path, limit, accept)
         self._spec, self._closed = self._source.spec(), False
+        self._warned = False
         self.shape = (self._spec.height, self._spec.width, 3)
         self.size = 3 * self._spec.height * self._spec.width
         self._first, self._rows = 0, np.empty((0, *self.shape[1:]), np.float32)
@@ -343,7 +363,11 @@ class StoredRows:
             first, last, _ = rows.indices(self.shape[0])
         else:
             return np.asarray(np.asarray(self)[index], np.float32)
-        return np.asarray(self._read(first, max(first, last))[(own, *columns)], np.float32)
+        part = self._read(first, max(first, last))
+        if not self._warned and (what := describe_wrong(part, negative=True, first_row=first)):
+            self._warned = True
+            warn_user(f"{self._path}: {what}, which a display shows as black")
+        return np.asarray(part[(own, *columns)], np.float32)
 
     def _read(self, first: int, last: int) -> Radiance:
         """Return the rows `first` to `last` - 1; reuse rows of the previous call."""

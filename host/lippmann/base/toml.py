@@ -393,7 +393,7 @@ def _wrong(source: str, name: str, value: object, node: Schema) -> InputError:
         if len(value) < low:
             how = remedy(node, re.sub(r"\[\d+\]", "", name))
             return input_error(where, "is empty", f"give at least {low}: {how}")
-    short = _short(value)
+    short = repr(value) if isinstance(value, float) and node.get("type") == "integer" else _short(value)
     if isinstance(value, str) and node.get("type") == "string" and "enum" not in node:  # from `_path`
         return input_error(where, f"{short} is not a file name", "give a file name")
     words = [str(word) for choice in node.get("anyOf", [node]) for word in choice.get("enum", ())]

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import logging
 import os
+import re
 import warnings
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
@@ -24,7 +25,12 @@ FOUND_WRONG = 4
 
 def log(message: str) -> None:
     """Write a line to stderr."""
-    click.echo(printable(message), err=True)
+    click.echo(printable(name_flags(message)), err=True)
+
+
+def name_flags(text: str) -> str:
+    """Replace the names of Python's parameters by the command's flags."""
+    return re.sub(r"(?<![\w/.-])(memory|fraction)_(mb|bits)(?![\w/.])", r"--\1-\2", text)
 
 
 def as_json() -> bool:

@@ -37,8 +37,7 @@ class Status(IntEnum):
 def check_fraction_bits(fraction_bits: int | None, engine: str) -> None:
     """Refuse a word length for the engines golden and fast."""
     if fraction_bits is not None and engine in ("golden", "fast"):
-        what = "fraction_bits (--fraction-bits) belongs to the engines twin and rtl"
-        raise InputError(f"{what}; leave it out with {engine}")
+        raise InputError(f"fraction_bits belongs to the engines twin and rtl; leave it out with {engine}")
 
 
 def gets_through(status: Arr) -> Arr:

@@ -111,7 +111,7 @@ def check_engine_device(engine: str, device: str) -> None:
     check_choice("engine", engine, ENGINES)
     check_device(device)
     if device == "cuda" and engine != "fast":
-        raise InputError(f"device cuda (--device) belongs to the engine fast; leave it out with {engine}")
+        raise InputError(f"device cuda belongs to the engine fast; leave it out with {engine}")
 
 
 def columns(name: str, values: npt.ArrayLike, width: int, limit: float) -> Floats:

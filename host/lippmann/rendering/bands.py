@@ -66,7 +66,7 @@ def check_memory(width_px: int, height_px: int, settings: Settings, colours: int
     """Raise InputError for an image that exceeds the memory limit."""
     needed = memory_mb(width_px, height_px, settings.shading, settings.samples, colours)
     what = f"an image of {width_px} x {height_px} pixels"
-    check_memory_mb(needed, settings.memory_mb, what, "raise memory_mb (--memory-mb) or take a smaller panel")
+    check_memory_mb(needed, settings.memory_mb, what, "raise memory_mb or take a smaller panel")
 
 
 def check_memory_mb(needed: float, limit: float | None, what: str, remedy: str) -> None:
@@ -81,11 +81,11 @@ def check_band_memory(display: Display, bands: Sequence[range], settings: Settin
     rows, panel = max(len(rows) for rows in bands), display.panel
     needed = memory_mb(panel.width_px, rows, settings.shading, settings.samples, colours_of(panel))
     what = f"a band of {rows} rows of {panel.width_px} pixels"
-    remedy = "raise memory_mb (--memory-mb)"
+    remedy = "raise memory_mb"
     if workers > 1:
-        each = " or --shading each" if settings.shading == "shared" else ""
+        each = " or shading 'each'" if settings.shading == "shared" else ""
         what = f"{what} for each of {workers} workers"
-        remedy = f"{remedy}, or give fewer --workers{each}"
+        remedy = f"{remedy}, or give fewer workers{each}"
     check_memory_mb(workers * needed, settings.memory_mb, what, remedy)
 
 

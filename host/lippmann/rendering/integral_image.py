@@ -17,13 +17,14 @@ from lippmann.base.images import (
     ENCODED_SUFFIXES,
     Radiance,
     StoredRows,
-    describe_not_finite,
+    check_metadata,
+    describe_wrong,
     read_picture,
     write_picture,
 )
 from lippmann.base.tones import encoded_values, transfer_name, transfer_text
 from lippmann.display.description import Display, display_at
-from lippmann.errors import DeviceError, InputError, check_flags, check_type, input_error
+from lippmann.errors import DeviceError, InputError, check_flags, check_type, input_error, warn_user
 
 
 class Showable:
@@ -69,7 +70,7 @@ class IntegralImage(Showable):
     radiance
         Linear radiance of the panel's pixels, (height, width, 3) float32; `StoredRows`
         if loaded with `stored`.
-        display
+    display
         The display for which the image was made.
     metadata
         Display, identity, the panel's transfer curve and bits, model, samples, seed,
@@ -82,8 +83,6 @@ class IntegralImage(Showable):
     display: Display
     metadata: dict[str, str] = field(default_factory=dict)
     measured: dict[str, float] = field(default_factory=dict)
-    #: Name and identity of the file's display, if the image was loaded with `force`.
-    _made_for: dict[str, str] = field(default_factory=dict, init=False)
 
     def __post_init__(self) -> None:
         check_type("display", self.display, Display, "a lippmann.Display")
@@ -94,30 +93,32 @@ class IntegralImage(Showable):
                 object.__setattr__(self, "radiance", np.asarray(self.radiance))
             except ValueError:  # rows of different lengths
                 raise InputError("radiance is not an array; give (height, width, 3) float32") from None
-        panel = self.display.panel
+        panel, where = self.display.panel, f"image for display '{self.display.name}'"
         if not np.issubdtype(self.radiance.dtype, np.floating):
             what = f"the radiance is {self.radiance.dtype}, not linear light, where 1 is white"
             remedy = "give float32; IntegralImage.load decodes the values of a PNG"
-            raise input_error(f"image for display '{self.display.name}'", what, remedy)
+            raise input_error(where, what, remedy)
         if self.radiance.shape != (panel.height_px, panel.width_px, 3):
             size = " x ".join(str(side) for side in self.radiance.shape)
             what = f"the radiance is {size}, the panel {panel.height_px} x {panel.width_px} x 3"
-            raise input_error(f"image for display '{self.display.name}'", what, "render it for this display")
+            raise input_error(where, what, "render it for this display")
         if self.radiance.dtype != np.float32:
             with np.errstate(over="ignore"):
                 object.__setattr__(self, "radiance", self.radiance.astype(np.float32))
         radiance: object = self.radiance
-        what = "" if isinstance(radiance, StoredRows) else describe_not_finite(self.radiance)
-        if what:  # of a file, each row that is read is checked
-            where = f"image for display '{self.display.name}'"
-            raise input_error(where, f"the radiance has {what}", "replace them (numpy.nan_to_num)")
+        if not isinstance(radiance, StoredRows):  # of a file, each row that is read is checked
+            if what := describe_wrong(self.radiance):
+                raise input_error(where, f"the radiance has {what}", "replace them (numpy.nan_to_num)")
+            if what := describe_wrong(self.radiance, negative=True):
+                warn_user(f"{where}: {what}, which a display shows as black")
         texts = {str(key): str(value) for key, value in self.metadata.items()}
+        check_metadata(texts)
         object.__setattr__(self, "metadata", {**texts, **metadata_of(self.display)})
 
     def save(self, path: str | Path) -> None:
         """Write radiance (.exr, .tif) or panel values (.png); raise InputError if that fails, for NaN or infinity."""
         panel = self.display.panel
-        write_picture(path, self.radiance, {**self.metadata, **self._made_for}, panel.transfer, panel.bits)
+        write_picture(path, self.radiance, self.metadata, panel.transfer, panel.bits)
 
     @classmethod
     def load(
@@ -155,8 +156,7 @@ class IntegralImage(Showable):
         radiance = cast(Radiance, file) if isinstance(file, StoredRows) else file.radiance
         image = cls(radiance, built, file.metadata)
         if force:
-            names = ("display", "identity")
-            image._made_for.update({key: file.metadata[key] for key in names if key in file.metadata})
+            image.metadata.update({key: file.metadata[key] for key in ("display", "identity") if key in file.metadata})
         return image
 
 

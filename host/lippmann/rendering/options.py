@@ -45,7 +45,7 @@ class Settings:
         if not isinstance(self.integrator, str):
             raise InputError(f"unknown integrator '{self.integrator}'; choose lights, direct, path or scene")
         if self.memory_mb is not None and not as_number(self.memory_mb) > 0.0:
-            raise InputError(f"memory_mb (--memory-mb) {self.memory_mb} is not a limit; give a number above 0")
+            raise InputError(f"memory_mb {self.memory_mb} is not a limit; give a number above 0")
 
 
 ModelOption = Literal["auto", Model]

@@ -16,7 +16,7 @@ from lippmann import __version__
 from lippmann.base.images import Radiance
 from lippmann.base.variant import VARIANTS, check_device, own_variant
 from lippmann.display.description import Display
-from lippmann.errors import InputError, check_type, input_error
+from lippmann.errors import InputError, check_type, input_error, printable
 from lippmann.fixed.words import WIDEST
 from lippmann.optics import model_choice
 from lippmann.optics.model_choice import TOLERANCE
@@ -194,7 +194,7 @@ def image_metadata(options: RenderOptions, scene_path: Path) -> dict[str, str]:
         "engine": options.engine,
         **bits,
         **{name: str(getattr(options.settings, name)) for name in names},
-        "scene": scene_path.name,
+        "scene": printable(scene_path.name),
         "version": __version__,
         **{name: importlib.metadata.version(name) for name in PIXEL_LIBRARIES},
     }

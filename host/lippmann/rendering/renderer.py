@@ -18,7 +18,7 @@ import numpy as np
 import numpy.typing as npt
 
 from lippmann.base import interrupts
-from lippmann.base.images import HALF_MAX, Radiance, describe_not_finite
+from lippmann.base.images import HALF_MAX, Radiance, describe_wrong
 from lippmann.base.progress import Progress
 from lippmann.base.tones import psnr_db
 from lippmann.base.variant import Jit, current_device, dr, mi
@@ -176,7 +176,7 @@ class Renderer:
             needed = memory_mb(self._width, rows, "shared", self._samples, self._colours)
             # Only the user's limit counts: free memory must not change a picture.
             is_reported = settings.memory_mb is not None and needed > settings.memory_mb
-            why = "--memory-mb leaves no room for it" if is_reported else None
+            why = "memory_mb leaves no room for it" if is_reported else None
         if why is None:
             assert source.detail_mm is not None
             if points is None:
@@ -318,7 +318,7 @@ def radiance_of(planes: list[Jit], width: int) -> Radiance:
 
 def finite_radiance(radiance: Radiance, name: object) -> Radiance:
     """Return radiance with NaN replaced by black, infinity by the largest half float; warn of both."""
-    if what := describe_not_finite(radiance):
+    if what := describe_wrong(radiance):
         remedy = "see whether a texture or a light of the scene has such numbers"
         warn_user(f"{name}: {what}; NaN becomes black, infinite light {HALF_MAX:g}: {remedy}")
         return np.nan_to_num(radiance, nan=0.0, posinf=HALF_MAX, neginf=0.0)
