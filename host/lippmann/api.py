@@ -40,7 +40,6 @@ from lippmann.rendering.executors import choose_executor, render_here
 from lippmann.rendering.integral_image import IntegralImage, check_image
 from lippmann.rendering.options import ModelOption, RenderOptions, Settings, Shading
 from lippmann.rendering.plan import Job, SceneSource, image_metadata, open_scene, place_scene
-from lippmann.rendering.renderer import BLACK
 from lippmann.rendering.sampling import Aperture, Window
 from lippmann.rendering.sinks import render_picture
 from lippmann.scenes.placement import Arrange, Placement
@@ -232,8 +231,6 @@ def capture(
     with open_scene(scene, placement, device) as loaded:
         warn_of_unused_parts(loaded, settings)
         captured = capture_scene(loaded, built, settings, rotated, progress)
-    if not captured.radiance.any():
-        warn_user(BLACK)
     settings = replace(settings, shading=captured.shading)
     metadata = image_metadata(RenderOptions("exact", settings=settings), loaded.path)
     metadata |= {"setup": built.name, "rotated": str(rotated), "array_position_mm": repr(float(built.position_mm))}

@@ -17,7 +17,7 @@ from lippmann.cli import run
 from lippmann.cli.frame import JSON, option, parameters
 from lippmann.cli.options import DEVICE, SCENES, SEED, shipped_scenes
 from lippmann.cli.output import emit, log
-from lippmann.conformance.figures import Row, figure, plain_table, write_csv
+from lippmann.conformance.figures import Row, column_names, figure, table, write_csv
 from lippmann.conformance.pages import Page
 
 from tools.measured_page import measured_name, measured_page
@@ -109,7 +109,10 @@ def measurement(page: str = "measured", packages: tuple[str, ...] = ON_DEVICE) -
                 emit({**origin, **tables}, own_page.text())
             else:
                 lines = [f"{key}: {value}" for key, value in origin.items()]
-                emit({**origin, **tables}, [*lines, *map(plain_table, tables.values())])
+                for rows in tables.values():
+                    columns = {column: [row.get(column) for row in rows] for column in column_names(rows)}
+                    lines.append(table(columns).rstrip())
+                emit({**origin, **tables}, lines)
 
         options = [
             SCENES.parameter("scenes", str),

@@ -70,7 +70,7 @@ def test_the_origin_tells_a_command_that_runs(monkeypatch, capfd):
 def test_rows_as_text_and_as_page(measured, capfd, tmp_path):
     assert bench.main(["animate", "--scenes", SCENES, "--device", "llvm", "--report", str(tmp_path)]) == 0
     text = capfd.readouterr().out
-    assert text.splitlines()[-1].split()[:4] == ["vga-square", "24", "640", "480"]
+    assert text.splitlines()[-1].strip("| ").split(" | ")[:4] == ["vga-square", "24", "640", "480"]
     origin, rows = read_csv(tmp_path / "measured/animate.csv")
     assert rows[0]["ratio"] == 0.75
     page = (tmp_path / "measured.md").read_text()

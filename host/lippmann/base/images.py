@@ -332,8 +332,7 @@ class StoredRows:
         self._path = check_input(path)
         with _quiet(self._path):
             self._source, self.metadata = _opened(self._path, limit, accept)
-        self._spec, self._closed = self._source.spec(), False
-        self._warned = False
+        self._spec, self._closed, self._warned = self._source.spec(), False, False
         self.shape = (self._spec.height, self._spec.width, 3)
         self.size = 3 * self._spec.height * self._spec.width
         self._first, self._rows = 0, np.empty((0, *self.shape[1:]), np.float32)
@@ -437,7 +436,6 @@ def read_numbers(path: Path, max_pixels: int, what: str, remedy: str) -> Numbers
 
 
 def _claimed_size(path: Path, refused: InputError) -> float:
-    """Return the number of pixels that a file's header claims."""
     from PIL import Image, UnidentifiedImageError
 
     if not path.is_file():

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import sys
 import tempfile
 import traceback
@@ -16,7 +17,7 @@ from click.shell_completion import CompletionItem
 from lippmann import __version__
 from lippmann.base import interrupts
 from lippmann.base.files import is_full, new_folders, no_space, remove_empty
-from lippmann.cli.output import logs_on_stderr, name_flags
+from lippmann.cli.output import logs_on_stderr
 from lippmann.errors import InputError, LippmannError, MissingLibraryError, NoSpaceError, missing_library, printable
 
 #: Commands in the order of typical work; each is `command` in the module of its name.
@@ -181,7 +182,9 @@ def _fail(message: str, code: int, as_json: bool) -> int:
     if message.startswith("Usage:"):
         click.echo(message, err=True)
         return code
-    line = name_flags(printable(" ".join(message.split())))
+    line = printable(" ".join(message.split()))
+    # Python's parameters are the command's flags.
+    line = re.sub(r"(?<![\w/.-])(memory|fraction)_(mb|bits)(?![\w/.])", r"--\1-\2", line)
     if len(line) > MAX_LETTERS:  # the message quotes a file
         line = f"{line[: MAX_LETTERS // 2]} ... {line[-MAX_LETTERS // 2 :]}"
     click.echo(f"lippmann: {line}", err=True)

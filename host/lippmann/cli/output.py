@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import logging
 import os
-import re
 import warnings
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
@@ -25,12 +24,7 @@ FOUND_WRONG = 4
 
 def log(message: str) -> None:
     """Write a line to stderr."""
-    click.echo(printable(name_flags(message)), err=True)
-
-
-def name_flags(text: str) -> str:
-    """Replace the names of Python's parameters by the command's flags."""
-    return re.sub(r"(?<![\w/.-])(memory|fraction)_(mb|bits)(?![\w/.])", r"--\1-\2", text)
+    click.echo(printable(message), err=True)
 
 
 def as_json() -> bool:
@@ -52,7 +46,6 @@ def emit(result: Mapping[str, Any], text: str | Iterable[str], display: Display 
 
 class _StderrLines(logging.Handler):
     def emit(self, record: logging.LogRecord) -> None:
-        """Write a record; the line of a warning begins with "note:"."""
         prefix = "note: " if record.levelno >= logging.WARNING else ""
         log(prefix + record.getMessage())
 

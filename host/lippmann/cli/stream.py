@@ -81,7 +81,6 @@ class _Stream:
         self.board = self._open_board()
 
     def close(self) -> None:
-        """Close the board."""
         self.board.close()
 
     def send(self, frame: Pixels, label: str) -> Sent:

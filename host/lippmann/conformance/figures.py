@@ -285,14 +285,6 @@ def table(columns: Mapping[str, Sequence[Value]]) -> str:
     return "".join(f"| {' | '.join(row)} |\n" for row in rows)
 
 
-def plain_table(rows: Rows) -> str:
-    """Format rows as a text table with padded columns for a terminal."""
-    names = column_names(rows)
-    columns = [[name, *(figure(row.get(name)) for row in rows)] for name in names]
-    padded = [[cell.ljust(max(map(len, cells))) for cell in cells] for cells in columns]
-    return "\n".join("  ".join(line).rstrip() for line in zip(*padded, strict=True))
-
-
 def column_names(rows: Rows) -> list[str]:
     """Return the names of all columns, in order of their first occurrence."""
     return list(dict.fromkeys(name for row in rows for name in row))

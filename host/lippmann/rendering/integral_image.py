@@ -5,6 +5,7 @@ from __future__ import annotations
 import sys
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import partial
 from importlib import import_module
 from pathlib import Path
 from typing import cast
@@ -146,11 +147,7 @@ class IntegralImage(Showable):
         """
         check_flags(force=force, stored=stored)
         built = display_at(display)
-
-        def accept(metadata: Mapping[str, str]) -> None:
-            if not force:
-                _check_metadata(metadata, built, str(path), Path(path).suffix.lower() in ENCODED_SUFFIXES)
-
+        accept = None if force else partial(_check_metadata, built, Path(path))
         size = built.panel.width_px, built.panel.height_px
         file = StoredRows(path, size, accept) if stored else read_picture(path, size, accept)
         radiance = cast(Radiance, file) if isinstance(file, StoredRows) else file.radiance
@@ -173,17 +170,17 @@ def check_image(image: object) -> None:
         raise InputError(f"{what}; load a file with lippmann.IntegralImage.load(path, display)")
 
 
-def _check_metadata(metadata: Mapping[str, str], display: Display, source: str, encoded: bool) -> None:
+def _check_metadata(display: Display, path: Path, metadata: Mapping[str, str]) -> None:
     identity = metadata.get("identity")
     if identity != display.identity:
         other = f"was made for display '{metadata.get('display', '?')}' ({identity})"
         what = f"{'names no display' if identity is None else other}, not for '{display.name}' ({display.identity})"
         remedy = "give the display that it was made for, or --force (force=True in Python)"
-        raise input_error(source, what, remedy)
+        raise input_error(path, what, remedy)
     for key in ("transfer", "bits"):
         expected = metadata_of(display)[key]
         actual = metadata.get(key, expected)
-        if encoded and actual != expected:
+        if path.suffix.lower() in ENCODED_SUFFIXES and actual != expected:
             names = transfer_name(actual), transfer_name(expected)
             what = f"was made for a panel with {key} {names[0]}, '{display.name}' has {key} {names[1]}"
-            raise input_error(source, what, "render it for this display, or give --force (force=True in Python)")
+            raise input_error(path, what, "render it for this display, or give --force (force=True in Python)")

@@ -59,8 +59,6 @@ TRIAL_SEED = 1
 MIN_RAYS = 1 << 21
 #: Maximum fraction of samples that meet surfaces without a lattice.
 MAX_UNCACHED = 0.5
-#: Warning of a picture whose values are all 0.
-BLACK = "the whole picture is black: the scene may be outside the view, have no light, or only black materials"
 
 
 @dataclass(frozen=True)
@@ -176,7 +174,7 @@ class Renderer:
             needed = memory_mb(self._width, rows, "shared", self._samples, self._colours)
             # Only the user's limit counts: free memory must not change a picture.
             is_reported = settings.memory_mb is not None and needed > settings.memory_mb
-            why = "memory_mb leaves no room for it" if is_reported else None
+            why = "the memory limit leaves no room for it" if is_reported else None
         if why is None:
             assert source.detail_mm is not None
             if points is None:

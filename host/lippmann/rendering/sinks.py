@@ -25,7 +25,7 @@ from lippmann.rendering.bands import check_band_memory
 from lippmann.rendering.executors import Band, Executor, RenderedBand, render_here
 from lippmann.rendering.integral_image import IntegralImage
 from lippmann.rendering.plan import Plan
-from lippmann.rendering.renderer import BLACK, finite_radiance
+from lippmann.rendering.renderer import finite_radiance
 
 logger = logging.getLogger("lippmann")
 #: File name of a kept band: the picture's identity and the first row.
@@ -90,7 +90,7 @@ def render_into(sink: Sink, executor: Executor = render_here, progress: Progress
         raise
     seconds = time.perf_counter() - started - prepare_seconds
     if is_black:
-        warn_user(BLACK)
+        warn_user("the whole picture is black: the scene may be out of view, without light, or all black")
     prepare_seconds += planning_seconds
     return RenderTimes(seconds, prepare_seconds, rays, len(sink.bands), len(sink.bands) - len(missing))
 
