@@ -110,8 +110,7 @@ def measurement(page: str = "measured", packages: tuple[str, ...] = ON_DEVICE) -
             else:
                 lines = [f"{key}: {value}" for key, value in origin.items()]
                 for rows in tables.values():
-                    columns = {column: [row.get(column) for row in rows] for column in column_names(rows)}
-                    lines.append(table(columns).rstrip())
+                    lines.append(table({key: [row.get(key) for row in rows] for key in column_names(rows)}).rstrip())
                 emit({**origin, **tables}, lines)
 
         options = [

@@ -169,12 +169,11 @@ def check_metadata(metadata: Mapping[str, str]) -> None:
     for key, value in metadata.items():
         where, plain = f"metadata {key[:40]!r}", " ".join(key.split())
         if key != plain or not key.isprintable() or "=" in key or not 0 < len(key.encode()) <= MAX_KEY_BYTES:
-            remedy = f"give plain words without =, at most {MAX_KEY_BYTES} bytes"
-            raise input_error(where, "is a key that an image file cannot keep", remedy)
+            raise input_error(where, "is a key that files lose", f"give words without =, {MAX_KEY_BYTES} bytes at most")
         size += len(f"{PREFIX}{key}={value}\n".replace("\n", "\n\t").encode(errors="replace"))
         if not value or size > MAX_METADATA_BYTES or re.search("[\0\ud800-\udfff]", value):
-            remedy = f"give plain text, at most {MAX_METADATA_BYTES} bytes in all"
-            raise input_error(where, "has a value that an image file cannot keep", remedy)
+            remedy = f"give text without NUL, {MAX_METADATA_BYTES} bytes at most in all"
+            raise input_error(where, "has a value that files lose", remedy)
 
 
 def _file_spec(

@@ -110,6 +110,8 @@ def run(arguments: list[str], command: click.Command = cli, name: str | None = "
 
 #: Message about a full disk if the file is unknown.
 FULL_DISK = "cannot write: no space left on the device; free space or choose another place"
+#: Parameters of Python that errors name, which are flags of commands.
+PARAMETERS = re.compile(r"(?<![\w/.-])(memory_mb|fraction_bits|device(?= cuda))(?![\w/.])")
 MAX_LETTERS = 1000  # maximum length of an error line
 #: Exit code of an unexpected error (EX_SOFTWARE of sysexits.h).
 FAULT_CODE = 70
@@ -183,8 +185,7 @@ def _fail(message: str, code: int, as_json: bool) -> int:
         click.echo(message, err=True)
         return code
     line = printable(" ".join(message.split()))
-    # Python's parameters are the command's flags.
-    line = re.sub(r"(?<![\w/.-])(memory|fraction)_(mb|bits)(?![\w/.])", r"--\1-\2", line)
+    line = PARAMETERS.sub(lambda match: "--" + match[0].replace("_", "-"), line)
     if len(line) > MAX_LETTERS:  # the message quotes a file
         line = f"{line[: MAX_LETTERS // 2]} ... {line[-MAX_LETTERS // 2 :]}"
     click.echo(f"lippmann: {line}", err=True)

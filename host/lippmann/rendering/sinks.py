@@ -90,7 +90,7 @@ def render_into(sink: Sink, executor: Executor = render_here, progress: Progress
         raise
     seconds = time.perf_counter() - started - prepare_seconds
     if is_black:
-        warn_user("the whole picture is black: the scene may be out of view, without light, or all black")
+        warn_user("the whole picture is black: the scene may be out of view, unlit or all black")
     prepare_seconds += planning_seconds
     return RenderTimes(seconds, prepare_seconds, rays, len(sink.bands), len(sink.bands) - len(missing))
 

@@ -220,7 +220,8 @@ def _check_numbers(scene: mts.Scene, where: str) -> None:
     for part in mi.traverse(scene).hierarchy:
         is_lamp = isinstance(part, mi.Emitter)
         for name, value in mi.traverse(part) if is_lamp or isinstance(part, mi.BSDF | mi.Medium) else ():
-            numbers = value if dr.is_float_v(value) else getattr(value, "matrix", None)
+            is_plain = isinstance(value, float) or (value is not None and dr.is_array_v(value))
+            numbers = value if is_plain else getattr(value, "matrix", 0)
             if not dr.is_float_v(numbers) or (is_lamp and math.prod(dr.shape(numbers)) > LAMP_NUMBERS):
                 continue
             if not np.isfinite(np.array(numbers)).all():
