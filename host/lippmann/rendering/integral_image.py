@@ -147,7 +147,7 @@ class IntegralImage(Showable):
         """
         check_flags(force=force, stored=stored)
         built = display_at(display)
-        accept = None if force else partial(_check_metadata, built, Path(path))
+        accept = None if force else partial(_check_metadata, built, path)
         size = built.panel.width_px, built.panel.height_px
         file = StoredRows(path, size, accept) if stored else read_picture(path, size, accept)
         radiance = cast(Radiance, file) if isinstance(file, StoredRows) else file.radiance
@@ -170,7 +170,7 @@ def check_image(image: object) -> None:
         raise InputError(f"{what}; load a file with lippmann.IntegralImage.load(path, display)")
 
 
-def _check_metadata(display: Display, path: Path, metadata: Mapping[str, str]) -> None:
+def _check_metadata(display: Display, path: str | Path, metadata: Mapping[str, str]) -> None:
     identity = metadata.get("identity")
     if identity != display.identity:
         other = f"was made for display '{metadata.get('display', '?')}' ({identity})"
@@ -180,7 +180,7 @@ def _check_metadata(display: Display, path: Path, metadata: Mapping[str, str]) -
     for key in ("transfer", "bits"):
         expected = metadata_of(display)[key]
         actual = metadata.get(key, expected)
-        if path.suffix.lower() in ENCODED_SUFFIXES and actual != expected:
+        if Path(path).suffix.lower() in ENCODED_SUFFIXES and actual != expected:
             names = transfer_name(actual), transfer_name(expected)
             what = f"was made for a panel with {key} {names[0]}, '{display.name}' has {key} {names[1]}"
             raise input_error(path, what, "render it for this display, or give --force (force=True in Python)")

@@ -80,7 +80,6 @@ class _References:
         self.function, self.scene = function, scene
 
     def release(self, frozen: Jit) -> None:
-        """Free the function, the scene and the recordings."""
         del self.function, self.scene
         frozen.clear()
 
