@@ -165,7 +165,7 @@ def test_a_tall_picture_is_drawn_in_parts(monkeypatch):
         ({"samples": 2.0}, "samples a pixel, not 2.0; give one of these integers"),
         ({"samples": "2"}, "samples a pixel, not '2'; give one of these integers"),
         ({"engine": "twin", "fraction_bits": "16"}, '"16" is not valid; give a whole number from 14 to 23'),
-        ({"engine": "twin", "fraction_bits": 16.0}, "fraction_bits: 16 is not valid; give a whole number from 14"),
+        ({"engine": "twin", "fraction_bits": 16.0}, "fraction_bits: 16.0 is not valid; give a whole number from 14"),
         ({"engine": "twin", "fraction_bits": 24}, "fraction_bits: 24 is not valid; give a whole number from 14 to 23"),
         ({"engine": "golden", "fraction_bits": 16}, "belongs to the engines twin and rtl; leave it out with golden"),
         ({"engine": "fast"}, "unknown engine 'fast'; choose from golden, twin, rtl"),
