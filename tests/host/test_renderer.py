@@ -561,7 +561,7 @@ def test_what_does_not_fit_in_memory_is_refused(mi, spheres):
     pixels = 7680 * 4320
     needed = BASE_MEMORY_MB + 36e-6 * pixels
     check_memory(7680, 4320, Settings(memory_mb=needed + 1.0), colours=1)
-    with pytest.raises(InputError, match=r"7680 x 4320.*MB.*--memory-mb"):
+    with pytest.raises(InputError, match=r"7680 x 4320.*MB.*raise memory_mb"):
         check_memory(7680, 4320, Settings(memory_mb=needed - 1.0), colours=1)
     for limit in (math.nan, -1.0, 0.0, 100.0):
         with pytest.raises(InputError, match="memory"):
