@@ -414,6 +414,19 @@ def test_own_workers_and_a_killed_command(large, mi):
     assert sorted(path.name for path in large.glob("*a.png*")) == ["a.png"]
 
 
+@pytest.mark.parametrize("stdin", [False, True])
+def test_own_workers_do_not_run_the_users_script(place, mi, stdin):
+    """It needs no `if __name__ == "__main__"`: Python would run it in each worker, whose render starts workers."""
+    bands_of_64_rows = "from lippmann.rendering import bands\nbands.BAND_PIXELS['llvm'] = 1\n"
+    call = "lippmann.render('three.xml', 'small.toml', 1, model='exact', device='llvm', kept='k', workers=2)"
+    script = place / "script.py"
+    script.write_text(f"import lippmann\n{bands_of_64_rows}print('runs')\nprint({call}.measured['bands'])\n")
+    command = [sys.executable, "-" if stdin else script.name]
+    with script.open() as text:
+        done = subprocess.run(command, check=False, cwd=place, stdin=text, capture_output=True, text=True)
+    assert (done.returncode, done.stdout) == (0, "runs\n5\n"), done.stderr
+
+
 def test_nobody_else_may_use_own_workers():
     """Who reaches the scheduler may run programs there: without its key, which no other process has, nobody does.
 

@@ -21,13 +21,26 @@ GRACE_S = 5.0
 
 @contextlib.contextmanager
 def starting_python() -> Iterator[None]:
-    """Keep new child processes from importing from the current folder and warning of semaphores."""
+    """Keep new child processes from importing from the current folder and warning of semaphores.
+
+    Dask's workers do not run the user's script either, as multiprocessing would have
+    them do: it may have no `if __name__ == "__main__"`, or come from stdin.
+    """
+    from multiprocessing import spawn  # slow to load
+
     quiet = ",".join(filter(None, [os.environ.get("PYTHONWARNINGS"), "ignore:resource_tracker:UserWarning"]))
-    before = dict(os.environ)
+    before, prepare = dict(os.environ), spawn.get_preparation_data
+
+    def prepare_worker(name: str) -> dict[str, object]:
+        hidden = ("init_main_from_name", "init_main_from_path") if name.startswith("Dask Worker") else ()
+        return {key: value for key, value in prepare(name).items() if key not in hidden}
+
+    spawn.get_preparation_data = prepare_worker
     os.environ |= {"PYTHONSAFEPATH": "1", "PYTHONWARNINGS": quiet}
     try:
         yield
     finally:
+        spawn.get_preparation_data = prepare
         for name in ("PYTHONSAFEPATH", "PYTHONWARNINGS"):
             os.environ.pop(name)
             os.environ |= {name: before[name]} if name in before else {}
