@@ -11,7 +11,7 @@ import signal
 import subprocess
 import sys
 import warnings
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from unittest.mock import Mock
 
@@ -464,21 +464,29 @@ def test_workers_that_lack_memory_are_refused_not_waited_for(large, monkeypatch,
     assert not (large / "a.png.bands").exists()
 
 
+@dataclass
 class DeadlyPlan:
-    """A plan whose renderer ends its worker."""
+    """A plan whose renderer ends or stops its worker."""
 
+    number: signal.Signals
     name, identity = "the picture", "0" * 16
 
     def start(self, worker):
-        os.kill(os.getpid(), signal.SIGKILL)
+        os.kill(os.getpid(), self.number)
 
 
-def test_own_workers_that_end_are_told():
-    """Dask gives a task to three more workers: here to none."""
-    no_more = dask.config.set({"distributed.scheduler.allowed-failures": 0})
-    with no_more, local_workers(1) as (address, security), pytest.raises(DeviceError) as error:
-        list(render_on_cluster(address, "llvm", [Band(DeadlyPlan(), 0)], security))
-    assert re.fullmatch(r"--workers: .* crashed several workers; .* memory: give fewer of them", str(error.value))
+CRASHED = ".* crashed several workers; .* memory: give fewer of them"
+STOPPED = "no worker is left; run it again: kept bands are not rendered again"
+
+
+@pytest.mark.parametrize(("number", "more", "message"), [(signal.SIGKILL, 0, CRASHED), (signal.SIGSTOP, 3, STOPPED)])
+def test_own_workers_that_end_are_told(monkeypatch, number, more, message):
+    """Dask gives a task to three more workers, or to none. It does not replace a stopped worker."""
+    monkeypatch.setattr(executors, "STOPPED_WORKER_S", 3.0)
+    failures = dask.config.set({"distributed.scheduler.allowed-failures": more})
+    with failures, local_workers(1) as (address, security), pytest.raises(DeviceError) as error:
+        list(render_on_cluster(address, "llvm", [Band(DeadlyPlan(number), 0)], security))
+    assert re.fullmatch(f"--workers: {message}", str(error.value))
 
 
 def test_bands_that_are_left_are_told(place, narrow, capfd, caplog):

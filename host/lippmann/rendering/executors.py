@@ -33,7 +33,8 @@ logger = logging.getLogger("lippmann")
 ANSWER_S = 10.0
 #: Time without any worker, s, after which a log line reports it.
 ALONE_S = 5.0
-#: Time without a heartbeat, s, after which another worker gets the bands.
+#: Time without a heartbeat, s, after which another worker gets the bands; also the time
+#: without any worker of `local_workers` after which the render ends.
 STOPPED_WORKER_S = 30.0
 #: Bands submitted per worker thread. One band is rendered while the next one waits.
 AHEAD = 2
@@ -124,8 +125,9 @@ def render_on_cluster(
     The scheduler has the `address`, such as tcp://127.0.0.1:8786. Each worker uses
     `device`: "auto", "llvm" or "cuda". `security` is from `local_workers`.
     Raises InputError if no scheduler or worker answers, or if a worker has another
-    scene or version; DeviceError if the scheduler is lost or a band crashes several
-    workers; MissingLibraryError if Dask is missing, or Lippmann on a worker.
+    scene or version; DeviceError if the scheduler or all workers of `local_workers`
+    are lost, or a band crashes several workers; MissingLibraryError if Dask is missing,
+    or Lippmann on a worker.
     """
     if not bands:
         return
@@ -174,7 +176,9 @@ def _distribute(client: Client, device: str, bands: Sequence[Band], where: str, 
         _give_up_stopped_workers(client, heartbeats, where)
         if threads:
             alone = time.monotonic()
-        elif time.monotonic() - alone > ALONE_S:
+        elif not remedy and time.monotonic() - alone > STOPPED_WORKER_S:
+            raise device_error(where, "no worker is left", "run it again: kept bands are not rendered again")
+        elif remedy and time.monotonic() - alone > ALONE_S:
             logger.info("%s: no worker is left; waiting for one%s", where, remedy)
             alone = float("inf")
 
@@ -182,7 +186,8 @@ def _distribute(client: Client, device: str, bands: Sequence[Band], where: str, 
 def _give_up_stopped_workers(client: Client, heartbeats: dict[str, tuple[float, float]], where: str) -> None:
     # `heartbeats` maps a worker to its last heartbeat and this machine's time of it.
     now = time.monotonic()
-    for address, state in client.scheduler_info(n_workers=-1)["workers"].items():
+    workers = client.scheduler_info(n_workers=-1)["workers"]
+    for address, state in workers.items():
         last, since = heartbeats.get(address, (None, now))
         if last != state["last_seen"]:
             heartbeats[address] = state["last_seen"], now
@@ -195,8 +200,8 @@ def _give_up_stopped_workers(client: Client, heartbeats: dict[str, tuple[float, 
 
             client.run_on_scheduler(remove)
             del heartbeats[address]
-            message = "worker %s has not answered for %.0f s; its bands go to others"
-            logger.info(f"%s: {message}", where, address, STOPPED_WORKER_S)
+            bands = "its bands go to others" if len(workers) > 1 else "its bands wait for another"
+            logger.info("%s: worker %s has not answered for %.0f s; %s", where, address, STOPPED_WORKER_S, bands)
 
 
 @contextlib.contextmanager
