@@ -11,6 +11,7 @@ import time
 import imageio_ffmpeg
 import numpy as np
 import pytest
+from lippmann.base.files import FolderLock
 from lippmann.base.images import read_picture
 from lippmann.base.tones import encode, psnr_db
 from lippmann.cli import run
@@ -253,6 +254,9 @@ def test_what_cannot_be_rendered_is_refused(place, capsys):
     (place / "out/frame_0005.exr").write_text("of a longer film")
     refused("frame_0005.exr: is beyond the film's 5 frames")
     (place / "out/frame_0005.exr").unlink()
+    lock = FolderLock(place / "out", "")
+    refused("out: is in use by another command; wait until it has ended, or choose another folder with -o")
+    lock.close()
     (place / "three.xml").write_text(SCENE.replace('type="cube"', 'type="obj"'))
     refused("three.xml")
 

@@ -20,7 +20,7 @@ from lippmann.display.description import Display
 from lippmann.errors import InputError
 from lippmann.eye.observer import Eye, observe, whole_window
 from lippmann.motion.film import Film, load_film
-from lippmann.motion.film_frames import FrameFolder, check_folder, choose_shading, plan_film, warn_of_frame
+from lippmann.motion.film_frames import FrameFolder, choose_shading, lock_folder, plan_film, warn_of_frame
 from lippmann.motion.video import LOSSLESS_SUFFIXES, VIEW_SUFFIXES, even_window, write_video, write_views
 from lippmann.rendering.bands import BASE_MEMORY_MB, check_display_memory, check_memory_mb
 from lippmann.rendering.executors import choose_executor
@@ -68,14 +68,14 @@ def command(
     scene_path = check_scene_file(film.scene)
     if not fit:
         warn_if_unplaced(scene_path)
-    check_folder(output, film.frames)
+    lock = lock_folder(output, film.frames)
     if video:
         check_output(video, LOSSLESS_SUFFIXES)
     window = None if view is None else _view_window(view, film, display, width or api.VIEW_PX, options.settings)
     start_mitsuba(device)
     plans = choose_shading(plan_film(film, display, options, None if fit else scale))
     started = time.perf_counter()
-    frames = FrameFolder(output, plans)
+    frames = FrameFolder(output, lock, plans)
     if frames.missing_plans and cluster is None:
         warn_of_frame(frames.missing_plans[0])
     with progress_bar("frames") as progress:

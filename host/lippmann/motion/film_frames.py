@@ -12,7 +12,7 @@ from pathlib import Path
 
 import numpy as np
 
-from lippmann.base.files import make_folder
+from lippmann.base.files import FolderLock
 from lippmann.base.progress import Progress, report_each
 from lippmann.display.description import Display
 from lippmann.errors import InputError, input_error
@@ -149,17 +149,15 @@ def frame_path(folder: Path, frame: int) -> Path:
     return folder / f"{FRAME_STEM}{frame:04d}.exr"
 
 
-def check_folder(folder: Path, frames: int) -> None:
-    """Raise InputError if a folder cannot be created, or contains frames of a longer film."""
-    exists = folder.exists()
-    make_folder(folder, REMEDY)
-    if not exists:  # until there is a frame
-        folder.rmdir()
+def lock_folder(folder: Path, frames: int) -> FolderLock:
+    """Create and lock a film's folder; raise InputError if that fails, or for frames of a longer film."""
+    lock = FolderLock(folder, REMEDY)
     ours = {frame_path(folder, k) for k in range(frames)}
     for other in sorted(folder.glob("frame_*.exr")):
         if other not in ours:
             what = f"is beyond the film's {frames} frames"
             raise input_error(other, what, "remove it, or choose another folder")
+    return lock
 
 
 def is_rendered(folder: Path, plan: FramePlan) -> bool:
@@ -173,10 +171,8 @@ def is_rendered(folder: Path, plan: FramePlan) -> bool:
 class FrameFolder:
     """A sink for a film's frames. Each frame becomes a file after its last band."""
 
-    def __init__(self, folder: Path, plans: Sequence[FramePlan]) -> None:
-        self.folder, self._existed = folder, folder.exists()
-        make_folder(folder, REMEDY)
-        self._plans = plans
+    def __init__(self, folder: Path, lock: FolderLock, plans: Sequence[FramePlan]) -> None:
+        self.folder, self._lock, self._plans = folder, lock, plans
         self.missing_plans = [plan for plan in plans if not is_rendered(folder, plan)]
         self.bands = [band for plan in plans for band in bands_of_plan(plan)]
         self._pictures: dict[int, MemorySink] = {}
@@ -203,10 +199,8 @@ class FrameFolder:
             yield IntegralImage.load(frame_path(self.folder, plan.frame), plan.display)
 
     def stop(self, done_rows: int) -> None:
-        """Remove the folder if it is new and empty."""
-        if not self._existed:
-            with contextlib.suppress(OSError):
-                self.folder.rmdir()
+        """Unlock the folder for the next command."""
+        self._lock.close()
 
 
 @dataclass
