@@ -95,7 +95,7 @@ def same_pixels(one, other):
 def test_a_killed_worker_loses_nothing(mi, place, cluster, monkeypatch):
     """Of two workers one is killed in the middle of a frame; all frames arrive, equal to this process's."""
     first, _ = cluster.worker(), cluster.worker()
-    film = cluster.film("shared", "--cluster", cluster.address)
+    film = cluster.film("shared", "--scheduler", cluster.address)
     until(lambda: len(list((place / "shared").glob("frame_*.exr"))) >= 4 or film.poll() is not None, "no frames")
     assert film.poll() is None, film.communicate()
     first.send_signal(signal.SIGKILL)
@@ -103,9 +103,11 @@ def test_a_killed_worker_loses_nothing(mi, place, cluster, monkeypatch):
     monkeypatch.chdir(place)
     assert run([*ANIMATE, "-o", "alone"]) == 0
     same_pixels(place / "shared", place / "alone")
-    # They are the same film's frames: either way goes on from the other.
-    (place / "alone/frame_0007.exr").unlink()
-    assert told(cluster.film("alone", "--cluster", cluster.address))["rendered"] == 1
+    # They are the same film's frames: each way goes on from the others.
+    for words in (("--cluster", cluster.address), ("--workers", "2")):
+        for frame in (place / "alone/frame_0007.exr", place / "alone/frame_0008.exr"):
+            frame.unlink()
+        assert told(cluster.film("alone", *words))["rendered"] == 2
     same_pixels(place / "shared", place / "alone")
 
 

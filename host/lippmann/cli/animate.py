@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from dataclasses import replace
 
 import click
 
@@ -13,7 +14,7 @@ from lippmann.base.tones import encoded_values
 from lippmann.base.variant import start_mitsuba
 from lippmann.cli.frame import Folder, Name, argument, make_command, option
 from lippmann.cli.options import DEVICE, DISPLAY, FOLDER, SEED, Point
-from lippmann.cli.options_rendering import RENDERING, SCHEDULER
+from lippmann.cli.options_rendering import RENDERING, SCHEDULER, WORKERS
 from lippmann.cli.output import emit
 from lippmann.cli.progress_bar import progress_bar
 from lippmann.display.description import Display
@@ -23,7 +24,7 @@ from lippmann.motion.film import Film, load_film
 from lippmann.motion.film_frames import FrameFolder, choose_shading, lock_folder, plan_film, warn_of_frame
 from lippmann.motion.video import LOSSLESS_SUFFIXES, VIEW_SUFFIXES, even_window, write_video, write_views
 from lippmann.rendering.bands import BASE_MEMORY_MB, check_display_memory, check_memory_mb
-from lippmann.rendering.executors import choose_executor
+from lippmann.rendering.executors import choose_executor, render_here
 from lippmann.rendering.options import RenderOptions, Settings
 from lippmann.rendering.sampling import Window
 from lippmann.rendering.sinks import render_into
@@ -47,7 +48,8 @@ def command(
     view: Name | None = option("Also write an eye's view: .mp4, .gif or .png."),
     eye: Point | None = option("Position of the eye of --view, mm."),
     width: int | None = option(f"Width of --view.  [default: {api.VIEW_PX} px]", kind=click.IntRange(2, MAX_VIEW_PX)),
-    cluster: str | None = SCHEDULER,
+    workers: int | None = WORKERS,
+    scheduler: str | None = replace(SCHEDULER, flag="--scheduler --cluster"),
     seed: int = SEED,
     device: str = DEVICE,
 ) -> None:
@@ -57,12 +59,11 @@ def command(
 
     Example: lippmann animate scenes/films/swim.toml --display scenes/displays/paper-square.toml -o out/swim
     """
-    if (view is None) != (eye is None):
-        raise InputError("--view and --eye belong together; give both or neither")
-    if width is not None and view is None:
-        raise InputError("--width belongs to --view; give both or neither")
+    if (view is None) != (eye is None) or (view is None and width is not None):
+        raise InputError("--view and --eye belong together, and --width belongs to --view; give all or none of them")
     if fit and scale != 1.0:
         raise InputError("--scale and --fit both place the film; leave one out")
+    executor = choose_executor(workers, scheduler, device)
     film, panel = load_film(film_path), display.panel
     check_display_memory(display, options.settings, f"display '{display.name}'")
     scene_path = check_scene_file(film.scene)
@@ -76,10 +77,10 @@ def command(
     plans = choose_shading(plan_film(film, display, options, None if fit else scale))
     started = time.perf_counter()
     frames = FrameFolder(output, lock, plans)
-    if frames.missing_plans and cluster is None:
+    if frames.missing_plans and executor is render_here:
         warn_of_frame(frames.missing_plans[0])
     with progress_bar("frames") as progress:
-        render_into(frames, choose_executor(scheduler=cluster, device=device), progress)
+        render_into(frames, executor, progress)
     seconds, rendered = time.perf_counter() - started, len(frames.missing_plans)
     if video:
         values = (encoded_values(image.radiance, panel.transfer, min(panel.bits, 8)) for image in frames.images())

@@ -77,7 +77,7 @@ class Choice(click.Choice[str]):
 
 @dataclass(frozen=True)
 class Declared:
-    """An option or argument with click's attributes; flag None means an argument, "" a flag from the name."""
+    """An option or argument with click's attributes; flags None mean an argument, "" one from the name."""
 
     flag: str | None
     attributes: Mapping[str, Any]
@@ -100,7 +100,7 @@ class Declared:
         if self.flag is None:
             return click.Argument((name,), **attributes)
         flag = self.flag or flag_of(name)
-        return click.Option((flag, name), is_flag=True if kind is bool else None, **attributes)
+        return click.Option((*flag.split(), name), is_flag=True if kind is bool else None, **attributes)
 
 
 def flag_of(name: str) -> str:

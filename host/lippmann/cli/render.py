@@ -7,14 +7,12 @@ import time
 from collections.abc import Iterator
 from pathlib import Path
 
-import click
-
 from lippmann.base.images import check_output
 from lippmann.base.machine import peak_memory_mb, process_seconds
 from lippmann.base.variant import current_device
 from lippmann.cli.frame import Name, argument, flag_of, make_command, option
 from lippmann.cli.options import DEVICE, DISPLAY, PICTURE, SEED, is_given
-from lippmann.cli.options_rendering import MOVED, RENDERING, SCHEDULER, Moved
+from lippmann.cli.options_rendering import MOVED, RENDERING, SCHEDULER, WORKERS, Moved
 from lippmann.cli.output import emit
 from lippmann.cli.progress_bar import progress_bar
 from lippmann.display.description import Display, load_display
@@ -22,7 +20,7 @@ from lippmann.errors import InputError
 from lippmann.layers.layer_drawing import Filter, plan_layers
 from lippmann.layers.layers_folder import check_depth, is_layers, load_named_layers, warn_of_depths
 from lippmann.rendering.bands import check_display_memory, is_long_render
-from lippmann.rendering.executors import MAX_WORKERS, choose_executor, render_here
+from lippmann.rendering.executors import choose_executor, render_here
 from lippmann.rendering.options import RenderOptions
 from lippmann.rendering.plan import Job, Plan, open_scene
 from lippmann.rendering.sinks import KeptBands, MemorySink, bands_folder, log_remaining_bands, render_into
@@ -40,7 +38,7 @@ def command(
     moved: Moved = MOVED,
     seed: int = SEED,
     filter: Filter = option("Texture filter for layers.", "nearest"),
-    workers: int | None = option("Number of local processes that render.", kind=click.IntRange(1, MAX_WORKERS)),
+    workers: int | None = WORKERS,
     scheduler: str | None = SCHEDULER,
     device: str = DEVICE,
 ) -> None:

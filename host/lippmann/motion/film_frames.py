@@ -141,7 +141,6 @@ def render_frame(plan: FramePlan) -> IntegralImage:
 
 
 FRAME_STEM = "frame_"
-REMEDY = "choose another folder with -o"
 
 
 def frame_path(folder: Path, frame: int) -> Path:
@@ -151,7 +150,7 @@ def frame_path(folder: Path, frame: int) -> Path:
 
 def lock_folder(folder: Path, frames: int) -> FolderLock:
     """Create and lock a film's folder; raise InputError if that fails, or for frames of a longer film."""
-    lock = FolderLock(folder, REMEDY)
+    lock = FolderLock(folder, "choose another folder with -o")
     ours = {frame_path(folder, k) for k in range(frames)}
     for other in sorted(folder.glob("frame_*.exr")):
         if other not in ours:

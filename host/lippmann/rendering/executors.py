@@ -96,10 +96,9 @@ def choose_executor(workers: int | None = None, scheduler: str | None = None, de
     if workers is not None:
         count = whole_number("workers", workers, 1, MAX_WORKERS)
         return lambda bands, _: render_by_workers(count, device, bands)
-    address: object = scheduler
     if scheduler is not None:
-        if not (isinstance(address, str) and address):
-            raise InputError(f"scheduler {address!r} is not an address; give one such as tcp://127.0.0.1:8786")
+        if not scheduler or not isinstance(scheduler, str):
+            raise InputError(f"scheduler {scheduler!r} is not an address; give one such as tcp://127.0.0.1:8786")
         _connect(scheduler).close()
         return lambda bands, _: render_on_cluster(scheduler, device, bands)
     return render_here

@@ -283,10 +283,7 @@ def bands_folder(path: Path) -> Path:
 def log_remaining_bands(path: Path) -> None:
     """Log that bands of an unfinished render are beside the written picture."""
     folder = bands_folder(path)
-    try:
-        count = sum(BAND_NAME.fullmatch(one.name) is not None for one in folder.iterdir())
-    except OSError:  # no such folder, usually
-        return
+    count = sum(BAND_NAME.fullmatch(one.name) is not None for one in folder.glob("*"))  # 0 without the folder
     if count:
         why = "remove it, unless another command is at work on them or is to go on"
         logger.info("%s: has %d bands of a render that is not done; %s", folder, count, why)
