@@ -265,7 +265,7 @@ def test_a_users_variant_neither_matters_nor_changes(small, mi, few_samples, var
         ({"memory_mb": float("nan")}, "memory_mb nan is not a limit"),
         ({"engine": "twin", "fraction_bits": 14.0}, r"fraction_bits: 14\.0 is not valid; give a whole number from 14"),
         ({"kept": ""}, "'' is not a path; give the path of a folder for kept bands"),
-        ({"scheduler": ""}, "scheduler '' is not an address; give one such as tcp://"),
+        ({"scheduler": ""}, "scheduler '' is not an address; give tcp://"),
         ({"model": "pinhole", "tolerance": "x"}, "tolerance 'x' is not positive and finite"),
         ({"kept": 5}, "'5' is not a folder for kept bands; give its path"),
         ({"progress": 5}, "progress 5 is not a function; give one that takes"),

@@ -23,17 +23,18 @@ GRACE_S = 5.0
 def starting_python() -> Iterator[None]:
     """Keep new child processes from importing from the current folder and warning of semaphores.
 
-    Dask's workers do not run the user's script either, as multiprocessing would have
-    them do: it may have no `if __name__ == "__main__"`, or come from stdin.
+    Dask's workers do not run the user's script, which may lack a guard.
     """
     from multiprocessing import spawn  # slow to load
 
-    quiet = ",".join(filter(None, [os.environ.get("PYTHONWARNINGS"), "ignore:resource_tracker:UserWarning"]))
     before, prepare = dict(os.environ), spawn.get_preparation_data
+    quiet = ",".join(filter(None, [before.get("PYTHONWARNINGS"), "ignore:resource_tracker:UserWarning"]))
 
     def prepare_worker(name: str) -> dict[str, object]:
-        hidden = ("init_main_from_name", "init_main_from_path") if name.startswith("Dask Worker") else ()
-        return {key: value for key, value in prepare(name).items() if key not in hidden}
+        data: dict[str, object] = prepare(name)
+        if "Dask Worker" in name:
+            data = {key: data[key] for key in data if "init_main" not in key}
+        return data
 
     spawn.get_preparation_data = prepare_worker
     os.environ |= {"PYTHONSAFEPATH": "1", "PYTHONWARNINGS": quiet}

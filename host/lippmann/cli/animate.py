@@ -59,8 +59,8 @@ def command(
 
     Example: lippmann animate scenes/films/swim.toml --display scenes/displays/paper-square.toml -o out/swim
     """
-    if (view is None) != (eye is None) or (view is None and width is not None):
-        raise InputError("--view and --eye belong together, and --width belongs to --view; give all or none of them")
+    if (view is None) != (eye is None) or (width and view is None):
+        raise InputError("--eye and --width belong to --view; give --view and --eye")
     if fit and scale != 1.0:
         raise InputError("--scale and --fit both place the film; leave one out")
     executor = choose_executor(workers, scheduler, device)

@@ -6,15 +6,12 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-import click
-
 from lippmann.cli.frame import flag_of, option
 from lippmann.cli.options import ENGINE_BITS, Point
 from lippmann.display.description import Display
 from lippmann.errors import InputError
 from lippmann.optics.model_choice import TOLERANCE
 from lippmann.optics.rays import Engine
-from lippmann.rendering.executors import MAX_WORKERS
 from lippmann.rendering.options import ModelOption, RenderOptions, Settings, Shading
 from lippmann.rendering.plan import place_scene
 from lippmann.rendering.sampling import Aperture
@@ -63,7 +60,7 @@ def _render_options(
 
 #: Group of render options; the command also has --seed.
 RENDERING: Any = _render_options
-WORKERS = option("Number of local processes that render.", kind=click.IntRange(1, MAX_WORKERS))
+WORKERS = option("Local processes that render, 1 to 64.")
 SCHEDULER = option("Render on the workers of this Dask scheduler: tcp://HOST:8786.", metavar="ADDRESS")
 
 

@@ -149,7 +149,7 @@ def frame_path(folder: Path, frame: int) -> Path:
 
 
 def lock_folder(folder: Path, frames: int) -> FolderLock:
-    """Create and lock a film's folder; raise InputError if that fails, or for frames of a longer film."""
+    """Create and lock a film's folder; InputError for frames of a longer film."""
     lock = FolderLock(folder, "choose another folder with -o")
     ours = {frame_path(folder, k) for k in range(frames)}
     for other in sorted(folder.glob("frame_*.exr")):
@@ -198,7 +198,7 @@ class FrameFolder:
             yield IntegralImage.load(frame_path(self.folder, plan.frame), plan.display)
 
     def stop(self, done_rows: int) -> None:
-        """Unlock the folder for the next command."""
+        """Unlock the folder."""
         self._lock.close()
 
 

@@ -28,13 +28,15 @@ from lippmann.rendering.shading import keep_garbage
 if TYPE_CHECKING:
     from distributed import Client, Future, Scheduler, Security
 
+    BandFuture = Future[tuple[Radiance, dict[str, str]]]
+
 logger = logging.getLogger("lippmann")
 #: Maximum wait for the scheduler's answer and for the first worker to join, s.
 ANSWER_S = 10.0
 #: Time without any worker, s, after which a log line reports it.
 ALONE_S = 5.0
-#: Time without a heartbeat, s, after which another worker gets the bands; also the time
-#: without any worker of `local_workers` after which the render ends.
+#: Time without a heartbeat, s, after which another worker gets the bands. Without
+#: any local worker that long, the render ends.
 STOPPED_WORKER_S = 30.0
 #: Bands submitted per worker thread. One band is rendered while the next one waits.
 AHEAD = 2
@@ -98,7 +100,7 @@ def choose_executor(workers: int | None = None, scheduler: str | None = None, de
         return lambda bands, _: render_by_workers(count, device, bands)
     if scheduler is not None:
         if not scheduler or not isinstance(scheduler, str):
-            raise InputError(f"scheduler {scheduler!r} is not an address; give one such as tcp://127.0.0.1:8786")
+            raise InputError(f"scheduler {scheduler!r} is not an address; give tcp://HOST:8786")
         _connect(scheduler).close()
         return lambda bands, _: render_on_cluster(scheduler, device, bands)
     return render_here
@@ -124,9 +126,8 @@ def render_on_cluster(
     The scheduler has the `address`, such as tcp://127.0.0.1:8786. Each worker uses
     `device`: "auto", "llvm" or "cuda". `security` is from `local_workers`.
     Raises InputError if no scheduler or worker answers, or if a worker has another
-    scene or version; DeviceError if the scheduler or all workers of `local_workers`
-    are lost, or a band crashes several workers; MissingLibraryError if Dask is missing,
-    or Lippmann on a worker.
+    scene or version; DeviceError if the scheduler or all local workers are lost or a
+    band crashes several; MissingLibraryError if Dask is missing, or Lippmann on a worker.
     """
     if not bands:
         return
@@ -150,7 +151,7 @@ def _distribute(client: Client, device: str, bands: Sequence[Band], where: str, 
     from distributed import KilledWorker, wait
 
     waiting = iter(bands)
-    running: dict[Future[tuple[Radiance, dict[str, str]]], Band] = {}
+    running: dict[BandFuture, Band] = {}
     alone = time.monotonic()
     heartbeats: dict[str, tuple[float, float]] = {}
     while True:
@@ -160,7 +161,7 @@ def _distribute(client: Client, device: str, bands: Sequence[Band], where: str, 
             running[client.submit(_render_on_worker, band, device, pixel_versions(), pure=False)] = band
         if not running:
             return
-        finished: set[Future[tuple[Radiance, dict[str, str]]]] = set()
+        finished: set[BandFuture] = set()
         with contextlib.suppress(TimeoutError):
             finished = wait(list(running), timeout=1.0, return_when="FIRST_COMPLETED").done
         for future in finished:
@@ -168,7 +169,7 @@ def _distribute(client: Client, device: str, bands: Sequence[Band], where: str, 
             try:
                 radiance, choices = future.result()
             except KilledWorker:
-                cause = "see their logs; they may lack memory" if remedy else "they may lack memory: give fewer of them"
+                cause = f"they may lack memory: {'see their logs' if remedy else 'give fewer of them'}"
                 raise device_error(where, f"{band} crashed several workers", cause) from None
             future.release()
             yield RenderedBand(band, radiance, choices)
@@ -176,7 +177,7 @@ def _distribute(client: Client, device: str, bands: Sequence[Band], where: str, 
         if threads:
             alone = time.monotonic()
         elif not remedy and time.monotonic() - alone > STOPPED_WORKER_S:
-            raise device_error(where, "no worker is left", "run it again: kept bands are not rendered again")
+            raise device_error(where, "no worker is left", "run it again: kept bands stay")
         elif remedy and time.monotonic() - alone > ALONE_S:
             logger.info("%s: no worker is left; waiting for one%s", where, remedy)
             alone = float("inf")
@@ -185,8 +186,7 @@ def _distribute(client: Client, device: str, bands: Sequence[Band], where: str, 
 def _give_up_stopped_workers(client: Client, heartbeats: dict[str, tuple[float, float]], where: str) -> None:
     # `heartbeats` maps a worker to its last heartbeat and this machine's time of it.
     now = time.monotonic()
-    workers = client.scheduler_info(n_workers=-1)["workers"]
-    for address, state in workers.items():
+    for address, state in client.scheduler_info(n_workers=-1)["workers"].items():
         last, since = heartbeats.get(address, (None, now))
         if last != state["last_seen"]:
             heartbeats[address] = state["last_seen"], now
@@ -199,8 +199,8 @@ def _give_up_stopped_workers(client: Client, heartbeats: dict[str, tuple[float, 
 
             client.run_on_scheduler(remove)
             del heartbeats[address]
-            bands = "its bands go to others" if len(workers) > 1 else "its bands wait for another"
-            logger.info("%s: worker %s has not answered for %.0f s; %s", where, address, STOPPED_WORKER_S, bands)
+            message = "worker %s has not answered for %.0f s; its bands are free for others"
+            logger.info(f"%s: {message}", where, address, STOPPED_WORKER_S)
 
 
 @contextlib.contextmanager
@@ -214,7 +214,7 @@ def local_workers(count: int) -> Iterator[tuple[str, Security]]:
         security = Security.temporary()
     except ImportError as error:
         raise missing_library(error) from None
-    no_pages: dict[str, list[str]] = {"distributed.scheduler.http.routes": [], "distributed.worker.http.routes": []}
+    no_pages = {f"distributed.{one}.http.routes": list[str]() for one in ("scheduler", "worker")}
     with starting_python(), dask.config.set(no_pages):
         with interrupts.blocked_in_children():
             # No memory limit, because near a limit Dask would pause a worker for ever.

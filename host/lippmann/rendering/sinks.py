@@ -152,7 +152,7 @@ class KeptBands:
         self.metadata = plan.metadata
         self._checked: set[int] = set()
         own = {self._path(band.number).name for band in self.bands}
-        names = [path.name for path in folder.iterdir() if path.name not in own and not path.name.startswith(".")]
+        names = [path.name for path in folder.glob("[!.]*") if path.name not in own]
         others = [folder / name for name in names if BAND_NAME.fullmatch(name)]
         if foreign := len(names) - len(others):
             warn_user(f"{folder}: holds {foreign} other files or folders, which stay")
@@ -283,7 +283,7 @@ def bands_folder(path: Path) -> Path:
 def log_remaining_bands(path: Path) -> None:
     """Log that bands of an unfinished render are beside the written picture."""
     folder = bands_folder(path)
-    count = sum(BAND_NAME.fullmatch(one.name) is not None for one in folder.glob("*"))  # 0 without the folder
+    count = len([one for one in folder.glob("*") if BAND_NAME.fullmatch(one.name)])
     if count:
-        why = "remove it, unless another command is at work on them or is to go on"
+        why = "remove it, unless another command uses them or is to go on"
         logger.info("%s: has %d bands of a render that is not done; %s", folder, count, why)
