@@ -53,7 +53,7 @@ PAGE_SUFFIXES = (".html", ".htm")
 
 
 def load_scene(path: str | Path, placement: Placement | None = None, device: str = "auto") -> Scene:
-    """Read a scene once for several calls of `render`, `capture` or `view`; raises InputError for an invalid file.
+    """Read a scene for several calls of `render`, `capture` or `view`; refuse an invalid file.
 
     Parameters
     ----------

@@ -201,7 +201,7 @@ class BoardSink:
         self._sent = Sent()
 
     def add_rows(self, first: int, rows: Pixels) -> None:
-        """Add panel values (rows, width, 3), starting at row `first`, each row once; send complete tiles."""
+        """Add panel values (rows, width, 3), from row `first` on; send complete tiles."""
         last = first + len(rows)
         self._frame[first:last] = rows
         self._missing[first:last] = False

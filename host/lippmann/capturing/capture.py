@@ -58,7 +58,7 @@ from lippmann.scenes.scene import Scene
 
 
 def check_placement(scene: Scene, setup: Setup) -> None:
-    """Refuse a scene that reaches the lens, an image at the camera, and an array outside the image space."""
+    """Refuse a scene at the lens, an image at the camera, and an array outside the image space."""
     far, near = scene.depth_range_mm
     lens, subject = setup.lens, setup.subject
     front = subject.distance_mm - (0.0 if lens is None else lens.extent_mm[1] - lens.hiatus_mm)

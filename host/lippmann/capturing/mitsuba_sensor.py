@@ -81,7 +81,7 @@ def _sensor_class() -> type:
         def sample_ray_differential(
             self, time: Arr, sample1: Arr, sample2: Arr, sample3: Arr, active: Arr = True
         ) -> tuple[Arr, Arr]:
-            """Return `sample_ray`'s rays without differentials, because neighbours may have other lenslets."""
+            """Return `sample_ray`'s rays without differentials: neighbours may have other lenslets."""
             ray, weight = self.sample_ray(time, sample1, sample2, sample3, active)
             return mi.RayDifferential3f(ray), weight
 

@@ -182,7 +182,7 @@ GRAIN = 1e-6
 
 
 def write_scene(path: Path, placement: Placement, folder: Path) -> None:
-    """Write `scene.inc`, meshes and image textures to a folder; refuse parts that POV-Ray cannot express."""
+    """Write `scene.inc`, meshes and image textures; refuse parts that POV-Ray cannot express."""
     materials, objects, lights = Materials(folder), list[str](), list[str]()
     for item in Item(Tree(path), 0).children():
         if item.kind == "Shape":

@@ -354,7 +354,7 @@ DisplayFile = variant(Display, ("name",), panel=_PanelFile, array=_ArrayFile)
 
 
 def display_of(keys: Any, name: str, where: str) -> Display:
-    """Return the display for a `DisplayFile`'s keys; `name` is the default name; errors begin with `where`."""
+    """Return the display for a file's keys; `name` is the default name; errors begin with `where`."""
     panel, array = toml.values(keys.panel), toml.values(keys.array)
     dpi, focal_mm = panel.pop("dpi"), array.pop("focal_length_mm")
     if dpi is not None:

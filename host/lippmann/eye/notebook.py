@@ -46,7 +46,7 @@ class Sweep:
         return f"<Sweep, {len(self.views)} views of {width} x {height} px>"
 
     def save(self, path: str | Path) -> None:
-        """Write the views, forwards then backwards, as .gif or animated .png; raise InputError if that fails."""
+        """Write the views, forwards, then backwards, as .gif or animated .png. Raises InputError."""
         write_animation(path, [view.radiance for view in self.views])
 
     def show(self, seconds: float | None = None) -> None:

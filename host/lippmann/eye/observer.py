@@ -67,7 +67,7 @@ class Eye:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class View(Showable):
-    """An eye's view: linear radiance (height, width, 3) float32, fractions of rays per `lippmann.Status`, metadata."""
+    """An eye's view: linear radiance (height, width, 3) float32, fractions of rays by status, metadata."""
 
     radiance: Radiance
     status_share: dict[str, float]

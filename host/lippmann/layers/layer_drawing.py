@@ -57,7 +57,7 @@ CHUNK_RAYS = 1 << 18
 
 
 class ExitLines(NamedTuple):
-    """Exit rays: points in the plane z = 0, mm (N, 2), slopes (N, 2), and the mask of rays that draw (N,)."""
+    """Exit rays: points at z = 0, mm (N, 2), slopes (N, 2), and the mask of rays that draw (N,)."""
 
     places_mm: Floats
     slopes: Floats
@@ -85,7 +85,7 @@ def draw_golden(
 
 
 def scene_build_of(stack: LayerStack, filter: Filter, samples: int) -> SceneBuild:
-    """Return the smallest build that draws a stack; raise InputError, with the largest layer, if none does."""
+    """Return the smallest build that draws a stack; refuse a layer that is too large for any."""
     widest = max(MIN_ROW, *(layer.width for layer in stack.layers))
     width = 1 << (widest - 1).bit_length()
     step = max(2, BLOCK_BYTES // width)

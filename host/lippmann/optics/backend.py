@@ -43,7 +43,7 @@ class Backend:
         raise NotImplementedError
 
     def refine(self, mask: Arr, trace: Trace, inputs: State, coarse: State) -> State:
-        """Return `coarse`, but trace the elements in `mask` again (`trace(backend, *inputs)`) in double precision."""
+        """Return `coarse`; trace the elements in `mask` again (`trace(backend, *inputs)`), in float64."""
         return coarse
 
 
@@ -70,7 +70,7 @@ class NumpyBackend(Backend):
 
 
 class DrJitBackend(Backend):
-    """The Dr.Jit backend: float32, or float64 if `precise`, on CPU threads ("llvm") or an NVIDIA GPU ("cuda")."""
+    """The Dr.Jit backend, on CPU threads ("llvm") or a GPU ("cuda"): float32, or float64 if `precise`."""
 
     def __init__(self, device: str = "llvm", precise: bool = False) -> None:
         import drjit as dr  # imported here: the golden engine must run without it

@@ -96,7 +96,7 @@ class Dome:
 
 
 class Crossing(NamedTuple):
-    """A ray at the point where it meets a lenslet's face, the steps (di, dj) to that lenslet, the cosine |d . N|."""
+    """A ray where it meets a lenslet's face, the steps (di, dj) to that lenslet, the cosine |d . N|."""
 
     ray: Ray
     di: Arr
@@ -203,7 +203,7 @@ def blocked_above(b: Backend, dome: Dome, ray: Ray, suspect: Arr) -> Arr:
 
 
 def blocked_below(b: Backend, dome: Dome, ray: Ray, suspect: Arr) -> Arr:
-    """Return which `suspect` rays enter the glass downward, but leave it again in the valley between domes."""
+    """Return which `suspect` rays enter the glass, but leave it again in the valley between domes."""
 
     def leaves_glass(_steps: Arr, local: Ray, _t: Arr, t_flat: Arr, t_rim: Arr) -> Arr:
         x, y, z = local.x + t_flat * local.dx, local.y + t_flat * local.dy, local.z + t_flat * local.dz

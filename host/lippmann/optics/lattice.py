@@ -100,7 +100,7 @@ class Lattice:
         return (b.absolute(along) <= self.half_steps[0]) & (b.absolute(2.0 * j) <= self.half_steps[1])
 
     def nearest_within(self, x: Arr, y: Arr) -> Point:
-        """Return the nearest points within the extent, clipped along and across the rows; numpy arrays, mm."""
+        """Return points (mm), clipped to the extent along and across the rows."""
         if self.half_steps is None:
             return x, y
         px, py = self.pitches_mm

@@ -116,7 +116,7 @@ def panel_size(display: Display) -> Floats:
 
 
 def located(display: Display, pixels: Floats) -> tuple[Floats, Floats]:
-    """Return the lenslets (N, 2) of pixels (N, 2), and the pixels' positions from their centres, (N, 2) mm."""
+    """Return the lenslets (N, 2) of pixels (N, 2), and pixels from their centres, (N, 2) mm."""
     i, j, x, y = System.of(display).locate(NumpyBackend(), *pixels.T)
     return np.stack([i, j], axis=1), np.stack([x, y], axis=1)
 

@@ -101,7 +101,7 @@ class Convergence:
         return x - (x - self.axis_x) * self.share, y - (y - self.axis_y) * self.share
 
     def within_cell(self, x: Arr, y: Arr, cx: Arr, cy: Arr) -> Point:
-        """Return the point of `towards_eye`; both points are measured from the lenslet's centre (cx, cy)."""
+        """Return the point of `towards_eye`; both are relative to the lenslet's centre (cx, cy)."""
         if self.share == 0.0:
             return x, y
         shrink = 1.0 - self.share
@@ -160,7 +160,7 @@ class System:
         return 0.0 if self.plano_to_panel else self.thickness_mm
 
     def locate(self, b: Backend, u: Arr, v: Arr) -> tuple[Arr, Arr, Arr, Arr]:
-        """Return the lenslet (i, j) of pixel coordinates, and their offset from its centre, array's axes, mm."""
+        """Return the lenslet (i, j) of pixels, and pixels from its centre along the array's axes, mm."""
         x, y = self.frame.array_from_panel(*self.frame.panel_from_pixel(u, v))
         i, j, qx, qy = self.lattice.locate(b, *self.convergence.towards_eye(x, y))
         if self.convergence.share == 0.0:
@@ -169,7 +169,7 @@ class System:
         return i, j, x - cx, y - cy  # not from q, whose rounding error would grow by 1 / (1 - s)
 
     def through_mount(self, b: Backend, status: Arr, passed: Point, own: Point | None = None) -> Arr:
-        """Return statuses; a ray that has not missed is blocked if its or its pixel's lenslet does not exist."""
+        """Return statuses; a ray that meets a dome is blocked if its or its pixel's lenslet is missing."""
         if self.lattice.half_steps is None:
             return status
         there = self.lattice.present(b, *passed) | (status == int(Status.MISSED))

@@ -115,7 +115,7 @@ def check_engine_device(engine: str, device: str) -> None:
 
 
 def columns(name: str, values: npt.ArrayLike, width: int, limit: float) -> Floats:
-    """Return values as (N, width) float64; refuse other shapes, and values that are not finite or beyond `limit`."""
+    """Return values as (N, width) float64; refuse other shapes, NaN, infinity and values beyond `limit`."""
     try:
         array = np.asarray(values, np.float64)
     except (TypeError, ValueError, OverflowError):

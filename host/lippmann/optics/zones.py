@@ -56,7 +56,7 @@ def viewing_distance(display: Display) -> float:
 
 
 def middle_eye(display: Display, distance_mm: float) -> tuple[float, float, float]:
-    """Return the position of the middle eye at a distance, mm; it sees opposite sides of the panel equally."""
+    """Return the middle eye's position at a distance, mm. It sees opposite sides of the panel equally."""
     share = 0.0 if display.viewing_distance_mm is None else distance_mm / display.viewing_distance_mm
     return share * display.viewing_axis_mm[0], share * display.viewing_axis_mm[1], distance_mm
 

@@ -205,7 +205,7 @@ def _give_up_stopped_workers(client: Client, heartbeats: dict[str, tuple[float, 
 
 @contextlib.contextmanager
 def local_workers(count: int) -> Iterator[tuple[str, Security]]:
-    """Start local workers; yield the scheduler's address and `Security`; raise MissingLibraryError without Dask."""
+    """Start local workers; yield the scheduler's address and `Security`; needs Dask."""
     # Dask runs any program that it receives: it gets loopback and TLS with a new key.
     try:
         import dask

@@ -64,7 +64,7 @@ def show_pictures(widget: object, pictures: Sequence[Showable], seconds: float |
 
 @dataclass(frozen=True, eq=False, repr=False)
 class IntegralImage(Showable):
-    """The picture of a display's panel. Raises InputError if the radiance has a wrong size, is integer or not finite.
+    """The picture of a display's panel. Raises InputError for radiance that is integer, not finite or of a wrong size.
 
     Attributes
     ----------
@@ -117,7 +117,10 @@ class IntegralImage(Showable):
         object.__setattr__(self, "metadata", {**texts, **metadata_of(self.display)})
 
     def save(self, path: str | Path) -> None:
-        """Write radiance (.exr, .tif) or panel values (.png); raise InputError if that fails, for NaN or infinity."""
+        """Write radiance (.exr, .tif) or panel values (.png).
+
+        Raises InputError if writing fails, and for NaN or infinity.
+        """
         panel = self.display.panel
         write_picture(path, self.radiance, self.metadata, panel.transfer, panel.bits)
 

@@ -258,7 +258,7 @@ class Job:
     arrange: Arrange | None = None
 
     def plan(self, portable: bool = False) -> ScenePlan:
-        """Resolve all "auto" options. `portable` needs a scene file. Raises the errors of `arranged`, `Renderer`."""
+        """Resolve "auto" options; `portable` needs a scene file. Raises the errors of `arranged`, `Renderer`."""
         # Other processes and kept bands identify the scene by its files.
         scene = place_scene(self.scene, self.display, self.arrange)
         path = scene.path.absolute()  # for workers' folders; links stay: their neighbours are read

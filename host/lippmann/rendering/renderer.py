@@ -264,7 +264,7 @@ class Renderer:
     def draw(
         self, rows: range, report_rows: Callable[[int], None] | None = None, tiles: int | None = None
     ) -> tuple[list[Jit], list[int]]:
-        """Return rows as colour planes, black after `tiles` tiles, and the number of lost samples per reason."""
+        """Return rows as colour planes, black after `tiles` tiles, and lost samples per reason."""
         planes = [dr.zeros(mi.Float, self._width * len(rows)) for _ in range(3)]
         if tiles is None:
             tiles = self._across * -(-len(rows) // TILE_PX)

@@ -68,7 +68,7 @@ class RenderTimes(NamedTuple):
 
 
 def render_into(sink: Sink, executor: Executor = render_here, progress: Progress | None = None) -> RenderTimes:
-    """Render the missing bands; `progress` gets (rows done, all rows). Raises the errors of executor and sink."""
+    """Render the missing bands; `progress` gets (rows done, all rows). Executor and sink raise errors."""
     total = sum(len(band.rows) for band in sink.bands)
     report = RowProgress(progress, total)
     rays, prepare_seconds = 0, 0.0
@@ -191,7 +191,7 @@ class KeptBands:
         return np.empty((0, *self.shape[1:]), np.float32)
 
     def write(self, path: Path) -> None:
-        """Write the picture, then remove the bands. If writing fails (InputError, NoSpaceError), the bands stay."""
+        """Write the picture, then remove the bands. If writing fails, the bands stay."""
         panel = self.plan.display.panel
         try:
             write_picture(path, self, self.metadata, panel.transfer, panel.bits)

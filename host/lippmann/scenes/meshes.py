@@ -1,4 +1,4 @@
-"""Converts meshes with materials and textures (GLB, glTF, OBJ, PLY, STL; read by trimesh) to a Mitsuba scene.
+"""Converts meshes with materials (GLB, glTF, OBJ, PLY, STL; read by trimesh) to a Mitsuba scene.
 
 The lights `mitsuba_xml.LIGHTS` are added. Materials of glTF become Mitsuba's
 `principled`, other materials `diffuse`. Colours of textures and vertices are sRGB,

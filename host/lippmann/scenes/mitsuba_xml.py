@@ -38,7 +38,7 @@ LIGHTS = (((0.0, 0.0, 1.0), 0.35), ((-0.5, 0.7, 1.0), 0.5), ((0.8, -0.3, 0.5), 0
 
 
 def add_lights(scene: Element, scene_from_display: Floats) -> None:
-    """Add `LIGHTS`, rotated by `scene_from_display` (3, 3); a surface that faces the viewer shows its albedo."""
+    """Add `LIGHTS`, rotated by `scene_from_display` (3, 3). A surface towards the viewer shows its albedo."""
     for direction, fraction in LIGHTS:
         towards = np.array(direction) / np.linalg.norm(direction)
         light = plugin(scene, "emitter", "directional")

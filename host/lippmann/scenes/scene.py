@@ -347,7 +347,7 @@ def front_of(low: Matrix, high: Matrix) -> float:
 
 
 def arranged(scene: Scene, display: Display, arrange: Arrange) -> Scene:
-    """Return a scene placed for a display, or raise InputError. Only "fit" keeps the scene's own rotation."""
+    """Return a scene placed for a display. Only "fit" keeps the scene's own rotation."""
     check_choice("arrange", arrange, get_args(Arrange))
     if arrange == "camera":
         return scene.placed(_by_camera(scene, display))
