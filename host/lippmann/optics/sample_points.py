@@ -59,7 +59,7 @@ def points_in_pixel(pixel: Arr, sample: Arr, samples: int, seed: Arr, number: Ar
 
 
 def points_in_square(pixel: Arr, sample: Arr, seed: Arr, stream: int = 1) -> Point:
-    """Return points (s, t) in the unit square of a cell or pupil for indices of pixels and samples (UInt32).
+    """Return points (s, t) in the unit square of a cell or pupil, by indices of pixels and samples.
 
     The points are the R2 sequence, shifted modulo 1 by a hash of pixel and seed. Stream 0,
     independent of stream 1, is for an eye's view, as in viewer/shaders/sampling.glsl.

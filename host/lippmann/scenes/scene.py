@@ -167,7 +167,7 @@ def without_places(error: Exception) -> str:
 def load_scene(
     path: str | Path, placement: Placement | None = None, moves: Sequence[Move] = (), part: Part | None = None
 ) -> Scene:
-    """Load a scene file or a part of it, apply `moves` in order, and place it (default: `placement_beside`).
+    """Load a scene file or a part of it, apply `moves`, and place it (default: `placement_beside`).
 
     Raises InputError for an invalid file, a move that matches no shape, and a part that
     matches no shape or all shapes.
