@@ -107,7 +107,7 @@ def board(folder, name, text):
 def test_a_wrong_board_file_is_named_and_hinders_no_other_board(folder):
     text = (folder / "ulx3s/board.toml").read_text()
     for changed, said in (
-        (text, 'name: "ulx3s" is not the folder\'s; write "mine"'),
+        (text, 'name: "ulx3s" names another folder; write "mine"'),
         (text.replace('"ulx3s"', '"mine"', 1).replace("speed = 6", "speed = 9"), "fpga.speed"),
         (text.replace('"ulx3s"', '"mine"', 1) + "\ncolour = 1\n", "colour"),
         ("name = ", "not TOML"),

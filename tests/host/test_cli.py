@@ -438,14 +438,14 @@ EMITTER = '<emitter type="{}"><{} name="{}" value="{}"/></emitter>'
         (MATERIAL.format('type="diffuse" id="m"', '<rgb name="reflectance" value="nan"/>'),
          "reflectance.value of the material 'm' is not finite"),
         (MATERIAL.format('type="dielectric"', '<float name="int_ior" value="nan"/>'), "eta of a SmoothDielectric is"),
-        (MATERIAL.format('type="diffuse"', BITMAP.replace("nowhere.png", "nan.exr")), "reflectance.data of a Smooth"),
+        (MATERIAL.format('type="diffuse"', BITMAP.replace("nowhere.png", "nan.pfm")), "reflectance.data of a Smooth"),
         ('<shape type="shapegroup" id="g"><shape type="sphere"><bsdf type="mask"><float name="opacity" value="inf"/>'
          '<bsdf type="diffuse"/></bsdf></shape></shape><shape type="instance"><ref id="g"/></shape>',
          "opacity.value of a MaskBSDF is not finite"),
     ],
 )  # fmt: skip
 def test_bad_scenes(place, refusal_of, mi, body, named):
-    mi.Bitmap(np.full((2, 2, 3), np.nan, np.float32)).write("nan.exr")
+    (place / "nan.pfm").write_bytes(b"PF\n2 2\n-1.0\n" + np.full((2, 2, 3), np.nan, np.float32).tobytes())
     write_scene(place / "bad.xml", body)
     line = refusal_of("render", "bad.xml", "--display", "tiny.toml", "-o", "a.exr", "--device", "llvm")
     assert line.startswith("lippmann: bad.xml: ")

@@ -109,7 +109,7 @@ def test_sampled_words(root, f):
 def test_the_worst_word_that_the_reference_names():
     """Found among all words by the test marked full, above."""
     page = (repository() / "docs/reference/rtl.md").read_text()
-    row = r"([\d.]+) units of the last place at most, at word (\d+), over all ([\d,]+)"
+    row = r"maximum error ([\d.]+) units in the last place, at word (\d+), over all ([\d,]+)"
     said, word, inputs = re.search(row, page).groups()
     error, _ = largest_error("rsqrt", 23, [np.array([int(word)])])
     assert f"{error:.4f}" == said

@@ -70,7 +70,7 @@ def test_a_fault_over_two_lines(tmp_path):
     (fault,) = faults_of(path, "program.py")
     assert fault.changed(text) == "def g():\n    return f(\n        b,\n        a,\n    )\n"
     assert "+        b,\n         a,\n-        b,\n" in fault.diff(text)
-    with pytest.raises(ValueError, match=r"program\.py:3 is not"):
+    with pytest.raises(ValueError, match=r"program\.py:3 does not have"):
         fault.changed(text.replace("a", "z"))
 
 

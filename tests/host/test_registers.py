@@ -20,6 +20,7 @@ from lippmann.fixed.registers import (
     build_of,
     optics_writes,
     raster_writes,
+    table_writes,
     write,
 )
 from lippmann.fixed.words import OFFSET_BITS, OFFSET_FRACTION, SLOPE_BITS, SLOPE_FRACTION
@@ -184,6 +185,8 @@ def test_values_out_of_range_are_refused():
         write("raster_columns", second=1)
     with pytest.raises(InputError, match=r"there is no register 'raster_colums'; see docs/generated/registers\.md"):
         write("raster_colums", first=1)
+    with pytest.raises(InputError, match="do not fit"):
+        table_writes([0] * 3, 62)
 
 
 def test_the_most_samples_are_written_as_0():

@@ -126,7 +126,7 @@ def test_rtl_equals_twin_over_ten_million_rays(build):
 
 def test_the_reference_says_how_much_is_compared():
     page = (repository() / "docs/reference/rtl.md").read_text()
-    assert f"{len(ALL_BUILDS)} kinds of build x {DISPLAYS * RAYS:,} rays" in page
+    assert f"{len(ALL_BUILDS)} kinds of build, each with {DISPLAYS * RAYS:,} rays" in page
 
 
 @pytest.mark.full

@@ -86,7 +86,6 @@ class LensPair:
 
     @property
     def _first_vertex(self) -> tuple[Face, ...]:
-        """The faces, with z measured from the first vertex."""
         c, n = 1.0 / self.radius_mm, self.index
         first = (0.0, -c) if self.convex in ("in", "object") else (c, 0.0)
         second = (c, 0.0) if self.convex in ("in", "image") else (0.0, -c)

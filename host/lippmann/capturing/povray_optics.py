@@ -59,7 +59,6 @@ def setup_view(setup: Setup) -> View:
 
 
 def _plano_convex(pair: LensPair, faces: tuple[Face, ...], origin_mm: float) -> str:
-    """Return one lens of a pair that has its origin at z = `origin_mm`."""
     radius = 0.5 * pair.aperture_mm
     curved, flat = sorted(faces, key=lambda face: face.curvature == 0.0)
     # The lens's z axis is opposite to the object's z axis.

@@ -221,7 +221,6 @@ def _effect_of_moves(compared: Comparison, panel_mm: Floats, aim_mm: Floats) -> 
 
 
 def _displaced(inputs: PanelRays, panel_mm: Floats, aim_mm: Floats, ways: Floats = AXES) -> Iterator[PanelRays]:
-    """Yield rays with displaced panel points or displaced aims, (N, 2) mm, for each direction (M, 2)."""
     aimed = replace(inputs, aperture=inputs.aims)
     for step in ways:
         yield replace(aimed, pixels=inputs.pixels + step * panel_mm / inputs.display.panel.pitches_mm)

@@ -18,7 +18,8 @@ from lippmann.display.description import Grid
 from lippmann.errors import InputError
 from lippmann.fixed.build import Build, HardwareModel
 from lippmann.fixed.configuration import Configuration
-from lippmann.fixed.raster import Jitter, Raster
+from lippmann.fixed.raster import TABLE_ENTRIES, Jitter, Raster
+from lippmann.fixed.words import Ints
 
 
 @dataclass(frozen=True)
@@ -140,6 +141,14 @@ def raster_writes(frame: Raster) -> list[Write]:
         write("raster_jitter", samples=frame.samples & 0xFFFF, mode=mode, table_first=frame.table_first),
         write("raster_seed", value=frame.seed),
     ]
+
+
+def table_writes(table: Ints, first: int = 0) -> list[Write]:
+    """Return the writes of jitter entries (N,) from index `first` on; refuse entries beyond the end."""
+    if not 0 <= first <= TABLE_ENTRIES - len(table):
+        raise InputError(f"jitter table: {len(table)} entries from {first} do not fit; the table has {TABLE_ENTRIES}")
+    start = OPTICS_REGISTERS["jitter_table"].address + 4 * first
+    return [Write(start + 4 * k, int(word)) for k, word in enumerate(table)]
 
 
 def build_of(words: Mapping[str, int]) -> Build:

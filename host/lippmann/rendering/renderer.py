@@ -216,7 +216,6 @@ class Renderer:
         return seconds
 
     def _trial_tiles(self) -> npt.NDArray[np.int64]:
-        """Return the trial's tiles, a random tile in each of equal image parts."""
         rays = TILE_PX * TILE_PX * min(self._samples, TRIAL_SAMPLES)
         side = max(1, math.isqrt(TRIAL_RAYS // rays) // TRIAL_PARTS) * TRIAL_PARTS
         within = np.random.default_rng(TRIAL_SEED).random((2, side, side))

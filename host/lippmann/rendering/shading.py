@@ -269,7 +269,6 @@ class CachedProgram(Program):
 
 
 def _make_sample_program(scene: Scene, source: RaySource, samples: int, follow: Follow) -> Callable[..., Jit]:
-    """Return the program that applies `follow` to samples' rays and counts the lost samples."""
     rays = samples * source.colours
 
     def trace(index: Jit, first: Jit, seeds: Seeds, pose: Pose, parts: Parts, *others: Jit) -> tuple[Jit, ...]:

@@ -68,7 +68,6 @@ def register_light_field() -> None:
 
 
 def _view_colour(views: Arr, shape: tuple[int, int], view: Arr, u: Arr, v: Arr, active: Arr) -> Arr:
-    """Return the bilinearly interpolated colour of a view of `shape` pixels at (u, v)."""
     height, width = shape
     x, y = u * width - 0.5, v * height - 0.5
     x0, y0 = dr.floor(x), dr.floor(y)

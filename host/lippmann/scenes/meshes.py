@@ -237,7 +237,6 @@ class _Textures:
 
 
 def _add_shape(scene: Element, name: str, mesh: Trimesh, matrix: Floats, textures: _Textures, file: Path) -> list[str]:
-    """Add a mesh to a scene, and write its files; return lines on ignored features."""
     visual: Visual = mesh.visual
     source = textures.source
     if visual.kind == "face":
@@ -278,7 +277,6 @@ def _with_faces_apart(mesh: Trimesh, colours: npt.NDArray[np.uint8], source: Pat
 
 
 def _has_normals(mesh: Trimesh) -> bool:
-    """Return whether the file has normals, which `mesh.vertex_normals` would compute."""
     return "vertex_normals" in mesh._cache
 
 

@@ -294,7 +294,6 @@ def _boxes(scene: mts.Scene) -> list[Box]:
 
 
 def _box_of_most_splats(shape: mts.Shape, lowest: Matrix, highest: Matrix) -> Box:
-    """Return the box of most splats, because a captured scene has stray splats."""
     data = np.array(mi.traverse(shape)["data"], np.float64).reshape(-1, 10)
     centres, reach = data[:, :3], SIGMAS * data[:, 3:6].max(axis=1, keepdims=True)
     low = np.percentile(centres - reach, STRAY_PERCENT[0], axis=0)

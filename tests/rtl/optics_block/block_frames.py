@@ -13,7 +13,7 @@ from lippmann.fixed.build import Build
 from lippmann.fixed.configuration import configuration
 from lippmann.fixed.raster import TABLE_ENTRIES, Raster, raster
 from lippmann.fixed.ray_pipeline import ray_pipeline
-from lippmann.fixed.registers import OPTICS_REGISTERS, build_of, optics_writes, raster_writes, write
+from lippmann.fixed.registers import OPTICS_REGISTERS, build_of, optics_writes, raster_writes, table_writes, write
 from pins import Pins
 from rtl_coverage import Coverage
 from streams import hold_reset
@@ -141,13 +141,12 @@ class Block:
             [place | a << 8 | b << 20 for place, a, b in zip(places, aims[::2], aims[1::2], strict=True)], np.int64
         )
         # Byte by byte now and then, in any order, as the strobes say.
-        first = OPTICS_REGISTERS["jitter_table"].address
-        for index, word in enumerate(map(int, self.table)):
+        for address, word in table_writes(self.table):
             split = RANDOM.choice([0xF, 0xF, RANDOM.randrange(16)])
             for strobes in (split, 0xF & ~split):
                 other = RANDOM.randrange(1 << 32)
                 bits = sum(0xFF << 8 * byte for byte in range(4) if strobes >> byte & 1)
-                _, error = await self._access(first + 4 * index, word & bits | other & ~bits, strobes)
+                _, error = await self._access(address, word & bits | other & ~bits, strobes)
                 assert not error
 
     async def offer(self, rays, n):
