@@ -1,1 +1,1 @@
-"""Computes and shows the views of an eye: observer, viewer page and notebook."""
+"""Computes and shows what an eye sees on a display."""

@@ -1,4 +1,4 @@
-"""Draws a display as SVG or PNG: the panel and lenslets, and the viewing zones from above."""
+"""Draws a display as SVG or PNG: its panel and lenslets, and its viewing zones from above."""
 
 from __future__ import annotations
 
@@ -25,27 +25,27 @@ if TYPE_CHECKING:
 
 #: Colours of Okabe and Ito, distinct for all kinds of colour vision.
 GLASS, LENSLET, IMAGE, RAY = "#56b4e9", "#0072b2", "#d55e00", "#e69f00"
-#: Number of lenslets across a close-up.
+#: Width of a close-up, lenslets.
 CLOSE = 4.0
-#: Number of marks across the panel.
+#: Number of lenslet marks across the drawn panel.
 MARKS = 30.0
-#: Maximum number of drawn pixels across a close-up.
+#: Maximum number of pixels across a close-up that shows pixels.
 MAX_PIXELS = 150
-#: Heights in the picture of zones, in viewing distances.
+#: Eye distances in the drawing of zones, in viewing distances.
 HEIGHTS = np.linspace(0.2, 3.0, 15)
-#: Number of eyes across the picture of zones.
+#: Number of eyes at each distance in the drawing of zones.
 PLACES = 41
-#: Number of rays per eye.
+#: Number of rays per eye in the drawing of zones.
 MAP_RAYS = 256
 
 
 @contextmanager
 def _drawing(path: Path, down: int, across: int, size: tuple[float, float]) -> Iterator[npt.NDArray[np.object_]]:
-    """Yield the axes of a picture of `size` inches, and write it to the path."""
+    """Yield the axes of a drawing of `size` inches, then write the drawing to the path."""
     from matplotlib import rc_context
     from matplotlib.figure import Figure
 
-    # SVG keeps text as text, and equal displays give equal files.
+    # Keep text in SVG as text, and write equal files for equal displays.
     with rc_context({"svg.fonttype": "none", "svg.hashsalt": "lippmann", "font.size": 9}):
         figure = Figure(figsize=size, layout="constrained")
         yield figure.subplots(down, across, squeeze=False)
@@ -55,7 +55,7 @@ def _drawing(path: Path, down: int, across: int, size: tuple[float, float]) -> I
 
 
 def draw_zones(display: Display, path: Path, eye_mm: Sequence[float] | None = None) -> None:
-    """Draw the crosstalk that eyes see, from above, in the plane of the middle eyes."""
+    """Draw the crosstalk that eyes see: a map of eye positions from above."""
     usual, half = viewing_distance(display), 0.5 * display.panel.width_mm
     heights = (HEIGHTS * usual).tolist()
     middle = [middle_eye(display, z) for z in heights]
@@ -65,14 +65,14 @@ def draw_zones(display: Display, path: Path, eye_mm: Sequence[float] | None = No
     places = np.linspace(-1.2 * widest, 1.2 * widest, PLACES)
     eyes = np.array([(x, y, z) for _, y, z in middle for x in places])
     shares = status_shares(display, eyes, MAP_RAYS).reshape(len(middle), len(places), -1)
-    # The fraction is of light, not of rays: eyes far aside see dark panels.
+    # Use the fraction of light, not of rays: eyes far aside see dark panels.
     right, wrong = shares[..., Status.OK], shares[..., Status.CROSSTALK]
     wrong = wrong / np.maximum(right + wrong, 1.0 / MAP_RAYS)
     with _drawing(path, 1, 1, (7.0, 6.5)) as ((axis,),):
         levels = (0.0, 0.01, 0.1, 0.25, 0.5, 0.75, 1.0001)
         filled = axis.contourf(places, heights, wrong, levels, cmap="YlOrRd")
         axis.figure.colorbar(
-            filled, label="crosstalk, share of the light", format=lambda share, _: f"{100 * share:.0f} %"
+            filled, label="crosstalk, fraction of the light", format=lambda share, _: f"{100 * share:.0f} %"
         )
         if ends:
             edge = {"facecolor": "none", "edgecolor": LENSLET, "linewidth": 2}
@@ -90,7 +90,7 @@ def draw_zones(display: Display, path: Path, eye_mm: Sequence[float] | None = No
 
 
 def draw_display(display: Display, path: Path) -> None:
-    """Draw the panel, close-ups of its middle and its corner, and a section."""
+    """Draw the panel, close-ups of its middle and corner, and a section of lenslets."""
     panel, system = display.panel, System.of(display)
     half = np.array((panel.width_mm, panel.height_mm)) / 2.0
     with _drawing(path, 2, 2, (11.0, 9.0)) as ((overview, section), (centre, corner)):
@@ -124,7 +124,7 @@ def draw_display(display: Display, path: Path) -> None:
 
 
 def _lenslets(system: System, place: Sequence[float] | Floats, span: int, every: int = 1) -> tuple[Floats, Floats]:
-    """Return the centres of lenslets up to `span` steps of `every` lenslets from a point of the panel."""
+    """Return centres of lenslets around a panel point: `span` steps of `every` lenslets each way."""
     i, j, *_ = system.lattice.locate(NumpyBackend(), *map(np.asarray, system.frame.array_from_panel(*place)))
     steps = every * np.mgrid[-span : span + 1, -span : span + 1].reshape(2, -1)
     i, j = i + steps[0], j + steps[1]
@@ -160,7 +160,7 @@ def _draw_close(axis: Axes, display: Display, system: System, place: Floats) -> 
     corners = np.array(system.lattice.corners + system.lattice.corners[:1]).T
     x, y = system.frame.turn(*corners)
     centres = np.stack(_lenslets(system, place, 2 * int(CLOSE)), axis=1)
-    # Draw lenslets if a part of them or of their elemental image is visible.
+    # Draw the lenslets that are partly visible, or whose elemental images are.
     far = reach + pitch + np.abs(place).max() * display.convergence
     for cx, cy in centres[(np.abs(centres - place) < far).all(axis=1)].tolist():
         axis.plot(cx + x, cy + y, color=LENSLET)
@@ -184,7 +184,7 @@ def _draw_subpixels(axis: Axes, display: Display, system: System, columns: Indic
         corners = u + np.array([west, east, east, west]), v + np.array([north, north, south, south])
         x, y = system.frame.panel_from_pixel(*corners)
         face = "0.6" if colour == "white" else colour
-        # Boxes are rasterized: thousands of shapes would make the SVG large.
+        # Rasterize the boxes: thousands of shapes would make the SVG large.
         boxes = PolyCollection(list(np.stack([x, y], axis=2)), facecolor=face, alpha=0.3, rasterized=True)
         axis.add_collection(boxes, autolim=False)
 

@@ -1,4 +1,4 @@
-"""Renders views from many eyes through one window, of a scene or of a display that shows an image."""
+"""Renders a scene, or a display with an image, as many eyes see it through one window."""
 
 from __future__ import annotations
 
@@ -21,25 +21,25 @@ from lippmann.rendering.renderer import render_view
 from lippmann.rendering.sampling import Window
 from lippmann.scenes.scene import Scene
 
-#: Fraction of the viewing zone that the eyes span. Crosstalk begins at the zone's ends.
+#: Fraction of the viewing zone over which eyes spread; crosstalk begins at its ends.
 ZONE_SHARE = 0.95
-#: Cone of eyes for a display without a viewing zone, degrees.
+#: Full angle of the eyes' cone for a display without a viewing zone, degrees.
 CONE_DEG = 20.0
 MAX_CONE_DEG = 120.0
-#: Numbers of eyes in the grid, across and down, around the axis.
+#: Numbers of eyes across and down in the grid of direct renders.
 GRID = (7, 3)
 #: Width of a direct render, pixels.
 WIDTH_PX = 400
 #: Samples per pixel of a direct render.
 SAMPLES = 16
-#: Minimum half width of the grid, as a fraction of the viewing distance.
+#: Minimum half width of the grid of eyes, as a fraction of the viewing distance.
 LEAST_REACH = 0.05
-#: Function that returns the radiance that an eye sees.
+#: A function that returns the radiance that an eye sees.
 Viewer = Callable[[Eye], Radiance]
 
 
 def scene_viewer(scene: Scene, window: Window, settings: Settings) -> Viewer:
-    """Return the viewer of a scene without a display; a pupil blurs depths out of focus."""
+    """Return the `Viewer` of a scene without a display; a pupil blurs depths out of focus."""
 
     def view(eye: Eye) -> Radiance:
         return render_view(scene, eye.position_mm, window, settings, eye.pupil_mm, eye.focus_z_mm).radiance
@@ -48,18 +48,18 @@ def scene_viewer(scene: Scene, window: Window, settings: Settings) -> Viewer:
 
 
 def image_viewer(image: IntegralImage, window: Window, samples: int, seed: int = 0) -> Viewer:
-    """Return the viewer of the display that shows an image."""
+    """Return the `Viewer` of the display that shows an image."""
     return lambda eye: observe(image.radiance, image.display, eye, window, samples, seed=seed).radiance
 
 
 def eyes_of(
     display: Display, across: int, down: int = 1, cone_deg: float | None = None, distance_mm: float | None = None
 ) -> list[tuple[float, float, float]]:
-    """Return eye positions (mm) in equal steps at one distance, row by row from the bottom left.
+    """Return eye positions (mm) in equal steps at one distance, row by row from the bottom left position.
 
-    Rows and columns span a cone from the display's middle, by default the viewing zone
-    without crosstalk. The default distance is the viewing distance. Raises InputError
-    for a cone or distance out of range.
+    Rows and columns span a cone from the display's middle; the default is the viewing
+    zone without crosstalk. The default distance is the viewing distance. Raises
+    InputError for a cone or distance out of range.
     """
     distance = viewing_distance(display) if distance_mm is None else distance_mm
     if not 0.0 < distance < math.inf:
@@ -82,15 +82,14 @@ def eyes_of(
 
 
 def focus_depths(scene_range_mm: Sequence[float], count: int) -> list[float]:
-    """Return depths in equal steps from the farthest to the nearest depth."""
+    """Return depths in equal steps from the scene's farthest to its nearest depth."""
     far, near = scene_range_mm
     if not (math.isfinite(far) and math.isfinite(near)):
-        raise InputError("the scene has no bounded depth; give --depths")
+        raise InputError("the scene's depth range is infinite; give --depths")
     return _space_evenly(far, near, count)
 
 
 def _space_evenly(first: float, last: float, count: int) -> list[float]:
-    """Return numbers in equal steps; a single number is the middle."""
     return [0.5 * (first + last)] if count == 1 else np.linspace(first, last, count).tolist()
 
 
@@ -101,6 +100,6 @@ def grid_of_eyes(display: Display) -> list[tuple[float, float, float]]:
 
 
 def render_directs(scene: Scene, display: Display, seed: int = 0, progress: Progress | None = None) -> list[Direct]:
-    """Return direct renders of a scene from the eyes of the grid."""
+    """Return direct renders of a scene from all eyes of `grid_of_eyes`."""
     view = scene_viewer(scene, whole_window(display, WIDTH_PX), Settings(samples=SAMPLES, seed=seed))
     return [Direct(eye, view(Eye(eye))) for eye in report_each(grid_of_eyes(display), progress)]

@@ -18,7 +18,7 @@ HEIGHT_PX = 720
 
 @dataclass(frozen=True, repr=False)
 class Widget:
-    """The viewer page of an image, in a notebook."""
+    """The viewer page of an image, for a notebook."""
 
     page: str
     height_px: int
@@ -33,7 +33,7 @@ class Widget:
 
 @dataclass(frozen=True, repr=False)
 class Sweep:
-    """The views of a moving eye, in the order of the eye's positions."""
+    """The views of a moving eye, in the order of its positions."""
 
     views: Sequence[View]
 
@@ -46,9 +46,9 @@ class Sweep:
         return f"<Sweep, {len(self.views)} views of {width} x {height} px>"
 
     def save(self, path: str | Path) -> None:
-        """Write the views, forwards, then backwards, as .gif or animated .png. Raises InputError."""
+        """Write the views, forwards then backwards, as .gif or animated .png; may raise InputError."""
         write_animation(path, [view.radiance for view in self.views])
 
     def show(self, seconds: float | None = None) -> None:
-        """Show the views, forwards then backwards, in a notebook or in a window, as a picture's `show`."""
+        """Show the views, forwards then backwards, in a notebook or in a window (see `View.show`)."""
         show_pictures(self, [*self.views, *self.views[-2:0:-1]], seconds, FRAME_MS / 1000.0)

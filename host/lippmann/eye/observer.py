@@ -1,8 +1,8 @@
-"""Computes an eye's view, through the real lenslets, of a panel with an integral image.
+"""Computes an eye's view, through the real lenslets, of a panel that shows an integral image.
 
-As in `trace_to_panel`, rays run against the light: from the eye through the view's
-window (plane z = 0) and the lenslets to a pixel or sub-pixel of the panel. Crosstalk
-means that a ray ends in a neighbour's cell and sees a pixel of the neighbour.
+Rays are traced against the light: from the eye through the view's window (plane z = 0)
+and the lenslets to a pixel or sub-pixel of the panel. Crosstalk means that a ray ends
+at a pixel of a neighbour of its lenslet.
 """
 
 from __future__ import annotations
@@ -31,19 +31,19 @@ from lippmann.optics.zones import FARTHEST_EYE_MM, TOO_FAR
 from lippmann.rendering.integral_image import Showable
 from lippmann.rendering.sampling import Window
 
-#: Number of rays traced at once.
+#: Maximum number of rays traced at once.
 CHUNK_RAYS = 1 << 21
-#: Number of bytes read at once from an image on disk.
+#: Maximum number of bytes read at once from an image on disk.
 STORED_BYTES = 1 << 27
-#: Linear light (height, width, 3).
+#: An image of linear light, (height, width, 3).
 Light = npt.NDArray[np.floating]
-#: Function that returns colours for a mask of rays, columns, rows and panel hits.
+#: Function that takes a mask of rays, columns, rows and hits, and returns colours.
 LookUp = Callable[[Arr, Arr, Arr, PixelHits], list[Arr]]
 
 
 @dataclass(frozen=True)
 class Eye:
-    """An eye with the pupil's centre (z > 0) and diameter (0 is a pinhole) and a focus depth z."""
+    """An eye: centre (z > 0) and diameter of its pupil (0: a pinhole), and z of the plane in focus."""
 
     position_mm: tuple[float, float, float]
     pupil_mm: float = 0.0
@@ -60,26 +60,26 @@ class Eye:
             raise InputError(f"eye: z {self.position_mm[2]:g} mm is behind the display; give z > 0")
         if not 0.0 <= self.pupil_mm <= FARTHEST_EYE_MM:
             what = f"pupil {self.pupil_mm:g} mm is negative or over {FARTHEST_EYE_MM:g} mm"
-            raise InputError(f"eye: {what}; give its diameter")
+            raise InputError(f"eye: {what}; give the pupil's diameter")
         if self.focus_z_mm >= self.position_mm[2]:
             raise InputError("eye: the focus is behind the eye; give a focus depth below the eye's z")
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class View(Showable):
-    """An eye's view: linear radiance (height, width, 3) float32, fractions of rays by status, metadata."""
+    """An eye's view: linear radiance (height, width, 3) float32, fraction of rays per status, metadata."""
 
     radiance: Radiance
     status_share: dict[str, float]
     metadata: dict[str, str] = field(default_factory=dict)
 
     def save(self, path: str | Path) -> None:
-        """Write the view as linear .exr or .tif or as sRGB .png; raise InputError if that fails."""
+        """Write the view as linear .exr or .tif, or as sRGB .png; may raise InputError."""
         write_picture(path, self.radiance, self.metadata)
 
 
 def whole_window(display: Display, width_px: int | None = None) -> Window:
-    """Return the window that covers the panel, `width_px` wide; by default one pixel for each lenslet."""
+    """Return the window that covers the panel, `width_px` wide; by default one pixel per lenslet."""
     panel = display.panel
     if width_px is None:
         width_px = max(1, round(panel.width_mm / display.array.pitches_mm[0]))
@@ -109,11 +109,11 @@ def observe(
 ) -> View:
     """Return an eye's view of a display that shows `radiance`; the display may be misaligned.
 
-    `radiance` is linear, (height, width, 3). From disk (`StoredRows`), memory contains
-    only rows that a part of the view sees. The view covers the window, with `samples`
-    rays per pixel. Without `crosstalk`, rays that end in a neighbour's cell see black.
-    Raises InputError if the image does not have the panel's size, the model is unknown,
-    or `samples` is out of range.
+    `radiance` is linear, (height, width, 3). An image on disk (`StoredRows`) is read in
+    parts, as rays see them. The view covers the window, with `samples` rays per pixel.
+    Without `crosstalk`, rays that end in a neighbour's cell see black. Raises
+    InputError if the image does not have the panel's size, the model is unknown, or
+    `samples` is out of range.
     """
     mi, dr = mitsuba(), drjit()
     panel = display.panel
@@ -123,14 +123,14 @@ def observe(
     samples = whole_number("samples", samples, 1, 65536)
     seed = whole_number("seed", seed, 0, 2**32 - 1)
     if 3 * panel.width_px * panel.height_px >= 2**32:
-        raise InputError(f"the panel of '{display.name}' has more values than 32 bits can index; take a smaller one")
+        raise InputError(f"the panel of '{display.name}' has more values than 32 bits can index; take a smaller panel")
     b, system = DrJitBackend(current_device()), System.of(display)
     total, chunk = window.width_px * window.height_px, max(1, CHUNK_RAYS // samples)
     if not isinstance(radiance, StoredRows):
         look_up = _light_in_memory(radiance)
     else:
         look_up = partial(_light_on_disk, radiance)
-        # Panel rows per row of the view, without the height of a lenslet.
+        # Bytes of the panel's rows behind one row of the view.
         row_bytes = 12 * panel.width_px * max(1, panel.height_px // window.height_px)
         chunk = min(chunk, window.width_px * max(1, STORED_BYTES // row_bytes))
     out = np.empty((total, 3), np.float32)
@@ -156,7 +156,7 @@ def _emitted_light(b: DrJitBackend, panel: Panel, look_up: LookUp, hits: PixelHi
     mi, dr = mitsuba(), drjit()
     column = mi.UInt32(dr.clip(dr.floor(hits.u), 0, panel.width_px - 1))
     row = mi.UInt32(dr.clip(dr.floor(hits.v), 0, panel.height_px - 1))
-    # The look-up may evaluate the pixels, so that rays are not traced again.
+    # The look-up may evaluate the hits, so rays are not traced again below.
     colour = look_up(visible, column, row, hits)
     if panel.black:
         colour = [dr.select(visible, panel.black + (1.0 - panel.black) * c, 0.0) for c in colour]
@@ -184,7 +184,7 @@ def _light_in_memory(radiance: Light) -> LookUp:
 
 
 def _light_on_disk(radiance: StoredRows, visible: Arr, column: Arr, row: Arr, hits: PixelHits) -> list[Arr]:
-    """Return the light where rays see an image on disk; only parts with such rays are read."""
+    """Return the light that rays see of an image on disk; read only parts that a ray sees."""
     mi, dr = mitsuba(), drjit()
     dr.eval(visible, column, row, hits.u, hits.v, hits.status)
     _, width, _ = radiance.shape
@@ -204,7 +204,7 @@ def _light_on_disk(radiance: StoredRows, visible: Arr, column: Arr, row: Arr, hi
 def eye_rays(
     b: DrJitBackend, eye: Eye, window: Window, pixel: Arr, sample: Arr, seed: int
 ) -> tuple[tuple[Arr, ...], tuple[Arr, ...]]:
-    """Return origins in the pupil and unit directions (double) of rays through the window's pixels."""
+    """Return origins in the pupil, and unit directions (double), of rays through the window's pixels."""
     mi, dr = mitsuba(), drjit()
     row = pixel // window.width_px
     column = pixel - row * window.width_px
@@ -216,7 +216,7 @@ def eye_rays(
     if eye.pupil_mm > 0.0:
         p, q = points_in_square(pixel, sample, seed)
         disk = mi.warp.square_to_uniform_disk_concentric(mi.Point2f(p, q))
-        # A pixel shows a point in focus, on the line through the pupil's centre.
+        # Rays to a pixel meet in focus, on the line from the pupil's centre.
         reach = (ez - focus) / ez
         fx, fy = ex + (x - ex) * reach, ey + (y - ey) * reach
         ex = ex + b.double(disk.x) * radius

@@ -1,4 +1,4 @@
-"""Serves the viewer page on loopback, for browsers that refuse local files."""
+"""Serves the viewer page at a loopback address, for browsers that refuse local files."""
 
 from __future__ import annotations
 
@@ -24,9 +24,9 @@ HEADERS = {
 
 
 class PageServer(ThreadingHTTPServer):
-    """A server of one page at `url`, a secret address on loopback; a new server is not started.
+    """A server of one page at `url`, a secret loopback address; the constructor does not start it.
 
-    Port 0 means any free port. Raises InputError if the port is taken.
+    TCP port 0 means any free port. Raises InputError if the port cannot be opened.
     """
 
     daemon_threads = True
@@ -39,7 +39,7 @@ class PageServer(ThreadingHTTPServer):
             super().__init__((LOOPBACK, tcp_port), _Handler)
         except OSError as error:
             what = f"cannot be opened ({error.strerror})"
-            raise input_error(f"--tcp-port {tcp_port}", what, "choose another port, or 0") from None
+            raise input_error(f"--tcp-port {tcp_port}", what, "choose another port, or 0 for any") from None
         port = self.server_address[1]
         self.url = f"http://{LOOPBACK}:{port}{self.path}"
         self.hosts = [f"{host}:{port}" for host in (LOOPBACK, "localhost")]
@@ -67,7 +67,7 @@ class _Handler(BaseHTTPRequestHandler):
     server: PageServer
 
     def do_GET(self) -> None:
-        """Send the page; refuse requests of other sites, which use other host names."""
+        """Send the page; refuse requests from other sites, which name another host or origin."""
         origin = self.headers.get("Origin")
         if self.headers.get("Host") not in self.server.hosts or origin not in (None, *self.server.origins):
             self.send_error(HTTPStatus.FORBIDDEN)

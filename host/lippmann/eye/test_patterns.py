@@ -1,8 +1,8 @@
-"""Draws test patterns for a panel: the patterns of a board's register `display.pattern`, and others.
+"""Draws test patterns for a panel, among them those of a board's register `display.pattern`.
 
-Each pixel has a point in its lenslet's cell. At this point, the line from the pixel's
-centre to the eye crosses the aperture plane (`optics.convergence`). Without a viewing
-distance, the point is the pixel's centre.
+A pixel's position in its lenslet's cell is where the line from the pixel's centre to
+the eye crosses the aperture plane (`optics.system`). Without a viewing distance, the
+position is the pixel's centre.
 """
 
 from __future__ import annotations
@@ -33,32 +33,32 @@ from lippmann.rendering.integral_image import IntegralImage
 from lippmann.rendering.sampling import Window
 
 Kind = Literal["lens-centres", "cells", "view-numbers", "single-lens", "white-for-eye", "ramp", "ramps", "checker"]
-#: Patterns that a board also draws, in the order of the register values, from 1 on.
+#: Patterns that a board draws too, in the order of the register's values from 1 on.
 ON_BOARD: tuple[Kind, ...] = ("single-lens", "lens-centres", "view-numbers", "checker", "ramp")
-#: Side of the checker's tiles, pixels. A board uses the same side.
+#: Side of the checker's tiles, pixels; a board uses the same value.
 TILE = 32
-#: Half width of a pixel, pixels. It is above 1/2, because rounding may move a point.
+#: Maximum distance, pixels, of a lenslet's centre in a pixel: 1/2 plus rounding.
 IN_PIXEL = 17 / 32
 BAND_ROWS = 64
-#: Panel values from 0 to 1; their shape broadcasts to (rows, columns, 3).
+#: Panel values from 0 to 1 in an array that broadcasts to (rows, columns, 3).
 Values = npt.NDArray[np.generic]
 
 
 class Places(NamedTuple):
-    """Lenslets (i, j) of pixels, whether pixels contain lenslet centres, and positions in cells, 0 to 255."""
+    """Pixels' lenslets (i, j), whether pixels contain lenslet centres, and positions in cells, 0 to 255."""
 
     i: npt.NDArray[np.number]
     j: npt.NDArray[np.number]
     centre: npt.NDArray[np.bool_]
     right: npt.NDArray[np.number]
     up: npt.NDArray[np.number]
-    #: Whether the lenslet exists. Pixels behind the opaque mount stay black.
+    #: Whether the pixel's lenslet exists; pixels behind the opaque mount stay black.
     present: npt.NDArray[np.bool_]
 
 
 @dataclass(frozen=True)
 class Pixels:
-    """Pixels of a display at columns (1, N) and rows (M, 1), with `lens` and `fraction_bits` of `draw`."""
+    """Pixels of a display at columns (1, N) and rows (M, 1), `lens` and `fraction_bits` as in `draw`."""
 
     display: Display
     column: npt.NDArray[np.int64]
@@ -68,7 +68,7 @@ class Pixels:
 
     @cached_property
     def places(self) -> Places:
-        """The pixels' lenslets and positions in the cells."""
+        """Lenslets of the pixels, and positions in the lenslets' cells."""
         panel = self.display.panel
         grid = self.display.array.grid
         system = System.of(self.display)
@@ -98,13 +98,13 @@ def lens_centres(at: Pixels) -> Values:
 
 
 def cells(at: Pixels) -> Values:
-    """Return red, green or blue for (i - j) modulo 3, so that cells with a common side differ."""
+    """Return red, green or blue by (i - j) modulo 3, so that cells with a common side differ."""
     colour = np.where(at.places.present, (at.places.i - at.places.j) % 3, -1)
     return np.asarray(colour[..., None] == np.arange(3))
 
 
 def view_numbers(at: Pixels) -> Values:
-    """Return the position in the cell, in 255ths: red to the right and green upwards; blue is 0."""
+    """Return pixels' positions in cells, in 255ths: red grows to the right, green upwards; blue is 0."""
     right, up = at.places.right * at.places.present, at.places.up * at.places.present
     return np.stack([right, up, np.zeros_like(up)], axis=2) / 255.0
 
@@ -116,20 +116,19 @@ def single_lens(at: Pixels) -> Values:
 
 
 def checker(at: Pixels) -> Values:
-    """Return white and black tiles; the first tile is black."""
+    """Return black and white tiles; the tile at the top left is black."""
     return ((at.column // TILE + at.row // TILE) % 2)[..., None]
 
 
 def ramp(at: Pixels) -> Values:
-    """Return grey of the column modulo 256, in 255ths."""
+    """Return grey levels: the column modulo 256, in 255ths."""
     return (at.column % 256)[..., None] / 255.0
 
 
 def ramps(at: Pixels) -> Values:
-    """Return four bands, from the top grey, red, green and blue, each from black at the left to full light.
+    """Return four bands, from the top grey, red, green and blue; each starts black at the left.
 
-    Each band has all levels of the panel once, or one level per column if columns are
-    fewer.
+    Each band shows all levels of the panel, or one per column of a narrower panel.
     """
     panel = at.display.panel
     columns, top = panel.width_px, (1 << panel.bits) - 1
@@ -154,7 +153,7 @@ def white_for_eye(display: Display, eye: Eye) -> Values:
     """Return 1 for pixels that an eye sees through their own lenslets, else 0, (height, width)."""
     mi, dr = mitsuba(), drjit()
     panel, b, system = display.panel, DrJitBackend(current_device()), System.of(display)
-    # Rays of a lenslet spread on the panel, where they may be half a pixel apart.
+    # A lenslet spreads its rays on the panel; they must be at most half a pixel apart.
     spread = abs(1.0 - display.aperture_distance_mm / display.array.focal_length_mm)
     samples = min(2 + int(np.ceil(2.0 * spread)), 8) ** 2
     window = Window(panel.width_mm, panel.height_mm, panel.width_px, panel.height_px)
@@ -181,10 +180,10 @@ def draw(
 ) -> IntegralImage:
     """Return a test pattern for a display.
 
-    `eye` is the eye of "white-for-eye", which needs one. `lens` is the lenslet (i, j)
-    of "single-lens", by default (0, 0). `fraction_bits` computes the pattern in a
-    board's words instead of float64. Raises InputError for an option of another
-    pattern, and for a display that does not fit a board's registers.
+    The pattern "white-for-eye" needs an `eye`. `lens` is the lenslet (i, j) of
+    "single-lens", by default (0, 0). With `fraction_bits`, the pattern is computed in a
+    board's words, not in float64. Raises InputError for an option of another pattern,
+    and for a display that does not fit a board's registers.
     """
     check_choice("pattern", kind, get_args(Kind))
     if eye is None and kind == "white-for-eye":

@@ -1,6 +1,6 @@
-"""Assembles the viewer page, one text with everything that the browser needs.
+"""Assembles the viewer page, a single text with everything that the browser needs.
 
-The parts are files of this package. Values replace `@@name@@`; shaders use `#include`.
+The parts are files in page_files/. Values replace `@@name@@`; shaders use `#include`.
 """
 
 from __future__ import annotations
@@ -29,12 +29,12 @@ INCLUDE = re.compile(r'^#include "([\w.]+)"\n', re.M)
 
 
 def read(name: str) -> str:
-    """Return the text of a file of this package."""
+    """Return the text of a file in page_files/."""
     return files("lippmann.eye").joinpath("page_files", name).read_text(encoding="utf-8")
 
 
 def fill_template(name: str, **values: str) -> str:
-    """Return a template with its holes filled by the values of the same names."""
+    """Return a template with each hole `@@name@@` filled by the value of that name."""
     text = read(name)
     holes = set(HOLE.findall(text))
     if holes != set(values):
@@ -43,25 +43,25 @@ def fill_template(name: str, **values: str) -> str:
 
 
 def shader(name: str) -> str:
-    """Return a shader's source with its includes."""
+    """Return a shader's source with all its includes."""
     return INCLUDE.sub(lambda line: shader(line[1]), read(f"shaders/{name}"))
 
 
 #: Range of the eye's distance, in viewing distances.
 DISTANCES = (0.25, 4.0)
-#: Maximum pupil, mm. It is as wide as a camera lens, which shows focus best.
+#: Maximum pupil, mm; a wide pupil shows focus clearly.
 PUPIL_MM = 20.0
 #: Maximum rotation of the array, degrees.
 TURN_DEG = 5.0
 #: Maximum relative change of the array's pitch.
 STRETCH = 0.05
-#: Step of the slider for the relative pitch.
+#: Step of the slider for the pitch's relative change.
 FINE = 1e-4
 
 
 @dataclass(frozen=True)
 class Slider:
-    """A slider from `low` to `high` in steps of `step`, initially at `value`."""
+    """A slider of the page, from `low` to `high` in steps of `step`, initially at `value`."""
 
     id: str
     label: str
@@ -86,19 +86,19 @@ def eye_reach_mm(display: Display) -> float:
 
 
 def focus_reach_mm(display: Display) -> float:
-    """Return the maximum focus depth, mm: twice the depth range, below the minimum viewing distance."""
+    """Return the maximum focus depth, mm: twice the depth range, but below the nearest eye."""
     return _round_up(min(2.0 * depth_reach_mm(display)[1], 0.9 * DISTANCES[0] * viewing_distance(display)))
 
 
 def sliders(display: Display) -> dict[str, list[Slider]]:
-    """Return the sliders, keyed by group."""
+    """Return the page's sliders, keyed by group."""
     array = display.array
     reach, focus = eye_reach_mm(display), focus_reach_mm(display)
     x, y, distance = middle_eye(display, viewing_distance(display))
     near, far = (share * distance for share in DISTANCES)
     shift = _round_up(0.5 * array.coarsest_mm)
     lift = _round_up(0.5 * array.focal_length_mm)
-    # A lenslet must cover at least a pixel, and its radius must span its cell.
+    # A lenslet must cover a pixel, and its radius must reach its cell's corners.
     narrow = 1.0 - _round_down(1.0 - max(1.0 - STRETCH, display.panel.coarsest_mm / array.finest_mm), FINE)
     wide = 1.0 + _round_down(min(1.0 + STRETCH, array.radius_mm / array.half_diagonal_mm) - 1.0, FINE)
     return {
@@ -122,7 +122,7 @@ def sliders(display: Display) -> dict[str, list[Slider]]:
 
 
 def controls_html(display: Display) -> str:
-    """Return the HTML of the groups of sliders."""
+    """Return the HTML of all sliders, group by group."""
     return "".join(
         f"<fieldset>\n<legend>{html.escape(group)}</legend>\n{''.join(one.html() for one in members)}</fieldset>\n"
         for group, members in sliders(display).items()
@@ -160,12 +160,12 @@ SCRIPTS = (
     "main",
 )
 SHADERS = ("full.vert", "glance.frag", "view.frag", "show.frag")
-#: Maximum side of a panel's tile. Every WebGL 2 accepts textures of this size.
+#: Maximum side of a panel tile, pixels; every WebGL 2 accepts such a texture.
 TILE_PX = 2048
-#: Maximum number of a panel's pixels, which need a texture of 1 GB.
+#: Maximum number of pixels of all frames; their textures take 1 GB.
 MAX_PX = 1 << 28
 FRAMES_PER_SECOND = 12.0
-#: Focus range in units of the depth drawing, which ends at 110.
+#: Focus range in units of the depth drawing, whose edge is at 110 units.
 DRAWN = 100.0
 
 
@@ -187,9 +187,9 @@ def page_html(
 ) -> str:
     """Return the viewer page of an integral image, with direct renders beside the view.
 
-    `radiance` is linear, (height, width, 3); the page stores 8 bits in sRGB, clipped at
-    1. `later` has further frames of a film. Raises InputError for an image without the
-    panel's size, or for a direct render without the panel's aspect ratio.
+    `radiance` is linear, (height, width, 3); the page stores 8-bit sRGB, clipped at 1.
+    `later` has further frames of a film. Raises InputError for an image of another size
+    than the panel's, or for a direct render of another aspect ratio.
     """
     panel, array = display.panel, display.array
     frames = [radiance, *later]
@@ -238,10 +238,10 @@ def page_html(
 
 
 def check_direct(direct: Direct, display: Display) -> None:
-    """Refuse a direct render without the panel's aspect ratio."""
+    """Refuse a direct render of another aspect ratio than the panel's."""
     panel = display.panel
     height, width = direct.radiance.shape[:2]
-    # The height was rounded to integer pixels.
+    # Allow for the height's rounding to integer pixels.
     if abs(width * panel.height_mm / panel.width_mm - height) > 1.0 + 1e-9:
         raise InputError(
             f"the direct render is {width} x {height} pixels, which is not the shape of the panel of '{display.name}' "
@@ -250,7 +250,6 @@ def check_direct(direct: Direct, display: Display) -> None:
 
 
 def _tiles(radiance: Light, frame: int) -> Iterator[str]:
-    """Yield the HTML of a frame's tiles, row by row; the last tiles may be smaller."""
     height, width = (-(-side // -(-side // TILE_PX)) for side in radiance.shape[:2])
     for top in range(0, radiance.shape[0], height):
         for start in range(0, radiance.shape[1], width):
@@ -259,12 +258,12 @@ def _tiles(radiance: Light, frame: int) -> Iterator[str]:
 
 
 def png_base64(radiance: Light) -> str:
-    """Return linear light as an 8-bit sRGB PNG in base64."""
+    """Encode linear light as an 8-bit sRGB PNG in base64."""
     return base64.b64encode(png_bytes(radiance)).decode("ascii")
 
 
 def script_json(value: object) -> str:
-    """Return JSON for a `<script>` element, without `<`, which could end it."""
+    """Return JSON for a `<script>` element, with `<` escaped, or it could end the element."""
     return json.dumps(value, allow_nan=False).replace("<", "\\u003c")
 
 

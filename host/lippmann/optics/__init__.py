@@ -1,1 +1,1 @@
-"""The path of a ray, over arrays of numpy (float64, golden) or Dr.Jit (float32, fast)."""
+"""Traces rays in arrays of numpy (float64, engine golden) or Dr.Jit (float32, engine fast)."""

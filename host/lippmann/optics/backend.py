@@ -1,8 +1,8 @@
-"""The array operations of the optics, for numpy (golden) and Dr.Jit (fast).
+"""Defines the array operations of the optics, for numpy (golden) and Dr.Jit (fast).
 
 Coordinates across the panel are `double`; lens-local numbers are `real`. In the fast
-engine, `real` is float32, which resolves 0.05 nm inside a lenslet but only 30 nm across
-a 700 mm panel. Rays behind a capture's lens are `real`: errors are below 1 um at 1 m.
+engine, `real` is float32: it resolves 0.05 nm in a lenslet, but only 30 nm on a 700 mm
+panel. Rays behind a capture's lens are `real`; their errors are below 1 um at 1 m.
 """
 
 from __future__ import annotations
@@ -18,18 +18,18 @@ State = tuple[Arr, ...]
 #: The two coordinates of points or vectors.
 Point = tuple[Arr, Arr]
 Operation = Callable[..., Arr]
-#: A function of a backend and a state that returns a state.
+#: A function that takes a backend and a state, and returns a state.
 Trace = Callable[..., State]
 
 
 class Backend:
-    """The operations of an array library on arrays of equal length."""
+    """An interface to an array library; all arrays have equal lengths."""
 
-    #: Casts to the engine's floating-point format, to float64 and to signed integers.
+    #: Convert arrays to the engine's floating-point format, to float64 and to integers.
     real: Operation
     double: Operation
     integer: Operation
-    #: Largest whole number not above x, in x's number format.
+    #: Rounds x down to an integer, and keeps x's number format.
     floor: Operation
     sqrt: Operation
     absolute: Operation
@@ -39,11 +39,11 @@ class Backend:
     where: Operation
 
     def loop(self, active: Operation, body: Trace, state: State) -> State:
-        """Repeat `state = body(*state)` for the elements where `active(*state)` is true, until it is nowhere true."""
+        """Repeat `state = body(*state)` for the elements for which `active(*state)` is true, until none is."""
         raise NotImplementedError
 
     def refine(self, mask: Arr, trace: Trace, inputs: State, coarse: State) -> State:
-        """Return `coarse`; trace the elements in `mask` again (`trace(backend, *inputs)`), in float64."""
+        """Return `coarse`, with the elements in `mask` traced again in float64 by `trace(backend, *inputs)`."""
         return coarse
 
 
@@ -57,7 +57,7 @@ class NumpyBackend(Backend):
         self.maximum, self.minimum, self.where = np.maximum, np.minimum, np.where
 
     def loop(self, active: Operation, body: Trace, state: State) -> State:
-        # Only the active elements can change, and few elements are active.
+        # Compute only the active elements, because few elements are active.
         index = np.flatnonzero(active(*state))
         if index.size:
             state = tuple(np.array(x) for x in state)
@@ -70,7 +70,7 @@ class NumpyBackend(Backend):
 
 
 class DrJitBackend(Backend):
-    """The Dr.Jit backend, on CPU threads ("llvm") or a GPU ("cuda"): float32, or float64 if `precise`."""
+    """The Dr.Jit backend, on the CPU ("llvm") or a GPU ("cuda"), in float32, or in float64 if `precise`."""
 
     def __init__(self, device: str = "llvm", precise: bool = False) -> None:
         import drjit as dr  # imported here: the golden engine must run without it

@@ -1,4 +1,4 @@
-"""Computes the properties of a display, which `lippmann inspect` prints."""
+"""Computes the display properties that `lippmann inspect` prints."""
 
 from __future__ import annotations
 
@@ -18,27 +18,25 @@ from lippmann.optics.zones import Zone, middle_eye, remedy, sees_all, status_sha
 
 #: Eye distances in the table of views, as multiples of the viewing distance.
 DISTANCES = (0.5, 0.75, 1.0, 1.5, 2.0, 3.0)
-#: Minimum period of visible moire, the beat of lenslets and pixels, in lenslets.
+#: Minimum period, in lenslets, of visible moire between lenslets and pixels.
 MOIRE_FROM_LENSLETS = 4.0
-#: Moire has visible contrast if an elemental image has fewer pixels than this number.
+#: Moire is visible if an elemental image has fewer pixels across than this number.
 MOIRE_BELOW_PIXELS = 60.0
-#: Maximum rotation of a lattice that counts as parallel to the pixels, degrees.
+#: Maximum rotation of an array that counts as parallel to the pixel rows, degrees.
 PARALLEL_DEG = 0.05
-#: Maximum useful viewing distance, mm; a longer distance is probably not in mm.
+#: A viewing distance above this limit, mm, was probably not given in mm.
 FAR_MM = 100_000.0
 
 Lenslets = tuple[int, int, int]
-_ZONE = "half the width of the zone of eyes at the viewing distance that see no crosstalk; 0 without a zone"
-_MIDDLE = "with a viewing distance that of the lenslet at the viewing axis"
-_DEPTHS = (
-    "(far, near): pitch D / pixel pitch from the display, where the rays of neighbouring pixels are a lenslet apart"
-)
+_ZONE = "half the width of the zone without crosstalk at the viewing distance, or 0"
+_MIDDLE = "with a viewing distance, for the lenslet at the viewing axis"
+_DEPTHS = "(far, near): depths at pitch D / pixel pitch, where the rays of neighbouring pixels are a lenslet apart"
 
 
 @documented
 @dataclass(frozen=True)
 class DisplayProperties:
-    """The properties of a display; radius to focal length follow from equations 2 to 4 of the paper."""
+    """The properties of a display. Equations 2 to 4 of the paper give `radius_mm` to `focal_length_mm`."""
 
     radius_mm: float
     sag_mm: float
@@ -48,15 +46,15 @@ class DisplayProperties:
     f_number: Annotated[float, key("focal length over pitch")]
     index: float
     aperture_distance_mm: float
-    back_focal_length_mm: Annotated[float, key("from the array's near face to the focus on the panel's side")]
-    lenslets: Annotated[Lenslets, key("(across, down, total): equation 5, rounded up; with an extent, those within it")]
+    back_focal_length_mm: Annotated[float, key("from the array's face on the panel's side to the focus")]
+    lenslets: Annotated[Lenslets, key("(across, down, total): equation 5, rounded up; an extent limits the lenslets")]
     elemental_image_px: Annotated[float, key("pixels across an elemental image: its pitch over pixel pitch")]
     viewing_angle_deg: Annotated[float, key(f"full angle of an elemental image, {_MIDDLE}: 2 atan(pitch / 2D)")]
     crosstalk_angle_deg: Annotated[
-        float, key("half of `viewing_angle_deg`: farther off its axis, a lenslet shows its neighbour's image")
+        float, key("half of `viewing_angle_deg`; at larger angles a lenslet shows its neighbour's image")
     ]
     viewing_zone_mm: Annotated[float, key(_ZONE)]
-    central_depth_plane_mm: Annotated[float, key("z of the panel's image: 1/l = 1/f - 1/D; infinite when in focus")]
+    central_depth_plane_mm: Annotated[float, key("z of the panel's image l: 1/l = 1/f - 1/D; infinite if in focus")]
     depth_range_mm: Annotated[Pair, key(_DEPTHS)]
     angular_resolution_deg: Annotated[float, key("angle between neighbouring pixels' rays: pixel pitch / D")]
     spatial_resolution_mm: Annotated[float, key("lenslet pitch: a view has one pixel for each lenslet")]
@@ -64,7 +62,7 @@ class DisplayProperties:
     warnings: Annotated[tuple[str, ...], key("one sentence each, with a remedy")]
 
 
-_RANGE = "depths whose rays from neighbouring pixels are, as the eye sees them, at most a lenslet apart"
+_RANGE = "depths at which the eye sees rays of neighbouring pixels at most a lenslet apart"
 
 
 @documented
@@ -75,15 +73,15 @@ class EyeView:
     eye_mm: Annotated[tuple[float, float, float], key("position of the eye")]
     status_share: Annotated[dict[str, float], key("fraction of the eye's rays with each status, as in `observe`")]
     sees_all: Annotated[bool, key("whether the eye sees the whole panel without crosstalk")]
-    zone_mm: Annotated[Zone | None, key("zone of eyes at this distance that see no crosstalk, or None")]
+    zone_mm: Annotated[Zone | None, key("zone without crosstalk at this distance, or None")]
     depth_range_mm: Annotated[Pair, key(f"(far, near): {_RANGE}")]
     view_step_mm: Annotated[float, key("distance between eyes that see neighbouring pixels: pixel pitch z / D")]
-    lenslet_arcmin: Annotated[float, key("angle of a lenslet, the pixel of the view: pitch / z")]
+    lenslet_arcmin: Annotated[float, key("angle that a lenslet, the view's pixel, subtends: pitch / z")]
     moire_lenslets: Annotated[float | None, key("period of the visible moire in lenslets, or None")]
 
 
 def eye_views(display: Display, eyes_mm: Sequence[tuple[float, float, float]]) -> list[EyeView]:
-    """Return each eye's view of a display; raises InputError for an eye that is not in front."""
+    """Return each eye's view of a display; raise InputError for an eye behind the display."""
     pitch, distance = display.array.finest_mm, display.aperture_distance_mm
     shares = [status_share(display, eye) for eye in eyes_mm]
     reach, step = pitch * distance / display.panel.coarsest_mm, display.panel.coarsest_mm / distance
@@ -99,7 +97,7 @@ def eye_views(display: Display, eyes_mm: Sequence[tuple[float, float, float]]) -
 
 
 def axis_text(display: Display) -> str:
-    """Describe the axis from which viewing and crosstalk angles are measured."""
+    """Return words for the axis from which viewing and crosstalk angles are measured."""
     if display.viewing_distance_mm is None:
         return "a lenslet's axis"
     x, y = display.viewing_axis_mm
@@ -107,7 +105,7 @@ def axis_text(display: Display) -> str:
 
 
 def percent(share: float, sampled: bool = False) -> str:
-    """Return a fraction in per cent, but "< 0.1 %" for a small positive value, and for 0 if `sampled`."""
+    """Return a fraction as per cent; small positive values, and 0 if `sampled`, become "< 0.1 %"."""
     return "< 0.1 %" if (sampled or share > 0.0) and share < 5e-4 else f"{100.0 * share:.1f} %"
 
 
@@ -153,35 +151,34 @@ def display_properties(display: Display) -> DisplayProperties:
 
 
 def depth_reach_mm(display: Display) -> Pair:
-    """Return the farthest and nearest depth, mm, at which a pixel's beam is at most a lenslet wide."""
+    """Return the farthest and the nearest depth, mm, at which a pixel's beam is at most a lenslet wide."""
     reach = display.array.finest_mm * display.aperture_distance_mm / display.panel.coarsest_mm
     return -reach, reach
 
 
 def _lenslets(display: Display) -> Lenslets:
-    """Count the lenslets across, down and in total, before the panel and within the extent."""
     panel, array = display.panel, display.array
-    # 1e-9 allows for rounding error if the panel is a whole number of lenslets wide.
+    # 1e-9 absorbs rounding error if the panel is an integer number of lenslets wide.
     across = math.ceil(panel.width_mm / array.pitches_mm[0] - 1e-9)
     down = math.ceil(panel.height_mm / array.row_pitch_mm - 1e-9)
     if array.half_steps is None:
         return across, down, across * down
     along, rows = array.half_steps
     down = min(down, 2 * (rows // 2) + 1)
-    # The middle row has a lenslet at its middle; hexagonal neighbouring rows do not.
+    # The middle row has a central lenslet; its neighbours in a hexagonal array do not.
     own, other = (min(across, count) for count in (2 * (along // 2) + 1, 2 * ((along + 1) // 2)))
     others = (down + 1) // 4 * 2 if array.grid == "hex" else 0
     return max(own, other) if others else own, down, own * (down - others) + other * others
 
 
 def beats_in_lenslets(display: Display, distance_mm: float = math.inf) -> Pair:
-    """Return the beat periods of pixel columns and of pixel rows with the lenslets, in lenslet pitches.
+    """Return the moire periods of pixel columns and of pixel rows behind the lenslets, in pitches.
 
     An eye at a distance z looks through neighbouring lenslets at points 1 + D/z pitches
-    apart. The pixel columns have the frequency k = (1/p, 0); their phase advances by
-    k . a cycles along a lattice vector a. The eye sees the longest wave whose frequency
-    f satisfies f . a = k . a modulo 1 for both lattice vectors. The length of f is the
-    distance from k to the reciprocal lattice. With equal phases the period is infinite.
+    apart. Pixel columns of pitch p have the frequency k = (1/p, 0); their phase
+    advances by k . a cycles along a lattice vector a. The eye sees the longest wave
+    whose frequency f satisfies f . a = k . a modulo 1 for both lattice vectors. The
+    length of f is the distance from k to the reciprocal lattice. The period is 1 / |f|.
     """
     lattice, frame = System.of(display).lattice, PanelFrame.of(display)
     pitch_mm = lattice.pitches_mm[0]
@@ -203,7 +200,7 @@ def beats_in_lenslets(display: Display, distance_mm: float = math.inf) -> Pair:
 
 
 def visible_moire(display: Display, distance_mm: float) -> float | None:
-    """Return the longest period of visible moire in lenslets, or None."""
+    """Return the longest period of moire in lenslets, or None if no moire is visible."""
     panel, pitch = display.panel, display.array.pitches_mm[0]
     widest = max(panel.width_mm, panel.height_mm) / pitch
     beats = [beat for beat in beats_in_lenslets(display, distance_mm) if MOIRE_FROM_LENSLETS < beat < widest]

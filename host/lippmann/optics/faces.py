@@ -1,21 +1,21 @@
-"""Steps 4 and 5 of a ray: refraction at the flat face and at the domes.
+"""Refracts rays at the flat face and at the domes (steps 4 and 5 of a ray).
 
-Snell's law at a plane keeps the tangential part of n d: with k = d_tangential n1/n2 the
-new direction is (k, sqrt(1 - |k|^2)); |k| > 1 means total internal reflection.
+Snell's law at a plane keeps the tangential part of n d (index times direction). With k
+= d_tangential n1/n2 it gives (k, sqrt(1 - |k|^2)), or total reflection if |k| > 1.
 
-**Domes** are in lens-local coordinates: the vertex is the origin, the dome bulges to
-+z, and the glass is below. With curvature c = 1/R, the dome is part of the sphere
-c (x^2 + y^2 + z^2) + 2 z = 0.
+**Domes** use lens-local coordinates: the vertex is the origin, the dome bulges to +z,
+and the glass is below. With the curvature c = 1/R, a dome of radius R is part of the
+sphere c (x^2 + y^2 + z^2) + 2 z = 0.
 
-**Perpendicular-foot form.** The ray's point is first moved to the foot Q of the
-perpendicular from the vertex, Q . d = 0. With F = c |Q|^2 + 2 Q_z, the ray meets the
-sphere where c t^2 + 2 d_z t + F = 0; its cosine to the normal is sqrt(d_z^2 - c F). No
-term grows with the ray's distance or with R; a flat face has c = 0.
+**Perpendicular-foot form.** The ray's point is first moved along the direction d to the
+foot Q of the perpendicular from the vertex, Q . d = 0. With F = c |Q|^2 + 2 Q_z, the
+ray meets the sphere at Q + t d, where c t^2 + 2 d_z t + F = 0. The ray's cosine to the
+normal is sqrt(d_z^2 - c F). No term grows with the ray's distance or with R.
 
-**The height field.** The array's face has a cap over each cell. A ray meets the cap of
-its cell, or steps to the next cell. Neighbouring caps have equal heights at their
-common side, so no ray passes between two caps. On a sheared lattice, and on a hexagonal
-lattice with two pitches, there are walls between caps; a ray that meets a wall is lost.
+**The height field.** The array's face is a spherical cap over each cell. A ray meets
+the cap of its cell, or steps to the next cell. Neighbouring caps have equal heights at
+their common side, so no ray passes between two caps. A sheared lattice, or a hexagonal
+lattice with two pitches, has walls between its caps; a ray that meets a wall is lost.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ from lippmann.optics.lattice import Lattice
 
 
 class Ray(NamedTuple):
-    """Rays as point (mm) and unit direction: six arrays of equal length."""
+    """Rays, each with a point (mm) and a unit direction: six arrays of equal length."""
 
     x: Arr
     y: Arr
@@ -56,9 +56,10 @@ def mirrored(ray: Ray) -> Ray:
 
 
 def refract_flat(b: Backend, ray: Ray, ratio: float) -> tuple[Ray, Arr]:
-    """Refract rays at the planes z = constant through their points; `ratio` is n1 / n2.
+    """Refract rays at the planes z = constant through the rays' points; `ratio` is n1 / n2.
 
-    Return the rays and the squared cosine behind the face, not positive for reflected rays.
+    Return the rays and their squared cosine behind the face (reflected rays: at most
+    0).
     """
     kx, ky = ray.dx * ratio, ray.dy * ratio
     k = b.sqrt(kx * kx + ky * ky)
@@ -68,18 +69,18 @@ def refract_flat(b: Backend, ray: Ray, ratio: float) -> tuple[Ray, Arr]:
 
 
 def _redirect(b: Backend, ray: Ray, direction: State, square: Arr) -> tuple[Ray, Arr]:
-    """Return rays with new directions where `square` is positive; also return `square`."""
+    """Return rays with the new directions where `square` is positive, and `square`."""
     pairs = zip(ray[3:], direction, strict=True)
     return Ray(*ray[:3], *(b.where(square <= 0.0, old, new) for old, new in pairs)), square
 
 
-#: Maximum number of cells that a ray visits; then the ray has missed.
+#: Maximum number of cells that a ray visits before it has missed.
 MAX_CELLS = 16
 
 
 @dataclass(frozen=True)
 class Dome:
-    """A cap of curvature 1/radius over each cell of a lattice, `sag_mm` deep at the corners."""
+    """Spherical caps of one radius over the cells of a lattice, `sag_mm` deep at the corners."""
 
     lattice: Lattice
     radius_mm: float
@@ -91,12 +92,12 @@ class Dome:
         return 1.0 / self.radius_mm
 
     def height(self, x: Arr, y: Arr, z: Arr) -> Arr:
-        """Return a number that is negative for lens-local points in the glass, positive in the air."""
+        """Return a number for lens-local points: negative in the glass, positive in the air."""
         return self.curvature * (x * x + y * y + z * z) + 2.0 * z
 
 
 class Crossing(NamedTuple):
-    """A ray where it meets a lenslet's face, the steps (di, dj) to that lenslet, the cosine |d . N|."""
+    """A ray at the dome that it meets, the steps (di, dj) to that lenslet, and the cosine |d . N|."""
 
     ray: Ray
     di: Arr
@@ -106,7 +107,7 @@ class Crossing(NamedTuple):
 
 
 def cap(b: Backend, dome: Dome, ray: Ray, upward: bool) -> tuple[Arr, Arr, Ray, Arr]:
-    """Intersect rays with their lenslet's sphere; return (hit, t from the ray's point, ray on the sphere, cosine)."""
+    """Intersect rays with their lenslet's sphere; return (hit, distance t, ray at the sphere, cosine)."""
     c = dome.curvature
     s = ray.x * ray.dx + ray.y * ray.dy + ray.z * ray.dz
     qx, qy, qz = ray.x - s * ray.dx, ray.y - s * ray.dy, ray.z - s * ray.dz
@@ -115,20 +116,20 @@ def cap(b: Backend, dome: Dome, ray: Ray, upward: bool) -> tuple[Arr, Arr, Ray, 
     hit = square >= 0.0
     cosine = b.sqrt(b.maximum(square, 0.0))
     if upward:
-        # A ray out of the sphere has the root (cosine - d_z) / c, precise for d_z > 0.
+        # The ray leaves the sphere at (cosine - d_z) / c, precise for d_z > 0.
         t = -f / b.maximum(ray.dz + cosine, 1e-30)
     else:
-        # A ray into the sphere has the root (-d_z - cosine) / c, precise for d_z < 0.
+        # The ray enters the sphere at (-d_z - cosine) / c, precise for d_z < 0.
         t = f / b.maximum(cosine - ray.dz, 1e-30)
     on_dome = ray._replace(x=qx + t * ray.dx, y=qy + t * ray.dy, z=qz + t * ray.dz)
     return hit, t - s, on_dome, cosine
 
 
 def meet(b: Backend, dome: Dome, ray: Ray, upward: bool) -> Crossing:
-    """Find where rays first meet the height field, upward through the glass or downward through air.
+    """Find where rays first meet the domes, upward through the glass or downward through the air.
 
     A ray is local to the lenslet whose cell contains its point. A ray in glass starts
-    at the rims' plane or lower, a ray in air at the vertices' plane or higher.
+    at or below the rims' plane, a ray in air at or above the vertices' plane.
     """
     hit, _, at, cosine = cap(b, dome, ray, upward)
     zero = 0.0 * ray.x
@@ -138,13 +139,13 @@ def meet(b: Backend, dome: Dome, ray: Ray, upward: bool) -> Crossing:
         return ~state[0] & (state[1] < MAX_CELLS)
 
     def step(settled: Arr, steps: Arr, di: Arr, dj: Arr, *tail: Arr) -> State:
-        # `tail` contains the ray in its present cell, and point and cosine on the dome.
+        # `tail` has the ray in its present cell, its point on the dome, and its cosine.
         local = Ray(*tail[:6])
         hit, t, at, cosine = cap(b, dome, local, upward)
         t_flat, (step_i, step_j), (to_x, to_y) = dome.lattice.leave(b, local.x, local.y, local.dx, local.dy)
         settled = hit & (t <= t_flat)
         if dome.lattice.stepped:
-            # The glass ends or begins at the wall between two domes.
+            # A ray that meets the wall between two domes is lost.
             x, y, z = (p + t_flat * d for p, d in zip(local[:3], local[3:], strict=True))
             depth = dome.height(x - to_x, y - to_y, z) * (1.0 if upward else -1.0)
             steps = b.where(settled | (depth <= 0.0), steps, MAX_CELLS)
@@ -169,10 +170,10 @@ def meet(b: Backend, dome: Dome, ray: Ray, upward: bool) -> Crossing:
 
 
 def refract_dome(b: Backend, dome: Dome, ray: Ray, cosine: Arr, ratio: float, upward: bool) -> tuple[Ray, Arr]:
-    """Refract rays at the sphere through their points; return the same results as `refract_flat`.
+    """Refract rays at the dome on which their points are; return the same results as `refract_flat`.
 
-    Snell's law in vector form is d' = r d + (cos t - r cos i) N, with r = n1/n2 and
-    cos^2 t = 1 - r^2 (1 - cos^2 i).
+    Snell's law in vector form is d' = r d + (cos t - r cos i) N, with r = n1/n2, the
+    normal N, and cos^2 t = 1 - r^2 (1 - cos^2 i).
     """
     c = dome.curvature
     square = 1.0 - (ratio * ratio) * (1.0 - cosine) * (1.0 + cosine)
@@ -183,7 +184,7 @@ def refract_dome(b: Backend, dome: Dome, ray: Ray, cosine: Arr, ratio: float, up
     dx = ratio * ray.dx + bend * (c * ray.x)
     dy = ratio * ray.dy + bend * (c * ray.y)
     dz = ratio * ray.dz + bend * (1.0 + c * ray.z)
-    # The direction is normalized, because the ratio magnifies rounding errors.
+    # Normalize the direction, because the ratio magnifies rounding errors.
     return _redirect(b, ray, unit(b, dx, dy, dz), square)
 
 
@@ -191,34 +192,34 @@ def blocked_above(b: Backend, dome: Dome, ray: Ray, suspect: Arr) -> Arr:
     """Return which `suspect` rays meet a neighbour's dome after they leave their own dome upward."""
 
     def meets_cap(steps: Arr, local: Ray, t: Arr, t_flat: Arr, t_top: Arr) -> Arr:
-        # A ray from the side meets a cap at the earlier root, computed here without
-        # cancellation. The ray cannot meet its own dome, at step 0, again.
+        # The ray enters a neighbour's cap from outside, at the smaller root; this form
+        # has no cancellation. The ray cannot meet its own dome (step 0) again.
         hit, _, _, cosine = cap(b, dome, local, upward=True)
         foot = local.x * local.dx + local.y * local.dy + local.z * local.dz
         t_cap = -(local.dz + cosine) * dome.radius_mm - foot
         return (steps > 0) & hit & (t_cap > t) & (t_cap <= b.minimum(t_flat, t_top))
 
-    # A ray above its own cell at the vertices' plane is clear: it meets no dome twice.
+    # A ray that reaches the vertices' plane above its own cell meets no other dome.
     return _blocked(b, dome, ray, suspect, 0.0, 1.0, meets_cap)
 
 
 def blocked_below(b: Backend, dome: Dome, ray: Ray, suspect: Arr) -> Arr:
-    """Return which `suspect` rays enter the glass, but leave it again in the valley between domes."""
+    """Return which `suspect` rays enter a dome, but leave its glass again in the valley between domes."""
 
     def leaves_glass(_steps: Arr, local: Ray, _t: Arr, t_flat: Arr, t_rim: Arr) -> Arr:
         x, y, z = local.x + t_flat * local.dx, local.y + t_flat * local.dy, local.z + t_flat * local.dz
         return (t_flat < t_rim) & (dome.height(x, y, z) > 0.0)
 
-    # A ray inside its own cell at the rims' plane is clear: sphere chords are in glass.
+    # A ray that reaches the rims' plane inside its own cell stays in the glass.
     return _blocked(b, dome, ray, suspect, -dome.sag_mm, -1.0, leaves_glass)
 
 
 def _blocked(b: Backend, dome: Dome, ray: Ray, suspect: Arr, plane: float, up: float, meets: Operation) -> Arr:
-    """Return which rays are blocked before they reach the height `plane`, above (`up` = 1) or below (-1).
+    """Return which rays are blocked before the height `plane`, upward (`up` = 1) or downward (-1).
 
-    A ray that reaches the plane in its own cell is clear; a ray that moves away from
-    the plane is blocked. Other rays step from cell to cell until `meets(steps, ray, t
-    of the cell's near side, t of its far side, t of the plane)` is true.
+    A ray that reaches the plane in its own cell is not blocked; a ray that moves away
+    from the plane is. Other rays step from cell to cell until `meets(steps, ray, t at
+    the cell's entry, t at its exit, t at the plane)` is true.
     """
     away = up * ray.dz <= 0.0
     t_plane = (plane - ray.z) / (up * b.maximum(up * ray.dz, 1e-30))

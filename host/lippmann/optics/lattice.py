@@ -1,9 +1,9 @@
-"""Step 2 of a ray: the lenslet of a point, and the point's position inside the lenslet.
+"""Finds the lenslet of a point, and the point's position in the lenslet (step 2 of a ray).
 
 On the regular lattice of pitch 1, the centre of lenslet (i, j) is at (X, Y) = (i, j),
 or at (i + j/2, j sqrt(3)/2) if hexagonal. A cell is half-open, -1/2 <= q < 1/2 along
-each of its axes, so that each point belongs to exactly one lenslet. The array's lattice
-is an affine image of the regular lattice, cells included:
+each of its axes, so that each point belongs to exactly one lenslet. The array's centres
+and cells are affine images of the regular ones, with the pitches px and py:
 
     y = py Y,   x = px X + shear y.
 """
@@ -30,7 +30,7 @@ STEPS: dict[Grid, tuple[tuple[int, int], ...]] = {
 
 @dataclass(frozen=True)
 class Lattice:
-    """A lattice in mm; see `Array` for `half_steps`. The field `half_sqrt3` has the coordinates' precision."""
+    """A lattice in mm (`half_steps`: see `Array`). `half_sqrt3` has the coordinates' number format."""
 
     grid: Grid
     pitch_mm: Pitch
@@ -45,12 +45,12 @@ class Lattice:
 
     @property
     def pitches_mm(self) -> Pair:
-        """The pitches px and py, mm."""
+        """The lattice's pitches px and py, mm."""
         return both_pitches(self.pitch_mm)
 
     @property
     def half_mm(self) -> float:
-        """Half a cell along each of `axes`, mm."""
+        """Half the width of a cell along each of `axes`, mm."""
         return 0.5 * self.pitches_mm[0]
 
     @property
@@ -61,9 +61,9 @@ class Lattice:
 
     @property
     def axes(self) -> tuple[Pair, ...]:
-        """Vectors a, perpendicular to the sides of a cell, with length 1 in a regular lattice.
+        """The normals a of a cell's sides; their length is 1 in a regular lattice.
 
-        A point q from the centre is in the cell if each a . q is in [-px/2, px/2).
+        A point q from the cell's centre is inside if each a . q is in [-px/2, px/2).
         """
         regular: tuple[Pair, ...] = (1.0, 0.0), (0.0, 1.0)
         if self.grid == "hex":
@@ -73,7 +73,7 @@ class Lattice:
 
     @property
     def corners(self) -> tuple[Pair, ...]:
-        """Corners of a cell, counter-clockwise, from its centre, mm."""
+        """The corners of a cell, counter-clockwise, in mm from the cell's centre."""
         px, py = self.pitches_mm
         sides = len(self.axes)
         radius, first = 0.5 * px / math.cos(0.5 * math.pi / sides), 0.5 * math.pi / sides
@@ -82,11 +82,11 @@ class Lattice:
         return tuple(self.sheared(x, y * (py / px)) for x, y in regular)
 
     def sheared(self, x: Arr, y: Arr) -> Point:
-        """Return the position, mm, to which the shear moves a point."""
+        """Apply the lattice's shear to a point, mm."""
         return (x + self.shear * y, y) if self.shear else (x, y)
 
     def centre(self, i: Arr, j: Arr) -> Point:
-        """Return the centre of lenslet (i, j), mm, in the format of `i` and `j`."""
+        """Return the centre of lenslet (i, j), mm, in the number format of `i` and `j`."""
         px, py = self.pitches_mm
         if self.grid == "square":
             return self.sheared(i * px, j * py)
@@ -100,12 +100,12 @@ class Lattice:
         return (b.absolute(along) <= self.half_steps[0]) & (b.absolute(2.0 * j) <= self.half_steps[1])
 
     def nearest_within(self, x: Arr, y: Arr) -> Point:
-        """Return points (mm), clipped to the extent along and across the rows."""
+        """Return points (mm), clipped to the centres of the array's outermost lenslets."""
         if self.half_steps is None:
             return x, y
         px, py = self.pitches_mm
         row = self.half_sqrt3 * py if self.grid == "hex" else py
-        # The limits are the middles of the last rows and of their last lenslets.
+        # The limits are the centres of the outermost rows and of their end lenslets.
         along, across = 0.5 * (self.half_steps[0] - 1) * px, (self.half_steps[1] // 2) * row
         y = np.clip(y, -across, across)
         return self.sheared(np.clip(x - self.shear * y, -along, along), y)
@@ -118,14 +118,14 @@ class Lattice:
             i = b.floor(along * (1.0 / px) + 0.5)
             j = b.floor(y * (1.0 / py) + 0.5)
         else:
-            # Find a corner of the point's lattice parallelogram, then the nearest of its
+            # Find the lattice parallelogram around the point, then the nearest of its
             # four corners; the bisectors are q = 1/2 and q = 1 along the cell's axes.
             t = y * (1.0 / (self.half_sqrt3 * py))
             u = along * (1.0 / px)
             s = u - 0.5 * t
             i, j = b.floor(s), b.floor(t)
             s, t = s - i, t - j
-            # q0 uses u, not s + t/2, to keep pixels on an upright edge in one lenslet.
+            # q0 uses u, not s + t/2: pixels on a vertical edge then get one lenslet.
             q0, q1 = u - (i + 0.5 * j), 0.5 * s + t
             near = (q0 < 0.5) & (q1 < 0.5)
             far = (q0 >= 1.0) & (q1 >= 1.0)
@@ -147,10 +147,10 @@ class Lattice:
         return inside
 
     def leave(self, b: Backend, x: Arr, y: Arr, dx: Arr, dy: Arr) -> tuple[Arr, Point, Point]:
-        """Follow the line (x, y) + t (dx, dy) out of the cell around the origin.
+        """Find where the line (x, y) + t (dx, dy) leaves the cell around the origin.
 
         Return t at the cell's side (infinite if dx = dy = 0), the step (di, dj) to the
-        neighbour at this side, in x's format, and the vector to its centre, mm.
+        neighbour across that side, and the vector to the neighbour's centre, mm.
         """
         nearest: State = ()
         for q, v, (si, sj) in zip(self.across(x, y), self.across(dx, dy), STEPS[self.grid], strict=True):
@@ -167,7 +167,7 @@ class Lattice:
 
 
 def number_lenslets(index: Indices) -> tuple[Indices, Indices]:
-    """Return the distinct lenslets (M, 2), ascending, and the index in them of each lenslet (N,)."""
+    """Return the distinct lenslets (M, 2), ascending, and each lenslet's index in that list (N,)."""
     low = index.min(axis=0)
     span = int(np.ptp(index[:, 1])) + 1
     flat = (index[:, 0] - low[0]) * span + (index[:, 1] - low[1])

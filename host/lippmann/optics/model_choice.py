@@ -1,8 +1,8 @@
-"""Chooses the cheapest lens model within a tolerance, for a display and a scene's depths (`auto`).
+"""Chooses the cheapest lens model within a tolerance for a display and a scene's depths (`auto`).
 
 The error of a model is the maximum distance between its rays and the rays of `exact`
-over the scene's depths, in pixels of the reconstructed view. Such a pixel is as wide as
-the lenslet pitch or, if wider, as a panel pixel's beam at the depth.
+over the scene's depths, in pixels of the reconstructed view. A pixel of that view is as
+wide as a lenslet or, if wider, as a panel pixel's beam at the depth.
 """
 
 from __future__ import annotations
@@ -23,21 +23,21 @@ from lippmann.optics.trace import trace_optics
 
 #: Default tolerance, pixels of the reconstructed view.
 TOLERANCE = 0.25
-#: Number of probed cells along each side of the panel.
+#: Number of tested cells along each side of the panel.
 PROBE_CELLS = 5
-#: Number of probed points along each side of a cell.
+#: Number of tested points along each side of a cell.
 PROBE_POINTS = 9
-#: Scale of a cell's corners, where errors are largest; at 1 they may be a neighbour's.
+#: Scale of the tested cell corners; at 1, rounding may move them into a neighbour.
 INSIDE = 1.0 - 1e-6
-#: Scale of the cell's rim at which rays aim, and number of aims along each side.
-#: Outside RIM, up to the fraction 1 - RIM of the rays leave through a neighbour's dome
-#: that faces the panel, even if the lens is weak.
+#: Scale of the cell's rim at which rays aim, and number of aims along each side. Rays
+#: nearer to the rim may leave through a neighbour's dome that faces the panel, even if
+#: the lens is weak.
 RIM, RIM_POINTS = 0.995, 4
 
 
 @dataclass(frozen=True)
 class Choice:
-    """The chosen model, and the maximum error of each tested model in pixels of the reconstructed view."""
+    """The chosen model, and each tested model's maximum error in pixels of the reconstructed view."""
 
     model: Model
     tolerance: float
@@ -50,7 +50,7 @@ class Choice:
 
 
 def reconstructed_pixel_mm(display: Display, z_mm: float) -> float:
-    """Return the shorter side of the reconstructed view's pixel at a depth, mm."""
+    """Return the shorter side of a pixel of the reconstructed view at a depth, mm."""
     spread = abs(z_mm) * min(display.panel.pitches_mm) / display.aperture_distance_mm
     return max(display.array.finest_mm, spread)
 
@@ -64,9 +64,9 @@ def check_tolerance(tolerance: object) -> None:
 def choose_model(
     display: Display, depth_range_mm: Pair, aperture: str = "chief", tolerance: float = TOLERANCE
 ) -> Choice:
-    """Choose the cheapest model within a tolerance, in pixels of the reconstructed view.
+    """Choose the cheapest model whose error is within a tolerance, in pixels of the reconstructed view.
 
-    `depth_range_mm` is (far, near) z of the scene; `aperture` is "chief" or "full".
+    `depth_range_mm` has the scene's far and near z; `aperture` is "chief" or "full".
     Raises InputError for an invalid tolerance.
     """
     check_tolerance(tolerance)
@@ -85,15 +85,15 @@ def choose_model(
 def probe(display: Display, aperture: str, inside: float = INSIDE) -> tuple[Floats, Floats | None]:
     """Return test rays: pixel coordinates (N, 2), and aperture points (N, 2) in mm or None for chief rays.
 
-    The points are in a few cells only, because the models treat all cells equally;
-    `inside` scales the cells' corners.
+    Rays start in a few cells only, because models treat all cells equally. `inside`
+    scales the cells' corners, where rays start too.
     """
     array, size = display.array, panel_size(display)
     steps = np.linspace(0.05, 0.95, PROBE_CELLS)
     grid = np.stack(np.meshgrid(*np.outer(size, steps)), axis=-1)
     cells, _ = located(display, grid.reshape(-1, 2))
     corners = corners_mm(array)
-    # Points fill the bounding square; points outside a hexagon belong to neighbours.
+    # Points fill a cell's bounding box; those outside a hexagon are in neighbours.
     side, (px, py) = np.linspace(-0.49, 0.49, PROBE_POINTS), array.pitches_mm
     over = np.stack(Lattice.of(array).sheared(*np.meshgrid(side * px, side * py)), axis=-1).reshape(-1, 2)
     local = np.concatenate([over, inside * corners])
@@ -116,20 +116,20 @@ def panel_size(display: Display) -> Floats:
 
 
 def located(display: Display, pixels: Floats) -> tuple[Floats, Floats]:
-    """Return the lenslets (N, 2) of pixels (N, 2), and pixels from their centres, (N, 2) mm."""
+    """Return the lenslets (N, 2) of pixels (N, 2), and the pixels from the lenslets' centres, (N, 2) mm."""
     i, j, x, y = System.of(display).locate(NumpyBackend(), *pixels.T)
     return np.stack([i, j], axis=1), np.stack([x, y], axis=1)
 
 
 def in_cells_mm(display: Display, pixels: Floats) -> Floats:
-    """Return the points of the cells where the eye sees pixels (N, 2), (N, 2) mm from the cells' centres."""
+    """Return where in its cell the eye sees each pixel (N, 2): points (N, 2), mm from the cell's centre."""
     system, (lenslets, local) = System.of(display), located(display, pixels)
     cx, cy = system.lattice.centre(*lenslets.T)
     return np.stack(system.convergence.within_cell(local[:, 0], local[:, 1], cx, cy), axis=1)
 
 
 def pixels_from_cells(display: Display, lenslets: npt.ArrayLike, local_mm: Floats) -> Floats:
-    """Return the pixel coordinates (N, 2) that the eye sees at points (N, 2), mm from the lenslets' centres."""
+    """Return the pixels (N, 2) that the eye sees at points (N, 2) of cells, mm from the cells' centres."""
     system = System.of(display)
     cx, cy = system.lattice.centre(*np.transpose(lenslets))
     x, y = system.convergence.on_panel(local_mm[:, 0], local_mm[:, 1], cx, cy)
@@ -137,22 +137,22 @@ def pixels_from_cells(display: Display, lenslets: npt.ArrayLike, local_mm: Float
 
 
 def on_panel(display: Display, pixels: Floats) -> Floats:
-    """Return only the pixel coordinates (N, 2) that are on the panel."""
+    """Return those of the pixel coordinates (N, 2) that are on the panel."""
     return pixels[((pixels >= 0.0) & (pixels < panel_size(display))).all(axis=1)]
 
 
 def corners_mm(array: Array) -> Floats:
     """Return a cell's corners, counter-clockwise, (4, 2) or (6, 2) mm from its centre."""
-    # `Lattice.corners` would change the last bits of rays in docs/reference/stream.md.
+    # `Lattice.corners` rounds differently; docs/reference/stream.md quotes these rays.
     angles = np.radians([45, 135, 225, 315] if array.grid == "square" else [30, 90, 150, 210, 270, 330])
     x, y = (pitch / math.sqrt(2.0 if array.grid == "square" else 3.0) for pitch in array.pitches_mm)
     return np.stack(Lattice.of(array).sheared(x * np.cos(angles), y * np.sin(angles)), axis=1)
 
 
 def model_error_px(display: Display, truth: Rays, rays: Rays, depth_range_mm: Pair) -> float:
-    """Return the maximum distance between two sets of rays over a depth range, in reconstructed pixels.
+    """Return the maximum distance of `rays` from `truth` over depths, in pixels of the reconstructed view.
 
-    The distance is infinite if the sets have different statuses or lenslets.
+    The distance is infinite if a ray's status or lenslet differs.
     """
     passes = gets_through(truth.status)
     if (passes != gets_through(rays.status)).any() or (truth.lenslet != rays.lenslet)[passes].any():
@@ -161,12 +161,12 @@ def model_error_px(display: Display, truth: Rays, rays: Rays, depth_range_mm: Pa
         return 0.0
     some = slice(None) if passes.all() else passes  # a slice makes no copy
     lines = [(each.local_mm[some], each.direction[some]) for each in (truth, rays)]
-    # Distance between the rays at z = 0, and its change per millimetre.
+    # Offset between the two rays at z = 0, and its change per millimetre of z.
     place = crossing(*lines[0], 0.0) - crossing(*lines[1], 0.0)
     slope = np.subtract(*(direction[:, :2] / direction[:, 2:] for _, direction in lines))
     worst = 0.0
     far, near = depth_range_mm
-    # Beyond `kink`, a pixel is wider than a lenslet; errors peak there or at an end.
+    # Beyond `kink`, a view's pixel is wider than a lenslet; a kink or an end is worst.
     kink = display.array.finest_mm * display.aperture_distance_mm / min(display.panel.pitches_mm)
     for z in (far, near, *(z for z in (-kink, kink) if far < z < near)):
         apart = float(np.linalg.norm(place + z * slope, axis=1).max())
@@ -175,6 +175,6 @@ def model_error_px(display: Display, truth: Rays, rays: Rays, depth_range_mm: Pa
 
 
 def crossing(local_mm: Arr, direction: Arr, z_mm: float) -> Arr:
-    """Return the points (N, 2) where lines through points (N, 3) along directions (N, 3) cross a plane."""
+    """Return the points (N, 2) where lines of origins and directions (N, 3) cross the plane z_mm."""
     t = (z_mm - local_mm[:, 2]) / direction[:, 2]
     return local_mm[:, :2] + t[:, None] * direction[:, :2]

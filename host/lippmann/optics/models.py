@@ -1,10 +1,10 @@
 """Traces a ray through a lenslet by one of the four models.
 
 The models `pinhole`, `thin` and `paraxial` use slopes (tangents of angles in the x and
-y sections) and lens-local heights, mm. The model `exact` obeys Snell's law at both
-faces. Rays are mirrored if necessary, so that domes bulge to +z: rays pass a dome
-upward out of the glass or downward into the glass. In plano-concave lenslets, rays pass
-downward, and glass and air are exchanged.
+y sections) and lens-local heights, mm. The model `exact` applies Snell's law at both
+faces. Where necessary, `exact` mirrors rays, so that domes bulge to +z: rays then leave
+the glass upward or enter the glass downward. In plano-concave lenslets, rays leave the
+glass downward, and glass and air are exchanged.
 """
 
 from __future__ import annotations
@@ -17,16 +17,16 @@ from lippmann.optics.faces import Crossing, Ray, mirrored, refract_flat, transpo
 from lippmann.optics.rays import Floats, Model, Status, gets_through
 from lippmann.optics.system import Exit, Landing, System
 
-#: Squared cosine below which the fast engine traces a ray in double precision: float32
-#: rotates a ray by about 0.2 microradian divided by its cosine to the normal, so by
-#: less than 1 microradian above this limit.
+#: Squared cosine below which the fast engine traces a ray in double precision. A
+#: float32 error rotates a ray by about 0.2 microradian divided by its cosine to the
+#: normal: by less than 1 microradian above this limit.
 GRAZING_SQUARE = 0.15
 
 
 def ray_matrix(system: System) -> Floats:
     """Return the ABCD matrix (2, 2) from the panel to the last face's vertex plane, for (height mm, slope in air).
 
-    The matrix combines translations by gap and thickness / n with the dome's power 1/f
+    The matrix combines the distances gap and thickness / n with the dome's power 1/f
     (Hecht, Optics, 6.2).
     """
     gap = np.array([[1.0, system.gap_mm], [0.0, 1.0]])
@@ -37,10 +37,10 @@ def ray_matrix(system: System) -> Floats:
 
 
 def leave_panel(b: Backend, system: System, x: Arr, y: Arr, aperture: Point | None, model: Model) -> Exit:
-    """Trace rays from the panel to the world; rays that graze a face are traced in double precision.
+    """Trace rays from the panel to the world, in double precision if they graze a face.
 
-    The panel points (x, y; double) and the aperture points (None for chief rays) are in
-    mm from the centre of the pixel's lenslet, in the array's axes.
+    The panel points (x, y; double) and the aperture points (None: chief rays) are in mm
+    from the centre of the pixel's lenslet, in the array's axes.
     """
 
     def traced(b: Backend, x: Arr, y: Arr, *aim: Arr) -> State:
@@ -63,7 +63,7 @@ def _leave(b: Backend, system: System, x: Arr, y: Arr, aperture: Point | None, m
     sx, sy = -x * per_mm, -y * per_mm
     z = 0.0
     if aperture is not None and model != "pinhole":
-        # The lenslet of the aperture point's cell refracts the ray.
+        # The lenslet whose cell contains the aperture point refracts the ray.
         sx, sy = (aperture[0] - x) * per_mm, (aperture[1] - y) * per_mm
         di, dj, hx, hy = system.lattice.locate(b, *aperture)
         cx, cy = aperture[0] - hx, aperture[1] - hy
@@ -87,8 +87,8 @@ def _leave(b: Backend, system: System, x: Arr, y: Arr, aperture: Point | None, m
 def reach_panel(b: Backend, system: System, ray: Ray, model: Model) -> Landing:
     """Trace rays from the world to the panel.
 
-    `ray` is local to the lenslet whose cell contains its point, in the array's axes. The
-    point is in the vertices' plane for `pinhole` and `thin`, else at `System.last_face_mm`.
+    `ray` is local to the lenslet whose cell contains the ray's point, in the array's
+    axes. The point has z = 0 for `pinhole` and `thin`, else z = `System.last_face_mm`.
     """
     if model == "exact":
         return _reach_exact(b, system, ray)
@@ -111,25 +111,25 @@ def _leave_exact(b: Backend, system: System, x: Arr, y: Arr, aperture: Point | N
     towards_x, towards_y = aim_x - x, aim_y - y
     depth = system.aperture_distance_mm
     dx, dy, dz = unit(b, towards_x, towards_y, depth)
-    # The ray's point on the array's near plane: the flat face or the domes' vertices.
-    # For a near eye, a pixel may be far off the axis; the nearer end of the ray gives
-    # the smaller rounding error. Other displays keep their results to the last bit.
+    # Find the ray's point in the array's plane next to the panel (flat face or
+    # vertices). With a near eye, a pixel may be far off the lenslet's axis:
+    # interpolation from the nearer end of the ray then has a smaller rounding error.
     share, other = system.gap_mm / depth, (depth - system.gap_mm) / depth
     if system.convergence.share == 0.0 or share < 0.5:
         near_x, near_y = x + share * towards_x, y + share * towards_y
     else:
         near_x, near_y = aim_x - other * towards_x, aim_y - other * towards_y
-    # An elemental image that converges on the eye may be under another lenslet.
+    # With a viewing distance, a pixel may be under a neighbour of its lenslet.
     strays = aperture is not None or system.convergence.share > 0.0
     if system.plano_to_panel:
         ray = Ray(near_x, near_y, zero - system.thickness_mm, dx, dy, dz)
         ray, _ = refract_flat(b, ray, 1.0 / system.index)
         if system.concave:
-            # After mirroring, the domes bulge to +z, with glass above and air below.
+            # After mirroring, the domes bulge to +z; glass is above them and air below.
             exit_ = _out_of_glass(b, system, mirrored(ray), 0.0, upward=False)
             exit_ = exit_._replace(ray=mirrored(exit_.ray))
         else:
-            # An aimed ray may leave its cell before the rims' plane.
+            # An aimed ray may leave its cell below the rims' plane.
             exit_ = _out_of_glass(b, system, ray, -system.dome.sag_mm if strays else None)
     else:
         exit_ = _downward(b, system, Ray(near_x, near_y, zero, dx, dy, -dz), strays)
@@ -153,7 +153,7 @@ def _reach_exact(b: Backend, system: System, ray: Ray) -> Landing:
 
 
 def _out_of_glass(b: Backend, system: System, ray: Ray, plane: float | None, upward: bool = True) -> Exit:
-    """Trace rays from the flat face through a dome; `plane` is the height at which lenslets are found."""
+    """Trace rays in glass through a dome; `plane` is a height at which to find their lenslets."""
     start = (0.0, 0.0)
     if plane is not None:
         ray, start = _relocated(b, system, transported(ray, plane))
@@ -177,13 +177,13 @@ def _downward(b: Backend, system: System, ray: Ray, strays: bool) -> Exit:
     at_flat = at_flat._replace(dz=inside.dz)
     out, square = refract_flat(b, at_flat, system.index)
     out = Ray(*(b.where(passes, new, old) for new, old in zip(out, inside, strict=True)))
-    # A ray may graze the dome or the flat face; rounding has the same effect at both.
+    # Rounding has the same effect on rays that graze the dome or the flat face.
     grazing = b.minimum(square, crossing.cosine * crossing.cosine)
     return _exit(b, out, start, crossing, passes & (square <= 0.0), blocked, grazing)
 
 
 def _through_dome(b: Backend, system: System, crossing: Crossing, ratio: float, upward: bool) -> tuple[Ray, Arr]:
-    """Refract rays where they meet a dome; a ray lost at a wall keeps its direction."""
+    """Refract rays where they meet a dome; a ray that meets a wall keeps its direction."""
     ray = crossing.ray
     out, square = faces.refract_dome(b, system.dome, ray, crossing.cosine, ratio, upward)
     if system.lattice.stepped:
@@ -192,7 +192,7 @@ def _through_dome(b: Backend, system: System, crossing: Crossing, ratio: float, 
 
 
 def _relocated(b: Backend, system: System, ray: Ray) -> tuple[Ray, Point]:
-    """Make rays local to the lenslet whose cell contains their point; also return its step."""
+    """Make rays local to the lenslets whose cells contain their points; also return the steps."""
     i, j, x, y = system.lattice.locate(b, ray.x, ray.y)
     return ray._replace(x=x, y=y), (i, j)
 

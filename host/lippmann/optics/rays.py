@@ -1,4 +1,4 @@
-"""Results of a trace, and the names of models and engines."""
+"""Defines the results of a trace, and the names of models and engines."""
 
 from __future__ import annotations
 
@@ -41,26 +41,26 @@ def check_fraction_bits(fraction_bits: int | None, engine: str) -> None:
 
 
 def gets_through(status: Arr) -> Arr:
-    """Return which rays pass the lenslets; `status` is an array of any backend."""
-    # Dr.Jit can compare with integers, but not with an IntEnum.
+    """Return which rays pass through the array; `status` is an array of any backend."""
+    # Dr.Jit compares arrays with integers, but not with an IntEnum.
     return (status == int(Status.OK)) | (status == int(Status.CROSSTALK))
 
 
 @documented
 @dataclass(frozen=True)
 class Rays:
-    """N rays that leave a display."""
+    """N rays that leave a display, as arrays."""
 
-    pixel: Annotated[Floats, key("(N, 2) float64, pixel coordinates (column, row; continuous) of their start")]
-    lenslet: Annotated[Indices, key("(N, 2) int64, (i, j) of the lenslet that they leave through")]
-    centre_mm: Annotated[Floats, key("(N, 2) float64, that lenslet's centre, panel frame")]
-    local_mm: Annotated[Floats, key("(N, 3) float64, origins from that centre, panel's axes; z = 0 at the vertices")]
-    direction: Annotated[Floats, key("(N, 3) float64, unit")]
+    pixel: Annotated[Floats, key("(N, 2) float64, pixel coordinates (column, row; continuous) of the starts")]
+    lenslet: Annotated[Indices, key("(N, 2) int64, (i, j) of the lenslets through which the rays leave")]
+    centre_mm: Annotated[Floats, key("(N, 2) float64, centres of these lenslets, panel frame")]
+    local_mm: Annotated[Floats, key("(N, 3) float64, origins from these centres, panel's axes; z = 0 at the vertices")]
+    direction: Annotated[Floats, key("(N, 3) float64, unit vectors")]
     status: Annotated[npt.NDArray[np.uint8], key("(N,) uint8, see `Status`")]
 
     @property
     def origin_mm(self) -> Floats:
-        """(N, 3) float64, origins in the panel frame."""
+        """The rays' origins in the panel frame, (N, 3) float64."""
         origin = self.local_mm.copy()
         origin[:, :2] += self.centre_mm
         return origin
@@ -68,7 +68,7 @@ class Rays:
 
 @dataclass(frozen=True)
 class Hits:
-    """Hits of N rays from the world on the panel: pixel (N, 2), lenslet passed (N, 2), status (N,)."""
+    """Hits of N rays on the panel: pixels (N, 2), passed lenslets (N, 2), statuses (N,)."""
 
     pixel: Floats
     lenslet: Indices

@@ -1,7 +1,6 @@
-"""Low-discrepancy sample points in a pixel, a lenslet's cell and a pupil.
+"""Computes low-discrepancy sample points in a pixel, a lenslet's cell and a pupil.
 
-The points depend on the indices of pixel and sample and on the seed, not on a render's
-chunks.
+The points depend on pixel index, sample index and seed, not on a render's chunks.
 """
 
 from __future__ import annotations
@@ -10,37 +9,37 @@ from lippmann.base.variant import dr, mi
 from lippmann.optics.backend import Arr, Backend, Point
 from lippmann.optics.lattice import Lattice
 
-#: Steps 1/g and 1/g^2 of the R2 sequence, where g^3 = g + 1 (M. Roberts,
-#: "The unreasonable effectiveness of quasirandom sequences", 2018).
+#: Steps 1/g and 1/g^2 of the R2 sequence, with g^3 = g + 1 (M. Roberts, "The
+#: unreasonable effectiveness of quasirandom sequences", 2018).
 R2_STEPS = (0.7548776662466927, 0.5698402909980532)
 #: Fractional part of the golden ratio, in units of 2^-32.
 GOLDEN_STEP = 0x9E3779B9
-#: Rounds of the Tiny Encryption Algorithm; with Mitsuba's four, neighbours correlate.
+#: Rounds of the Tiny Encryption Algorithm. With four, neighbouring pixels correlate.
 HASH_ROUNDS = 6
 
 
 def pixel_steps(samples: int) -> tuple[tuple[int, int], tuple[int, int]]:
-    """Return the start and step of a pixel's samples along each side, in units of 2^-32, modulo 1.
+    """Return the start and the step of a pixel's samples along each axis, in units of 2^-32, modulo 1.
 
-    Sample k of N is at 1/2 + c (1/N, (sqrt(5) - 1) / 2) with c = k - (N - 1) / 2, as
-    Hammersley's points, but with golden steps instead of van der Corput's sequence.
+    Sample k of N is at 1/2 + c (1/N, (sqrt(5) - 1) / 2) with c = k - (N - 1) / 2. These
+    are Hammersley's points with golden steps instead of van der Corput's sequence.
     """
     across = (1 << 32) // samples & 0xFFFFFFFF
     return (across >> 1, across), ((1 << 31) - (samples - 1) * GOLDEN_STEP // 2 & 0xFFFFFFFF, GOLDEN_STEP)
 
 
 def points_in_pixel(pixel: Arr, sample: Arr, samples: int, seed: Arr, number: Arr = 0) -> Point:
-    """Return points in the unit square for indices of pixels and samples (UInt32); see `pixel_steps`.
+    """Return points in the unit square for pixel and sample indices (UInt32); see `pixel_steps`.
 
     A hash of pixel and seed mirrors a pixel's points or exchanges their axes, so that
-    errors differ between pixels, and partly between seeds. A random shift would enlarge
-    the error at a straight edge 1.1 to 1.4 times. In pass `number` over a picture, the
-    golden steps continue, and each point moves by golden steps within the fraction 1/N
-    of the width.
+    errors differ between pixels, and partly between seeds. Random shifts of the points
+    would make the error at a straight edge 1.1 to 1.4 times as large. In pass `number`
+    over a picture, the golden steps continue; golden steps also move each point within
+    1/N of the pixel's width.
     """
     if samples == 1:
         return mi.Float(0.5), mi.Float(0.5)
-    # The seed is opaque, so that another seed needs no compilation.
+    # The seed is opaque, so that another seed compiles no new program.
     own = dr.opaque(mi.UInt32, seed) if isinstance(seed, int) else seed
     flips, _ = mi.sample_tea_32(pixel, own, HASH_ROUNDS)
 
@@ -50,7 +49,7 @@ def points_in_pixel(pixel: Arr, sample: Arr, samples: int, seed: Arr, number: Ar
     def along(axis: int, mirrored: Arr) -> Arr:
         first, step = pixel_steps(samples)[axis]
         place = (first + sample * step + moves[axis]) ^ dr.select(mirrored, mi.UInt32(0xFFFFFFFF), 0)
-        # With 24 bits, rounding cannot move a point onto the next pixel's edge.
+        # A float32 holds 24 bits exactly, so no point is rounded up to 1.
         return mi.Float(place >> 8) * 2.0**-24
 
     x, y = along(0, (flips & 1) != 0), along(1, (flips & 2) != 0)
@@ -59,12 +58,13 @@ def points_in_pixel(pixel: Arr, sample: Arr, samples: int, seed: Arr, number: Ar
 
 
 def points_in_square(pixel: Arr, sample: Arr, seed: Arr, stream: int = 1) -> Point:
-    """Return points (s, t) in the unit square of a cell or pupil, by indices of pixels and samples.
+    """Return points (s, t) in the unit square of a cell or pupil, for pixel and sample indices.
 
-    The points are the R2 sequence, shifted modulo 1 by a hash of pixel and seed. Stream 0,
-    independent of stream 1, is for an eye's view, as in viewer/shaders/sampling.glsl.
+    The points are the R2 sequence, shifted modulo 1 by a hash of pixel and seed. Stream
+    0 is independent of stream 1 and serves an eye's view, as in
+    viewer/shaders/sampling.glsl.
     """
-    # Rounding must not move a point onto the far edge, which belongs to the next cell.
+    # Rounding must not move a point to 1, which belongs to the next cell.
     below_one = 1.0 - 2.0**-24
 
     def coordinate(axis: int) -> Arr:
@@ -78,11 +78,11 @@ def points_in_square(pixel: Arr, sample: Arr, seed: Arr, stream: int = 1) -> Poi
 
 
 def square_to_cell(b: Backend, s: Arr, t: Arr, lattice: Lattice) -> Point:
-    """Map points (s, t) of the unit square to a lenslet's cell, lens-local mm; preserve ratios of areas."""
+    """Map points (s, t) of the unit square to a lenslet's cell, in lens-local mm; equal areas stay equal."""
     px, py = lattice.pitches_mm
     if lattice.grid == "square":
         return lattice.sheared((s - 0.5) * px, (t - 0.5) * py)
-    # A hexagon has three rhombi around its centre, each between two corner vectors.
+    # Three rhombi around its centre fill a hexagon, each between two corner vectors.
     corners = lattice.corners[::2]
     rhombus = b.minimum(b.floor(3.0 * s), 2.0)
     s = 3.0 * s - rhombus

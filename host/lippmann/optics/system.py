@@ -1,14 +1,14 @@
-"""The optical system of a display. Step 1 of a ray maps pixels to the array's frame, and back.
+"""Describes a display's optical system, and maps pixels to the array's frame (step 1 of a ray).
 
 A pixel belongs to the lenslet through which the eye sees it. The eye is in front of the
-axis point a, at the distance E from the aperture plane, which is at the distance D from
-the panel. The line from the eye to the pixel's point x crosses this plane at
+axis point a, at the distance E from the aperture plane. The panel is at the distance D
+behind that plane. The line from the eye to the pixel's point x crosses the plane at
 
     q = x - (x - a) s,   s = D / (D + E),
 
-and the pixel belongs to the lenslet whose cell contains q. The elemental image of the
-lenslet at c is its cell, scaled by 1 + D/E around the point c + (c - a) D/E. Without a
-viewing distance, s is 0.
+and the pixel belongs to the lenslet whose cell contains q. A lenslet with the centre c
+has its elemental image around c + (c - a) D/E; the image is the cell, scaled by 1 +
+D/E. Without a viewing distance, s is 0.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ from lippmann.optics.rays import Status
 
 
 def exact_rotation(degrees: float) -> Pair:
-    """Return (cos, sin) of an angle in degrees, exact for multiples of 90."""
+    """Return (cos, sin) of an angle in degrees, exactly for multiples of 90."""
     quarter = round(degrees / 90.0)
     angle = math.radians(degrees - 90.0 * quarter)
     c, s = math.cos(angle), math.sin(angle)
@@ -45,23 +45,23 @@ class PanelFrame:
 
     @classmethod
     def of(cls, display: Display) -> PanelFrame:
-        """Return the frame of a display."""
+        """Return the maps of a display."""
         panel, array = display.panel, display.array
         turn = exact_rotation(array.rotation_deg)
         return cls(panel.pitches_mm, panel.width_px, panel.height_px, array.offset_mm, *turn)
 
     @property
     def corners(self) -> tuple[Pair, ...]:
-        """Corners of the panel in the array's frame, mm."""
+        """The panel's corners in the array's frame, mm."""
         x, y = 0.5 * (self.width_px * self.pitch_mm[0]), 0.5 * (self.height_px * self.pitch_mm[1])
         return tuple(self.array_from_panel(*corner) for corner in ((-x, -y), (-x, y), (x, -y), (x, y)))
 
     def panel_from_pixel(self, u: Arr, v: Arr) -> Point:
-        """Map pixel coordinates (column, row; continuous) to the panel's frame, mm."""
+        """Map pixel coordinates (column, row; continuous) to a point in the panel's frame, mm."""
         return (u - 0.5 * self.width_px) * self.pitch_mm[0], (0.5 * self.height_px - v) * self.pitch_mm[1]
 
     def pixel_from_panel(self, x: Arr, y: Arr) -> Point:
-        """Map the panel's frame, mm, to pixel coordinates."""
+        """Map a point in the panel's frame, mm, to pixel coordinates."""
         return x / self.pitch_mm[0] + 0.5 * self.width_px, 0.5 * self.height_px - y / self.pitch_mm[1]
 
     def array_from_panel(self, x: Arr, y: Arr) -> Point:
@@ -88,27 +88,27 @@ class PanelFrame:
 
 @dataclass(frozen=True)
 class Convergence:
-    """The fraction s = D / (D + E), and the axis point a in the array's frame, mm."""
+    """Convergence on the eye: the fraction s = D / (D + E), and the axis point a in the array's frame, mm."""
 
     share: float = 0.0
     axis_x: float = 0.0
     axis_y: float = 0.0
 
     def towards_eye(self, x: Arr, y: Arr) -> Point:
-        """Return the point where the line from a panel point to the eye crosses the aperture plane, mm."""
+        """Return the point, mm, where the line from a panel point to the eye crosses the aperture plane."""
         if self.share == 0.0:
             return x, y
         return x - (x - self.axis_x) * self.share, y - (y - self.axis_y) * self.share
 
     def within_cell(self, x: Arr, y: Arr, cx: Arr, cy: Arr) -> Point:
-        """Return the point of `towards_eye`; both are relative to the lenslet's centre (cx, cy)."""
+        """Do as `towards_eye`, with both points relative to the lenslet's centre (cx, cy)."""
         if self.share == 0.0:
             return x, y
         shrink = 1.0 - self.share
         return x * shrink - (cx - self.axis_x) * self.share, y * shrink - (cy - self.axis_y) * self.share
 
     def on_panel(self, x: Arr, y: Arr, cx: Arr, cy: Arr) -> Point:
-        """Return the panel point that the eye sees at a point of the cell, the inverse of `within_cell`."""
+        """Return the panel point that the eye sees at a point of the cell (the inverse of `within_cell`)."""
         if self.share == 0.0:
             return x, y
         shrink = 1.0 - self.share
@@ -119,8 +119,8 @@ class Convergence:
 class System:
     """The optical system of a display.
 
-    `concave` means a capture's plano-concave lenslets, with the flat face to the panel
-    and `thickness_mm` at the vertex; only `exact` rays from the panel can be traced.
+    `concave` means a capture's plano-concave lenslets, flat towards the panel and
+    `thickness_mm` thick at the vertex. Only `exact` traces them, from the panel.
     """
 
     frame: PanelFrame
@@ -156,20 +156,20 @@ class System:
 
     @property
     def last_face_mm(self) -> float:
-        """Height z of the array's plane nearest to the viewer: dome vertices or flat face."""
+        """The z of the array's plane that is nearest to the viewer: dome vertices or flat face."""
         return 0.0 if self.plano_to_panel else self.thickness_mm
 
     def locate(self, b: Backend, u: Arr, v: Arr) -> tuple[Arr, Arr, Arr, Arr]:
-        """Return the lenslet (i, j) of pixels, and pixels from its centre along the array's axes, mm."""
+        """Return pixels' lenslets (i, j), and pixels from the lenslets' centres along the array's axes, mm."""
         x, y = self.frame.array_from_panel(*self.frame.panel_from_pixel(u, v))
         i, j, qx, qy = self.lattice.locate(b, *self.convergence.towards_eye(x, y))
         if self.convergence.share == 0.0:
             return i, j, qx, qy
         cx, cy = self.lattice.centre(i, j)
-        return i, j, x - cx, y - cy  # not from q, whose rounding error would grow by 1 / (1 - s)
+        return i, j, x - cx, y - cy  # to invert q would magnify its rounding error by 1 / (1 - s)
 
     def through_mount(self, b: Backend, status: Arr, passed: Point, own: Point | None = None) -> Arr:
-        """Return statuses; a ray that meets a dome is blocked if its or its pixel's lenslet is missing."""
+        """Return `status`, but BLOCKED for rays whose passed lenslet or pixel's lenslet is absent."""
         if self.lattice.half_steps is None:
             return status
         there = self.lattice.present(b, *passed) | (status == int(Status.MISSED))
@@ -183,10 +183,10 @@ class System:
 
 
 class Exit(NamedTuple):
-    """A ray after the array, in the array's axes, local to the lenslet (di, dj) steps from the pixel's lenslet.
+    """A ray that left the array, local to the lenslet (di, dj) steps from the pixel's lenslet, in the array's axes.
 
-    `grazing` is the minimum squared cosine to a face's normal, in air. Rounding rotates
-    the ray by about epsilon divided by the square root of `grazing`.
+    `grazing` is the minimum squared cosine, in air, to a face's normal. Rounding
+    rotates the ray by about epsilon / sqrt(`grazing`).
     """
 
     ray: Ray
@@ -199,7 +199,7 @@ class Exit(NamedTuple):
 class Landing(NamedTuple):
     """The point where a ray meets the panel plane, local to the passed lenslet, in the array's axes, mm.
 
-    The status does not depend on whether the point belongs to that lenslet.
+    The status ignores whether the point belongs to that lenslet (crosstalk).
     """
 
     x: Arr

@@ -1,4 +1,4 @@
-"""The engines golden and fast: from pixel coordinates to rays in the panel's frame, and back."""
+"""Traces rays from pixels to the panel's frame, and back, with the engines golden and fast."""
 
 from __future__ import annotations
 
@@ -18,14 +18,14 @@ from lippmann.optics.models import leave_panel, reach_panel
 from lippmann.optics.rays import ENGINES, MODELS, Engine, Floats, Hits, Model, Rays, Status, gets_through
 from lippmann.optics.system import System
 
-#: Maximum distance of rays from the array's centre, lenslets; indices fit into 32 bits.
+#: Maximum distance of rays from the array's centre, lenslets; indices have 32 bits.
 FARTHEST_LENSLETS = 1 << 28
-#: Minimum |dz| of a ray that can reach the array; a smaller |dz| may be 0 in float32.
+#: Minimum |dz| of a ray that reaches the array; a smaller |dz| may be 0 in float32.
 FLATTEST = 1e-30
 
 
 class LocalRays(NamedTuple):
-    """Rays in the panel's axes: lens-local point and direction (real), and the lenslet's centre (double)."""
+    """Rays in the panel's axes: lens-local points and directions (real), lenslet centres (double)."""
 
     ray: Ray
     centre_x: Arr
@@ -36,7 +36,7 @@ class LocalRays(NamedTuple):
 
 
 def rays_from_pixels(b: Backend, system: System, u: Arr, v: Arr, aperture: Point | None, model: Model) -> LocalRays:
-    """Trace pixel coordinates (u, v; double) to the rays that leave the array (see `leave_panel`)."""
+    """Trace rays from pixel coordinates (u, v; double) until they leave the array (see `leave_panel`)."""
     own_i, own_j, x, y = system.locate(b, u, v)
     out = leave_panel(b, system, x, y, aperture, model)
     i, j = own_i + b.double(out.di), own_j + b.double(out.dj)
@@ -47,7 +47,7 @@ def rays_from_pixels(b: Backend, system: System, u: Arr, v: Arr, aperture: Point
 
 
 class PixelHits(NamedTuple):
-    """Hits on the panel: pixel coordinates (double), passed lenslet, status."""
+    """Ray hits on the panel: pixel coordinates (double), passed lenslets, statuses."""
 
     u: Arr
     v: Arr
@@ -68,7 +68,7 @@ def pixels_from_rays(
     safe_z = b.where(heads_there, dz, -1.0)
     t = b.where(heads_there, (z - oz) / safe_z, 0.0)
     x, y = frame.array_from_panel(ox + t * dx, oy + t * dy)
-    # A ray too far out at the array has missed; safe values replace its coordinates.
+    # A ray that meets the array's plane too far out has missed; its point becomes 0.
     farthest = FARTHEST_LENSLETS * min(system.lattice.pitches_mm)
     heads_there = heads_there & (b.maximum(b.absolute(x), b.absolute(y)) < farthest)
     x, y = b.where(heads_there, x, 0.0), b.where(heads_there, y, 0.0)
@@ -91,7 +91,7 @@ def pixels_from_rays(
     return PixelHits(u, v, b.integer(i), b.integer(j), b.integer(status))
 
 
-#: Maximum error of a unit vector's length; a larger error indicates slopes.
+#: Maximum error of a unit vector's length; a larger error means that slopes were given.
 UNIT_ERROR = 1e-3
 
 
@@ -137,7 +137,7 @@ def trace_optics(
     engine: Engine = "golden",
     device: str = "auto",
 ) -> Rays:
-    """Trace rays from the panel by golden or fast.
+    """Trace rays from the panel with the engine golden or fast.
 
     Parameters and errors are those of `engines.trace`.
     """
@@ -175,8 +175,9 @@ def trace_to_panel(
 ) -> Hits:
     """Trace rays from the world, (N, 3) origins in mm and (N, 3) unit directions, to the panel.
 
-    A ray flatter than `FLATTEST`, or beyond `FARTHEST_LENSLETS` at the array, has
-    missed. Raises the errors of `trace`, and InputError if a direction's length is not 1.
+    A ray has missed if its |dz| is below `FLATTEST`, or if it meets the array beyond
+    `FARTHEST_LENSLETS`. Raises `trace`'s errors, and InputError for lengths other than
+    1.
     """
     check_choice("model", model, MODELS)
     origins = columns("origin_mm", origin_mm, 3, MAX_LENGTH_MM)
@@ -192,7 +193,7 @@ def trace_to_panel(
 
 
 def rays_of(pixel: Floats, out: LocalRays, number: npt.DTypeLike = np.float64) -> Rays:
-    """Return traced rays as numpy arrays, with real numbers of the type `number`."""
+    """Return traced rays as numpy arrays; `number` is the type of coordinates and directions."""
     n, ray = len(pixel), out.ray
     return Rays(
         pixel=pixel,
@@ -205,7 +206,7 @@ def rays_of(pixel: Floats, out: LocalRays, number: npt.DTypeLike = np.float64) -
 
 
 def hits_of(n: int, hits: PixelHits, number: npt.DTypeLike = np.float64) -> Hits:
-    """Return the hits of n rays as numpy arrays (see `rays_of`)."""
+    """Return the panel hits of n rays as numpy arrays (see `rays_of`)."""
     status = _stack(n, np.uint8, hits.status)[:, 0]
     return Hits(_stack(n, number, hits.u, hits.v), _stack(n, np.int64, hits.i, hits.j), status)
 

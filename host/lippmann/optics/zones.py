@@ -1,8 +1,8 @@
-"""Computes the crosstalk that eyes see, and the zone without crosstalk, by exact rays.
+"""Computes the crosstalk that eyes see, and the zone without crosstalk, with exact rays.
 
-With k = D/E, the width of the paraxial zone at the distance z is that of a cell's image,
-(1 + k) p z / D, minus the panel's width times |1 - z/E|. The real zone, found by
-bisection, is narrower, because thick lenslets refract steep rays differently.
+With k = D/E and pitch p, the paraxial zone at the distance z has the width (1 + k) p z
+/ D of a cell's image, minus the panel's width times |1 - z/E|. Bisection finds the real
+zone, which is narrower, because thick lenslets refract steep rays differently.
 """
 
 from __future__ import annotations
@@ -22,27 +22,27 @@ from lippmann.optics.sample_points import R2_STEPS
 from lippmann.optics.system import System
 from lippmann.optics.trace import trace_to_panel
 
-#: Assumed distance of the eyes for a display without a viewing distance, mm.
+#: Eye distance, mm, that is assumed for a display without a viewing distance.
 VIEWING_DISTANCE_MM = 600.0
 #: Maximum coordinate of an eye, mm: a thousand kilometres.
 FARTHEST_EYE_MM = 1e9
-TOO_FAR = f"eye: is farther away than {FARTHEST_EYE_MM:g} mm; give its place in mm, such as 0,0,600"
-#: Number of rays from an eye that measure its crosstalk.
+TOO_FAR = f"eye: is farther away than {FARTHEST_EYE_MM:g} mm; give its position in mm, such as 0,0,600"
+#: Number of rays by which an eye's crosstalk is measured.
 SHARE_RAYS = 1 << 13
-#: Numbers of lenslets across and down that are tested for crosstalk.
+#: Numbers of lenslets, across and down the panel, that are tested for crosstalk.
 LENSLETS = (5, 3)
-#: Points of rays: fraction of the way to a cell's rim, fraction of the rims' height.
+#: Tested points of a cell: fraction of the distance and of the height of the rim.
 POINTS = ((0.6, 0.0), (0.95, 0.0), (0.95, 1.0), (0.99, 0.0), (0.99, 1.0))
-#: Search for a zone's end: range in paraxial half widths, and number of bisections.
+#: Range, in paraxial half widths, and number of bisections of the search for a zone.
 FARTHEST, BISECTIONS = 2.0, 11
-#: Search for a better display: factor on a length, and maximum number of steps.
+#: Factor on a length, and maximum number of steps, in the search for a better display.
 FACTOR, STEPS = 1.1, 24
-#: Fraction of each side of a lenslet's zone that a better display keeps free.
+#: Minimum width of a better display's zone, as a fraction of one lenslet's zone.
 WORTH = 0.25
 
 
 class Zone(NamedTuple):
-    """Ends of the zone without crosstalk, on two lines through the middle eye, mm."""
+    """Ends, mm, of the zone without crosstalk, along x and along y through the middle eye."""
 
     left_mm: float
     right_mm: float
@@ -56,22 +56,22 @@ def viewing_distance(display: Display) -> float:
 
 
 def middle_eye(display: Display, distance_mm: float) -> tuple[float, float, float]:
-    """Return the middle eye's position at a distance, mm. It sees opposite sides of the panel equally."""
+    """Return the position, mm, at a distance, of the eye that sees opposite panel sides equally."""
     share = 0.0 if display.viewing_distance_mm is None else distance_mm / display.viewing_distance_mm
     return share * display.viewing_axis_mm[0], share * display.viewing_axis_mm[1], distance_mm
 
 
 def status_share(display: Display, eye_mm: tuple[float, float, float]) -> dict[str, float]:
-    """Return the fraction of an eye's rays per status.
+    """Return the fraction of an eye's rays that have each status.
 
-    Raises InputError for an eye behind the display or too far.
+    Raises InputError if the eye is behind the display or too far away.
     """
     (shares,) = status_shares(display, np.array([eye_mm]), SHARE_RAYS)
     return {one.name.lower(): float(shares[one]) for one in Status}
 
 
 def status_shares(display: Display, eyes_mm: Floats, rays: int) -> Floats:
-    """Return `status_share` for eyes (N, 3), with `rays` rays per eye, as (N, statuses) float64."""
+    """Return `status_share` of eyes (N, 3), with `rays` rays each, as (N, statuses) float64."""
     front, nearest = System.of(display).last_face_mm, eyes_mm[:, 2].min()
     if not nearest > front:
         what = f"z {nearest:g} mm is not in front of the display, whose front is at z = {front:.4g} mm"
@@ -89,8 +89,8 @@ def sees_all(display: Display, eyes_mm: Floats) -> npt.NDArray[np.bool_]:
     system, panel = System.of(display), display.panel
     across, down = (np.linspace(-0.5, 0.5, count) for count in LENSLETS)
     grid = np.stack(np.meshgrid(across * panel.width_mm, down * panel.height_mm), axis=-1).reshape(-1, 2)
-    # Find the lenslets through which each eye sees the grid's points. The panel has no
-    # edges here: crosstalk beyond an edge appears in the next lenslet inside the edge.
+    # Find the lenslets through which each eye sees the grid's points. The panel's edges
+    # are ignored: crosstalk beyond an edge also appears in the next lenslet inside.
     lift = display.aperture_distance_mm / eyes_mm[:, None, 2:]
     x, y = np.moveaxis((grid + lift * eyes_mm[:, None, :2]) / (1.0 + lift), -1, 0)
     place = system.lattice.nearest_within(*system.frame.array_from_panel(x, y))
@@ -104,14 +104,15 @@ def sees_all(display: Display, eyes_mm: Floats) -> npt.NDArray[np.bool_]:
     cell = np.concatenate(list(rings))
     points = (np.pad(centres, ((0, 0), (0, 0), (0, 1)))[:, :, None] + cell).reshape(len(eyes_mm), -1, 3)
     x, y = panel.pitches_mm
-    wide = replace(panel, pixel_pitch_mm=(4.0 * x, 4.0 * y))  # larger pixels, because their number is limited
+    # Use larger pixels, because the number of pixels is limited.
+    wide = replace(panel, pixel_pitch_mm=(4.0 * x, 4.0 * y))
     status = _statuses(replace(display, panel=wide), eyes_mm, points)
     mostly = (status == Status.OK).mean(axis=1) >= 0.5
     return np.asarray(mostly & ~(status == Status.CROSSTALK).any(axis=1))
 
 
 def zones(display: Display, distances_mm: Sequence[float]) -> list[Zone | None]:
-    """Return the zone at each distance, None where the middle eye sees crosstalk."""
+    """Return the zone at each distance, or None where the middle eye sees crosstalk."""
     middle = np.array([middle_eye(display, z) for z in distances_mm])
     clear = sees_all(display, middle)
     away = np.array([(-1.0, 0.0, 0.0), (1.0, 0.0, 0.0), (0.0, -1.0, 0.0), (0.0, 1.0, 0.0)])
@@ -127,12 +128,12 @@ def zones(display: Display, distances_mm: Sequence[float]) -> list[Zone | None]:
 
 
 def half_width(display: Display) -> float:
-    """Return half the paraxial width of a lenslet's own zone, divided by the distance z."""
+    """Return half the paraxial width of a single lenslet's zone, divided by the distance z."""
     return 0.5 * (1.0 + display.convergence) * display.array.coarsest_mm / display.aperture_distance_mm
 
 
 def remedy(display: Display) -> str:
-    """Return the smallest change that gives a zone without crosstalk at the eyes' distance."""
+    """Return the first tried change that gives a zone without crosstalk."""
     old = _Change(
         display.gap_mm, display.viewing_distance_mm, display.array.focal_length_mm, display.array.pitches_mm[0]
     )
@@ -185,9 +186,9 @@ def _rounded(value: float, digits: int) -> float:
 
 
 def _statuses(display: Display, eyes_mm: Floats, points_mm: Floats, inside: bool = True) -> npt.NDArray[np.uint8]:
-    """Return the status (N, M) of rays from eyes (N, 3) to points, (N, M, 3) or (M, 3), mm.
+    """Return the statuses (N, M) of rays from eyes (N, 3) to points (N, M, 3) or (M, 3), mm.
 
-    If `inside`, the points are in the glass behind a flat front face, which refracts.
+    If `inside`, the points are in glass behind a flat front face, which refracts rays.
     """
     place, z = eyes_mm[:, None, :2], eyes_mm[:, None, 2:]
     slope = (points_mm[..., :2] - place) / (z - points_mm[..., 2:])
