@@ -17,7 +17,7 @@ import numpy as np
 
 from lippmann.base.files import write_file
 from lippmann.base.images import check_output
-from lippmann.base.progress import Progress, check_progress
+from lippmann.base.progress_protocol import Progress, check_progress
 from lippmann.base.variant import check_device, own_variant
 from lippmann.capturing.capture import capture as capture_scene
 from lippmann.capturing.capture import placement_before

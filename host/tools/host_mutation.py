@@ -22,8 +22,8 @@ from lippmann.cli.frame import option
 from lippmann.cli.output import log
 from lippmann.simulation.toolchain import repository
 
+from tools.mutation_runner import FEW, Fault, Scratch, Trial, read_equivalent_faults, report_faults
 from tools.program import program
-from tools.source_faults import FEW, Fault, Scratch, Trial, read_equivalent_faults, report_faults
 
 PACKAGE = Path("host/lippmann")
 #: Areas of the package, which get equal numbers of faults.

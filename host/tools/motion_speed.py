@@ -13,7 +13,7 @@ from lippmann.display.description import load_display
 from lippmann.motion.film import load_film
 from lippmann.motion.film_frames import FramePlan, choose_shading, plan_film
 from lippmann.motion.live_picture import MAX_SAMPLES, LivePicture
-from lippmann.motion.screens import Hand
+from lippmann.motion.live_windows import Hand
 from lippmann.optics.rays import Model
 from lippmann.rendering.executors import local_workers, render_on_cluster
 from lippmann.rendering.options import RenderOptions, Settings

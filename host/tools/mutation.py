@@ -17,8 +17,8 @@ from lippmann.cli.frame import option
 from lippmann.simulation.toolchain import PREFIX, repository, rtl_sources, verilator_environment
 
 from tools.lint import elaborated
+from tools.mutation_runner import Fault, Scratch, Trial, read_equivalent_faults, report_faults
 from tools.program import program
-from tools.source_faults import Fault, Scratch, Trial, read_equivalent_faults, report_faults
 
 SOURCES = Path("rtl")
 #: The tests that run last, by folder: tests of larger designs, which are compared with the twin or get random requests.

@@ -7,7 +7,7 @@ from lippmann.errors import LippmannError
 from lippmann.simulation.toolchain import repository
 from tools import host_mutation
 from tools.host_mutation import differs, fate, faults_of
-from tools.source_faults import Fault, Scratch, faults_page, try_faults
+from tools.mutation_runner import Fault, Scratch, faults_page, try_faults
 
 TOP = repository()
 GLASS = "host/lippmann/display/glass.py"

@@ -16,7 +16,7 @@ from lippmann.errors import DeviceError
 from lippmann.motion.film import load_film
 from lippmann.motion.film_frames import Reel, plan_film
 from lippmann.motion.live_picture import Encoder, LivePicture, LiveShow, least_radiance
-from lippmann.motion.screens import Hand, Screens, screens
+from lippmann.motion.live_windows import Hand, Screens, screens
 from lippmann.rendering.options import RenderOptions, Settings
 from lippmann.rendering.renderer import render_integral
 from lippmann.rendering.sinks import render_picture

@@ -23,7 +23,7 @@ from lippmann.layers.stack import Layer, LayerStack
 from lippmann.motion.film_frames import Reel
 from lippmann.motion.layer_film import LayerFilm, LayerKey, MovingLayer
 from lippmann.motion.live_picture import LivePicture, LiveShow
-from lippmann.motion.screens import Hand, Screens
+from lippmann.motion.live_windows import Hand, Screens
 from lippmann.rendering.options import Settings
 from lippmann.scenes.placement import Placement
 from lippmann.scenes.scene import load_scene

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from lippmann.base.progress import Progress
+from lippmann.base.progress_protocol import Progress
 from lippmann.board.fpga_boards import usual_baud
 from lippmann.board.packets import RESET_VERSION, SCENE_VERSION, Kind, ReplyStatus
 from lippmann.board.panel_frames import image_frame

@@ -9,7 +9,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Annotated
 
-from lippmann.base.progress import Progress
+from lippmann.base.progress_protocol import Progress
 from lippmann.base.toml import documented, key
 from lippmann.board.board import FRAME_SECONDS, QUERY_S, Board
 from lippmann.board.packets import SCENE_VERSION, Kind, ReplyStatus

@@ -6,7 +6,7 @@ import time
 from dataclasses import dataclass
 from typing import Annotated
 
-from lippmann.base.progress import Progress
+from lippmann.base.progress_protocol import Progress
 from lippmann.base.toml import documented, key
 from lippmann.board.drawn_scene import Loaded, SceneBoard
 from lippmann.display.description import Display

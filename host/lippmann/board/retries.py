@@ -9,7 +9,7 @@ from collections.abc import Callable, Sequence
 from itertools import takewhile
 from typing import TYPE_CHECKING, NamedTuple
 
-from lippmann.base.progress import Progress
+from lippmann.base.progress_protocol import Progress
 from lippmann.board.packets import REPLY, VERSIONS, Kind, Packet, ReplyStatus, packed
 from lippmann.board.port import SEND_S
 from lippmann.errors import DeviceError, InputError, LippmannError, device_error

@@ -13,7 +13,7 @@ from typing import Annotated
 import numpy as np
 import numpy.typing as npt
 
-from lippmann.base.progress import Progress, check_progress
+from lippmann.base.progress_protocol import Progress, check_progress
 from lippmann.base.toml import documented, key
 from lippmann.board.packets import BACK, FRONT, Kind, ReplyStatus
 from lippmann.board.panel_frames import check_shape, panel_values

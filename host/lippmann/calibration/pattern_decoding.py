@@ -14,7 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from lippmann.base import interrupts
-from lippmann.base.progress import Progress
+from lippmann.base.progress_protocol import Progress
 from lippmann.calibration.coded_patterns import AxisCode, Pattern, PatternSet
 from lippmann.calibration.photograph_diagnostics import Samples, check_marks, check_samples
 from lippmann.calibration.photographs import Light, Photograph, Position, read_photograph

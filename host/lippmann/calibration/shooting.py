@@ -14,7 +14,7 @@ import numpy as np
 
 from lippmann.base import interrupts
 from lippmann.base.files import make_folder, replacing
-from lippmann.base.progress import Progress
+from lippmann.base.progress_protocol import Progress
 from lippmann.base.tones import encoded_values
 from lippmann.calibration.coded_patterns import PatternSet, Pixels
 from lippmann.calibration.photographs import decode_values

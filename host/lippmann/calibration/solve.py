@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.optimize import brentq
 
-from lippmann.base.progress import Progress
+from lippmann.base.progress_protocol import Progress
 from lippmann.calibration.bundle_adjustment import BOW, LENS, OUTLIER, Problem, Solution, first_fit, judged, solve
 from lippmann.calibration.initial_estimate import starts
 from lippmann.calibration.lattice_search import SeenLattice, find_lattice

@@ -38,7 +38,7 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from lippmann.base.progress import Progress
+from lippmann.base.progress_protocol import Progress
 from lippmann.base.variant import mitsuba
 from lippmann.capturing.capture_setup import Pickup, Setup
 from lippmann.capturing.elemental_rotation import rotated, rotation_map

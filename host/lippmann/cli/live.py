@@ -24,7 +24,7 @@ from lippmann.layers.layers_folder import is_layers
 from lippmann.motion.film import Film, is_film, load_film
 from lippmann.motion.film_frames import Reel, plan_film
 from lippmann.motion.live_picture import MAX_SAMPLES, PANEL, VIEW, EyeView, LivePicture, LiveShow, Played
-from lippmann.motion.screens import Hand, Screens, check_screens, screens
+from lippmann.motion.live_windows import Hand, Screens, check_screens, screens
 from lippmann.rendering.bands import check_display_memory
 from lippmann.rendering.options import ModelOption, RenderOptions, Settings
 from lippmann.rendering.plan import report_and_choose_model

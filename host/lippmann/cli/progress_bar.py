@@ -7,7 +7,7 @@ import time
 from collections.abc import Collection, Iterator
 from contextlib import contextmanager
 
-from lippmann.base.progress import Item, Progress, report_each
+from lippmann.base.progress_protocol import Item, Progress, report_each
 from lippmann.cli.output import as_json, log
 
 #: Time between two lines, s.

@@ -8,7 +8,7 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from lippmann.base.images import Radiance
-from lippmann.base.progress import Progress, report_each
+from lippmann.base.progress_protocol import Progress, report_each
 from lippmann.display.description import Display
 from lippmann.errors import InputError
 from lippmann.eye.observer import Eye, observe, whole_window

@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 
 from lippmann.base.files import FolderLock
-from lippmann.base.progress import Progress, report_each
+from lippmann.base.progress_protocol import Progress, report_each
 from lippmann.display.description import Display
 from lippmann.errors import InputError, input_error
 from lippmann.motion.film import Film

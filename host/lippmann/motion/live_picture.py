@@ -22,7 +22,7 @@ from lippmann.base.variant import Jit, current_device, dr, mi
 from lippmann.display.description import Display, Panel
 from lippmann.eye.observer import Eye, observe
 from lippmann.motion.film_frames import Reel
-from lippmann.motion.screens import Hand, Screens
+from lippmann.motion.live_windows import Hand, Screens
 from lippmann.optics.rays import Model
 from lippmann.rendering.options import Settings
 from lippmann.rendering.renderer import Renderer, radiance_of

@@ -19,7 +19,7 @@ import numpy.typing as npt
 
 from lippmann.base import interrupts
 from lippmann.base.images import HALF_MAX, Radiance, describe_wrong
-from lippmann.base.progress import Progress
+from lippmann.base.progress_protocol import Progress
 from lippmann.base.tones import psnr_db
 from lippmann.base.variant import Jit, current_device, dr, mi
 from lippmann.display.description import Display

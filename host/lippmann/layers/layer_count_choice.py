@@ -13,7 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from lippmann.base.images import Radiance
-from lippmann.base.progress import Progress, report_each
+from lippmann.base.progress_protocol import Progress, report_each
 from lippmann.base.tones import decode, psnr_db
 from lippmann.display.description import Display
 from lippmann.errors import InputError
