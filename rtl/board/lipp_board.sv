@@ -1,31 +1,31 @@
 // SPDX-License-Identifier: Apache-2.0
 `default_nettype none
 
-/// The board's design: serial link, frame store ports, panel output and the ray-lenslet optics.
+/// The design of a board: it receives packets over a serial line, drives a panel, and traces rays.
 ///
-/// With Scene.layers > 0 the board also draws a scene on the panel. The host then loads the scene's
-/// textures and registers over the serial line. Each pixel lasts 2^Scene.samples_bits clocks, and
-/// pixel_o marks the first clock of each pixel.
+/// If Scene.layers > 0, the board also draws a scene on the panel. The host loads the textures and
+/// registers of the scene over the serial line. Each pixel of the panel lasts 2^Scene.samples_bits
+/// clocks, and pixel_o marks the first clock of each pixel.
 ///
-/// The request RESET resets everything except the serial link and its packets, so no byte on the
-/// link is lost.
+/// The request RESET resets all modules except the serial link, so that no byte is lost.
 ///
 /// The frame store is an external memory behind the ports show_*, write_* and read_*. The frame
-/// store must keep the contract of `lipp_sdram_store`: it has two buffers of Width * Height pixels,
-/// 14.7 Mbit at 640 x 480. Output store_rst_no resets the frame store, so that RESET cancels
-/// pending store requests. `lipp_board_with_store` connects block RAM, for small panels and for
-/// simulation. `lipp_board_with_sdram` connects an SDRAM.
+/// store has two buffers of Width * Height pixels (14.7 Mbit at 640 x 480) and must use the
+/// handshakes of `lipp_sdram_store`. Output store_rst_no resets the frame store, so that RESET
+/// cancels pending requests to it. `lipp_board_with_store` connects a frame store in block RAM, for
+/// small panels and for simulation. `lipp_board_with_sdram` connects a frame store in SDRAM.
 ///
-/// A push button sets pattern_i. If pattern_i is not 0, it overrides the test pattern register.
-/// Output packet_o pulses for each received packet. Output error_o pulses for each dropped packet
-/// and for each late pixel. Output shown_o is high while a frame or a scene is on the panel.
+/// A push button on the board sets input pattern_i, the number of a test pattern. If pattern_i is
+/// not 0, it overrides the test pattern register. Output packet_o pulses for each received packet.
+/// Output error_o pulses for each dropped packet and for each late pixel. Output shown_o is high
+/// while a frame or a scene is on the panel.
 ///
-/// ByteLink = 1 replaces the UART's wires by a byte stream, for a USB FIFO or a fast simulation.
-/// Output in_ready_o is low until the clock after the registers have left reset, so no early byte
-/// is lost. The file docs/reference/protocol.md describes the protocol, and
+/// With ByteLink = 1, a byte stream replaces the UART, for a USB FIFO or a fast simulation. Output
+/// in_ready_o is low until the clock after the registers have left reset, so that no byte is lost
+/// that arrives earlier. The file docs/reference/protocol.md describes the protocol, and
 /// docs/generated/board-registers.md describes the registers.
 ///
-/// Data flow of the link, the frames and the rays:
+/// Data flow of requests, frames and rays through the modules:
 ///
 ///   uart_rx -> cobs_decoder -> packet_fifo -> dispatcher -> tile_writer -> store -> scan_out
 ///                                              |  |  |
@@ -33,7 +33,7 @@
 ///                                                 v                    -> optics_block
 ///   uart_tx <- packet_out <- dispatcher      ray_signature
 ///
-/// Data flow of the scene:
+/// Data flow of a drawn scene through the modules:
 ///
 ///   draw_frame -> optics_block -> scene -> draw_frame -> scan_out
 ///                   slot_loader ---^
@@ -50,24 +50,24 @@ module lipp_board #(
   parameter int VBack = 36,
   parameter bit HPositive = 1'b1,  // 1: the horizontal sync is active high
   parameter bit VPositive = 1'b1,  // 1: the vertical sync is active high
-  // Build options of the optics. The field aims must be 0, since a board traces chief rays only.
+  // Build parameters of the optics. Field `aims` must be 0, because a board traces only chief rays.
   parameter lipp_optics_pkg::build_t Build = '{
     fraction_bits: 5'd16, model: 2'(lipp_optics_pkg::ModelExact), default: '0
   },
-  // Build options of the scene. With 0 layers the modules that draw a scene are left out.
+  // Build parameters of the scene. With layers = 0 no module that draws a scene is generated.
   parameter lipp_scene_pkg::scene_build_t Scene = '0,
   localparam int F = int'(Build.fraction_bits),
   localparam int PlaceBits = $clog2(Width * Height)
 ) (
   input  logic        clk_i,
   input  logic        rst_ni,       // asynchronous reset, active low
-  input  logic [63:0] identity_i,   // hash of the panel and the lenslet array
+  input  logic [63:0] identity_i,   // hash that identifies the panel and its lenslet array
 
-  input  logic [15:0] step_i,       // the UART's baud rate in bits per clock, times 65536
+  input  logic [15:0] step_i,       // UART baud rate / clock frequency, times 65536
   input  logic        rx_i,
   output logic        tx_o,
 
-  input  logic        in_valid_i,   // the byte stream is used only with ByteLink = 1
+  input  logic        in_valid_i,   // in_* and out_*: byte stream, if ByteLink = 1
   output logic        in_ready_o,
   input  logic [7:0]  in_data_i,
   output logic        out_valid_o,
@@ -101,7 +101,7 @@ module lipp_board #(
   output logic                 read_pixel_ready_o,
   input  logic [23:0]          read_rgb_i,
 
-  input  logic [2:0]  pattern_i,    // test pattern; 0 selects the register's test pattern
+  input  logic [2:0]  pattern_i,    // test pattern; if 0, the register sets it
   input  logic        clock_lost_i, // 1: a clock has failed since power-up
   output logic        packet_o,
   output logic        shown_o,
@@ -143,11 +143,11 @@ module lipp_board #(
   logic rst_n;
   lipp_reset_sync i_reset (.clk_i, .rst_ni, .rst_no(rst_n));
 
-  // ---- the serial link ----
+  // ---- receive and send bytes over the serial link ----
   logic rx_valid, rx_ready, tx_valid, tx_ready, framing_error, overflow;
   logic [7:0] rx_data, tx_data;
   if (ByteLink) begin : gen_bytes
-    // The registers leave reset some clocks after rst_ni rises. A byte that arrives earlier waits.
+    // The board's registers leave reset some clocks after rst_ni rises. Earlier bytes wait.
     logic open_q;
     always_ff @(posedge clk_i or negedge rst_n) begin
       if (!rst_n) open_q <= 1'b0;
@@ -174,7 +174,7 @@ module lipp_board #(
     assign unused_bytes = ^{in_valid_i, in_data_i, out_ready_i};
   end
 
-  // ---- packets ----
+  // ---- decode received packets, and encode the packets of replies ----
   logic decoded_valid, decoded_ready, decoded_end, decoded_bad;
   logic [7:0] decoded_data;
   lipp_cobs_decoder i_cobs_decoder (
@@ -192,8 +192,8 @@ module lipp_board #(
     .out_last_o(packet_last), .accepted_o(accepted), .dropped_long_o(dropped_long),
     .dropped_cobs_o(dropped_cobs), .dropped_short_o(dropped_short), .dropped_crc_o(dropped_crc)
   );
-  // The wiring of requests and replies is long, and the ready signals have deep logic. The skid
-  // buffers break the combinational paths of requests and replies.
+  // Requests and replies cross long wires, and their ready signals come from deep logic. Skid
+  // buffers register both directions and so break these combinational paths.
   lipp_skid_buffer #(.Width(9)) i_request_buffer (
     .clk_i, .rst_ni(rst_n), .clear_i('0), .in_valid_i(packet_valid), .in_ready_o(packet_ready),
     .in_data_i({packet_last, packet_data}), .out_valid_o(request_valid),
@@ -212,9 +212,9 @@ module lipp_board #(
     .out_ready_i(tx_ready), .out_data_o(tx_data)
   );
 
-  // ---- reset of everything except the link ----
+  // ---- reset all modules except the serial link ----
 
-  // core_reset_q is high during reset, as in lipp_reset_sync.
+  // core_reset_q is active high, because many FPGA cells have an active-high reset.
   logic reset, core_reset_q, core_rst_n;
   always_ff @(posedge clk_i or negedge rst_n) begin
     if (!rst_n) core_reset_q <= 1'b1;
@@ -222,12 +222,12 @@ module lipp_board #(
   end
   assign core_rst_n = !core_reset_q;
 
-  // ---- requests ----
+  // ---- execute requests ----
   logic bus_start, bus_write, bus_done, bus_error;
   logic [10:0] bus_at;
   logic [31:0] bus_word, bus_answer;
   logic tile_start, tile_empty, tile_valid, tile_ready, tile_done, tile_ok, stale, tile_bad;
-  logic tile_last, part_valid, part_ready, part_last;  // part: tile data before the skid buffer
+  logic tile_last, part_valid, part_ready, part_last;  // part_*: tile data before the skid buffer
   logic [15:0] tile, table_at, epoch, present_epoch;
   logic [7:0] tile_coding, tile_data, part_data;
   logic [31:0] tile_crc, table_crc, present_crc;
@@ -238,9 +238,8 @@ module lipp_board #(
   logic [8:0][31:0] exit_words;
   logic sign_start, sign_done;
   logic [31:0] sign_rays, sign_crc;
-  logic scene_late;     // a pixel of the scene was not ready in time
-  // drawn means that the optics draw the panel. update means that a WRITE changes the scene's
-  // registers.
+  logic scene_late;     // 1: a scene pixel came too late for the video output
+  // drawn: the optics draw the scene on the panel. update: a WRITE changes the scene's registers.
   logic drawn, update;
   logic [15:0] shown_slots;
   logic block_start, block_done, blocks_busy;
@@ -276,7 +275,7 @@ module lipp_board #(
     .blocks_crc_i(blocks_crc)
   );
 
-  // ---- registers ----
+  // ---- connect the board's registers to the register bus ----
   logic late, frame_lost, frame_lost_q;
   lipp_board_registers_pkg::board_registers__in_t hwif_in;
   lipp_board_registers_pkg::board_registers__out_t hwif_out;
@@ -334,7 +333,7 @@ module lipp_board #(
   assign hwif_in.state.frame_lost.next = frame_lost;
   assign hwif_in.state.clock_lost.next = clock_lost_i;
 
-  // ---- frames ----
+  // ---- write received tiles into the frame store, and scan out frames ----
   lipp_optics_pkg::optics_config_t optics;
   localparam int TileBits = $clog2(lipp_panel_pkg::tiles(Width) * lipp_panel_pkg::tiles(Height)
       + 1);
@@ -346,7 +345,7 @@ module lipp_board #(
   logic [PlaceBits:0] copy_count, check_count;
   assign store_rst_no = core_rst_n;
   // The tile writer's ready signal has deep logic. This skid buffer keeps that logic out of the
-  // dispatcher's paths.
+  // dispatcher's timing paths.
   lipp_skid_buffer #(.Width(9)) i_tile_buffer (
     .clk_i, .rst_ni(core_rst_n), .clear_i('0), .in_valid_i(part_valid), .in_ready_o(part_ready),
     .in_data_i({part_last, part_data}), .out_valid_o(tile_valid), .out_ready_i(tile_ready),
@@ -363,8 +362,8 @@ module lipp_board #(
     .read_pixel_valid_i(read_pixel_valid_i && !check_busy), .read_pixel_ready_o(copy_ready),
     .read_rgb_i
   );
-  // The table entry of a tile is invalid from the start of its write until the write ends without
-  // an error.
+  // A tile's entry in the tile table is invalid (0) from the start of a write of that tile until
+  // the write ends without an error.
   lipp_tile_table #(.Width(Width), .Height(Height)) i_tile_table (
     .clk_i, .rst_ni(core_rst_n), .busy_o(table_busy),
     .write_i(tile_start || (tile_done && tile_ok)), .write_buffer_i(!front),
@@ -419,7 +418,7 @@ module lipp_board #(
     .frames_o(frames)
   );
 
-  // ---- lamps ----
+  // ---- pulse the outputs that drive the status LEDs ----
   assign shown_o = scene_shown || (filled && !frame_lost);
   always_ff @(posedge clk_i or negedge rst_n) begin
     if (!rst_n) {packet_o, error_o, frame_lost_q} <= '0;
@@ -429,7 +428,7 @@ module lipp_board #(
     };
   end
 
-  // ---- rays ----
+  // ---- trace rays in the optics block ----
   typedef struct packed {
     logic signed [IndexBits-1:0] i, j;
     logic signed [F+3:0] x, y, z;
@@ -437,11 +436,11 @@ module lipp_board #(
     lipp_optics_pkg::ray_status_e status;
     logic first, last;
   } exit_t;
-  // traced: an exit ray at the optics; traced_q and exit: the same ray one and two clocks later
+  // traced: exit ray of the optics block; traced_q, exit: that ray after one and two skid buffers
   exit_t traced, traced_q, exit;
   logic traced_valid, traced_ready, traced_valid_q, exit_open, scene_open, unused_ray;
   assign unused_ray = ^{ray, exit.first};
-  // The rays of the stream come from a TRACE request or from the panel's pixels.
+  // Rays that enter the optics block's stream come from a TRACE request or from the panel's pixels.
   logic stream_valid, stream_ready, stream_first, stream_last;
   logic draw_valid, draw_first, draw_last;
   logic signed [PixelBits-1:0] stream_u, stream_v, draw_u, draw_v;
@@ -464,8 +463,8 @@ module lipp_board #(
     .exit_dy_o(traced.dy), .exit_dz_o(traced.dz), .exit_status_o(traced.status),
     .exit_first_o(traced.first), .exit_last_o(traced.last), .optics_o(optics)
   );
-  // The optics, the users of the rays and the scene lie far apart on the FPGA. Skid buffers
-  // register both directions at the optics' output and at each user's input.
+  // The optics block, the scene and the other receivers of exit rays lie far apart on the FPGA.
+  // Skid buffers register both directions of the handshake at each end.
   lipp_skid_buffer #(.Width($bits(exit_t))) i_left_buffer (
     .clk_i, .rst_ni(core_rst_n), .clear_i('0), .in_valid_i(traced_valid), .in_ready_o(traced_ready),
     .in_data_i(traced), .out_valid_o(traced_valid_q), .out_ready_i(drawn ? scene_open : exit_open),
@@ -481,7 +480,7 @@ module lipp_board #(
     32'(exit.status), 32'(exit.dz), 32'(exit.dy), 32'(exit.dx), 32'(exit.z), 32'(exit.y),
     32'(exit.x), 32'(exit.j), 32'(exit.i)
   };
-  // The rays of a frame without a SIGN request are dropped.
+  // If no SIGN request asked for a frame's signature, the exit rays of that frame are dropped.
   assign exit_ready = trace ? trace_ready : sign_ready || !sign;
   lipp_ray_signature i_ray_signature (
     .clk_i, .rst_ni(core_rst_n), .start_i(sign_start), .ray_valid_i(exit_valid && sign),
@@ -489,12 +488,12 @@ module lipp_board #(
     .rays_o(sign_rays), .crc_o(sign_crc)
   );
 
-  // ---- the scene ----
+  // ---- draw the scene from the exit rays ----
   if (Draws) begin : gen_scene
     localparam int Blanking = ((VSync + VBack) * (HSync + HBack + Width + HFront) + HSync + HBack)
         * ClocksPerPixel;
-    // Number of clocks from the start of a frame to its first pixel: the latencies of draw_frame,
-    // optics_block, the buffers and the scene.
+    // Number of clocks from the start of a video frame to its first drawn pixel: the sum of the
+    // latencies of draw_frame, optics_block, the skid buffers and the scene.
     localparam int Latency = 2 + lipp_optics_pkg::ray_latency(Build) + 7
         + lipp_scene_pkg::scene_latency(F, Scene) + 5 + ClocksPerPixel;
     if (Blanking < Latency) begin : gen_illegal_blanking

@@ -4,9 +4,9 @@
 /// Drives a board's status LEDs, and reads the button that selects the test pattern.
 ///
 /// Output linked_o stays high for 2^HoldBits clocks after the last packet. Output alarm_o stays
-/// high for the same time after the last error, and permanently if a clock was lost. Each press of
-/// the button selects the next pattern, and after the last pattern none. A change of the button
-/// counts once it has been stable for 2^IdleBits clocks.
+/// high for the same time after the last error, and permanently if a clock has failed
+/// (clock_lost_i). Each press of the button selects the next test pattern. After the last pattern,
+/// a press selects 0, no pattern. The button must be stable for 2^IdleBits clocks.
 module lipp_board_lamps #(
   parameter int HoldBits = 23,
   parameter int IdleBits = 20
@@ -15,11 +15,11 @@ module lipp_board_lamps #(
   input  logic       rst_ni,
   input  logic       packet_i,      // pulse: a packet was received
   input  logic       error_i,       // pulse: an error occurred
-  input  logic       clock_lost_i,  // level: a clock was lost
-  input  logic       button_i,      // pin, high while the button is pressed
+  input  logic       clock_lost_i,  // level, 1: a clock has failed since power-up
+  input  logic       button_i,      // asynchronous pin of the button, high while pressed
   output logic       linked_o,
   output logic       alarm_o,
-  output logic [2:0] pattern_o      // number of the test pattern, 0 for none
+  output logic [2:0] pattern_o      // number of the selected test pattern; 0: none
 );
 
   if (HoldBits < 1 || IdleBits < 1) begin : gen_illegal
@@ -28,8 +28,8 @@ module lipp_board_lamps #(
 
   localparam logic [2:0] Last = lipp_panel_pkg::PatternRamp;
 
-  // ---- lamps ----
-  logic [HoldBits-1:0] link_q, error_q;  // counters of the clocks until the LED goes off
+  // ---- keep each status LED on for 2^HoldBits clocks ----
+  logic [HoldBits-1:0] link_q, error_q;  // clocks until linked_o and alarm_o fall
   always_ff @(posedge clk_i or negedge rst_ni) begin
     if (!rst_ni) begin
       {link_q, error_q} <= '0;
@@ -42,7 +42,7 @@ module lipp_board_lamps #(
     end
   end
 
-  // ---- button ----
+  // ---- debounce the button, and count its presses ----
   logic button, pressed_q;
   logic [IdleBits-1:0] idle_q;
   lipp_bit_sync i_button (.clk_i, .rst_ni, .d_i(button_i), .q_o(button));

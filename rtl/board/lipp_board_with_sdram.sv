@@ -1,11 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
 `default_nettype none
 
-/// `lipp_board` with its frame store in an SDR SDRAM (`lipp_sdram_store`).
+/// Connects `lipp_board` to a frame store in an SDR SDRAM (`lipp_sdram_store`).
 ///
-/// Input mem_clk_i has the frequency MemoryHz and is unrelated to clk_i. PadClocks is the number of
-/// registers between the memory ports and the SDRAM's pins, output and input together (see
-/// `lipp_sdram_controller`).
+/// Input mem_clk_i has the frequency MemoryHz and is asynchronous to clk_i. Parameter PadClocks is
+/// the number of registers between the memory ports and the SDRAM's pins, output and input together
+/// (see `lipp_sdram_controller`).
 module lipp_board_with_sdram #(
   parameter bit ByteLink = 1'b0,
   parameter int ClockHz = 148_500_000,
@@ -22,27 +22,27 @@ module lipp_board_with_sdram #(
   parameter lipp_optics_pkg::build_t Build = '{
     fraction_bits: 5'd16, model: 2'(lipp_optics_pkg::ModelExact), default: '0
   },
-  parameter lipp_scene_pkg::scene_build_t Scene = '0,  // with 0 layers the board has no scene
+  parameter lipp_scene_pkg::scene_build_t Scene = '0,  // scene build; layers = 0: no scene
   parameter int MemoryHz = 125_000_000,
   parameter lipp_sdram_pkg::timing_t Timing = lipp_sdram_pkg::Grade75,
   parameter int PadClocks = 0
 ) (
   input  logic        clk_i,
   input  logic        rst_ni,       // asynchronous reset, active low
-  input  logic [63:0] identity_i,   // hash of the panel and the lenslet array
+  input  logic [63:0] identity_i,   // hash that identifies the panel and its lenslet array
 
-  input  logic [15:0] step_i,       // the UART's baud rate in bits per clock, times 65536
+  input  logic [15:0] step_i,       // UART baud rate / clock frequency, times 65536
   input  logic        rx_i,
   output logic        tx_o,
 
-  input  logic        in_valid_i,   // the byte stream is used only with ByteLink = 1
+  input  logic        in_valid_i,   // in_* and out_*: byte stream, if ByteLink = 1
   output logic        in_ready_o,
   input  logic [7:0]  in_data_i,
   output logic        out_valid_o,
   input  logic        out_ready_i,
   output logic [7:0]  out_data_o,
 
-  input  logic [2:0]  pattern_i,     // lipp_board describes this port and the next four
+  input  logic [2:0]  pattern_i,     // test pattern; 0: the register sets it
   input  logic        clock_lost_i,
   output logic        packet_o,
   output logic        shown_o,

@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 `default_nettype none
 
-/// `lipp_board` with its frame store in block RAM, for small panels and for simulation.
+/// Connects `lipp_board` to a frame store in block RAM, for small panels and for simulation.
 ///
-/// Each pixel takes 48 bits of block RAM. The 64 x 48 panel of the tests needs 147 kbit, and a
-/// panel of 1280 x 720 needs 44.2 Mbit.
+/// The frame store has two buffers, so each panel pixel takes 48 bits of block RAM. The 64 x 48
+/// panel of the tests needs 147 kbit, and a panel of 1280 x 720 needs 44.2 Mbit.
 module lipp_board_with_store #(
   parameter bit ByteLink = 1'b0,
   parameter int ClockHz = 148_500_000,
@@ -21,17 +21,17 @@ module lipp_board_with_store #(
   parameter lipp_optics_pkg::build_t Build = '{
     fraction_bits: 5'd16, model: 2'(lipp_optics_pkg::ModelExact), default: '0
   },
-  parameter lipp_scene_pkg::scene_build_t Scene = '0  // with 0 layers the board has no scene
+  parameter lipp_scene_pkg::scene_build_t Scene = '0  // scene build; layers = 0: no scene
 ) (
   input  logic        clk_i,
   input  logic        rst_ni,       // asynchronous reset, active low
-  input  logic [63:0] identity_i,   // hash of the panel and the lenslet array
+  input  logic [63:0] identity_i,   // hash that identifies the panel and its lenslet array
 
-  input  logic [15:0] step_i,       // the UART's baud rate in bits per clock, times 65536
+  input  logic [15:0] step_i,       // UART baud rate / clock frequency, times 65536
   input  logic        rx_i,
   output logic        tx_o,
 
-  input  logic        in_valid_i,   // the byte stream is used only with ByteLink = 1
+  input  logic        in_valid_i,   // in_* and out_*: byte stream, if ByteLink = 1
   output logic        in_ready_o,
   input  logic [7:0]  in_data_i,
   output logic        out_valid_o,

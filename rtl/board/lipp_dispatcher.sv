@@ -1,30 +1,28 @@
 // SPDX-License-Identifier: Apache-2.0
 `default_nettype none
 
-/// Receives requests, starts the module that executes each request, and sends one reply per
-/// request.
+/// Receives requests, starts the module that executes each request, and sends a reply to each.
 ///
 /// The dispatcher executes one request at a time. Packets are byte streams without their CRC, as
-/// described in docs/reference/protocol.md. A request is executed only after its packet's CRC was
-/// checked, since packet_fifo forwards only complete, correct packets. A request of a wrong length
-/// has no effect. WRITE, SIGN, ABORT and RESET are executed once, in the order of their numbers. If
-/// the last of these requests is repeated, only its reply is sent again. An older request is
-/// refused.
+/// described in docs/reference/protocol.md. Each request arrives with a checked CRC, because
+/// packet_fifo forwards only complete, correct packets. A request of a wrong length has no effect.
+/// The requests WRITE, SIGN, ABORT and RESET are executed once, in the order of their numbers. If
+/// the host repeats the last of them, only its reply is sent again. A WRITE, SIGN, ABORT or RESET
+/// with an older number is refused.
 ///
-/// Every request gets a reply. No request can wait forever: each module states the maximum number
-/// of clocks until its answer, and a reply is sent as fast as the serial line accepts it. A task
-/// that takes longer, such as a frame of the raster, runs in the background while further requests
-/// are answered.
+/// Every request gets a reply. No request waits forever: each module's header states its maximum
+/// number of clocks, and replies wait only for the serial line. A task that takes longer, such as a
+/// frame of the raster, runs in the background while further requests are answered.
 ///
-/// A board with a scene (Layers > 0) implements version 3 of the protocol, a board without a scene
-/// version 2. Output update_o is high while a WRITE changes the scene's registers, because their
-/// values are inconsistent during that time. Before a WRITE sets the scene's register `source` to
-/// 1, the optics are switched to the stream as their source.
+/// A board that draws scenes (Layers > 0) implements version 3 of the protocol. With Layers = 0 the
+/// board implements version 2. Output update_o is high while a WRITE changes the scene's registers,
+/// when their values are inconsistent. Before a WRITE sets the scene's register `source` to 1, the
+/// dispatcher switches the source of the optics from the raster to the stream.
 ///
-/// The request reader accepts one byte per clock. The reply starts when the request has been
-/// executed.
+/// The request reader accepts one byte per clock. The first byte of the reply is sent after the
+/// request has been executed.
 ///
-/// Modules that the dispatcher uses:
+/// The dispatcher uses the following modules:
 ///
 ///   request_reader -> dispatcher -> reply_builder
 ///                      |  request_order: executed before?
@@ -36,15 +34,15 @@ module lipp_dispatcher #(
   parameter int Width = 640,   // the panel's width in pixels
   parameter int Height = 480,  // the panel's height in pixels
   parameter int ClockHz = 100_000_000,
-  parameter int Layers = 0, // number of layers of the scene, 0 without a scene
+  parameter int Layers = 0, // number of layers of the scene; 0: no scene
   parameter int Slots = 1,  // number of texture slots of the scene
-  parameter int Blocks = 1  // number of blocks per slot
+  parameter int Blocks = 1  // number of 1024-byte blocks per texture slot
 ) (
   input  logic              clk_i,
   input  logic              rst_ni,
-  input  logic [63:0]       identity_i,  // hash of the panel and the lenslet array
+  input  logic [63:0]       identity_i,  // hash that identifies the panel and its lenslet array
   input  logic [15:0]       epoch_i,
-  output logic              reset_o,     // high for 8 clocks: RESET of everything except the link
+  output logic              reset_o,     // high for 8 clocks: resets all but the link
 
   input  logic              in_valid_i,
   output logic              in_ready_o,
@@ -55,7 +53,7 @@ module lipp_dispatcher #(
   output logic [7:0]        out_data_o,
   output logic              out_last_o,
 
-  // ---- registers: register_bus ----
+  // ---- ports to register_bus: access one register ----
   output logic              bus_start_o,
   output logic              bus_write_o,
   output logic [10:0]       bus_at_o,
@@ -64,7 +62,7 @@ module lipp_dispatcher #(
   input  logic [31:0]       bus_word_i,
   input  logic              bus_error_i,
 
-  // ---- tiles: tile_writer, tile_table ----
+  // ---- ports to tile_writer and tile_table: write a tile, read its CRC ----
   output logic              tile_start_o,
   output logic [15:0]       tile_o,
   output logic [7:0]        tile_coding_o,
@@ -75,48 +73,48 @@ module lipp_dispatcher #(
   output logic              tile_last_o,
   input  logic              tile_done_i,
   input  logic              tile_ok_i,
-  output logic              stale_o,         // pulse: a request was refused with StatusStale
+  output logic              stale_o,  // pulse: a request was refused as outdated (StatusStale)
   output logic              tile_bad_o,
-  input  logic              table_busy_i,    // the table is being cleared; no request is accepted
-  output logic              table_front_o,   // 1: table_crc_i is for the front buffer
+  input  logic              table_busy_i,  // 1: reset is clearing the tile table
+  output logic              table_front_o,   // 1: table_crc_i is of the front buffer
   output logic [15:0]       table_at_o,
-  input  logic [31:0]       table_crc_i,     // table entry, at most 3 clocks after table_at_o
+  input  logic [31:0]       table_crc_i,     // entry at table_at_o, within 3 clocks
 
-  // ---- frames: presenter ----
+  // ---- ports to presenter: show a frame ----
   output logic                         present_start_o,
   output logic [15:0]                  present_epoch_o,
   output logic [31:0]                  present_crc_o,
   input  logic                         present_done_i,
   input  lipp_link_pkg::reply_status_e present_status_i,
 
-  // ---- rays: optics_block, ray_signature ----
+  // ---- ports to optics_block and ray_signature: trace and sign rays ----
   output logic              ray_valid_o,
   input  logic              ray_ready_i,
-  output logic [3:0][31:0]  ray_o,           // fields of the ray: u, v, a, b
-  output logic              trace_o,         // 1: the exit rays are sent to this module
+  output logic [3:0][31:0]  ray_o,           // ray to trace; words u, v, a, b in [0] to [3]
+  output logic              trace_o,         // 1: exit rays go to this module
   input  logic              exit_valid_i,
   output logic              exit_ready_o,
   input  logic [8:0][31:0]  exit_i,
-  output logic              sign_o,          // 1: the exit rays are sent to ray_signature
+  output logic              sign_o,          // 1: exit rays go to ray_signature
   output logic              sign_start_o,
   input  logic              sign_done_i,
   input  logic [31:0]       sign_rays_i,
   input  logic [31:0]       sign_crc_i,
 
-  // ---- the scene: draw_frame, slot_loader ----
-  input  logic              drawn_i,         // 1: the optics draw the panel
+  // ---- ports to draw_frame and slot_loader: load texture slots ----
+  input  logic              drawn_i,         // 1: the optics draw the scene on the panel
   output logic              update_o,
-  input  logic [15:0]       slots_i,         // bit k: slot k is on the panel
+  input  logic [15:0]       slots_i,         // bit k: slot k is shown or will be shown
   output logic              block_start_o,
   output logic [3:0]        block_slot_o,
   output logic [7:0]        block_o,
   input  logic [7:0]        block_word_at_i,
-  output logic [31:0]       block_word_o,    // word at block_word_at_i, two clocks later
+  output logic [31:0]       block_word_o,    // data word block_word_at_i, two clocks later
   input  logic              block_done_i,
-  input  logic              blocks_busy_i,   // the table of blocks is being cleared after reset
-  output logic [3:0]        blocks_slot_o,   // slot of the table entry to read
+  input  logic              blocks_busy_i,   // 1: reset is clearing the block table
+  output logic [3:0]        blocks_slot_o,   // slot of the block table's entry to read
   output logic [7:0]        blocks_at_o,
-  input  logic [31:0]       blocks_crc_i     // table entry, at most 3 clocks after blocks_at_o
+  input  logic [31:0]       blocks_crc_i     // entry at blocks_at_o, within 3 clocks
 );
   import lipp_link_pkg::*;
 
@@ -134,19 +132,19 @@ module lipp_dispatcher #(
     $fatal(1, "lipp_dispatcher: Layers must be 0 to 8, Slots 1 to 15, and Blocks 1 to 256");
   end
 
-  localparam int CurveBlocks = 8; // number of blocks of slot 15, the panel's curve
-  localparam int HeadBytes = 34;  // length of HELLO's reply, the longest reply without words
+  localparam int CurveBlocks = 8; // number of 1024-byte blocks of slot 15, the panel's curve
+  localparam int HeadBytes = 34;  // bytes of the longest head of a reply, that of HELLO
   localparam logic [15:0] AtOptics = 16'h200, AtBuild = 16'h208, AtScene = 16'h400,
       AtDraw = 16'h40C;
 
   typedef enum logic [2:0] {Receive, Judge, Execute, Reply, Words} state_e;
   state_e state_q;
   reply_status_e status_q;
-  logic executed_q;                    // the request was executed and must be remembered
-  logic answer, reply_ready, reply_q;  // 1: the head of the reply is registered
+  logic executed_q;                    // 1: the request was executed, so i_order must remember it
+  logic answer, reply_ready, reply_q;  // reply_q: the head of the reply is registered
   assign answer = state_q == Reply && reply_q && reply_ready;
 
-  // ---- the request ----
+  // ---- read the next request ----
   logic blocks_busy;
   request_t request;
   reply_status_e read_status;
@@ -162,7 +160,7 @@ module lipp_dispatcher #(
   );
   logic [15:0] first, second, table_first, table_count;
   logic [31:0] nonce;
-  logic once;  // the request may be executed at most once
+  logic once;  // 1: a repeated request is not executed again
   assign {second, first} = request.arguments[3:0];
   assign {table_count, table_first} = request.arguments[4:1];
   assign nonce = request.arguments[4:1];
@@ -175,11 +173,11 @@ module lipp_dispatcher #(
     endcase
   end
 
-  // ---- may the request be executed? It is stable from two clocks before Judge ----
-  logic no_block;  // the slot or its block does not exist
+  // ---- check if the request is legal; it is stable from two clocks before state Judge ----
+  logic no_block;  // 1: the requested slot or block does not exist
   logic no_tile, version, no_block_q, no_tile_q, version_q;
-  // slot_in_use_q: the slot is on the panel or will soon be. Only a WRITE can select a slot, and no
-  // WRITE is running now.
+  // slot_in_use_q: the slot to load is on the panel or selected for it. Only a WRITE can select a
+  // slot, and the dispatcher executes no WRITE while it checks a BLOCK.
   logic slot_in_use_q;
   reply_status_e refusal, refusal_q;
   assign version = request.arguments[0] == ProtocolVersion;
@@ -201,7 +199,7 @@ module lipp_dispatcher #(
     refusal_q <= refusal;
   end
 
-  // ---- was the request executed before? ----
+  // ---- find a request that was executed before ----
   logic repeated, older, hello;
   reply_status_e executed_status;
   lipp_request_order i_order (
@@ -210,7 +208,7 @@ module lipp_dispatcher #(
     .answer_i(answer), .executed_i(executed_q), .status_i(status_q)
   );
 
-  // ---- registers ----
+  // ---- access registers for READ, WRITE and HELLO ----
   logic register_start, register_done, register_valid, register_ready;
   logic register_bus_start, register_bus_write;
   logic [10:0] register_bus_at;
@@ -219,15 +217,15 @@ module lipp_dispatcher #(
   logic is_hello, is_write;
   assign is_hello = request.kind == RequestHello;
   assign is_write = request.kind == RequestWrite;
-  // on_optics, on_scene: a WRITE to these registers. draws: the scene becomes the source.
+  // on_optics, on_scene: a WRITE to the registers of the optics block or of the scene. draws: the
+  // WRITE makes the panel show the scene.
   logic on_optics, on_scene, draws;
   assign on_optics = is_write && first >= AtOptics && (!Scene || first < AtScene);
   assign on_scene = Scene && is_write && first >= AtScene;
-  // The register `source` is the first writable register of its block, so a WRITE to `source` must
-  // begin at its address.
+  // Register `source` is the first writable one of its block, so a WRITE to it must begin there.
   assign draws = on_scene && first == AtDraw && request.odd;
-  // update_o is one clock late, but still rises before the first register changes. update_o falls
-  // after the last register has changed.
+  // update_o rises one clock after state Execute begins, which is before the first register
+  // changes. update_o falls after the last register has changed.
   always_ff @(posedge clk_i or negedge rst_ni) begin
     if (!rst_ni) update_o <= 1'b0;
     else update_o <= on_scene && state_q == Execute;
@@ -244,7 +242,7 @@ module lipp_dispatcher #(
     .bus_error_i
   );
 
-  // ---- rays ----
+  // ---- trace or sign rays for TRACE, SIGN and ABORT ----
   logic ray_start, ray_done, ray_denied, exit_word_valid, exit_word_ready;
   logic ray_bus_start, ray_bus_write;
   logic [10:0] ray_bus_at;
@@ -271,13 +269,13 @@ module lipp_dispatcher #(
     .ray_valid_o, .ray_ready_i, .ray_o, .trace_o, .exit_valid_i, .exit_ready_o, .exit_i,
     .sign_o, .sign_start_o, .sign_done_i
   );
-  // Only one of the two modules uses the bus at a time.
+  // Modules register_access and ray_access never use the register bus at the same time.
   assign bus_start_o = register_bus_start || ray_bus_start;
   assign {bus_write_o, bus_at_o, bus_word_o} = ray_bus_start ?
       {ray_bus_write, ray_bus_at, ray_bus_word} :
       {register_bus_write, register_bus_at, register_bus_word};
 
-  // ---- entries of the tables of tiles and blocks ----
+  // ---- read CRCs from the tile table or the block table ----
   logic table_start, table_valid, table_ready;
   logic [31:0] table_word;
   logic is_blocks;
@@ -292,7 +290,7 @@ module lipp_dispatcher #(
   assign table_front_o = request.arguments[0][0];
   assign {blocks_slot_o, blocks_at_o} = {request.arguments[0][3:0], table_at_o[7:0]};
 
-  // ---- blocks of the scene's slots ----
+  // ---- load blocks of texels into the scene's slots ----
   logic block_start, slot_there;
   // slot_blocks: number of blocks of the slot. blocks_end: index after the last requested block.
   logic [8:0] slot_blocks, blocks_end;
@@ -306,7 +304,7 @@ module lipp_dispatcher #(
       + (request.kind == RequestBlock ? 9'd1 : {1'b0, request.arguments[2]});
   assign no_block = !slot_there || blocks_end > slot_blocks;
 
-  // ---- other neighbouring modules ----
+  // ---- start tile_writer and presenter ----
   assign tile_o = second;
   assign tile_coding_o = request.arguments[4];
   assign present_epoch_o = first;
@@ -317,7 +315,7 @@ module lipp_dispatcher #(
     else if (tile_start_o || tile_done_i) {tile_done_q, tile_ok_q} <= {tile_done_i, tile_ok_i};
   end
 
-  // ---- the reply ----
+  // ---- build the reply ----
   logic word_valid, word_ready, words_done;
   logic [8*HeadBytes-1:0] head, head_q;
   logic [5:0] head_bytes, head_bytes_q;
@@ -363,13 +361,13 @@ module lipp_dispatcher #(
           words = {2'd0, request.arguments[2]};
         end
         RequestRead: words = {2'd0, request.arguments[2]};
-        // 9 words per ray
+        // a reply to TRACE has 9 words per ray
         RequestTrace: words = {request.words[8:2], 3'd0} + 10'(request.words[8:2]);
         default: ;
       endcase
     end
   end
-  // The registered head is stable while it is sent.
+  // The head of the reply is registered, so that it is stable while it is sent.
   always_ff @(posedge clk_i) begin
     if (reply_ready) {head_q, head_bytes_q, words_q} <= {head, head_bytes, words};
   end
@@ -377,8 +375,8 @@ module lipp_dispatcher #(
     if (!rst_ni) reply_q <= 1'b0;
     else reply_q <= state_q == Reply && reply_ready && !answer;
   end
-  // These flags select the source of the reply's words. The word that HELLO reads is part of the
-  // reply's head.
+  // These flags select the module that supplies the words of the reply. The word that HELLO reads
+  // is in the head of its reply instead.
   logic from_table_q, from_rays_q, keeps_word_q;
   always_ff @(posedge clk_i) begin
     from_table_q <= request.kind inside {RequestTiles, RequestBlocks};
@@ -401,8 +399,8 @@ module lipp_dispatcher #(
   assign next = (answer && words_q == '0) || words_done;
   always_ff @(posedge clk_i) if (register_valid && keeps_word_q) build_q <= register_word;
 
-  // ---- the order of events ----
-  logic [3:0] reset_q;  // remaining clocks of a RESET; reset_o is high in the first 8
+  // ---- control: receive, check, execute and answer each request ----
+  logic [3:0] reset_q;  // clocks until a RESET ends; reset_o is high in the first 8
   assign reset_o = reset_q[3];
   always_ff @(posedge clk_i or negedge rst_ni) begin
     if (!rst_ni) begin
@@ -467,7 +465,7 @@ module lipp_dispatcher #(
             RequestPresent: if (present_done_i) {status_q, state_q} <= {present_status_i, Reply};
             RequestReset: if (reset_q == '0 && !table_busy_i && !blocks_busy) state_q <= Reply;
             RequestBlock: if (block_done_i) state_q <= Reply;
-            default: begin  // the requests WRITE, TRACE, SIGN and ABORT
+            default: begin  // WRITE, TRACE, SIGN and ABORT
               if (register_done) {status_q, state_q} <= {register_status, Reply};
               if (ray_done) begin
                 status_q <= ray_status;
@@ -475,7 +473,7 @@ module lipp_dispatcher #(
                   register_start <= 1'b1;
                 end else begin
                   state_q <= Reply;
-                  // A request that the optics could not accept may be repeated.
+                  // If the optics were busy, the host may repeat the request.
                   if (ray_denied) executed_q <= 1'b0;
                 end
               end

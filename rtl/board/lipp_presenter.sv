@@ -1,13 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
 `default_nettype none
 
-/// Shows the back buffer if its content is correct.
+/// Executes PRESENT requests: swaps the frame buffers if the back buffer has the requested CRC-32.
 ///
 /// Input start_i requests a frame by its epoch and its CRC-32. If the epoch equals the board's
 /// epoch, the CRC-32 of the back buffer is computed and compared. If the two CRCs are equal, the
 /// buffers are swapped at the next vertical sync and the epoch is incremented. A request for the
-/// frame that was just shown is a retry after a lost reply: it succeeds without a swap. Output
-/// done_o is a pulse, and status_o is valid in the same clock.
+/// frame that is already shown succeeds without a swap, because the host repeats a request whose
+/// reply was lost. Output done_o is a pulse, and status_o is valid in the same clock.
 module lipp_presenter (
   input  logic              clk_i,
   input  logic              rst_ni,
@@ -19,14 +19,14 @@ module lipp_presenter (
   output lipp_link_pkg::reply_status_e status_o,
 
   output logic [15:0]       epoch_o,
-  // CRC-32 of the last frame shown, updated one clock after swapped_i
+  // CRC-32 of the last frame shown, valid from one clock after swapped_i
   output logic [31:0]       shown_crc_o,
-  output logic              failed_o,        // the computed CRC differs from the requested CRC
+  output logic              failed_o,        // pulse: the frame's CRC-32 is not the requested one
 
-  output logic              check_start_o,   // start of lipp_frame_check
+  output logic              check_start_o,   // pulse: starts lipp_frame_check
   input  logic              check_done_i,
   input  logic [31:0]       check_crc_i,
-  output logic              swap_o,          // swap request to scan_out, high until swapped_i
+  output logic              swap_o,          // asks scan_out to swap buffers; high until swapped_i
   input  logic              swapped_i
 );
   import lipp_link_pkg::*;

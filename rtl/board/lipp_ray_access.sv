@@ -1,21 +1,21 @@
 // SPDX-License-Identifier: Apache-2.0
 `default_nettype none
 
-/// Shares the optics block among requests: one request at a time uses its pipeline.
+/// Executes the requests that use the optics block; only one request at a time uses its pipeline.
 ///
 /// Input start_i starts the operation op_i, which must be stable until done_o. Output done_o is a
-/// pulse, and status_o is valid in the same clock. While the panel is drawn (drawn_i), OpClaim,
-/// OpTrace and OpSign return StatusBusy and change nothing, and OpDraw and OpAbort do nothing.
+/// pulse, and status_o is valid in the same clock. While the optics draw the panel (drawn_i high),
+/// OpClaim, OpTrace and OpSign return StatusBusy without effect. OpDraw and OpAbort return StatusOk
+/// without effect.
 ///
-/// While a frame runs or its rays are being signed, OpClaim, OpTrace, OpSign and OpDraw return
-/// StatusBusy and change nothing. Output denied_o is then high, and runs_o shows which task is
-/// running. OpTrace and OpSign wait until the pipeline is empty and their apply has taken effect.
-/// Therefore a signature covers all rays of its own frame and no other rays, and a trace returns
-/// only its own rays. All other exit rays are dropped at once, so the pipeline never stalls and
-/// every wait ends.
+/// While a frame of the raster runs or its rays are being signed, OpClaim, OpTrace, OpSign and
+/// OpDraw return StatusBusy without effect. With this status denied_o is high, and runs_o names the
+/// running task. OpTrace and OpSign wait until the pipeline is empty and their write to `apply` has
+/// taken effect. Therefore a signature covers all rays of its own frame and no other rays, and a
+/// trace returns only its own rays. Exit rays that no operation needs are dropped at once, so the
+/// pipeline never stalls and every wait ends.
 ///
-/// The bus ports connect to register_bus, whose next access starts after bus_done_i. The operations
-/// are:
+/// The bus_* ports connect to register_bus, one access at a time. The operations are:
 ///
 ///   OpClaim  asks if the block's registers may be written: StatusOk once no apply is pending.
 ///   OpTrace  traces the rays of the stream. After done_o with StatusOk, nine words per exit ray
@@ -29,7 +29,7 @@
 module lipp_ray_access (
   input  logic                         clk_i,
   input  logic                         rst_ni,
-  input  logic                         clear_i,  // the optics block is being reset
+  input  logic                         clear_i,  // 1: the optics block is being reset
   input  logic                         drawn_i,  // the optics draw the panel
   input  logic                         start_i,
   input  lipp_link_pkg::ray_op_e       op_i,
@@ -37,11 +37,11 @@ module lipp_ray_access (
   output logic                         done_o,
   output lipp_link_pkg::reply_status_e status_o,
   output lipp_link_pkg::runs_e         runs_o,
-  output logic                         denied_o,  // with done_o: the pipeline was in use
+  output logic                         denied_o,  // with done_o, 1: the pipeline was in use
 
-  output logic [7:0]        word_at_o,     // index of a word of the rays to trace
-  input  logic [31:0]       word_i,        // the word at word_at_o, two clocks later
-  output logic              word_valid_o,  // word_o is a word of an exit ray
+  output logic [7:0]        word_at_o,     // index of the word to read of the rays to trace
+  input  logic [31:0]       word_i,        // word at index word_at_o, two clocks later
+  output logic              word_valid_o,  // 1: word_o is a word of an exit ray
   input  logic              word_ready_i,
   output logic [31:0]       word_o,
 
@@ -54,12 +54,12 @@ module lipp_ray_access (
 
   output logic              ray_valid_o,
   input  logic              ray_ready_i,
-  output logic [3:0][31:0]  ray_o,         // fields of the ray: u, v, a, b
-  output logic              trace_o,       // 1: the exit rays are sent to this module
+  output logic [3:0][31:0]  ray_o,         // ray to trace; words u, v, a, b in [0] to [3]
+  output logic              trace_o,       // 1: exit rays go to this module
   input  logic              exit_valid_i,
   output logic              exit_ready_o,
   input  logic [8:0][31:0]  exit_i,
-  output logic              sign_o,        // 1: the exit rays are sent to ray_signature
+  output logic              sign_o,        // 1: exit rays go to ray_signature
   output logic              sign_start_o,
   input  logic              sign_done_i
 );
@@ -68,22 +68,22 @@ module lipp_ray_access (
   localparam logic [10:0] AtControl = 11'h20C, AtStatus = 11'h210, AtSource = 11'h214;
   localparam logic [31:0] Apply = 32'd1, Start = 32'd2, Abort = 32'd4;
 
-  // The states from Claim to Ended access the bus.
+  // The states from Claim to Ended access the register bus.
   typedef enum logic [3:0] {
     Claim, Source, TakeOver, TakenOver, Begin, Begun, End, Ended,
     Idle, Settle, Place, Placed, Fetch, Offer, Exit, Words
   } state_e;
   state_e state_q;
-  logic bus_pending_q;  // a bus access is pending
+  logic bus_pending_q;  // 1: a register bus access is pending
   logic signing_q, sign_refused_q;
-  logic restore_q;  // the source is set back to the raster after a trace
+  logic restore_q;  // 1: the trace must end by making the raster the source
   logic [2:0] pause_q;
-  logic [8:0] remaining_q;        // words of rays still to read from the memory
+  logic [8:0] remaining_q;        // words of rays to trace that were not read yet
   logic [7:0] at_q;
   logic [3:0] exit_left_q;
   logic [8:0][31:0] exit_q;
 
-  // ---- the bus ----
+  // ---- access the optics block's registers over the bus ----
   logic on_bus, busy, running, refused, occupied, heard;
   assign on_bus = state_q inside {[Claim:Ended]};
   assign bus_start_o = on_bus && !bus_pending_q;
@@ -104,17 +104,17 @@ module lipp_ray_access (
     endcase
   end
 
-  // ---- the result of a signature ----
+  // ---- report the result of a signature ----
   reply_status_e result;
   assign sign_o = signing_q && !sign_done_i;
   assign result = sign_refused_q ? StatusOptics : sign_o ? StatusBusy : StatusOk;
 
-  // ---- rays ----
+  // ---- send rays to trace, and return exit rays as words ----
   assign word_at_o = at_q;
   assign ray_valid_o = state_q == Offer;
   assign exit_ready_o = state_q == Exit;
-  // exit_q shifts one clock after its lowest word was taken, because exit_q is wide and far away on
-  // the FPGA.
+  // exit_q shifts one clock after its lowest word was taken. The extra clock shortens the timing
+  // path, because exit_q is wide and its bits lie far apart on the FPGA.
   logic moves_q;
   assign word_valid_o = state_q == Words && !moves_q;
   assign word_o = exit_q[0];
@@ -157,7 +157,7 @@ module lipp_ray_access (
             default: state_q <= Claim;
           endcase
         end
-        // ---- is the pipeline free? ----
+        // ---- states that check if the pipeline is free ----
         Claim: if (heard) begin
           if (running || sign_o) begin
             {status_o, done_o, denied_o} <= {StatusBusy, 2'b11};
@@ -168,7 +168,7 @@ module lipp_ray_access (
             state_q <= op_i == OpClaim ? Idle : Source;
           end
         end
-        // ---- the source; busy falls when the pipeline is empty and uses the new optics ----
+        // ---- states that apply a source; the register bit busy falls after the apply ----
         Source: if (heard) state_q <= TakeOver;
         TakeOver: if (heard) state_q <= TakenOver;
         TakenOver: if (heard && !busy) begin
@@ -179,26 +179,26 @@ module lipp_ray_access (
           if (op_i == OpSign) signing_q <= 1'b1;
           state_q <= op_i == OpDraw ? Idle : op_i != OpTrace ? Begin : restore_q ? Words : Place;
         end
-        // ---- start of a frame ----
+        // ---- states that start a frame ----
         Begin: if (heard) begin
           pause_q <= '1;
           state_q <= Settle;
         end
-        Settle: if (pause_q == '0) state_q <= Begun;  // until the optics have checked the window
+        Settle: if (pause_q == '0) state_q <= Begun;  // wait: raster checks its window
         Begun: if (heard) begin
           {signing_q, sign_refused_q} <= {!refused, refused};
           {status_o, done_o} <= {refused ? StatusOptics : StatusBusy, 1'b1};
           runs_o <= RunsThis;
           state_q <= Idle;
         end
-        // ---- the end of the frame ----
+        // ---- states that wait for the end of a frame ----
         End: if (heard) state_q <= Ended;
         Ended: if (heard && !(occupied || running || busy)) begin
           signing_q <= 1'b0;
           done_o <= 1'b1;
           state_q <= Idle;
         end
-        // ---- rays of a list, one at a time ----
+        // ---- states that trace the rays of a request one at a time ----
         Place: state_q <= Placed;
         Placed: state_q <= Fetch;
         Fetch: begin

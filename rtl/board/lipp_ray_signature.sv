@@ -1,13 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
 `default_nettype none
 
-/// Computes the CRC-32 of a frame's exit rays, so that a slow serial line carries one word per
-/// frame.
+/// Computes the CRC-32 of a frame's exit rays, so that a host with a slow link can check a frame.
 ///
 /// Each ray has nine words of 32 bits, word 0 in the lowest bits. The CRC processes the low byte of
-/// each word first. A ray takes nine clocks. Input start_i restarts the CRC, and a ray accepted in
-/// the same clock is not included. Output done_o is high from the end of the frame's last ray until
-/// the next start_i.
+/// each word first. A ray takes nine clocks. Input start_i restarts the CRC, and the CRC does not
+/// include a ray accepted in the clock of start_i. Output done_o is high from the end of the
+/// frame's last ray until the next start_i.
 module lipp_ray_signature (
   input  logic              clk_i,
   input  logic              rst_ni,
@@ -22,9 +21,9 @@ module lipp_ray_signature (
 );
   import lipp_link_pkg::*;
 
-  logic [7:0][31:0] later_words_q;  // words after the current one
+  logic [7:0][31:0] later_words_q;  // words of the ray after the current word
   logic [31:0] word_q, crc_q;
-  logic [3:0] words_q;       // number of words left, including the current one
+  logic [3:0] words_q;       // number of words left to process, including the current word
   logic last_q, take;
   assign take = ray_valid_i && ray_ready_o;
   assign crc_o = ~crc_q;

@@ -3,14 +3,15 @@
 
 /// Reads and writes ranges of registers, one word after the other.
 ///
-/// Input start_i starts an access. The request must be stable until done_o. A range is valid if it
-/// begins and ends in the same block. All addresses of a WRITE are checked before the first word is
-/// written, so either all words are written or none. With a scene, the block at 0x400 contains the
-/// registers of its layers. Without a scene (Layers = 0) there is no block at 0x400.
+/// Input start_i starts an access. The inputs that describe it must be stable until done_o. A range
+/// of registers is valid if it begins and ends in the same register block. All addresses of a WRITE
+/// are checked before the first word is written, so a refused WRITE changes no register. With
+/// Layers > 0, the block at 0x400 contains the scene's registers, among them those of each layer.
+/// With Layers = 0 there is no block at 0x400.
 ///
 /// Output done_o is a pulse, and status_o is valid in the same clock. For a WRITE the pulse comes
-/// after the last word. For a READ the pulse comes before the first word, and the words follow as a
-/// stream. An address without a register reads as 0.
+/// after the last word. For a READ the pulse comes before the first word, and the words read follow
+/// as a stream. An address without a register reads as 0.
 module lipp_register_access #(
   parameter int Layers = 0
 ) (
@@ -24,8 +25,8 @@ module lipp_register_access #(
   output lipp_link_pkg::reply_status_e status_o,
 
   output logic [7:0]        word_at_o,      // index of the next word of a WRITE
-  input  logic [31:0]       word_i,         // word of a WRITE, two clocks after word_at_o
-  output logic              word_valid_o,   // word_o is a word of a READ
+  input  logic [31:0]       word_i,         // WRITE data word_at_o, two clocks later
+  output logic              word_valid_o,   // 1: word_o is a word of a READ
   input  logic              word_ready_i,
   output logic [31:0]       word_o,
 
@@ -45,13 +46,12 @@ module lipp_register_access #(
 
   typedef enum logic [2:0] {Idle, Range, Check, Fetch, Fetched, Ask, Wait, Word} state_e;
   state_e state_q;
-  logic write_q, board_q, optics_q, scene_q;  // the range lies in the block of this name
-  logic [8:0] remaining_q;           // words still to check, and after that still to access
-  logic [7:0] at_q;                  // index of the current word of a WRITE
+  logic write_q, board_q, optics_q, scene_q;  // write_q: WRITE; others: block of the range
+  logic [8:0] remaining_q;           // words left to check (WRITE), then left to access
+  logic [7:0] at_q;                  // index of the WRITE's current data word
   logic [8:0] register_q;            // word address of the current register
   logic [10:0] address;
-  // First address after the registers of the last layer. Without a scene this is 0x400, the end of
-  // the optics block.
+  // End: first address after the last register, which is 0x400 (after the optics) with Layers = 0.
   localparam logic [10:0] End = 11'(Layers > 0 ? 'h600 + 32 * Layers : 'h400);
   assign address = {register_q, 2'd0};
   assign word_at_o = at_q;

@@ -1,20 +1,19 @@
 // SPDX-License-Identifier: Apache-2.0
 `default_nettype none
 
-/// Accesses the registers of the board, of the optics block and of the scene, one register at a
-/// time.
+/// Accesses the registers of the board, of the optics block and of the scene, one at a time.
 ///
 /// Input start_i requests an access with write_i, at_i (a byte address, a multiple of 4) and
-/// word_i. Output done_o pulses three or more clocks later. In that clock word_o is valid for a
-/// read, and error_o is high if no register allows the access. The next start_i may be in the clock
-/// of done_o.
+/// word_i. Output done_o pulses three clocks later or more. In that clock word_o is valid for a
+/// read, and error_o is high if no register allows the access. done_o and the next start_i may
+/// coincide.
 ///
 /// The three register blocks share one APB4 bus with one select signal each. Every write changes a
-/// whole word. All other addresses are empty. The address map:
+/// whole word. Addresses outside the three blocks have no register. The address map in bytes is:
 ///
 ///   0x000 to 0x07f   The registers of board_registers.
-///   0x200 to 0x3ff   The registers of optics_block, from its address 0 on.
-///   0x400 to 0x7ff   The registers of scene_block, from its address 0 on, if there is a scene.
+///   0x200 to 0x3ff   The registers of optics_block, at 0x200 plus their own address.
+///   0x400 to 0x7ff   The registers of scene_block, at 0x400 plus their own address (Scene = 1).
 module lipp_register_bus #(
   parameter bit Scene = 1'b0  // 1: the design has a scene_block
 ) (
@@ -55,7 +54,7 @@ module lipp_register_bus #(
   assign to_board = at_i[10:7] == '0;
 
   logic scene_q, optics_q, nowhere_q, nowhere_q2, ack, ack_q;
-  // Each block's answer is registered before one of the three is selected.
+  // The APB4 response of each register block is registered before the multiplexer that selects one.
   logic [31:0] board_word_q, optics_word_q, scene_word_q;
   logic board_error_q, optics_error_q, scene_error_q;
   assign m_apb_pprot = '0;

@@ -1,25 +1,25 @@
 // SPDX-License-Identifier: Apache-2.0
 `default_nettype none
 
-/// Sends the reply to a request: first the head of the reply, then its words.
+/// Sends the reply to a request as bytes: first the head (status and fields), then the data words.
 ///
-/// Input start_i starts a reply while ready_o is high. From start_i until ready_o is high again,
-/// head_i must be stable. The head is sent four bytes at a time. The builder then takes words_i
-/// words from the stream, at most one every six clocks, and sends each as four bytes, the low byte
-/// first. Output words_done_o pulses when the last word is taken. The next reply can start when the
-/// last bytes have been sent. The first byte is valid two clocks after start_i.
+/// Input start_i starts a reply while ready_o is high. Until ready_o is high again, head_i must be
+/// stable. The head is sent four bytes at a time. The builder then takes words_i words from the
+/// word_* stream, at most one every six clocks, and sends each word as four bytes, the low byte
+/// first. Output words_done_o pulses when the last data word is taken. The next reply can start
+/// when the last bytes have been sent. The reply's first byte is valid two clocks after start_i.
 module lipp_reply_builder #(
   parameter int HeadBytes = 34
 ) (
   input  logic                           clk_i,
   input  logic                           rst_ni,
   input  logic                           start_i,
-  output logic                           ready_o,       // driven by a register
+  output logic                           ready_o,  // comes from a register
   input  logic [8*HeadBytes-1:0]         head_i,
   input  logic [$clog2(HeadBytes+1)-1:0] bytes_i,  // number of bytes of the head
   input  logic [9:0]                     words_i,  // number of words after the head
   input  logic                           word_valid_i,
-  output logic                           word_ready_o,  // driven by a register
+  output logic                           word_ready_o,  // comes from a register
   input  logic [31:0]                    word_i,
   output logic                           words_done_o,
 
@@ -38,14 +38,14 @@ module lipp_reply_builder #(
   localparam int CountBits = $clog2(HeadBytes + 1);
 
   logic [9:0] remaining_q;            // number of words still to send
-  logic [CountBits-1:0] head_left_q;  // bytes of the head still to send
+  logic [CountBits-1:0] head_left_q;  // bytes of the reply's head still to send
   logic busy, head_load, take, start;
   assign start = start_i && ready_o;
   assign head_load = !busy && head_left_q != '0;
   assign take = word_valid_i && word_ready_o;
   assign words_done_o = take && remaining_q == 10'd1;
 
-  // The next four bytes of the head, selected one clock before they are sent.
+  // The next four bytes of the reply's head are selected one clock before they are sent.
   logic head_ends;
   logic [AtBits-1:0] at_q;
   logic [HeadWords-1:0][31:0] head;

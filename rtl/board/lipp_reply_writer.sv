@@ -1,10 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
 `default_nettype none
 
-/// Sends up to Bytes bytes from a register as a stream, the lowest byte first.
+/// Sends up to Bytes bytes of a reply from a register as a byte stream, the lowest byte first. The
+/// first byte is valid one clock after load_i.
 ///
-/// Input load_i loads the bytes bytes_i and their number count_i. It also loads last_i, which marks
-/// the last byte as the end of its packet. Input load_i is ignored while busy_o is high.
+/// Input load_i loads the bytes bytes_i and their number count_i. It also loads last_i; if last_i
+/// is 1, the last of these bytes ends the packet. Input load_i is ignored while busy_o is high.
 module lipp_reply_writer #(
   parameter int Bytes = 4
 ) (
@@ -12,7 +13,7 @@ module lipp_reply_writer #(
   input  logic                       rst_ni,
   input  logic                       load_i,
   input  logic [8*Bytes-1:0]         bytes_i,
-  input  logic [$clog2(Bytes+1)-1:0] count_i,  // number of bytes, 1 or more
+  input  logic [$clog2(Bytes+1)-1:0] count_i,  // number of bytes to send, 1 or more
   input  logic                       last_i,
   output logic                       busy_o,
   output logic                       valid_o,

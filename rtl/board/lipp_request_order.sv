@@ -1,39 +1,39 @@
 // SPDX-License-Identifier: Apache-2.0
 `default_nettype none
 
-/// Finds requests that were already executed. A request that changes the board is executed once, in
-/// the order of the request numbers (modulo 65536).
+/// Detects requests that were already executed. Each request that changes the board is executed
+/// once, in the order of the request numbers, which count modulo 65536.
 ///
-/// The module remembers the last executed request and its status. The module forgets this request
-/// when the number of any request is 32768 beyond the remembered number, because newer requests
-/// would then seem older. A request is older than the remembered request if its number is lower by
-/// 1 to 32767 (modulo 65536). A HELLO with a new nonce starts a new session and clears the
-/// remembered request.
+/// The module remembers the last executed request and its status. The module forgets the remembered
+/// request when a request arrives whose number is 32768 above the remembered number, because the
+/// numbers after it would count as older. A request is older than the remembered request if its
+/// number is lower by 1 to 32767 (modulo 65536). A HELLO with a new nonce starts a new session and
+/// clears the remembered request.
 ///
-/// Outputs repeated_o and older_o are registers. Each is valid one clock after kind_i and number_i
-/// change. Inputs kind_i and number_i must be stable until answer_i, and for two clocks before
-/// answer_i or hello_i.
+/// Outputs repeated_o and older_o are registers. Both outputs are valid one clock after kind_i and
+/// number_i change. Inputs kind_i and number_i must be stable until answer_i, and for two clocks
+/// before answer_i or hello_i.
 module lipp_request_order (
   input  logic                         clk_i,
   input  logic                         rst_ni,
   input  lipp_link_pkg::request_e      kind_i,
   input  logic [15:0]                  number_i,
-  output logic                         repeated_o,  // this request repeats the last executed one
-  output logic                         older_o,  // this request is older than the last executed one
+  output logic                         repeated_o,  // 1: request repeats the last executed one
+  output logic                         older_o,  // 1: request is older than the last executed
   output lipp_link_pkg::reply_status_e status_o, // status of the last executed request
 
-  // this request is a HELLO, which may start a session
+  // pulse: the request is a HELLO, and nonce_i is its nonce
   input  logic                         hello_i,
   input  logic [31:0]                  nonce_i,
-  input  logic                         answer_i,  // the request is answered in this clock
-  // with answer_i: the request was executed, with the status status_i
+  input  logic                         answer_i,  // pulse: the request is being answered
+  // with answer_i, 1: the request was executed and returned status_i
   input  logic                         executed_i,
   input  lipp_link_pkg::reply_status_e status_i
 );
   import lipp_link_pkg::*;
 
-  logic newest_valid_q;           // an executed request is remembered
-  logic same, newer_q, passed_q;  // passed_q: a request was answered without being executed
+  logic newest_valid_q;           // 1: an executed request is remembered
+  logic same, newer_q, passed_q;  // passed_q: an answered request was not executed
   request_e kind_q;
   logic [15:0] number_q, newest_q, after;
   logic [31:0] nonce_q;

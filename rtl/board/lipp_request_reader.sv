@@ -3,14 +3,14 @@
 
 /// Reads a request from a stream of bytes: its type, number and arguments.
 ///
-/// The words of WRITE, TRACE and BLOCK are collected in a memory. The data of a TILE pass through
-/// one register to the tile writer, because no memory here is large enough for a whole tile. A
-/// refused request is still read to its end. A TRACE is refused with StatusLength if its pixel (u,
-/// v) does not fit into PixelBits bits.
+/// The words of WRITE, TRACE and BLOCK are collected in a memory. The data of a TILE go through one
+/// register to tile_writer, because a whole tile does not fit into the memory of this module. The
+/// reader also reads a refused request to its last byte. A TRACE is refused with StatusLength if
+/// its pixel (u, v) does not fit into PixelBits bits.
 ///
 /// Output done_o is high from two clocks after the last byte until next_i, and no byte is accepted
-/// during that time. Output status_o is valid with done_o, request_o from one clock earlier. Each
-/// request must have 3 bytes or more; packet_fifo drops shorter packets.
+/// during that time. Output status_o is valid while done_o is high. Output request_o is valid from
+/// one clock earlier. Requests have 3 bytes or more, because packet_fifo drops shorter packets.
 module lipp_request_reader #(
   parameter int Width = 640,   // the panel's width in pixels
   parameter int Height = 480,  // the panel's height in pixels
@@ -29,13 +29,13 @@ module lipp_request_reader #(
   output logic                         done_o,
   input  logic                         next_i,
   output lipp_link_pkg::request_t      request_o,
-  // StatusOk, or the reason for refusing the request
+  // StatusOk, or the reason why the request is refused
   output lipp_link_pkg::reply_status_e status_o,
-  input  logic [7:0]                   word_at_i,  // index of a word to read
-  output logic [31:0]                  word_o,     // the word at word_at_i, two clocks later
+  input  logic [7:0]                   word_at_i,  // index of the collected word to read
+  output logic [31:0]                  word_o,     // collected word at word_at_i, two clocks later
 
-  output logic               tile_start_o,  // pulse: a tile starts, as request_o describes
-  output logic               tile_empty_o,  // with tile_start_o: no data follow
+  output logic               tile_start_o,  // pulse: a TILE starts; request_o describes it
+  output logic               tile_empty_o,  // with tile_start_o, 1: the tile has no data bytes
   output logic               tile_valid_o,
   input  logic               tile_ready_i,
   output logic [7:0]         tile_data_o,
@@ -75,13 +75,13 @@ module lipp_request_reader #(
     endcase
   endfunction
 
-  // ---- words ----
+  // ---- collect bytes into words ----
   logic [31:0] words[256];
-  logic [31:0] read_q;       // output register of the block RAM, which allows a faster clock
+  logic [31:0] read_q;       // output register of the block RAM, for a faster clock
   logic [23:0] collected_q;  // bytes of the current word received so far
   logic [1:0] byte_q;        // index of the byte being received within its word
   logic [31:0] word;
-  logic wide_q;              // a pixel coordinate of TRACE exceeds PixelBits bits
+  logic wide_q;              // 1: u or v of a TRACE exceeds PixelBits bits
   assign word = {in_data_i, collected_q};
   logic collect_word, full;
   assign full = request_q.words[8];
@@ -93,7 +93,7 @@ module lipp_request_reader #(
     word_o <= read_q;
   end
 
-  // ---- counts ----
+  // ---- count the bytes of the request ----
   logic [15:0] table_count;
   assign table_count = request_q.arguments[4:3];
   always_comb begin
@@ -111,7 +111,7 @@ module lipp_request_reader #(
   always_ff @(posedge clk_i) length_ok_q <= length_ok;
   assign status_o = status_q == StatusOk && !length_ok_q ? StatusLength : status_q;
 
-  // ---- data of a tile ----
+  // ---- forward the data bytes of a TILE ----
   assign tile_step = !tile_valid_o || tile_ready_i;
   always_ff @(posedge clk_i) if (tile_step) {tile_last_o, tile_data_o} <= {in_last_i, in_data_i};
   always_ff @(posedge clk_i or negedge rst_ni) begin
@@ -119,7 +119,7 @@ module lipp_request_reader #(
     else if (tile_step) tile_valid_o <= state_q == Tile && in_valid_i;
   end
 
-  // ---- the request ----
+  // ---- read the type, the number and the arguments ----
   logic [2:0] argument_q;
   logic [15:0] first, second;
   assign first = request_q.arguments[1:0];
@@ -194,7 +194,7 @@ module lipp_request_reader #(
             if (request_q.words == '0) request_q.odd <= word[0];
             if (!request_q.words[1]) wide_q <= wide_q || beyond_bits(word, PixelBits);
           end
-          // the memory is full, or the last word is incomplete
+          // 1: the memory of words is full, or the last word is incomplete
           if (full || (in_last_i && byte_q != 2'd3)) begin
             status_q <= StatusLength;
             state_q <= refused;

@@ -3,15 +3,15 @@
 
 /// Writes blocks of 1024 bytes into a texture slot of the scene, and stores the CRC-32 of each.
 ///
-/// Input start_i samples slot_i and block_i, which must exist in the build. The words of the block
-/// are then read from a memory: word_i is the word at word_at_o, two clocks later. One byte is
-/// written per clock, the low byte of a word first: byte k of block n is byte 1024 n + k of the
-/// slot. Output done_o is a pulse 1030 clocks after start_i.
+/// Input start_i samples slot_i and block_i, which must exist (slot 15, the panel's curve, has 8
+/// blocks). The words of the block are then read from a memory: word_i is the word at word_at_o,
+/// two clocks later. One byte is written per clock, the low byte of a word first: byte k of block n
+/// is byte 1024 n + k of the slot. Output done_o is a pulse 1030 clocks after start_i.
 ///
-/// A table stores the CRC-32 of each block's written bytes. An entry is 0 from start_i until its
-/// block is complete. The entry of a block that was not written since reset is 0, too. The entries
-/// of slot 15, the panel's curve, follow those of the last slot. Reset clears the table, one entry
-/// per clock. Output busy_o is high during that time: start_i must stay low, and reads are
+/// A table stores, for each block, the CRC-32 of its written bytes. An entry is 0 from start_i
+/// until its block is complete. The entry is also 0 if the block was not written since reset. The
+/// entries of slot 15, the panel's curve, follow those of the last slot. Reset clears the table,
+/// one entry per clock. While it does, busy_o is high, start_i must stay low, and reads are
 /// undefined. Output read_crc_o(t) is the entry at read_slot_i(t - 2) and read_at_i(t - 2), as
 /// written before t - 2.
 module lipp_slot_loader #(
@@ -28,7 +28,7 @@ module lipp_slot_loader #(
   input  logic [31:0] word_i,
   output logic        done_o,
 
-  output logic        write_o,       // write port of lipp_scene
+  output logic        write_o,       // write_*: to the write port of lipp_scene
   output logic [3:0]  write_slot_o,
   output logic [19:0] write_at_o,
   output logic [7:0]  write_data_o,
@@ -53,7 +53,7 @@ module lipp_slot_loader #(
     return slot == 4'd15 ? SlotBits'(Slots) : SlotBits'(slot);
   endfunction
 
-  // ---- bytes: byte_q is requested, its word arrives two clocks later, then it is written ----
+  // ---- write bytes: the word of byte byte_q arrives two clocks after its request ----
   logic [9:0] byte_q;
   logic asking_q, asking_q2, data_valid_q;
   logic [9:0] asked_at_q, at_q;
@@ -68,7 +68,7 @@ module lipp_slot_loader #(
     {write_at_o, write_data_o} <= {2'd0, block_q, at_q, word_i[8*at_q[1:0]+:8]};
   end
 
-  // ---- the CRC of the bytes ----
+  // ---- compute the CRC-32 of the written bytes ----
   logic written_q, ended_q;
   logic [31:0] crc_q;
   always_ff @(posedge clk_i) begin
@@ -89,9 +89,9 @@ module lipp_slot_loader #(
     end
   end
 
-  // ---- the table of CRCs ----
+  // ---- store the CRC-32 of each block ----
 
-  // number of cleared entries; the top bit means that all are cleared
+  // number of table entries cleared since reset; the top bit is high when all are cleared
   logic [AddressBits:0] cleared_q;
   assign busy_o = !cleared_q[AddressBits];
   always_ff @(posedge clk_i or negedge rst_ni) begin

@@ -1,22 +1,21 @@
 // SPDX-License-Identifier: Apache-2.0
 `default_nettype none
 
-/// Reads a range of entries from the tile table as a stream of words.
+/// Reads a range of entries of the tile table or block table, and outputs them as a word stream.
 ///
-/// Input start_i starts the read. Each word is sampled 4 clocks after table_at_o has changed to its
-/// index.
+/// Input start_i starts the read. Each entry is sampled 4 clocks after table_at_o became its index.
 module lipp_table_reader (
   input  logic        clk_i,
   input  logic        rst_ni,
   input  logic        start_i,
-  input  logic [15:0] first_i,  // index of the first entry, stable until the last word is taken
+  input  logic [15:0] first_i,  // first index; stable until the last entry is taken
   input  logic [9:0]  count_i,  // number of entries, 1 or more
   output logic        word_valid_o,
   input  logic        word_ready_i,
   output logic [31:0] word_o,
 
   output logic [15:0] table_at_o,
-  input  logic [31:0] table_crc_i    // entry at table_at_o, at most 3 clocks later
+  input  logic [31:0] table_crc_i    // table entry at table_at_o, at most 3 clocks later
 );
 
   logic [9:0] at_q, remaining_q;

@@ -1,16 +1,16 @@
 // SPDX-License-Identifier: Apache-2.0
 `default_nettype none
 
-/// A complete board except for the cells of the FPGA's vendor.
+/// A complete board design that contains no vendor-specific FPGA cells; a board's top adds them.
 ///
 /// The module contains `lipp_board_with_sdram` with a serial line. The video outputs are the
 /// panel's parallel signals and, if Dvi = 1, also bit pairs for DVI.
 ///
 /// The module has three clocks. Input clk_i has the frequency ClockHz and is the pixel clock if Dvi
 /// = 1. Input shift_clk_i comes from the same source and is five times as fast as clk_i. Input
-/// mem_clk_i has the frequency MemoryHz and is unrelated to the other two clocks. Each clock has
+/// mem_clk_i has the frequency MemoryHz and is asynchronous to the other two clocks. Each clock has
 /// its own reset, made from the asynchronous rst_ni, such as a PLL's lock. The video is black while
-/// rst_ni is low, and afterwards until a frame is shown.
+/// rst_ni is low, and remains black until the first frame is shown.
 ///
 /// `lipp_sdram_controller` describes the SDRAM's pins, `lipp_board_lamps` the status LEDs.
 ///
@@ -39,13 +39,13 @@ module lipp_video_board #(
   parameter int PadClocks = 2
 ) (
   input  logic            clk_i,
-  input  logic            shift_clk_i,   // used only with Dvi = 1
+  input  logic            shift_clk_i,   // clock of pair_o, 5 x clk_i; used if Dvi = 1
   input  logic            mem_clk_i,
   input  logic            rst_ni,
-  input  logic            clock_lost_i,  // asynchronous level: a clock was lost since power-up
-  input  logic [63:0]     identity_i,    // hash of the panel and the lenslet array
+  input  logic            clock_lost_i,  // asynchronous level: a clock failed since power-up
+  input  logic [63:0]     identity_i,    // hash that identifies the panel and its lenslet array
 
-  input  logic [15:0]     step_i,        // the UART's baud rate in bits per clock, times 65536
+  input  logic [15:0]     step_i,        // UART baud rate / clock frequency, times 65536
   input  logic            rx_i,
   output logic            tx_o,
 
@@ -67,11 +67,11 @@ module lipp_video_board #(
   output logic            dq_oe_o,
   input  logic [lipp_sdram_pkg::WordBits-1:0] dq_i,
 
-  output logic            de_o,          // synchronous to clk_i; each value lasts a whole pixel
+  output logic            de_o,  // data enable; de_o, syncs and rgb_o are synchronous to clk_i
   output logic            hsync_o,
   output logic            vsync_o,
   output logic [23:0]     rgb_o,
-  output logic [3:0][1:0] pair_o         // synchronous to shift_clk_i
+  output logic [3:0][1:0] pair_o         // TMDS bit pairs, synchronous to shift_clk_i
 );
 
   logic rst_n, clock_lost, packet, error;
@@ -98,7 +98,7 @@ module lipp_video_board #(
     .cas_no, .we_no, .ba_o, .a_o, .dqm_o, .dq_o, .dq_oe_o, .dq_i
   );
 
-  // ---- video ----
+  // ---- convert the video to DVI ----
   if (Dvi) begin : gen_dvi
     if (Scene.layers != 0 && Scene.samples_bits != 0) begin : gen_illegal_samples
       $fatal(1, "lipp_video_board: with Dvi = 1, Scene.samples_bits must be 0");

@@ -1,20 +1,21 @@
 // SPDX-License-Identifier: Apache-2.0
 `default_nettype none
 
-/// AXI4-Lite to APB4 bridge: a subordinate with 32-bit words, for a completer such as optics_block.
+/// Bridges AXI4-Lite to APB4: an AXI manager can access an APB4 completer such as optics_block.
 ///
 /// Each request becomes one APB4 access to the word at {address[AddressBits-1:2], 2'b00}. The two
-/// lowest address bits are ignored. PSTRB = WSTRB for a write and 0 for a read. PPROT = AWPROT for
-/// a write and ARPROT for a read. RDATA = PRDATA; RDATA is meaningless with the response SLVERR.
+/// lowest address bits are ignored. Data words have 32 bits. PSTRB equals WSTRB for a write and is
+/// 0 for a read. PPROT equals AWPROT for a write and ARPROT for a read. RDATA equals PRDATA, and
+/// has no meaning with the response SLVERR.
 ///
 /// A write needs its address and its data, which may arrive in any order. If a write and a read are
-/// pending together, they are served in turn. Every output is a register.
+/// pending together, they are served alternately. Every output is a register.
 ///
-/// Let the completer answer in the n-th clock of its access phase (n >= 1). The response is then
-/// valid n + 3 clocks after the request. Requests of one kind can follow each other every n + 2
-/// clocks. With alternating writes and reads, each request takes n + 1 clocks.
+/// Let n >= 1 be the number of clocks of the APB4 access phase. The response is valid n + 3 clocks
+/// after the request. The bridge accepts a write every n + 2 clocks, or a read every n + 2 clocks.
+/// With pending writes and reads it accepts a request every n + 1 clocks.
 ///
-/// Responses:
+/// The AXI response depends on the APB4 error signal:
 ///
 ///   With PSLVERR = 0 the response is OKAY.
 ///   With PSLVERR = 1 the response is SLVERR.
@@ -26,7 +27,7 @@ module lipp_axil_to_apb #(
 
   input  logic                   s_axil_awvalid,
   output logic                   s_axil_awready,
-  input  logic [AddressBits-1:0] s_axil_awaddr,  // byte address of the write
+  input  logic [AddressBits-1:0] s_axil_awaddr,  // byte address of a write request
   input  logic [2:0]             s_axil_awprot,
   input  logic                   s_axil_wvalid,
   output logic                   s_axil_wready,
@@ -37,7 +38,7 @@ module lipp_axil_to_apb #(
   output logic [1:0]             s_axil_bresp,
   input  logic                   s_axil_arvalid,
   output logic                   s_axil_arready,
-  input  logic [AddressBits-1:0] s_axil_araddr,  // byte address of the read
+  input  logic [AddressBits-1:0] s_axil_araddr,  // byte address of a read request
   input  logic [2:0]             s_axil_arprot,
   output logic                   s_axil_rvalid,
   input  logic                   s_axil_rready,
@@ -60,8 +61,8 @@ module lipp_axil_to_apb #(
     $fatal(1, "lipp_axil_to_apb: AddressBits must be 3 to 32");
   end
 
-  // ---- one register for each part of a request ----
-  logic aw_d, aw_q, w_d, w_q, ar_d, ar_q;  // 1: the register of this channel is occupied
+  // ---- registers for write address (aw), write data (w) and read address (ar) ----
+  logic aw_d, aw_q, w_d, w_q, ar_d, ar_q;  // 1: the channel's register is full
   logic [AddressBits-1:2] awaddr_q, araddr_q;
   logic [2:0] awprot_q, arprot_q;
   logic [31:0] wdata_q;
@@ -71,7 +72,7 @@ module lipp_axil_to_apb #(
   assign w_d = (w_q || (s_axil_wvalid && s_axil_wready)) && !start_write;
   assign ar_d = (ar_q || (s_axil_arvalid && s_axil_arready)) && !start_read;
 
-  // ---- an access starts when the register of its response is free ----
+  // ---- start an APB4 access when the register of its response is free ----
   logic done, free, write_may, read_may;
   assign done = m_apb_penable && m_apb_pready;
   assign free = !m_apb_psel || done;

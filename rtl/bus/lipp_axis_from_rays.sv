@@ -1,22 +1,21 @@
 // SPDX-License-Identifier: Apache-2.0
 `default_nettype none
 
-/// Converts the exit rays of optics_block to AXI4-Stream: each ray is a transfer, each frame a
-/// packet.
+/// Converts exit rays of optics_block to AXI4-Stream: one transfer per ray, one packet per frame.
 ///
-/// A transfer has eight little-endian words of 32 bits. The layout is that of the C type struct {
+/// A transfer has eight little-endian words of 32 bits. The layout equals that of the C struct {
 /// int16_t i, j; uint32_t status; int32_t x, y, z, dx, dy, dz; }. All bytes are data (tkeep = '1).
 /// The latency is 1 clock, and the throughput is one ray per clock. Every output is a register or a
-/// constant. R is the radius of the dome. The fields are:
+/// constant. The fields of a transfer are:
 ///
-///   Bits 15:0 and 31:16 of tdata are the signed indices i and j of the lenslet that the ray exits.
+///   Bits 15:0, 31:16 of tdata are the signed indices i, j of the lenslet that the ray leaves.
 ///   Bits 63:32 of tdata are the status of the ray, as in ray_status_e.
-///   Bits 95:64, 127:96, 159:128 of tdata are the signed origin x, y, z from the lenslet's centre.
-///   Bits 191:160, 223:192 and 255:224 of tdata are the signed unit direction dx, dy, dz.
+///   Bits 95:64, 127:96, 159:128 of tdata are the ray's signed origin x, y, z from that lenslet.
+///   Bits 191:160, 223:192, 255:224 of tdata are the ray's signed unit direction dx, dy, dz.
 ///   Bit tuser is 1 for the first ray of a frame.
 ///   Bit tlast is 1 for the last ray of a frame.
 ///
-///   origin = 2^-(F+1) R (x, y, z) mm;   direction = 2^-(F+1) (dx, dy, dz)
+/// The origin is 2^-(F+1) R (x, y, z) from the lenslet's centre; R is the dome's radius in mm.
 module lipp_axis_from_rays #(
   parameter int F = 23
 ) (

@@ -1,20 +1,19 @@
 // SPDX-License-Identifier: Apache-2.0
 `default_nettype none
 
-/// Converts AXI4-Stream to rays for optics_block whose source is the stream: each transfer is a
-/// ray, each packet a frame.
+/// Converts AXI4-Stream to rays for optics_block, when its register `source` selects the stream.
+/// Each transfer becomes one ray, each packet one frame.
 ///
 /// All bytes are data (tkeep = '1). The latency is 1 clock, and the throughput is one ray per
-/// clock. Every output is a register. A transfer has four signed little-endian words of 32 bits,
-/// each sign-extended from n bits. The upper bits of a word are ignored: w = ((word + 2^(n-1)) mod
-/// 2^n) - 2^(n-1). The fields are:
+/// clock. Every output is a register. A transfer has four signed little-endian words of 32 bits.
+/// Each word contains a signed number in its low n bits; bits 31:n are ignored. The fields are:
 ///
-///   Bits 31:0 of tdata are u in 2^-4 pixels to the right of the panel's centre, with n = 18.
-///   Bits 63:32 of tdata are v in 2^-4 pixels above the panel's centre, with n = 18.
-///   Bits 95:64 of tdata are a of the aperture point in 2^-F pitches along rows, with n = F + 2.
-///   Bits 127:96 of tdata are b of the aperture point in 2^-F row distances, with n = F + 2.
+///   Bits 31:0 of tdata are u, to the right of the panel's centre, in units of 2^-4 pixels; n = 18.
+///   Bits 63:32 of tdata are v, upward from the panel's centre, in units of 2^-4 pixels; n = 18.
+///   Bits 95:64 of tdata are a, the aperture point along x, in units of 2^-F pitches; n = F + 2.
+///   Bits 127:96 of tdata are b, the aperture point along y, in units of 2^-F rows; n = F + 2.
 ///   Bit tuser is 1 for the first ray of a frame.
-///   Bit tlast is 1 for the last ray of a frame. Without tlast no apply takes effect.
+///   Bit tlast is 1 for the last ray of a frame. An apply takes effect only after tlast.
 module lipp_axis_to_rays #(
   parameter int F = 23
 ) (

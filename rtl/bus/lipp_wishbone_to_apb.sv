@@ -1,18 +1,18 @@
 // SPDX-License-Identifier: Apache-2.0
 `default_nettype none
 
-/// Wishbone B4 classic to APB4 bridge, for a completer such as optics_block.
+/// Bridges Wishbone B4 classic to APB4: a master can access a completer such as optics_block.
 ///
 /// The bridge is a slave with 32-bit data and 8-bit granularity. Each cycle becomes one APB4 access
-/// to the word at {adr, 2'b00}. PSTRB = SEL for a write. PSTRB = 0 for a read, which returns the
-/// whole word. PPROT = 0. An access with PSLVERR = 0 ends with ACK. An access with PSLVERR = 1 ends
-/// with ERR, and its data are meaningless. ACK and ERR are pulses of one clock. Every output is a
-/// register; in addition CYC and STB gate the registers of ACK and ERR.
+/// to the word at {adr, 2'b00}. PSTRB equals SEL for a write and is 0 for a read, which returns the
+/// whole word. PPROT is 0. An access with PSLVERR = 0 ends with ACK. An access with PSLVERR = 1
+/// ends with ERR, and its data are meaningless. ACK and ERR are pulses of one clock. Every output
+/// comes from a register; ACK and ERR are also gated by CYC and STB.
 ///
-/// Let the completer answer in the n-th clock of its access phase (n >= 1). The pulse then comes n
-/// + 2 clocks after STB, and cycles can follow each other every n + 3 clocks. A master that drops
-/// CYC or STB before the pulse receives no pulse, but the APB4 access still completes. Such a
-/// master must keep CYC or STB low for a clock before its next cycle.
+/// Let n >= 1 be the number of clocks of the APB4 access phase. The pulse of ACK or ERR comes n + 2
+/// clocks after STB. A master can start a cycle every n + 3 clocks. A master that drops CYC or STB
+/// before the pulse receives no pulse, although the APB4 access still completes. After dropping CYC
+/// or STB early, a master must keep it low for one clock before its next cycle.
 module lipp_wishbone_to_apb #(
   parameter int AddressBits = 9
 ) (
@@ -22,10 +22,10 @@ module lipp_wishbone_to_apb #(
   input  logic                   s_wb_cyc,
   input  logic                   s_wb_stb,
   input  logic                   s_wb_we,
-  input  logic [AddressBits-1:2] s_wb_adr,   // word address: the upper bits of a byte address
-  input  logic [31:0]            s_wb_dat_w, // the slave's DAT_I of the standard
+  input  logic [AddressBits-1:2] s_wb_adr,   // word address: bits 2 and up of a byte address
+  input  logic [31:0]            s_wb_dat_w, // write data (DAT_I of the slave in Wishbone B4)
   input  logic [3:0]             s_wb_sel,
-  output logic [31:0]            s_wb_dat_r, // the slave's DAT_O of the standard
+  output logic [31:0]            s_wb_dat_r, // read data (DAT_O of the slave in Wishbone B4)
   output logic                   s_wb_ack,
   output logic                   s_wb_err,
 
@@ -45,11 +45,11 @@ module lipp_wishbone_to_apb #(
     $fatal(1, "lipp_wishbone_to_apb: AddressBits must be 3 to 32");
   end
 
-  // pending_q: the master still waits for the running access
+  // pending_q: the master still waits for the end of the APB4 access
   logic request, start, done, pending_q;
   assign request = s_wb_cyc && s_wb_stb;
   assign start = request && !m_apb_psel && !s_wb_ack && !s_wb_err;
-  // A master that drops CYC or STB in this clock receives no pulse either.
+  // The gate suppresses the pulse for a master that drops CYC or STB in the clock of the pulse.
   logic ack_q, err_q;
   assign {s_wb_ack, s_wb_err} = {2{request}} & {ack_q, err_q};
   assign done = m_apb_penable && m_apb_pready;

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 `default_nettype none
 
-/// FIFO between two unrelated clocks, with valid/ready streams on both sides.
+/// Transfers a stream of words between two asynchronous clocks, with valid/ready handshakes.
 ///
 /// The FIFO stores 2^AddressBits words in its memory and one more word in its output register. A
 /// word that is written into an empty FIFO is valid at the output after Stages + 1 rising edges of
@@ -9,10 +9,11 @@
 /// in_clk_i. With 16 or more entries, Stages = 2 and equal clock frequencies, the throughput is one
 /// word per clock. Both sides must be reset together; output in_ready_o is low during reset.
 ///
-/// Each side counts its words in Gray code, which changes one bit at a time. The other side
-/// therefore samples either the old or the new count, never a wrong one. For a while a side may see
-/// fewer words or fewer free entries than there are, but never more. The Gray code of the next
-/// count is computed one clock in advance, so that no adder is in the path between two counts.
+/// Each side counts its words in Gray code, which changes one bit at a time. The synchronisers of
+/// the other side therefore sample either the old or the new count, never another value. The reader
+/// may see too few words, and the writer too few free entries, for some clocks. No side ever sees
+/// too many. The Gray code of the next count is computed one clock in advance, so that no adder
+/// lies in the timing path from one count to the next.
 module lipp_async_fifo #(
   parameter int Width = 8,
   parameter int AddressBits = 4,
@@ -35,19 +36,19 @@ module lipp_async_fifo #(
     $fatal(1, "lipp_async_fifo: Width must be 1 or more and AddressBits 2 or more");
   end
 
-  localparam int C = AddressBits + 1;  // counts are modulo twice the number of entries
+  localparam int C = AddressBits + 1;  // bits of a count, modulo twice the number of entries
 
   logic [Width-1:0] words[1 << AddressBits];
   logic [C-1:0] written_q, written_gray_q, written_next_q, written_after, written_gray;
   logic [C-1:0] read_q, read_gray_q, read_next_q, read_after, read_gray;
 
-  // ---- the writer's side ----
+  // ---- write words, with in_clk_i ----
   logic write, open_q;
   assign in_ready_o = open_q;
   assign write = in_valid_i && in_ready_o;
   assign written_after = written_q + C'(2);
-  // Full: the counts differ by the number of entries. In Gray code this inverts the two highest
-  // bits.
+  // The FIFO is full if the write count exceeds the read count by the number of entries. In Gray
+  // code, this difference inverts the two highest bits.
   logic [C-1:0] full;
   assign full = read_gray ^ (C'(3) << (AddressBits - 1));
   always_ff @(posedge in_clk_i or negedge in_rst_ni) begin
@@ -67,7 +68,7 @@ module lipp_async_fifo #(
   end
   always_ff @(posedge in_clk_i) if (write) words[written_q[AddressBits-1:0]] <= in_data_i;
 
-  // ---- the reader's side ----
+  // ---- read words, with out_clk_i ----
   logic read;
   assign read = read_gray_q != written_gray && (!out_valid_o || out_ready_i);
   assign read_after = read_q + C'(2);
@@ -88,7 +89,7 @@ module lipp_async_fifo #(
   end
   always_ff @(posedge out_clk_i) if (read) out_data_o <= words[read_q[AddressBits-1:0]];
 
-  // ---- synchronisers for each bit of the Gray-coded counts ----
+  // ---- synchronise each bit of the Gray-coded counts to the other clock ----
   for (genvar k = 0; k < C; k++) begin : gen_bit
     lipp_bit_sync #(.Stages(Stages)) i_written (
       .clk_i(out_clk_i), .rst_ni(out_rst_ni), .d_i(written_gray_q[k]), .q_o(written_gray[k])

@@ -6,8 +6,8 @@
 /// Output q_o follows d_i at the Stages-th rising edge after a change, or one edge later if d_i
 /// changes at an edge. The latency is Stages - 1 to Stages + 1 clocks. A pulse shorter than one
 /// clock may be lost. The chain of registers gives a metastable first register time to settle. Use
-/// this module for single bits only, because several bits may arrive in different clocks.
-/// `lipp_async_fifo` transfers words.
+/// this module for single bits only, because several bits may arrive in different clocks. Use
+/// `lipp_async_fifo` for words of several bits.
 module lipp_bit_sync #(
   parameter int Stages = 2,
   parameter bit ResetValue = 1'b0
@@ -22,7 +22,7 @@ module lipp_bit_sync #(
     $fatal(1, "lipp_bit_sync: Stages must be 2 or more");
   end
 
-  // Synthesis must not move or merge these registers, nor turn them into a shift register.
+  // Synthesis must neither move nor merge these registers, nor turn them into a shift register.
   (* async_reg = "true", keep = "true" *) logic [Stages-1:0] stage_q;
   assign q_o = stage_q[Stages-1];
   always_ff @(posedge clk_i or negedge rst_ni) begin

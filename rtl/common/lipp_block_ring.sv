@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 `default_nettype none
 
-/// Delays a word by 5 or more clocks: q(t) = d(t - Cycles). This module is for long delays.
+/// Delays a word by 5 or more clocks: q(t) = d(t - Cycles). Use this module for long delays.
 ///
-/// The module behaves like `lipp_ring`. It is a separate module so that synthesis for an FPGA
-/// family can replace it by block memory (rtl/ecp5/).
+/// lipp_block_ring behaves like `lipp_ring`. The two modules are separate, so that synthesis for an
+/// FPGA family can put only the long delays into block memory (rtl/ecp5/).
 module lipp_block_ring #(
   parameter int Width = 1,
   parameter int Cycles = 5

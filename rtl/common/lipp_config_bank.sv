@@ -1,12 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
 `default_nettype none
 
-/// Double-buffered configuration: the active copy config_o changes only while no module uses it.
+/// Double-buffers a configuration: the active copy config_o changes only while no module uses it.
 ///
 /// Input apply_i requests a new copy of config_i. The copy is made as soon as idle_i is high, and
 /// busy_o is high until then. While busy_o is high, no module may start to use config_o, so that
-/// idle_i stays high until the copy is made. Output hold_o is the value of busy_o in the next
-/// clock, for a module that must register it. Reset also requests a copy.
+/// idle_i stays high until the copy is made. Output hold_o is the next clock's value of busy_o, for
+/// a module that registers it before use. Reset also requests a copy.
 module lipp_config_bank #(
   parameter int Width = 32
 ) (
@@ -14,7 +14,7 @@ module lipp_config_bank #(
   input  logic             rst_ni,
   input  logic [Width-1:0] config_i,
   input  logic             apply_i,
-  input  logic             idle_i,    // no module uses config_o
+  input  logic             idle_i,    // 1: no module uses config_o
   output logic             busy_o,
   output logic             hold_o,
   output logic [Width-1:0] config_o
@@ -25,7 +25,7 @@ module lipp_config_bank #(
   end
 
   logic pending_q;
-  logic copy_q;  // a separate register, because it drives the enable of every bit
+  logic copy_q;  // 1: copy in this clock; registered, because it enables every bit
   logic [Width-1:0] config_q;
   assign busy_o = pending_q;
   assign hold_o = apply_i || (pending_q && !copy_q);

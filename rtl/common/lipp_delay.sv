@@ -3,13 +3,13 @@
 
 /// Delays a word by a fixed number of clocks: q(t) = d(t - Cycles).
 ///
-/// Longer delays are ring buffers in distributed memory, or in block memory if they are large. With
-/// ring buffers a simulator updates only a few words per clock, and synthesis infers memories
-/// instead of long chains of registers.
+/// The module builds short delays from registers, and longer delays from ring buffers in
+/// distributed or block memory. With ring buffers a simulator updates only a few words per clock,
+/// and synthesis infers memories instead of long chains of registers.
 module lipp_delay #(
   parameter int Width = 1,   // number of bits of the word
   parameter int Cycles = 1,  // latency in clocks, 0 or more
-  parameter bit Block = 1'b1 // 0: long delays use rings in series, not block memory
+  parameter bit Block = 1'b1 // 0: long delays use only distributed memory
 ) (
   input  logic             clk_i,
   input  logic [Width-1:0] d_i,
@@ -17,7 +17,7 @@ module lipp_delay #(
 );
 
   localparam int LongestChain = 5;
-  // maximum length of a ring: 16 entries of an FPGA's distributed memory
+  // maximum length of a ring buffer: 16 entries of distributed memory plus the output register
   localparam int LongestRing = 17;
 
   if (Width < 1 || Cycles < 0) begin : gen_illegal
@@ -39,7 +39,7 @@ module lipp_delay #(
   end else if (Cycles <= LongestRing) begin : gen_ring
     lipp_ring #(.Width(Width), .Cycles(Cycles)) i_ring (.clk_i, .d_i, .q_o);
   end else if (!Block) begin : gen_rings
-    // The minimum number of rings, with lengths that differ by at most one.
+    // Use as few ring buffers as possible, with lengths that differ by at most one.
     localparam int Rings = (Cycles + LongestRing - 1) / LongestRing;
     for (genvar k = 0; k < Rings; k++) begin : gen_part
       logic [Width-1:0] d, q;

@@ -1,26 +1,26 @@
 // SPDX-License-Identifier: Apache-2.0
 `default_nettype none
 
-/// FIFO with a valid/ready stream at its output.
+/// Stores words in a FIFO, and outputs them as a valid/ready stream.
 ///
-/// The FIFO stores 2^AddressBits words. The writer must write only while there is room. The output
+/// The FIFO stores 2^AddressBits words. The writer must not write into a full FIFO. The output
 /// stays valid and stable until its word is taken. The throughput is one word per clock. A word
 /// that is written into an empty FIFO is valid at the output after 4 clocks.
 ///
-/// The memory has a latency of two clocks. The output has 4 registers for words read from the
-/// memory. A read starts only while fewer than 4 words are in the output registers or on their way
-/// to them, so that each word finds a free register. Both conditions for a read are registered,
-/// because the path from the counters to the memory's address is long.
+/// The FIFO's memory has a read latency of two clocks. The output has 4 registers for words read
+/// from this memory. A read starts only while fewer than 4 words are in the output registers or on
+/// their way to them, so that each word finds a free register. Both conditions for a read (some_q,
+/// free_q) are registered, because the path from the counters to the memory's address is long.
 module lipp_fifo #(
   parameter int Width = 36,
   parameter int AddressBits = 9
 ) (
   input  logic             clk_i,
   input  logic             rst_ni,
-  input  logic             write_i,  // writes data_i; allowed only while there is room
+  input  logic             write_i,  // 1: write data_i; only while not full
   input  logic [Width-1:0] data_i,
-  output logic             valid_o,  // data_o is the oldest word of the FIFO
-  input  logic             ready_i,  // the oldest word is taken
+  output logic             valid_o,  // 1: data_o is the oldest word of the FIFO
+  input  logic             ready_i,  // 1: data_o is taken if valid_o is 1
   output logic [Width-1:0] data_o
 );
 
@@ -32,8 +32,8 @@ module lipp_fifo #(
   logic [AddressBits:0] stored_q;  // number of words in the memory whose read has not started
   logic [1:0] reads_q;             // bit k: a read was started k + 1 clocks ago
   logic [2:0] level_q, level_d;    // number of words read or being read, but not yet taken
-  logic some_q, some_d;            // stored_q != 0
-  logic free_q;                    // level_q < 4
+  logic some_q, some_d;            // some_q: stored_q != 0
+  logic free_q;                    // 1: level_q < 4, so a read may start
   logic ask, take, arrive;
   logic [Width-1:0] read_data;
 
@@ -48,11 +48,11 @@ module lipp_fifo #(
     .read_at_i(read_at_q), .read_data_o(read_data)
   );
 
-  // ---- the registers at the output ----
+  // ---- fill and empty the 4 output registers ----
   logic [Width-1:0] place_q[4];
   logic [1:0] fill_at_q, drain_at_q;
   logic [2:0] ready_words_q;
-  logic valid_q;  // ready_words_q != 0
+  logic valid_q;  // 1: ready_words_q != 0
   assign valid_o = valid_q;
   assign data_o = place_q[drain_at_q];
 

@@ -8,12 +8,12 @@
 /// pipeline needs no enable, and back-pressure inserts no bubbles. Pipeline and FIFO together
 /// contain at most 2^AddressBits rays, which must be more than Latency.
 ///
-/// Input hold_i closes the input in the next clock, because ready_o is a register. Output idle_o is
-/// high while no ray is in the pipeline or in the FIFO, so that the pipeline's configuration may
-/// change. The counter of rays is registered: it counts an accepted ray one clock later, and a ray
-/// that leaves two clocks later. Therefore the paths from valid_i and ready_i end in registers, and
-/// the output may be far away on the FPGA. Output idle_o falls one clock after a ray is accepted,
-/// and rises three clocks after the last ray has left.
+/// Input hold_i makes ready_o low from the next clock on, because ready_o is a register. Output
+/// idle_o is high while no ray is in the pipeline or in the FIFO, so that the pipeline's
+/// configuration may change. The counter of rays counts an accepted ray one clock later, and a ray
+/// that leaves two clocks later. Therefore the timing paths from valid_i and ready_i end in
+/// registers, and the output may lie far away on the FPGA. Output idle_o falls one clock after a
+/// ray is accepted, and rises three clocks after the last ray has left.
 module lipp_flow_control #(
   parameter int Latency = 100,
   parameter int AddressBits = 9,
@@ -37,8 +37,8 @@ module lipp_flow_control #(
     $fatal(1, "lipp_flow_control: Latency must be 1 or more, and at most 2^AddressBits - 10");
   end
 
-  logic [AddressBits:0] reserved_q, reserved_d;  // number of reserved entries
-  logic accept, entered;                         // a ray was accepted in the last clock
+  logic [AddressBits:0] reserved_q, reserved_d;  // number of reserved FIFO entries
+  logic accept, entered;                         // entered: a ray was accepted in the last clock
   logic [1:0] departed_q;                        // bit k: a ray left k + 1 clocks ago
 
   assign accept = valid_i && ready_o;
@@ -54,14 +54,14 @@ module lipp_flow_control #(
       reserved_q <= reserved_d;
       departed_q <= {departed_q[0], valid_o && ready_i};
       idle_o <= reserved_q == '0 && !entered && !accept;
-      // Two entries are spare for rays that are accepted while ready_o is being computed.
+      // The FIFO keeps two spare entries for rays that are accepted while ready_o is computed.
       ready_o <= reserved_q < (AddressBits + 1)'(Room - 2) && !hold_i;
     end
   end
 
-  // ---- a valid bit per stage, 64 in a register, which a simulator shifts in one operation ----
+  // ---- valid bits of the stages, 64 per register: a simulator shifts a register at once ----
 
-  // The value 1 replaces an illegal Latency here, so that elaboration reaches its $fatal.
+  // Held is 1 for an illegal Latency, so that elaboration reaches the error message.
   localparam int Held = Latency < 1 ? 1 : Latency;
   localparam int Marks = (Held + 63) / 64;
   for (genvar k = 0; k < Marks; k++) begin : gen_marks

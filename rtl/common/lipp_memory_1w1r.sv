@@ -3,9 +3,8 @@
 
 /// Memory with one write port and one read port, with a read latency of two clocks.
 ///
-/// Output read_data_o(t) is the word at read_at_i(t - 2), as written before t - 2. The module is a
-/// memory with a register at its output. Synthesis for an FPGA family may replace this module by
-/// the family's memory cell (rtl/ecp5/).
+/// Output read_data_o(t) is the word at read_at_i(t - 2), as written before t - 2. The module has a
+/// register at its output. An FPGA family may replace this module by its memory cell (rtl/ecp5/).
 module lipp_memory_1w1r #(
   parameter int Width = 36,
   parameter int AddressBits = 9

@@ -1,14 +1,14 @@
 // SPDX-License-Identifier: Apache-2.0
 `default_nettype none
 
-/// Transfers pulses from one clock to another: each pulse of one clock becomes one pulse of one
-/// clock.
+/// Transfers pulses from one clock domain to another: each accepted pulse of from_clk_i becomes one
+/// pulse that lasts one clock of to_clk_i.
 ///
 /// A pulse is accepted while from_busy_o is low. The output pulse follows after Stages rising edges
 /// of to_clk_i. Output from_busy_o stays high for one more rising edge of to_clk_i, and then for
-/// Stages rising edges of from_clk_i. A pulse during that time is ignored. Each of these delays is
-/// one edge longer if a signal changes at an edge of the other clock. Both sides must be reset
-/// together.
+/// Stages rising edges of from_clk_i. A pulse at the input while from_busy_o is high is ignored.
+/// Each of these delays is one edge longer if a signal changes at an edge of the other clock. Both
+/// clock domains must be reset together.
 module lipp_pulse_sync #(
   parameter int Stages = 2
 ) (
@@ -22,7 +22,7 @@ module lipp_pulse_sync #(
   output logic to_pulse_o
 );
 
-  // Each pulse toggles a level, which is sent back as the acknowledgement.
+  // Each pulse toggles a level. The receiver sends the level back as an acknowledgement.
   logic level_q, back, there, there_q;
   assign from_busy_o = level_q != back;
   always_ff @(posedge from_clk_i or negedge from_rst_ni) begin

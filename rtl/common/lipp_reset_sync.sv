@@ -1,12 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
 `default_nettype none
 
-/// Makes a reset for clk_i from an asynchronous reset. The new reset starts at once and ends
-/// synchronously.
+/// Synchronises the end of an asynchronous reset to clk_i. Output rst_no starts at once with rst_ni
+/// and ends at a clock edge.
 ///
-/// Output rst_no falls together with rst_ni, even while the clock is stopped. Output rst_no rises
-/// at the Stages-th rising edge after rst_ni has risen, or one edge later if rst_ni rises at an
-/// edge. Therefore all registers leave reset in the same clock.
+/// Output rst_no falls together with rst_ni, even if clk_i is stopped. Output rst_no rises at the
+/// Stages-th rising edge after rst_ni has risen, or one edge later if rst_ni rises at an edge.
+/// Therefore all registers leave reset in the same clock.
 module lipp_reset_sync #(
   parameter int Stages = 2
 ) (
@@ -19,9 +19,9 @@ module lipp_reset_sync #(
     $fatal(1, "lipp_reset_sync: Stages must be 2 or more");
   end
 
-  // Synthesis must not move or merge these registers, nor turn them into a shift register. The
-  // registers are high in reset, because many cells have an active-high reset. The inverter at the
-  // output and the inverter of such a cell then cancel.
+  // Synthesis must neither move nor merge these registers, nor turn them into a shift register. The
+  // registers are high in reset, because many FPGA cells have an active-high reset. The inverter at
+  // rst_no then cancels the inverter of each cell.
   (* async_reg = "true", keep = "true" *) logic [Stages-1:0] stage_q;
   always_ff @(posedge clk_i or negedge rst_ni) begin
     if (!rst_ni) stage_q <= '1;

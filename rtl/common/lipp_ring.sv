@@ -3,11 +3,11 @@
 
 /// Delays a word by 2 or more clocks in a ring of Cycles - 1 entries: q(t) = d(t - Cycles).
 ///
-/// Each clock one entry is read and then overwritten, so a word is read when the address has passed
-/// all entries once. The output register adds one clock. The initial address does not matter after
-/// one pass. Synthesis for an FPGA family may replace this module by the family's memory cells
-/// (rtl/ecp5/). The hierarchy is kept in synthesis, because merged rings of the same length would
-/// share their counter.
+/// In each clock one entry is read and then overwritten, so a word is read when the address has
+/// passed all entries of the ring once. The output register adds one clock. The initial address
+/// does not matter after one pass. Synthesis for an FPGA family may replace this module by the
+/// family's memory cells (rtl/ecp5/). Synthesis keeps the module's hierarchy, because merged rings
+/// of the same length would share their address counter.
 (* keep_hierarchy *)
 module lipp_ring #(
   parameter int Width = 1,
@@ -22,13 +22,13 @@ module lipp_ring #(
     $fatal(1, "lipp_ring: Width must be 1 or more and Cycles 2 or more");
   end
 
-  // The size is a power of two, so that a simulator need not check the range of the address.
+  // The array's size is a power of two, so that a simulator need not check the address range.
   localparam int PlaceBits = Cycles > 3 ? $clog2(Cycles - 1) : 1;
   localparam logic [PlaceBits-1:0] Last = PlaceBits'(Cycles - 2);
 
   logic [Width-1:0] places[1 << PlaceBits];
   logic [PlaceBits-1:0] at_q;
-  initial at_q = '0;  // needed by simulators that start with unknown register values
+  initial at_q = '0;  // for simulators that start with unknown values
 
   always_ff @(posedge clk_i) begin
     at_q <= at_q == Last ? '0 : at_q + 1'b1;

@@ -1,13 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
 `default_nettype none
 
-/// Registers both directions of a valid/ready stream, so that no combinational path leads through
-/// the buffer.
+/// Registers both directions of a valid/ready stream, which breaks all combinational paths.
 ///
 /// The latency is 1 clock, and the throughput is one word per clock. Output in_ready_o is a
-/// register and therefore one clock late. A word that arrives in that clock waits in a second
-/// register. Output in_ready_o is low during reset. Input clear_i drops the stored words and the
-/// incoming word: from the next clock on the buffer is empty and ready.
+/// register and therefore one clock late. A word that arrives while in_ready_o is still high waits
+/// in a second register. Output in_ready_o is low during reset. Input clear_i drops the stored
+/// words and the incoming word: from the next clock on the buffer is empty and ready.
 module lipp_skid_buffer #(
   parameter int Width = 8
 ) (
@@ -26,8 +25,8 @@ module lipp_skid_buffer #(
     $fatal(1, "lipp_skid_buffer: Width must be 1 or more");
   end
 
-  logic into, move;       // a word arrives; the output register is free for the next word
-  logic spare_d, spare_q; // a word is in the second register
+  logic into, move;       // into: a word arrives; move: the output register is free
+  logic spare_d, spare_q; // 1: a word is in the second register
   logic [Width-1:0] spare_data_q;
   assign into = in_valid_i && in_ready_o;
   assign move = !out_valid_o || out_ready_i;

@@ -24,7 +24,7 @@ module lipp_word_split #(
   end
 
   localparam int C = $clog2(Parts);
-  logic [C-1:0] part_q;  // number of parts that follow this one
+  logic [C-1:0] part_q;  // number of parts that follow the current part
   logic last;
   assign last = part_q == '0;
   assign out_valid_o = in_valid_i;

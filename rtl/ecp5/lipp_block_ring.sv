@@ -1,13 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
 `default_nettype none
 
-/// `lipp_block_ring` in ECP5's block memory.
+/// Implements `lipp_block_ring` (a delay of 5 or more clocks) in the block memory of ECP5.
 ///
 /// Ports and behaviour are those of rtl/common/lipp_block_ring.sv. A word is read Cycles - 3 clocks
-/// after it was written. The memory has a latency of two clocks, and an output register adds one.
-/// No address is read and written in the same clock. The read address is derived from the write
-/// address, so the initial address does not matter after one clock. The hierarchy is kept in
-/// synthesis, because merged rings would share their counters.
+/// after it was written. The memory then has a latency of two clocks, and an output register adds
+/// one clock. No address is read and written in the same clock. The read address is derived from
+/// the write address, so the initial address does not matter after one clock. Synthesis keeps the
+/// module's hierarchy, because merged rings would share their address counters.
 (* keep_hierarchy *)
 module lipp_block_ring #(
   parameter int Width = 1,
@@ -26,7 +26,7 @@ module lipp_block_ring #(
   end
 
   logic [PlaceBits-1:0] write_at_q, read_at_q;
-  initial write_at_q = '0;  // needed by simulators that start with unknown register values
+  initial write_at_q = '0;  // for simulators that start with unknown values
   always_ff @(posedge clk_i) write_at_q <= write_at_q + 1'b1;
   always_ff @(posedge clk_i) read_at_q <= write_at_q - PlaceBits'(Cycles - 4);
 

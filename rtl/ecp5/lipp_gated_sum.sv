@@ -1,11 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
 `default_nettype none
 
-/// `lipp_gated_sum` in ECP5's carry cells: each cell adds two bits and includes their gates.
+/// Implements `lipp_gated_sum`, s = (a & x) + (b & y), in the carry cells of ECP5: each cell adds
+/// two bits and also masks them.
 ///
-/// Ports and behaviour are those of rtl/math/lipp_gated_sum.sv. The lookup table of each bit
-/// contains (A & B) ^ (C & D), the bit's contribution to the sum. The four lowest entries of the
-/// table are A & B, the carry that the bit generates. The cell is a black box to yosys.
+/// Ports and behaviour are those of rtl/math/lipp_gated_sum.sv. The lookup table of each carry cell
+/// computes (A & B) ^ (C & D), the sum bit before the carry is added. The table's four lowest
+/// entries contain A & B, the carry that the cell generates. To yosys the cell is a black box.
 module lipp_gated_sum #(
   parameter int W = 18
 ) (

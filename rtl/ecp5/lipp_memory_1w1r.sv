@@ -1,12 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
 `default_nettype none
 
-/// `lipp_memory_1w1r` in ECP5's block memory, with the cell's output register.
+/// Implements `lipp_memory_1w1r` in the block memory cells of ECP5, with their output registers.
 ///
 /// Ports and behaviour are those of rtl/common/lipp_memory_1w1r.sv. Port A writes and port B reads.
-/// The cells have 512 words x 36 bits, 1024 x 18, or more and narrower words, up to 16384 x 1.
-/// Words of 36 bits use the data pins of both ports. Reading an address while it is being written
-/// is undefined. No FIFO and no request of the board reads an address while it is being written.
+/// A cell is configured as 512 words x 36 bits, 1024 x 18, 2048 x 9, 4096 x 4, 8192 x 2 or 16384 x
+/// 1. Words of 36 bits use the data pins of both ports of the cell. Reading an address while it is
+/// being written is undefined; no module of this project does so.
 module lipp_memory_1w1r #(
   parameter int Width = 36,
   parameter int AddressBits = 9
@@ -19,8 +19,8 @@ module lipp_memory_1w1r #(
   output logic [Width-1:0]       read_data_o
 );
 
-  // Bits is the width of a cell's word. Shift is the position of the address in the cell's 14
-  // address bits.
+  // Bits is the width of a cell's word. Shift is the number of low bits of the cell's 14 address
+  // bits that do not address a word.
   localparam int Bits = AddressBits <= 9 && Width > 18 ? 36 : AddressBits <= 10 ? 18
       : AddressBits == 11 ? 9 : 1 << (14 - AddressBits);
   localparam int Shift = Bits == 36 ? 5 : Bits == 18 ? 4 : 14 - AddressBits;
@@ -30,8 +30,8 @@ module lipp_memory_1w1r #(
     $fatal(1, "lipp_memory_1w1r: AddressBits must be 1 to 14");
   end
 
-  // With words of 18 bits, the two lowest address bits enable the bytes. With words of 36 bits, the
-  // four lowest bits enable the bytes, and the write enable is always high.
+  // With words of 18 bits, the two lowest address bits of port A are the write enables of the
+  // bytes. With words of 36 bits, the four lowest are, and the write enable pin is high.
   logic [13:0] write_at, read_at;
   logic [Bits*Cells-1:0] write_data, read_data;
   assign write_at = 14'(write_at_i) << Shift
@@ -45,7 +45,7 @@ module lipp_memory_1w1r #(
   for (genvar k = 0; k < Cells; k++) begin : gen_cell
     logic [35:0] d, q;
     assign d = 36'(write_data[Bits*k+:Bits]);
-    // The lower half of a 36-bit word is read at port A.
+    // The lower half of a 36-bit word is read at the data output of port A.
     logic [17:0] a, b;
     assign q = Bits == 36 ? {b, a} : {a, b};
     assign read_data[Bits*k+:Bits] = q[Bits-1:0];

@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 `default_nettype none
 
-/// `lipp_mult18` in ECP5's multiplier cell, with all three of its register stages in use.
+/// Implements `lipp_mult18`, p(t) = a(t - 3) * b(t - 3), in the multiplier cell of ECP5. All three
+/// register stages of the cell are used.
 ///
 /// Ports and behaviour are those of rtl/math/lipp_mult18.sv. The cell is a black box to yosys.
 module lipp_mult18 (

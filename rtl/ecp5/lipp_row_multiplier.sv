@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 `default_nettype none
 
-/// `lipp_row_multiplier` in ECP5's multiplier cell and carry chains.
+/// Implements `lipp_row_multiplier` in a multiplier cell and carry chains of ECP5.
 ///
 /// Ports and behaviour are those of rtl/math/lipp_row_multiplier.sv. The pipeline has a stage for
 /// products with digits of four bits, two stages that add these products, a stage that adds the
@@ -22,7 +22,7 @@ module lipp_row_multiplier #(
 
   localparam int La = low_bits(Wa);
   localparam int Lb = low_bits(Wb);
-  localparam int Wha = Wa - La;  // number of bits of the upper part
+  localparam int Wha = Wa - La;  // width of the upper part of a in bits
   localparam int Whb = Wb - Lb;
 
   if (Wa < 3 || Wb < 3 || Wa > 32
@@ -47,7 +47,7 @@ module lipp_row_multiplier #(
     logic unused_low;
     assign unused_low = ^upper;
   end else begin : gen_split
-    // Both cross terms are in units of 2^Lc.
+    // Both cross terms ah bl and al bh are words in units of 2^Lc.
     localparam int Lc = La == 0 || Lb == 0 ? 0 : La < Lb ? La : Lb;
     localparam int Wc = MulBits + La + Lb - Lc + 2;
     logic signed [Wc-1:0] al_bh, ah_bl, cross_q;

@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 `default_nettype none
 
-/// `lipp_small_product` in ECP5's carry chains.
+/// Implements `lipp_small_product` in carry chains of ECP5.
 ///
-/// Ports and behaviour are those of rtl/math/lipp_small_product.sv. The first stage multiplies by
-/// two digits of four bits and by the highest bit. The second stage adds these partial products.
+/// Ports and behaviour are those of rtl/math/lipp_small_product.sv. The first stage multiplies a by
+/// two digits of four bits and by the highest bit of b. The second stage adds the products.
 module lipp_small_product #(
   parameter int Wa = 17,
   parameter int Drop = 0,
@@ -20,7 +20,8 @@ module lipp_small_product #(
     $fatal(1, "lipp_small_product: Wa must be 3 to 17 and Drop 0 or 8");
   end
 
-  // The partial product of the highest bit starts at 2^8, so the rounding constant fits below it.
+  // The partial product of b's highest bit has zeros below bit 8, so the rounding constant 2^7 is
+  // placed there without an adder.
   localparam logic [3:0] Half = Drop == 0 ? 4'd0 : 4'd8;
   logic [Wa+3:0] low, high, low_q, high_q;
   logic [Wa-1:0] top_q;

@@ -1,11 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
 `default_nettype none
 
-/// `lipp_wide_product` in ECP5's multiplier cells: one cell for the upper parts, one for each cross
-/// term.
+/// Implements `lipp_wide_product` in multiplier cells of ECP5: one cell multiplies the upper parts,
+/// and one cell computes each cross term.
 ///
 /// Ports and behaviour are those of rtl/math/lipp_wide_product.sv. Each cell uses its own
-/// registers. An additional register before the cells shortens the path of the operands.
+/// registers. An additional register before the cells shortens the timing path of the operands.
 module lipp_wide_product #(
   parameter int Wa = 18,
   parameter int Wb = 18,
@@ -22,7 +22,7 @@ module lipp_wide_product #(
 
   localparam int La = low_bits(Wa);
   localparam int Lb = low_bits(Wb);
-  localparam int Cells = 4;  // clocks of the register before the cell and of the cell's registers
+  localparam int Cells = 4;  // latency: register before the cell (1), cell (3)
   localparam int Wc = Wa + Wb + 1;
 
   logic signed [Wa-1:0] a_q;

@@ -1,11 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
 `default_nettype none
 
-/// Decodes COBS frames, each of which ends with 0x00.
+/// Decodes COBS frames (packets encoded without zero bytes), each of which ends with a byte 0x00.
 ///
-/// The output is one beat for each byte of a packet, and then an end beat without data. Each input
-/// byte produces at most one beat, one clock later. A code byte produces the zero before its group,
-/// and 0x00 produces the end beat. An empty frame produces no beat.
+/// For each packet the output is one beat per byte, and then an end beat without data. Each input
+/// byte produces at most one beat, one clock later. A code byte produces the zero byte before its
+/// group, and 0x00 produces the end beat. An empty frame produces no beat.
 module lipp_cobs_decoder (
   input  logic       clk_i,
   input  logic       rst_ni,
@@ -15,13 +15,13 @@ module lipp_cobs_decoder (
   output logic       out_valid_o,
   input  logic       out_ready_i,
   output logic [7:0] out_data_o,
-  output logic       out_end_o,   // end beat without data: the packet is complete
-  output logic       out_bad_o    // with out_end_o: the last group was too short
+  output logic       out_end_o,   // 1: end beat without data after a packet
+  output logic       out_bad_o    // with out_end_o, 1: last group too short
 );
 
-  logic begun_q;       // the first code byte of the frame has arrived
+  logic begun_q;       // 1: the first code byte of the frame has arrived
   logic zero_q;        // 1: a zero separates this group from the next group
-  logic [7:0] remaining_q;  // bytes of the group still to arrive
+  logic [7:0] remaining_q;  // number of bytes of the group still to arrive
   logic take, code, finish;
   assign in_ready_o = !out_valid_o || out_ready_i;
   assign take = in_valid_i && in_ready_o;

@@ -1,12 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
 `default_nettype none
 
-/// Encodes a packet as a COBS frame, including the final 0x00.
+/// Encodes a packet as a COBS frame (without zero bytes inside), including the final 0x00.
 ///
 /// The code byte at the start of a group contains the group's length, so a group is sent only after
-/// all its bytes have arrived. There are two banks: one bank is filled while the other is sent. The
-/// rate is one byte per clock if all groups have the same length, and one byte per two clocks in
-/// the worst case. The first byte of a group is sent 3 clocks after its last byte arrived.
+/// all its bytes have arrived. The encoder has two banks of memory: it fills one bank while it
+/// sends the other. The throughput is one byte per clock if all groups have the same length, and at
+/// least one byte per two clocks otherwise. The first byte of a group is sent 3 clocks after its
+/// last byte arrived.
 module lipp_cobs_encoder (
   input  logic       clk_i,
   input  logic       rst_ni,
@@ -21,18 +22,18 @@ module lipp_cobs_encoder (
 
   localparam logic [7:0] Longest = 8'd254;  // maximum number of bytes in a group
 
-  // Two banks, each with the bytes of a group from address 1 on. No address is written and read in
-  // the same clock, so synthesis need not define the result.
+  // Each of the two banks contains the bytes of a group from address 1 on. No address is written
+  // and read in the same clock, so synthesis need not define the result.
   (* no_rw_check *) logic [7:0] bytes[512];
   logic [1:0] full_q;
-  logic [1:0] final_q;       // bit k: bank k contains the last group of the packet
+  logic [1:0] final_q;       // bit k: bank k has the packet's last group
   logic [1:0][7:0] count_q;  // number of bytes in each bank
 
-  // ---- fill ----
+  // ---- fill a bank with the bytes of a group ----
   logic fill_q;          // index of the bank being filled
   logic [7:0] length_q;  // number of bytes in the bank being filled
   logic [7:0] next;
-  logic empty_q;       // the packet ended with a zero, so an empty group follows
+  logic empty_q;       // 1: packet ended with a zero; an empty group follows
   logic take, zero, close;
   assign in_ready_o = !full_q[fill_q] && !empty_q;
   assign take = in_valid_i && in_ready_o;
@@ -48,10 +49,10 @@ module lipp_cobs_encoder (
     end
   end
 
-  // ---- send: the code at address 0, the bytes, and 0x00 after the last group ----
+  // ---- send the code byte, the bytes of the bank, and 0x00 after the last group ----
   logic send_q;      // index of the bank being sent
-  logic [7:0] at_q;  // address in the bank being sent
-  logic end_q;       // all bytes of the packet have been sent
+  logic [7:0] at_q;  // address in the bank being sent; 0 is the code byte
+  logic end_q;       // 1: only the final 0x00 is left to send
   logic [7:0] count;
   logic some, last, more, step;
   assign count = count_q[send_q];

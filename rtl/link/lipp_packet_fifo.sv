@@ -1,17 +1,17 @@
 // SPDX-License-Identifier: Apache-2.0
 `default_nettype none
 
-/// Stores packets, and forwards error-free packets without their CRC.
+/// Stores received packets, checks their CRC-32, and forwards error-free packets without the CRC.
 ///
-/// Bytes are written when they arrive. The bytes of a packet can be read when the packet has ended
-/// without an error. After an error the write address returns to the start of the packet. The last
-/// five bytes stay in registers outside the memory. Therefore the four bytes of the CRC are never
-/// stored, and the byte before them can be marked as the last one when the packet ends.
+/// Each byte is written into memory when it arrives. The bytes of a packet can be read after the
+/// packet has ended without an error. After an error the write address returns to the start of that
+/// packet. The last five bytes stay in registers outside the memory. Therefore the four bytes of
+/// the CRC are never stored, and the byte before the CRC can be marked as the packet's last byte.
 ///
-/// A packet is dropped for exactly one reason: the first that applies of long, cobs, short, crc.
-/// While the memory is full, the input waits, unless the packet is already too long: then its
-/// remaining bytes are discarded. The first byte is at the output 4 clocks after the end of its
-/// packet arrived. Then one byte follows per clock.
+/// A dropped packet is counted for one reason: the first that applies of too long, COBS error, too
+/// short, wrong CRC. While the memory is full, the input waits. The remaining bytes of a packet
+/// that is already too long are discarded. The first byte of a packet is at the output 4 clocks
+/// after its end beat. One byte per clock follows.
 module lipp_packet_fifo #(
   parameter int AddressBits = 13
 ) (
@@ -20,14 +20,14 @@ module lipp_packet_fifo #(
   input  logic       in_valid_i,
   output logic       in_ready_o,
   input  logic [7:0] in_data_i,
-  input  logic       in_end_i,        // end beat without data: the packet is complete
+  input  logic       in_end_i,        // 1: end beat without data after a packet
   input  logic       in_bad_i,
   output logic       out_valid_o,
   input  logic       out_ready_i,
   output logic [7:0] out_data_o,
   output logic       out_last_o,
-  output logic       accepted_o,      // exactly one of these five outputs pulses for each packet
-  output logic       dropped_long_o,  // the packet had more than MaxPacket bytes
+  output logic       accepted_o,      // pulse: packet accepted (or a dropped_*_o pulses)
+  output logic       dropped_long_o,  // pulse: dropped, more than MaxPacket bytes
   output logic       dropped_cobs_o,
   output logic       dropped_short_o,
   output logic       dropped_crc_o
@@ -40,18 +40,18 @@ module lipp_packet_fifo #(
     $fatal(1, "lipp_packet_fifo: 2^AddressBits must be MaxPacket + 4 or more");
   end
 
-  // The last-byte flags have a memory of their own, because block memories of these widths need no
-  // multiplexers. A word in use is never read in the clock in which it is written, so synthesis
-  // need not define the result.
+  // The last-byte flags are in a separate memory, because block memories of widths 8 and 1 need no
+  // multiplexers. No word is read in the clock in which it is written, so this case may stay
+  // undefined.
   (* no_rw_check *) logic [7:0] bytes[1 << AddressBits];
   (* no_rw_check *) logic lasts[1 << AddressBits];
   address_t write_at_q, read_at_q;
-  address_t stored_q;                   // end address of the packets that can be read
+  address_t stored_q;                   // end address of the complete packets in memory
 
-  // ---- in ----
+  // ---- write received bytes, and check each packet at its end ----
   logic [4:0][7:0] late_q;
   logic [31:0] crc_q;
-  logic [LengthBits-1:0] length_q;      // bytes received so far, at most MaxPacket + 1
+  logic [LengthBits-1:0] length_q;      // bytes received of the packet, at most MaxPacket + 1
   // The registers too_long_q and late_full_q replace the comparisons length_q > MaxPacket and
   // length_q >= 5, which would be too slow.
   logic too_long_q, late_full_q;
@@ -68,7 +68,7 @@ module lipp_packet_fifo #(
       bytes[write_at_q] <= late_q[4];
       lasts[write_at_q] <= in_end_i;
     end
-    // The CRC state at the end of the packet is checked one clock later.
+    // The CRC state is compared one clock after the packet's end, which shortens the timing path.
     right_q <= crc_q == CrcResidue;
     long_q <= too_long_q;
     cobs_q <= in_bad_i;
@@ -101,18 +101,19 @@ module lipp_packet_fifo #(
       dropped_short_o <= judge_q && !long_q && !cobs_q && short_q;
       dropped_crc_o <= judge_q && !long_q && !cobs_q && !short_q && !right_q;
 
-      // The first byte of the next packet is written at least five clocks after this check.
+      // The write address may return late, because the next packet writes its first byte at least
+      // five clocks after this check.
       if (judge_q && good) stored_q <= write_at_q;
       if (judge_q && !good) write_at_q <= stored_q;
       else if (write) write_at_q <= write_at_q + address_t'(1);
 
-      // room_q is used one clock later. The limit in the comparison leaves room for the bytes of
-      // both clocks, and the memory never becomes completely full.
+      // room_q is one clock late. The limit in the comparison therefore leaves room for the bytes
+      // of two clocks, and the memory never becomes completely full.
       room_q <= write_at_q - read_at_q < address_t'(2 ** AddressBits - 2);
     end
   end
 
-  // ---- out ----
+  // ---- read the bytes of complete packets ----
   logic step, some, byte_valid_q;
   logic [7:0] byte_q;
   logic last_q;

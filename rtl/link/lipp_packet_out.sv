@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 `default_nettype none
 
-/// Appends the CRC-32 to a packet and encodes the result as a COBS frame, including the final 0x00.
+/// Appends the CRC-32 to a packet, and encodes the result as a COBS frame with the final 0x00.
 module lipp_packet_out (
   input  logic       clk_i,
   input  logic       rst_ni,
@@ -16,7 +16,7 @@ module lipp_packet_out (
   import lipp_link_pkg::*;
 
   logic [31:0] crc_q;
-  logic [2:0] remaining_q;  // bytes of the CRC still to send, 0 during the packet
+  logic [2:0] remaining_q;  // CRC bytes still to send; 0 during the packet
   logic body, valid, ready;
   assign body = remaining_q == 3'd0;
   assign valid = !body || in_valid_i;
@@ -38,7 +38,8 @@ module lipp_packet_out (
         crc_q <= crc32_byte(crc_q, in_data_i);
         if (in_last_i) remaining_q <= 3'd4;
       end else begin
-        // Ones are shifted in, so that the state is all ones after the last byte of the CRC.
+        // Ones are shifted in, so that the CRC state has its initial value (all ones) after the
+        // last byte.
         crc_q <= {8'hff, crc_q[31:8]};
         remaining_q <= remaining_q - 3'd1;
       end

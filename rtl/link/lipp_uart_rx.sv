@@ -3,11 +3,11 @@
 
 /// Receives bytes from an asynchronous serial line with 8 data bits, no parity and one stop bit.
 ///
-/// Input step_i is the baud rate in bits per clock, times 2^16; its maximum is 2^13 (8 clocks per
-/// bit). Each bit is the majority of three samples, at 3/8, 4/8 and 5/8 of the bit time, accurate
-/// to half a clock. Therefore a spike shorter than 1/8 bit is ignored, and a start bit shorter than
-/// half a bit counts as noise. A byte is at the output at 6/8 of its stop bit. After 6/8 of the
-/// stop bit the next start bit is accepted, so the sender may be 2 % too fast or too slow.
+/// Input step_i is 2^16 times the baud rate divided by the clock frequency. Its maximum is 2^13,
+/// which is 8 clocks per bit. Each bit is the majority of three samples, at 3/8, 4/8 and 5/8 of the
+/// bit time, accurate to half a clock. Therefore a spike shorter than 1/8 bit is ignored, and a
+/// start bit shorter than half a bit counts as noise. A byte is at the output at 6/8 of its stop
+/// bit. From then on the next start bit is accepted, so the sender may be 2 % too fast or slow.
 ///
 /// Output framing_error_o pulses if the stop bit was low: the byte is lost, and the line must go
 /// high before the next byte. Output overflow_o pulses if a byte arrived before the previous byte
@@ -20,16 +20,16 @@ module lipp_uart_rx (
   output logic        valid_o,
   input  logic        ready_i,
   output logic [7:0]  data_o,
-  output logic        framing_error_o,  // pulse: the stop bit was low
-  output logic        overflow_o        // pulse: the previous byte was not yet taken
+  output logic        framing_error_o,  // pulse: the stop bit was low, so the byte is lost
+  output logic        overflow_o        // pulse: a byte is lost; the last one was not taken
 );
 
-  localparam logic [3:0] StopBit = 4'd9;  // bit 0 is the start bit, bits 1 to 8 are data
+  localparam logic [3:0] StopBit = 4'd9;  // index of the stop bit; the start bit is 0
 
   logic line;
   lipp_bit_sync #(.ResetValue(1'b1)) i_sync (.clk_i, .rst_ni, .d_i(rx_i), .q_o(line));
 
-  // Position in the byte: number of the bit, eighth of the bit, and fraction of the eighth.
+  // The position in a byte is the index of the bit, the eighth of the bit, and the fraction of it.
   logic [3:0] bit_q;
   logic [2:0] eighth_q;
   logic [12:0] phase_q;
@@ -45,8 +45,8 @@ module lipp_uart_rx (
 
   always_ff @(posedge clk_i) begin
     if (busy_q) {bit_q, eighth_q, phase_q} <= place_d;
-    // The position is one clock ahead. On average the edge was half a clock before the first low
-    // sample, and an eighth is entered half a clock late.
+    // The initial position is one clock ahead, which corrects two mean delays of half a clock: from
+    // the edge of the start bit to the first low sample, and to the clock that enters an eighth.
     else {bit_q, eighth_q, phase_q} <= {3'b0, step_i, 1'b0};
     enter_q <= busy_q && place_d[15:13] != eighth_q;
     if (enter_q && eighth_q inside {[3'd3:3'd5]}) sample_q <= {sample_q[1:0], line};

@@ -3,8 +3,8 @@
 
 /// Sends bytes on an asynchronous serial line with 8 data bits, no parity and one stop bit.
 ///
-/// Input step_i is the baud rate in bits per clock, times 2^16. Each edge is within one clock of
-/// its exact time. Consecutive bytes follow each other without a pause.
+/// Input step_i is 2^16 times the baud rate divided by the clock frequency. Each edge of tx_o is
+/// within one clock of its exact time. Consecutive bytes follow each other without a pause.
 module lipp_uart_tx (
   input  logic        clk_i,
   input  logic        rst_ni,
@@ -15,8 +15,8 @@ module lipp_uart_tx (
   output logic        tx_o      // serial line, high when idle
 );
 
-  logic [9:0] shift_q;        // stop bit, data bits and start bit
-  logic [3:0] remaining_q;    // bits still to send
+  logic [9:0] shift_q;        // stop bit, data bits and start bit, in bits 9 to 0
+  logic [3:0] remaining_q;    // number of bits still to send
   logic [15:0] phase_q;
   logic tick_q;          // high in the last clock of a bit
   assign tx_o = shift_q[0];

@@ -1,12 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
 `default_nettype none
 
-/// Squares a byte v. With its upper four bits h and its lower four bits l,
+/// Squares an unsigned byte v. With h the upper four bits and l the lower four bits of v,
 ///
 ///   v = 16 h + l,   v^2 = 256 h^2 + l^2 + 32 h l.
 ///
-/// Tables give the squares of four bits, so no multiplier cell is needed. The term 256 h^2 + l^2
-/// needs no adder, because its two parts share no bit. The latency is 2 clocks,
+/// Tables give h^2 and l^2, and logic computes h l, so no multiplier cell is needed. The term 256
+/// h^2 + l^2 needs no adder, because its two parts share no bit. The latency is 2 clocks,
 /// lipp_math_pkg::byte_square_latency().
 module lipp_byte_square (
   input  logic        clk_i,
@@ -14,7 +14,7 @@ module lipp_byte_square (
   output logic [15:0] square_o
 );
 
-  /// Return bit k of the squares of 0 to 15, as a table that fits one logic cell.
+  /// Return bit k of the squares of 0 to 15, as a table that fits one four-input LUT.
   function automatic logic [15:0] square_bit(int k);
     for (int n = 0; n < 16; n++) square_bit[n] = 1'((n * n) >> k);
   endfunction

@@ -1,22 +1,21 @@
 // SPDX-License-Identifier: Apache-2.0
 `default_nettype none
 
-/// Multiplies two signed words by their parts and truncates the product. The module is
-/// combinational.
+/// Multiplies two signed words in parts, and truncates the product. The module is combinational.
 ///
 /// Word a is split into its upper 18 bits ah and its la lower bits al, so a = ah 2^la + al. Word b
-/// is split into bh and lb bits bl in the same manner. The product without al bl, truncated by Drop
-/// bits, is
+/// is split into bh and its lb lower bits bl in the same way. The term al bl is omitted. The
+/// product truncated by Drop bits is
 ///
 ///   p = floor(ah bh 2^(la + lb) / 2^Drop) + floor((ah bl 2^la + al bh 2^lb) / 2^Drop).
 ///
-/// All internal words have 64 bits, since simulators neither mask nor extend words of this width.
-/// Synthesis removes the unused bits.
+/// All internal words have 64 bits, because simulators need no instructions to mask or extend words
+/// of this width. Synthesis removes the unused bits.
 module lipp_cut_product #(
   parameter int Wa = 18,       // width of a in bits
   parameter int Wb = 18,       // width of b in bits
-  parameter int Drop = 0,      // number of truncated bits
-  parameter bit Square = 1'b0, // b equals a: one cross term is computed and doubled
+  parameter int Drop = 0,      // number of low bits to truncate
+  parameter bit Square = 1'b0, // 1: b equals a, one cross term is doubled
   localparam int Wp = Wa + Wb - Drop
 ) (
   input  logic signed [Wa-1:0] a_i,

@@ -1,12 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
 `default_nettype none
 
-/// Multiplies a word a by a digit d of one to four bits, p = a d. The module is combinational; it
-/// adds partial products with `lipp_gated_sum`.
+/// Multiplies a word a by a digit d of one to four bits: p = a d, exact. The module is
+/// combinational and adds its partial products with `lipp_gated_sum`.
 module lipp_digit_product #(
   parameter int W = 18,           // width of a in bits, 3 or more
   parameter int Digit = 4,        // width of d in bits
-  parameter bit Signed = 1'b1,    // a is signed
+  parameter bit Signed = 1'b1,    // 1: a is signed; 0: unsigned
   localparam int Wp = W + Digit
 ) (
   input  logic [W-1:0]     a_i,
@@ -18,7 +18,7 @@ module lipp_digit_product #(
     $fatal(1, "lipp_digit_product: W must be 3 or more and Digit 1 to 4");
   end
 
-  // Rows of partial products above bit 0 have W + 1 bits.
+  // Each row of partial products of a bit of d above bit 0 has W + 1 bits.
   logic [W:0] a, half;
   assign a = {Signed && a_i[W-1], a_i};
   assign half = {{2{Signed && a_i[W-1]}}, a_i[W-1:1]};

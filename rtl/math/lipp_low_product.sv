@@ -5,11 +5,11 @@
 ///
 ///   p(t) = a(t - Latency) * low(t - Latency).
 ///
-/// The product is made in logic: each digit of two bits gives one partial product, and a tree adds
-/// them in pairs. Latency is lipp_math_pkg::low_latency(Low) clocks, or more to match a parallel
-/// path.
+/// The product is exact and made in logic: each digit of two bits of `low` gives one partial
+/// product, and a tree adds the partial products in pairs. Parameter Latency is
+/// lipp_math_pkg::low_latency(Low) clocks, or more if a parallel path takes longer.
 module lipp_low_product #(
-  parameter int Low = 2,                                // unsigned factor's width, 1 to 17 bits
+  parameter int Low = 2,                                // width of `low` in bits, 1 to 17
   parameter int Latency = lipp_math_pkg::low_latency(Low)
 ) (
   input  logic                                         clk_i,
@@ -37,7 +37,7 @@ module lipp_low_product #(
     assign a = Wp'(a_i);
     always_ff @(posedge clk_i) p <= a * Wp'(low_i);
   end else begin : gen_tree
-    // The lower branch gets the largest power of two that is below the number of digits.
+    // The tree's lower branch adds as many digits as the largest power of two below their number.
     localparam int LowerDigits = 1 << ($clog2(Digits) - 1);
     localparam int Split = 2 * LowerDigits;
     logic signed [MulBits+Split-1:0]     lower;

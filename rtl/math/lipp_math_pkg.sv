@@ -13,21 +13,21 @@ package lipp_math_pkg;
 
   /// Width of a signed operand of one hardware multiplier, in bits.
   localparam int MulBits = 18;
-  /// Number of guard bits that intermediate results keep until the final rounding of a step.
+  /// Number of guard bits: extra fraction bits of intermediate results until the final rounding.
   localparam int Guard = 3;
 
-  /// Rounding errors may move a word beyond its range by up to 2^Slack units before saturation.
-  /// SquareSlack is the same limit for a clamped square, which has F + 3 fraction bits.
+  /// Slack: rounding errors may move a word beyond its range by up to 2^Slack units in the last
+  /// place. SquareSlack is the same limit for clamped squares, which have F + 3 fraction bits.
   localparam int Slack = 6;
   localparam int SquareSlack = 9;
 
-  /// Return the number of an operand's bits beyond the width of a hardware multiplier.
+  /// Return the number of an operand's low bits that do not fit a hardware multiplier.
   function automatic int low_bits(int width);
     return width > MulBits ? width - MulBits : 0;
   endfunction
 
   /// Return the latency of `lipp_low_product`, which adds digits of two bits in a tree. The latency
-  /// is at least that of a multiplier cell.
+  /// is at least that of a multiplier cell, which works in parallel.
   function automatic int low_latency(int low);
     int tree;
     tree = 1 + $clog2((low + 1) / 2);
@@ -57,26 +57,26 @@ package lipp_math_pkg;
     return 3;
   endfunction
 
-  /// Return the latency of `lipp_row_multiplier`. It is the multiplier cell's latency, plus one
-  /// clock for a sum where a word is wider than a cell's operand.
+  /// Return the latency of `lipp_row_multiplier`. The latency is that of the multiplier cell, plus
+  /// one clock for a sum if an operand is wider than the cell's.
   function automatic int row_latency(int wa, int wb);
     return cell_latency() + (low_bits(wa) > 0 || low_bits(wb) > 0 ? 1 : 0);
   endfunction
 
-  /// Return log2 of the number of table segments per octave of a root. A value of F that
+  /// Return log2 of the number of table segments that `lipp_quadratic` has per octave. An F that
   /// `lipp_quadratic` refuses gets a small table.
   function automatic int segment_bits(int f);
     return f < 14 ? 4 : f > 23 ? 7 : f / 3;
   endfunction
 
-  /// Return the width of the position within a table segment, in bits.
+  /// Return the width of the position z within a table segment of `lipp_quadratic`, in bits.
   function automatic int place_bits(int f);
     return f + 2 - segment_bits(f) < MulBits ? f + 2 - segment_bits(f) : MulBits;
   endfunction
 
-  /// Return the number of fraction bits of a segment's slope.
+  /// Return the number of fraction bits of the polynomial's slope in `lipp_quadratic`.
   function automatic int slope_fraction(int f);
-    // A refused value of f gets a legal width too, so that elaboration reaches the error message.
+    // An illegal f also gets a legal width, so that elaboration reaches the error message.
     return f < 14 ? 18 : segment_bits(f) + 18 < f + 4 ? segment_bits(f) + 18 : f + 4;
   endfunction
 
@@ -91,7 +91,7 @@ package lipp_math_pkg;
     return quadratic_latency() + 1;
   endfunction
 
-  /// Return the latency of `lipp_sqrt`, including the normalising shifts before and after the root.
+  /// Return the latency of `lipp_sqrt`, including the shifts that normalise its input and output.
   function automatic int sqrt_latency(bit normalise);
     return quadratic_latency() + 1 + (normalise ? 4 + 2 : 0);
   endfunction

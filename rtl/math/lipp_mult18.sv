@@ -5,8 +5,8 @@
 ///
 ///   p(t) = a(t - 3) * b(t - 3).
 ///
-/// Like the multiplier cells of FPGAs, it has registers at the operands, inside and at the product.
-/// Synthesis for an FPGA family replaces this module by the family's cell (rtl/ecp5/).
+/// The module has registers at the operands, inside and at the product, like the multiplier cells
+/// of FPGAs. Synthesis for an FPGA family replaces this module by the family's cell (rtl/ecp5/).
 module lipp_mult18 (
   input  logic               clk_i,
   input  logic signed [17:0] a_i,

@@ -7,10 +7,10 @@
 ///
 ///   a = ah 2^la + al   with 0 <= al < 2^la.
 ///
-/// Word b is split into bh and lb bits bl in the same manner. A multiplier cell computes ah bh. The
-/// cross terms ah bl and al bh are computed in logic. With CrossCells, more cells compute them
-/// (`lipp_wide_product`); this takes less logic and up to three times the multipliers. The product
-/// al bl lies below all kept bits and is not computed. The result is
+/// Word b is split into bh and its lb lower bits bl in the same way. A multiplier cell computes ah
+/// bh. Logic computes the cross terms ah bl and al bh. With CrossCells = 1, further multiplier
+/// cells compute the cross terms (`lipp_wide_product`), which takes less logic and up to three
+/// cells in all. The term al bl is omitted. The result is
 ///
 ///   p = floor(ah bh 2^(la + lb) / 2^Drop) + floor((ah bl 2^la + al bh 2^lb) / 2^Drop).
 ///
@@ -19,9 +19,9 @@
 module lipp_multiplier #(
   parameter int Wa = 18,       // width of a in bits
   parameter int Wb = 18,       // width of b in bits
-  parameter int Drop = 0,      // number of truncated bits
-  parameter bit Square = 1'b0, // b equals a: one cross term is computed and doubled
-  parameter bit CrossCells = 1'b0, // compute cross terms in multiplier cells, not in logic
+  parameter int Drop = 0,      // number of low bits to truncate
+  parameter bit Square = 1'b0, // 1: b equals a, one cross term is doubled
+  parameter bit CrossCells = 1'b0, // 1: cross terms use multiplier cells
   localparam int Wp = Wa + Wb - Drop
 ) (
   input  logic                 clk_i,
@@ -64,7 +64,7 @@ module lipp_multiplier #(
     lipp_wide_product #(.Wa(Wa), .Wb(Wb), .Drop(Drop), .Square(Square)) i_product (
       .clk_i, .a_i, .b_i, .p_o
     );
-    logic unused_upper;  // CrossCells does not use the multiplier cell `i_upper`
+    logic unused_upper;  // with CrossCells = 1, cell i_upper is unused
     assign unused_upper = ^upper;
   end else if (Ll == 0) begin : gen_whole
     assign p_o = Wp'(upper >>> Drop);
@@ -72,8 +72,8 @@ module lipp_multiplier #(
     assign unused_low = ^{1'b0, upper};
   end else begin : gen_split
     localparam int CrossLatency = low_latency(Ll);
-    localparam int Rest = mul_latency(Wa, Wb) - 2;  // clocks from the operands' register to the sum
-    // cross_q is the sum of both cross terms in units of 2^Lc.
+    localparam int Rest = mul_latency(Wa, Wb) - 2;  // clocks from operands to sum
+    // cross_q is the sum of both cross terms, ah bl and al bh, in units of 2^Lc.
     localparam int Lc = La == 0 || Lb == 0 ? 0 : La < Lb ? La : Lb;
     localparam int Wc = MulBits + La + Lb - Lc + 2;
     logic signed [Wc-1:0] cross_q;
@@ -104,7 +104,8 @@ module lipp_multiplier #(
       end
     end
 
-    // The path with the shorter latency, cell or cross terms, is delayed to match the other path.
+    // Either the product of the multiplier cell or the sum of the cross terms is delayed, so that
+    // both have the same latency.
     logic signed [Wp-1:0] upper_cut, cross_cut;
     lipp_delay #(.Width(Wp), .Cycles(Rest - 3)) i_upper_match (
       .clk_i, .d_i(Wp'(upper >>> (Drop - La - Lb))), .q_o(upper_cut)

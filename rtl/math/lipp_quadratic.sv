@@ -1,26 +1,26 @@
 // SPDX-License-Identifier: Apache-2.0
 `default_nettype none
 
-/// Computes a root of x in [1, 4) from a table of quadratic polynomials, one for each segment.
+/// Computes a root of x in [1, 4) by piecewise quadratic interpolation in a coefficient table.
 ///
-/// The parameter Root selects the root; both results are in (1/2, 1]:
+/// The parameter Root selects the root. The result y is in (1/2, 1]:
 ///
 ///   RootReciprocal   y = 1 / sqrt(x)
 ///   RootSquare       y = sqrt(x) / 2.
 ///
-/// The input x_i is unsigned with I = F + 1 fraction bits. The mantissa is m = x where x < 2 (lower
-/// octave), and m = x / 2 elsewhere (upper octave); its fraction has I + 1 bits. The octave and the
-/// top A = segment_bits(F) fraction bits select a segment. The next D = place_bits(F) bits are the
-/// position z in [-1/2, 1/2) within the segment; lower bits are truncated. The polynomial is
+/// The input x_i is unsigned with I = F + 1 fraction bits. The mantissa is m = x for x < 2 (lower
+/// octave) and m = x / 2 for x >= 2 (upper octave). The mantissa has I + 1 fraction bits. The
+/// octave and the top A = segment_bits(F) fraction bits of m select a segment of the table. The
+/// next D = place_bits(F) bits of m are the position z in [-1/2, 1/2) within the segment, and the
+/// lower bits of m are truncated. The polynomial is
 ///
 ///   slope = c1 + floor(c2 z 2^s1 + 1/2) / 2^s1,   s1 = slope_fraction(F)
 ///   y     = c0 + floor(slope z 2^(F + 4)) / 2^(F + 4).
 ///
-/// The polynomial interpolates the root at the segment's Chebyshev nodes z = 0 and
-/// z = +-sqrt(3)/4. These nodes minimise the error of the cubic term, which is |y'''| w^3 / 192 for
-/// a segment of width w. Coefficient c0 is rounded to F + 4 fraction bits, c1 to s1 bits, c2 to
-/// s1 + 2 bits. The output y_o is unsigned with F + 4 fraction bits. The latency is
-/// quadratic_latency() clocks.
+/// The polynomial interpolates the root at the segment's Chebyshev nodes z = 0 and z = +-sqrt(3)/4.
+/// The interpolation error is at most |y'''| w^3 / 192 for a segment of width w. Coefficient c0 is
+/// rounded to F + 4 fraction bits, c1 to s1 bits, c2 to s1 + 2 bits. The output y_o is unsigned
+/// with F + 4 fraction bits. The latency is quadratic_latency() clocks.
 module lipp_quadratic #(
   parameter int F = 23,
   parameter int Root = lipp_math_pkg::RootReciprocal
@@ -34,13 +34,13 @@ module lipp_quadratic #(
   localparam int A = segment_bits(F);
   localparam int D = place_bits(F);
   localparam int S1 = slope_fraction(F);
-  localparam int W0 = F + 5;               // width of c0, unsigned
-  localparam int W1 = S1 - A;              // width of c1, signed: |c1| < 2^-(A + 1)
-  localparam int W2 = S1 + 3 - 2 * A;      // width of c2, signed: |c2| < 2^-2A
+  localparam int W0 = F + 5;               // width of coefficient c0, unsigned
+  localparam int W1 = S1 - A;              // width of coefficient c1, signed: |c1| < 2^-(A + 1)
+  localparam int W2 = S1 + 3 - 2 * A;      // width of coefficient c2, signed: |c2| < 2^-2A
   localparam int Entries = 1 << (A + 1);
 
   localparam int Wt = W0 + W1 + W2;
-  typedef logic [Entries-1:0][Wt-1:0] table_t;  // each entry is {c0, c1, c2}
+  typedef logic [Entries-1:0][Wt-1:0] table_t;  // entry: coefficients {c0, c1, c2}
 
   if (F < 14 || F > 23) begin : gen_illegal_f
     $fatal(1, "lipp_quadratic: F must be 14 to 23");
@@ -79,7 +79,7 @@ module lipp_quadratic #(
 
   localparam table_t Table = make_table();
 
-  // ---- octave: the fraction has the same format for both octaves after this stage ----
+  // ---- find the octave, and give the fraction the same format in both octaves ----
   logic [F+1:0] fraction_q;
   logic octave_q;
   logic [A:0] segment;
@@ -88,14 +88,13 @@ module lipp_quadratic #(
   always_ff @(posedge clk_i) begin
     octave_q <= x_i[F+2];
     fraction_q <= x_i[F+2] ? x_i[F+1:0] : {x_i[F:0], 1'b0};
-    // Inverting the top bit subtracts half a segment from the position.
+    // Inverting the top bit of the position subtracts half a segment, which makes z signed.
     place_q <= {~fraction_q[F+1-A], fraction_q[F-A-:D-1]};
   end
 
   // The table is read as eight parts. Each part has its own address, which is 0 while another part
-  // is selected. A common address would drive every bit of the table, and its long wires would
-  // limit the clock. A part that is not selected gives 0, so an OR of all parts replaces a
-  // multiplexer.
+  // is selected. One common address would drive the whole table over long wires and limit the clock
+  // frequency. A part at address 0 outputs 0, so an OR of all parts replaces a multiplexer.
   localparam int Parts = 8;
   localparam int Part = Entries / Parts;
   logic [Parts-1:0][Wt-1:0] entry_q;
@@ -118,7 +117,7 @@ module lipp_quadratic #(
         | ((entry_q[4] | entry_q[5]) | (entry_q[6] | entry_q[7]));
   end
 
-  // The slope is c1 + round(c2 z); c2 has two more fraction bits than c1, and z has D.
+  // The slope is c1 + round(c2 z). Coefficient c2 has S1 + 2 fraction bits, c1 has S1, and z has D.
   localparam int MulLatency = mul_latency(MulBits, MulBits);
   logic signed [D-1:0] place_early, place_late;
   logic signed [W2-1:0] bend;

@@ -1,19 +1,18 @@
 // SPDX-License-Identifier: Apache-2.0
 `default_nettype none
 
-/// Multiplies two signed words with the result of `lipp_multiplier`; carry chains add the cross
-/// terms in rows.
+/// Multiplies two signed words, with the same result as `lipp_multiplier` but with a shorter
+/// latency. Carry chains add the cross terms row by row.
 ///
-/// This module has fewer registers than `lipp_multiplier`, and none before the multiplier cell. Its
-/// latency is 3 or 4 clocks, and its maximum clock frequency is lower. All registers follow
-/// `lipp_cut_product`, so a simulator moves one word per clock. Synthesis for an FPGA family with
-/// suitable carry chains replaces this module (rtl/ecp5/). The latency is
-/// lipp_math_pkg::row_latency(Wa, Wb) clocks.
+/// The result is that of `lipp_cut_product`. The module has fewer registers than `lipp_multiplier`
+/// and a lower maximum clock frequency. All registers follow the product, so a simulator moves only
+/// one word per clock. Synthesis for an FPGA family with suitable carry chains replaces this module
+/// (rtl/ecp5/). The latency is lipp_math_pkg::row_latency(Wa, Wb), which is 3 or 4 clocks.
 module lipp_row_multiplier #(
   parameter int Wa = 18,       // width of a in bits, 3 to 32
   parameter int Wb = 18,       // width of b in bits, 3 to 32
-  parameter int Drop = 0,      // number of truncated bits
-  parameter bit Square = 1'b0, // b equals a: one cross term is computed and doubled
+  parameter int Drop = 0,      // number of low bits to truncate
+  parameter bit Square = 1'b0, // 1: b equals a, one cross term is doubled
   localparam int Wp = Wa + Wb - Drop
 ) (
   input  logic                 clk_i,

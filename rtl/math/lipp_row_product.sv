@@ -5,11 +5,11 @@
 ///
 ///   p(t) = a(t - 2) * low(t - 2).
 ///
-/// The product is made in carry chains. The first clock multiplies a by digits of four bits; the
-/// second clock adds these products.
+/// The product is exact and made in carry chains. In the first clock, a is multiplied by digits of
+/// four bits of `low`. In the second clock, the products are added.
 module lipp_row_product #(
-  parameter int W = 18,   // width of the signed word in bits, 3 or more
-  parameter int Low = 4,  // width of the unsigned factor in bits, 1 to 16
+  parameter int W = 18,   // width of a in bits, 3 or more
+  parameter int Low = 4,  // width of `low` in bits, 1 to 16
   localparam int Wp = W + Low
 ) (
   input  logic                 clk_i,
@@ -34,7 +34,7 @@ module lipp_row_product #(
     always_ff @(posedge clk_i) q <= $signed(product);
   end
 
-  // Neighbouring digits are added in pairs, and then the pairs are added.
+  // The products of neighbouring digits are added in pairs, and then the pairs' sums are added.
   if (Digits == 1) begin : gen_one
     always_ff @(posedge clk_i) p_o <= gen_digit[0].q;
   end else begin : gen_more

@@ -5,7 +5,7 @@
 ///
 /// The input x_i is unsigned and has F + 3 bits, F + 1 of them fraction bits; for x < 1 the output
 /// is undefined. The output y_o is unsigned, in [1/2, 1], and has F + 1 + K fraction bits, where K
-/// is Extra. With q from `lipp_quadratic`, and words as integers:
+/// is Extra. With q the output of `lipp_quadratic`, and q and y read as integers, the rounding is
 ///
 ///   y    = (q + (4 >> K)) >> (3 - K).
 ///

@@ -1,12 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
 `default_nettype none
 
-/// Narrows a signed word to To bits. A value out of range becomes the maximum or the minimum. The
-/// latency is 1 clock.
+/// Narrows a signed word to To bits. A value above the range of To bits becomes the maximum, a
+/// value below it the minimum. The latency is 1 clock.
 ///
-/// Output beyond_o reports that the value is out of range by more than 2^Slack units, which
-/// rounding errors cannot cause. In units of 2^Slack, such a value is not in range, nor one step
-/// above or below it.
+/// Output beyond_o reports that the value is out of range by more than 2^Slack units in the last
+/// place. Rounding errors are smaller, so only an arithmetic overflow sets beyond_o.
 module lipp_saturate #(
   parameter int From = 20,
   parameter int To = 18,

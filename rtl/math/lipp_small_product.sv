@@ -1,18 +1,17 @@
 // SPDX-License-Identifier: Apache-2.0
 `default_nettype none
 
-/// Multiplies an unsigned word a by an unsigned fraction b without a multiplier cell. Truncated
-/// bits are rounded:
+/// Multiplies an unsigned word a by an unsigned fraction b in logic, and rounds to nearest:
 ///
 ///   p = a b                 with Drop = 0
 ///   p = (a b + 2^7) >> 8    with Drop = 8.
 ///
-/// All registers follow the product, so a simulator moves one word per clock, and synthesis may
+/// All registers follow the product, so a simulator moves only one word per clock. Synthesis may
 /// move the registers into the product. Synthesis for an FPGA family without such retiming replaces
 /// this module (rtl/ecp5/). The latency is lipp_math_pkg::small_latency() clocks.
 module lipp_small_product #(
   parameter int Wa = 17,   // width of a in bits, 3 to 17
-  parameter int Drop = 0,  // number of truncated bits, 0 or 8
+  parameter int Drop = 0,  // number of low bits to truncate, 0 or 8
   localparam int Wp = Wa + 9 - Drop
 ) (
   input  logic          clk_i,

@@ -1,12 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
 `default_nettype none
 
-/// Computes the faithfully rounded square root y = sqrt(x) of x in [0, 1); cosines use it.
+/// Computes the faithfully rounded square root y = sqrt(x) of x in [0, 1), for cosines of rays.
 ///
-/// The input x_i is unsigned and has J = F + 3 bits, all of them fraction bits. The output y_o is a
-/// near word (lipp_optics_pkg) with K = Extra more fraction bits. With Normalise = 0 the input must
-/// be in [1/4, 1). With Normalise = 1 all inputs are valid: k is the largest number up to 15 with
-/// 4^k x < 1, and q is the root of 4^k x from `lipp_quadratic`. With words as integers:
+/// The input x_i is unsigned and has J = F + 3 bits, all of them fraction bits. The output y_o is
+/// signed, in [0, 1), with F + 1 + K fraction bits, where K is Extra. With Normalise = 0 the input
+/// must be in [1/4, 1). With Normalise = 1 all inputs are valid. Let k be the largest number up to
+/// 15 with 4^k x < 1, or 0 with Normalise = 0. Let q be the root of 4^k x from `lipp_quadratic`.
+/// With words read as integers, the result is
 ///
 ///   y    = min(((q >> k) + (4 >> K)) >> (3 - K), 2^(F+1+K) - 1).
 ///
@@ -37,7 +38,8 @@ module lipp_sqrt #(
   logic [F+4:0] q, shifted;
 
   if (Normalise) begin : gen_normalise
-    // The binary digits of k select shifts by 16, 8, 4 and 2 bits where that many upper bits are 0.
+    // The input is shifted left by 16, 8, 4 and 2 bits in turn, each time if that many upper bits
+    // are 0. The binary digits of k record these shifts.
     logic [J-1:0] by16_q, by8_q, by4_q, by2_q;
     logic k8_q, k8_q2, k8_q3, k8_q4, k4_q2, k4_q3, k4_q4, k2_q3, k2_q4, k1_q4;
     logic [3:0] k_late;

@@ -3,16 +3,15 @@
 
 /// Multiplies two signed words with multiplier cells only and truncates the product by Drop bits.
 ///
-/// The result equals that of `lipp_multiplier` without CrossCells; `lipp_cut_product` computes it.
-/// All registers follow the product, so a simulator moves one word per clock, and synthesis can
-/// move the registers into the multiplier cells. Synthesis for an FPGA family without such retiming
-/// replaces this module by multiplier cells (rtl/ecp5/). The latency is
-/// lipp_math_pkg::mul_latency(Wa, Wb) clocks.
+/// The result is that of `lipp_cut_product`. All registers follow the product, so a simulator moves
+/// only one word per clock. Synthesis can move the registers into the multiplier cells. Synthesis
+/// for an FPGA family without such retiming replaces this module by multiplier cells (rtl/ecp5/).
+/// The latency is lipp_math_pkg::mul_latency(Wa, Wb) clocks.
 module lipp_wide_product #(
   parameter int Wa = 18,       // width of a in bits
   parameter int Wb = 18,       // width of b in bits
-  parameter int Drop = 0,      // number of truncated bits
-  parameter bit Square = 1'b0, // b equals a: one cross term is computed and doubled
+  parameter int Drop = 0,      // number of low bits to truncate
+  parameter bit Square = 1'b0, // 1: b equals a, one cross term is doubled
   localparam int Wp = Wa + Wb - Drop
 ) (
   input  logic                 clk_i,

@@ -1,11 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 `default_nettype none
 
-/// Read client of a block RAM: accepts a request and outputs its pixels, one pixel per clock.
+/// Reads pixels from block RAM: accepts requests for consecutive pixels, outputs one per clock.
 ///
 /// The next request is accepted after the last pixel of the current request. Input rgb_i in clock t
-/// is the pixel at the address at_o of clock t - 2. The first pixel is valid 7 clocks after its
-/// request was accepted.
+/// is the pixel at the address at_o of clock t - 2. A request's first pixel comes after 7 clocks.
 module lipp_block_read_port #(
   parameter int Width = 640,
   parameter int Height = 480,
@@ -17,7 +16,7 @@ module lipp_block_read_port #(
   output logic                 ready_o,
   input  logic                 buffer_i,
   input  logic [PlaceBits-1:0] first_i,
-  input  logic [PlaceBits:0]   count_i,  // number of pixels, 1 or more
+  input  logic [PlaceBits:0]   count_i,  // number of pixels of the request, 1 or more
   output logic                 pixel_valid_o,
   input  logic                 pixel_ready_i,
   output logic [23:0]          rgb_o,
@@ -31,7 +30,7 @@ module lipp_block_read_port #(
     $fatal(1, "lipp_block_read_port: Width and Height must be 1 to 16383");
   end
 
-  // pixels still to request from the RAM, and still to output
+  // number of pixels still to read from the RAM (unasked_q) and still to output (remaining_q)
   logic [PlaceBits:0] unasked_q, remaining_q;
   logic busy_q, asks_q, open, ask, take, unused_idle;
   assign ready_o = !busy_q;

@@ -1,20 +1,20 @@
 // SPDX-License-Identifier: Apache-2.0
 `default_nettype none
 
-/// Frame store with two pixel buffers in block RAM, for small panels and for simulation.
+/// Stores frames in two pixel buffers in block RAM, for small panels and for simulation.
 ///
-/// Three clients use the frame store. The clients `show` and `read` fetch pixels, the client
-/// `write` stores pixels. Each client transfers one pixel per clock.
+/// Three clients use the frame store through the ports show_*, read_* and write_*. Clients show and
+/// read fetch pixels, and client write stores pixels. Each client transfers one pixel per clock.
 ///
-/// A request has a valid/ready handshake. The request selects a buffer, the index of its first
-/// pixel, and a number of pixels, 1 or more. The pixels follow as a stream, row by row, with red in
-/// bits 23:16, green in 15:8 and blue in 7:0. The next request of a client is accepted after the
-/// last pixel of its current request, for the client `write` after write_done_o. Output
-/// write_done_o is a pulse. A request accepted in the clock of the pulse or later returns the
-/// written pixels. After power-up the contents are undefined. Reset keeps the contents and cancels
-/// all requests.
+/// A client's request has a valid/ready handshake. The request selects a buffer, the index of its
+/// first pixel, and a number of pixels, 1 or more. The pixels follow the request as a stream, row
+/// by row, with red in bits 23:16, green in 15:8 and blue in 7:0. The next request of a client is
+/// accepted after the last pixel of its current request. For client write, the next request is
+/// accepted after write_done_o. Output write_done_o is a pulse. A read request accepted in the
+/// clock of that pulse or later returns the written pixels. After power-up the contents are
+/// undefined. Reset keeps the contents and cancels all requests.
 ///
-/// `lipp_sdram_store` has the same clients and the same contract.
+/// The frame store `lipp_sdram_store` has the same clients and handshakes.
 module lipp_block_store #(
   parameter int Width = 640,
   parameter int Height = 480,

@@ -1,12 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
 `default_nettype none
 
-/// Memory of `lipp_block_store`: two pixel buffers with one write port and two read ports, a and b.
+/// Memory of `lipp_block_store`: two pixel buffers with a write port and two read ports, a and b.
 ///
-/// An address consists of the buffer and the index of the pixel in it. Each read port has a latency
-/// of two clocks. Output a_rgb_o in clock t is the pixel at the address a_at_i of clock t - 2, as
-/// it was before that clock. Port b has the same timing as port a. After power-up the contents are
-/// undefined.
+/// An address consists of the index of the buffer and the index of the pixel in that buffer. Each
+/// read port has a latency of two clocks. Output a_rgb_o in clock t is the pixel at the address
+/// a_at_i of clock t - 2, as it was before that clock. Port b has the same timing as port a. After
+/// power-up the contents are undefined.
 module lipp_frame_store #(
   parameter int Width = 640,
   parameter int Height = 480,

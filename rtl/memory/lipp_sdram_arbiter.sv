@@ -1,13 +1,14 @@
 // SPDX-License-Identifier: Apache-2.0
 `default_nettype none
 
-/// Selects the next transaction of the SDRAM. Of the three clients, `show` has the highest
-/// priority, then `write`, then `read`.
+/// Selects which client's transaction the SDRAM executes next. Client `show` has the highest
+/// priority, then client `write`, then client `read`.
 ///
-/// After a transaction of `show`, a waiting `write` has priority. Therefore `show` waits for at
-/// most one transaction of another client. After the current transaction, `write` waits for at most
-/// one transaction of `show`. The client `read` is served only when no other client is waiting. The
-/// selection is final in the clock in which ready_i is high; before that clock it may change.
+/// After a transaction of `show`, a waiting client `write` has priority over the next one of
+/// `show`. Therefore client `show` waits for at most one transaction of another client. After the
+/// current transaction, client `write` waits for at most one transaction of `show`. The client
+/// `read` is served only when no other client is waiting. The selection is combinational, and may
+/// change until the clock in which ready_i is high.
 module lipp_sdram_arbiter
   import lipp_sdram_pkg::*;
 (
@@ -27,11 +28,11 @@ module lipp_sdram_arbiter
   output logic         valid_o,
   input  logic         ready_i,
   output transaction_t transaction_o,
-  output logic         write_o,  // the selected transaction belongs to write
-  output logic         show_o    // the selected transaction belongs to show
+  output logic         write_o,  // 1: client write is selected
+  output logic         show_o    // 1: client show is selected
 );
 
-  logic show_served_q;  // the last transaction belonged to show
+  logic show_served_q;  // 1: the last transaction belonged to client show
   assign show_o = show_valid_i && !(show_served_q && write_valid_i);
   assign write_o = write_valid_i && !show_o;
   assign valid_o = show_valid_i || write_valid_i || read_valid_i;

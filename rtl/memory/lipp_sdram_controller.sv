@@ -8,20 +8,20 @@
 ///
 ///   ACTIVE, tRCD, count x (READ or WRITE), tWR after a write, PRECHARGE, tRP.
 ///
-/// Reading n words therefore takes max(tRCD + n, tRAS) + tRP clocks, and writing n words takes
-/// max(tRCD + n + tWR - 1, tRAS) + tRP clocks. Times in ns are rounded up to clocks. A transaction
-/// is accepted two clocks before its ACTIVE command, so that the client is selected as late as
-/// possible.
+/// Reading n words therefore takes max(tRCD + n, tRAS) + tRP clocks. Writing n words takes max(tRCD
+/// + n + tWR - 1, tRAS) + tRP clocks. All times of the data sheet are rounded up to clocks. A
+/// transaction is accepted two clocks before its ACTIVE command, so that the arbiter can select the
+/// client as late as possible.
 ///
-/// The words to write must be available in time: write_take_o takes write_word_i, once for each
-/// word. The words that were read cannot wait: read_valid_o outputs them in the order of their
-/// transactions, with the tag_i of their transaction. PadClocks is the number of registers between
-/// these ports and the SDRAM's pins, both directions together. Input dq_i is captured cas_clocks +
-/// PadClocks + 1 clocks after READ is at the ports.
+/// All words to write must be available: write_word_i is taken in each clock in which write_take_o
+/// is high. The receiver of read words cannot delay them: they are valid when read_valid_o is high,
+/// in the order of the transactions, with the tag_i of their transaction. Parameter PadClocks is
+/// the number of registers between this module's ports and the SDRAM's pins, both directions
+/// together. Input dq_i is captured cas_clocks + PadClocks + 1 clocks after READ is at the ports.
 ///
 /// After reset the controller waits for power_up_us without a command, and then sends PRECHARGE
 /// ALL, eight AUTO REFRESH, and LOAD MODE REGISTER. No manufacturer of such SDRAMs requires a
-/// longer sequence. Later, a pending AUTO REFRESH is executed before the next transaction.
+/// longer sequence. Afterwards, a pending AUTO REFRESH is executed before the next transaction.
 module lipp_sdram_controller
   import lipp_sdram_pkg::*;
 #(
@@ -64,19 +64,19 @@ module lipp_sdram_controller
   localparam int Wr = clocks(Timing.wr_ns, ClockHz);
   localparam int Mrd = int'(Timing.mrd_clocks);
   // Rp is the time from PRECHARGE to the next command. Rp also satisfies tRC, since a row is open
-  // for tRAS or longer. Rp + Rcd is at least 4, so that the SDRAM has released the data pins before
-  // a word is written.
+  // for tRAS or longer. The sum Rp + Rcd is at least 4, so that the SDRAM has released its data
+  // pins before the controller writes a word.
   localparam int RpOnly = clocks(Timing.rp_ns, ClockHz);
   localparam int RpOrRc = RpOnly > Rc - Ras ? RpOnly : Rc - Ras;
   localparam int Rp = RpOrRc > 2 ? RpOrRc : 2;
   localparam int PowerUp = int'(longint'(Timing.power_up_us) * longint'(ClockHz) / 1_000_000) + 1;
-  // Maximum number of clocks that a pending refresh waits for a transaction. Each refresh is
-  // requested earlier by this time.
+  // Maximum number of clocks that a pending refresh waits for the end of a transaction. Each
+  // refresh is requested that number of clocks before it is due.
   localparam int Longest = Rcd + RowWords + Wr + Rp + Rfc + 8;
   localparam int Interval = int'(
       (longint'(Timing.refresh_ms) * longint'(ClockHz) / 1000 - longint'(Longest))
       / longint'(Timing.rows));
-  // Clocks from a column's command in `state_q` until its word is in read_word_o.
+  // Number of clocks from the READ command of a column in state_q until the word is in read_word_o.
   localparam int ReadClocks = int'(Timing.cas_clocks) + 2 + PadClocks;
 
   localparam int TimerBits = $clog2((PowerUp > Interval ? PowerUp : Interval) + 1);
@@ -94,20 +94,19 @@ module lipp_sdram_controller
   if (PadClocks < 0) begin : gen_pads
     $fatal(1, "lipp_sdram_controller: PadClocks must be 0 or more");
   end
-  // After the longest transaction up to three refreshes may be pending, and tRFC may take up to 30
-  // clocks.
+  // The counters allow three refreshes after the longest transaction, and a tRFC of 30 clocks.
   if (Interval < Longest / 2 || Rfc > 30) begin : gen_clock
     $fatal(1, "lipp_sdram_controller: ClockHz must be about 35 MHz to 400 MHz");
   end
-  // ---- pending refreshes and steps of the initialisation ----
+  // ---- count pending refreshes and the steps of the initialisation ----
   typedef enum logic [1:0] {PowerUpStep, RefreshStep, ModeStep, ReadyStep} step_e;
   typedef enum logic [2:0] {Idle, Activate, Column, Close, Refresh, Mode, Pause} state_e;
   step_e step_q, step_d;
-  logic [2:0] more_q, more_d;   // refreshes of the initialisation still to do after this one
+  logic [2:0] more_q, more_d;   // initialisation refreshes left after the current one
   state_e state_q, state_d, after_q, after_d;
   logic [TimerBits-1:0] timer_q;
   logic tick_q, refresh_due_q, open_q;  // open_q: a transaction may be accepted
-  logic [1:0] late_q;                   // number of pending refreshes
+  logic [1:0] late_q;                   // number of pending refreshes, 0 to 3
   logic [1:0] late_d;
   assign late_d = late_q + 2'(tick_q && late_q != 2'd3) - 2'(state_q == Refresh && refresh_due_q);
 
@@ -125,11 +124,11 @@ module lipp_sdram_controller
     end
   end
 
-  // ---- states: the command of each state is at the pins in the next clock ----
+  // ---- state machine: the command of each state is at the pins in the next clock ----
   transaction_t at_q;
   logic write_q, tag_q, last_q, settled;
   logic [PauseBits-1:0] pause_q, pause_d;
-  logic [HoldBits-1:0] hold_q;  // its ones count the clocks until the row may be closed
+  logic [HoldBits-1:0] hold_q;  // number of ones: clocks until the row may be closed
   assign ready_o = state_q == Idle && open_q;
   assign settled = !hold_q[0];
 
@@ -216,7 +215,7 @@ module lipp_sdram_controller
   logic unused_at;
   assign unused_at = ^{at_q.count, at_q.last};
 
-  // ---- pins ----
+  // ---- register the outputs to the SDRAM's pins ----
   assign cs_no = 1'b0;
   always_ff @(posedge clk_i or negedge rst_ni) begin
     if (!rst_ni) begin
@@ -236,7 +235,7 @@ module lipp_sdram_controller
   end
   always_ff @(posedge clk_i) begin
     ba_o <= state_q == Mode ? '0 : at_q.bank;
-    // A10 selects PRECHARGE ALL. The mode register's code for burst length 1 is zero.
+    // Bit A10 is high for PRECHARGE ALL. In the mode register, the code of burst length 1 is zero.
     if (state_q == Column) a_o <= RowBits'(at_q.column);
     else if (state_q == Close) a_o <= RowBits'(1 << 10);
     else if (state_q == Mode) a_o <= RowBits'(Timing.cas_clocks << 4);
@@ -244,7 +243,7 @@ module lipp_sdram_controller
     dq_o <= write_word_i;
   end
 
-  // ---- words read ----
+  // ---- mark the words read with the tag of their transaction ----
   logic [ReadClocks-1:0] valid_q, word_tag_q;
   assign read_valid_o = valid_q[ReadClocks-1];
   assign read_tag_o = word_tag_q[ReadClocks-1];

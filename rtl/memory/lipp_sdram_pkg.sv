@@ -1,8 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 `default_nettype none
 
-/// Geometry and timing of the SDRAM, which has 4 banks x 8192 rows x 512 columns of 16 bits
-/// (MT48LC16M16A2).
+/// Geometry and timing of the SDRAM MT48LC16M16A2: 4 banks x 8192 rows x 512 columns of 16 bits.
 package lipp_sdram_pkg;
   // Most modules use only a part of these constants.
   /* verilator lint_off UNUSEDPARAM */
@@ -13,17 +12,17 @@ package lipp_sdram_pkg;
   localparam int ColumnBits = 9;
   localparam int RowWords = 1 << ColumnBits;
 
-  /// A transaction: `count` words in one row from `column` on, where count <= RowWords - column.
+  /// A transaction reads or writes `count` words in one row: count <= RowWords - column.
   typedef struct packed {
     logic [RowBits-1:0] row;
     logic [BankBits-1:0] bank;
     logic [ColumnBits-1:0] column;
     logic [ColumnBits:0] count;
-    logic last;  // 1: the transaction is the last one of its request
+    logic last;  // 1: last transaction of its request
   } transaction_t;
 
-  /// Minimum times of the data sheet. The refresh has a maximum time instead: `rows` refreshes must
-  /// be done within refresh_ms.
+  /// Minimum times from the SDRAM's data sheet. The field refresh_ms is a maximum instead: `rows`
+  /// refreshes must be done within refresh_ms.
   typedef struct packed {
     logic [15:0] cas_clocks;  // CAS latency, 2 or 3 clocks
     logic [15:0] rcd_ns;      // minimum time from ACTIVE to READ or WRITE
@@ -44,7 +43,7 @@ package lipp_sdram_pkg;
   localparam timing_t Grade7E = '{3, 15, 15, 37, 60, 66, 14, 2, 200, 64, 8192};
   localparam timing_t Grade6A = '{3, 18, 18, 42, 60, 60, 12, 2, 200, 64, 8192};
 
-  /// Return the minimum number of clocks that last at least `ns`.
+  /// Return the minimum number of clocks that last at least `ns` nanoseconds.
   function automatic int clocks(logic [15:0] ns, int hz);
     return int'((longint'(ns) * longint'(hz) + 999_999_999) / 1_000_000_000);
   endfunction

@@ -1,12 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
 `default_nettype none
 
-/// Read client of the SDRAM: accepts requests and outputs their pixels.
+/// Reads pixels from the SDRAM: accepts requests for consecutive pixels, and outputs the pixels.
 ///
-/// On the memory's side the port offers transactions and accepts words. The port offers a
+/// Towards the SDRAM controller, the port offers transactions and accepts words. The port offers a
 /// transaction only when its buffer of 2^AddressBits pixel pairs has room for all words of the
-/// transaction, so words from the memory never wait. A pixel pair crosses to the client's clock as
-/// one word. The next request is accepted after the last pixel of the current request.
+/// transaction, so words from the memory never wait. Each pair of pixels crosses from the memory's
+/// clock to the client's clock as one word. The next request is accepted after the last pixel of
+/// the current request.
 ///
 /// The latency from the words to the pixels is 2 memory clocks, then the latency of
 /// `lipp_async_fifo`, then one client clock. The last clock is an output register, which is needed
@@ -16,8 +17,8 @@ module lipp_sdram_read_port
 #(
   parameter int Width = 640,
   parameter int Height = 480,
-  parameter int Block = 96,       // maximum number of words in a transaction
-  parameter int AddressBits = 7,  // the buffer has 2^AddressBits pixel pairs
+  parameter int Block = 96,       // maximum number of 16-bit words in a transaction
+  parameter int AddressBits = 7,  // the FIFO holds 2^AddressBits pixel pairs
   localparam int PlaceBits = $clog2(Width * Height)
 ) (
   input  logic                 clk_i,
@@ -25,8 +26,8 @@ module lipp_sdram_read_port
   input  logic                 valid_i,
   output logic                 ready_o,
   input  logic                 buffer_i,
-  input  logic [PlaceBits-1:0] first_i,  // index of the first pixel, even
-  input  logic [PlaceBits:0]   count_i,  // number of pixels, even
+  input  logic [PlaceBits-1:0] first_i,  // index of the first pixel in the buffer, even
+  input  logic [PlaceBits:0]   count_i,  // number of pixels of the request, even
   output logic                 pixel_valid_o,
   input  logic                 pixel_ready_i,
   output logic [23:0]          rgb_o,
@@ -48,7 +49,7 @@ module lipp_sdram_read_port
   logic [47:0] pair;
   logic [23:0] rgb;
 
-  // ---- requests ----
+  // ---- split each request into transactions ----
   assign ready_o = !busy_q;
   assign take = pixel_valid_o && pixel_ready_i;
   always_ff @(posedge clk_i or negedge rst_ni) begin
@@ -68,7 +69,7 @@ module lipp_sdram_read_port
     .count_i, .pair_i(pair_valid && pair_ready), .valid_o(split_valid), .ready_i(split_ready),
     .transaction_o(split_transaction)
   );
-  logic unused_free;  // split_free is always high when the last pixel has left
+  logic unused_free;  // unused, because split_free is high once the last pixel has left
   assign unused_free = split_free;
   lipp_async_fifo #(.Width($bits(transaction_t)), .AddressBits(2)) i_transactions (
     .in_clk_i(clk_i), .in_rst_ni(rst_ni), .in_valid_i(split_valid), .in_ready_o(split_ready),
@@ -76,7 +77,7 @@ module lipp_sdram_read_port
     .out_valid_o(mem_valid_o), .out_ready_i(mem_ready_i), .out_data_o(mem_transaction_o)
   );
 
-  // ---- words to pixels: the room is reserved, so both modules are always ready ----
+  // ---- convert words to pixels; room is reserved, so both modules are always ready ----
   logic mem_pair_valid, join_ready, fifo_ready, unused_ready;
   logic [47:0] mem_pair;
   assign unused_ready = join_ready && fifo_ready;

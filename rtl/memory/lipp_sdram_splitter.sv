@@ -4,13 +4,13 @@
 /// Splits a request for pixels into transactions of the SDRAM.
 ///
 /// Two pixels are stored as three words: pixels 2k and 2k + 1 of a buffer are the words 3k to 3k +
-/// 2 after the start of the buffer's first row. The row numbers run through all banks: the bank is
-/// the row number modulo 4. A transaction has at most Block words, all in one row.
+/// 2 after the start of the buffer's first row. Consecutive rows lie in different banks: the bank
+/// is the row number modulo 4. A transaction has at most Block words, all in one row.
 ///
-/// A transaction is offered when the budget is at least the transaction's number of words. The
-/// budget starts with Budget words, grows by three words with each pair_i, and shrinks by the words
-/// of each transaction. For a client that reads, the budget is the free room in the client's
-/// buffer. For a client that writes, the budget is the number of words available to write.
+/// A transaction is offered when the budget, a count of words, is at least the transaction's number
+/// of words. The budget starts with Budget words, grows by three words with each pair_i, and
+/// shrinks by the words of each transaction. For a read client, the budget is the free room in the
+/// client's buffer. For a write client, the budget is the number of words available to write.
 ///
 /// A transaction is offered 3 clocks after the request or the previous transaction was accepted, or
 /// 1 clock after the budget is large enough, whichever is later.
@@ -21,7 +21,7 @@ module lipp_sdram_splitter
   parameter int Height = 480,
   parameter int Block = 96,
   parameter int Budget = 0,
-  parameter int MaxBudget = 192,  // maximum value that the budget can reach
+  parameter int MaxBudget = 192,  // maximum value that the budget can reach, in words
   localparam int PlaceBits = $clog2(Width * Height)
 ) (
   input  logic                 clk_i,
@@ -30,8 +30,8 @@ module lipp_sdram_splitter
   input  logic                 valid_i,
   output logic                 ready_o,
   input  logic                 buffer_i,
-  input  logic [PlaceBits-1:0] first_i,  // index of the first pixel, even
-  input  logic [PlaceBits:0]   count_i,  // number of pixels, even and not 0
+  input  logic [PlaceBits-1:0] first_i,  // index of the first pixel in the buffer, even
+  input  logic [PlaceBits:0]   count_i,  // number of pixels of the request, even, not 0
   input  logic                 pair_i,
 
   output logic                 valid_o,
@@ -43,7 +43,7 @@ module lipp_sdram_splitter
   localparam int BufferRows = (BufferWords + RowWords - 1) / RowWords;
   localparam int RemainingBits = PlaceBits + 2 > ColumnBits + 1 ? PlaceBits + 2 : ColumnBits + 1;
   localparam int BudgetBits = $clog2(MaxBudget + 1);
-  // number of bits of a row number through all banks
+  // number of bits of a row number over all banks
   localparam int NumberBits = RowBits + BankBits;
 
   if (Width < 2 || Width % 2 != 0 || Width > 16383 || Height < 1 || Height > 16383)

@@ -1,28 +1,28 @@
 // SPDX-License-Identifier: Apache-2.0
 `default_nettype none
 
-/// Frame store with two pixel buffers in an SDR SDRAM.
+/// Stores frames in two pixel buffers in an SDR SDRAM.
 ///
-/// Three clients use the frame store. The clients `show` and `read` fetch pixels, the client
-/// `write` stores pixels. A request has a valid/ready handshake. The request selects a buffer, the
-/// index of its first pixel, and a number of pixels, both even. The pixels follow as a stream, row
-/// by row, with red in bits 23:16, green in 15:8 and blue in 7:0. The next request of a client is
-/// accepted after the last pixel of its current request, for the client `write` after the pulse
-/// write_done_o. A request accepted after that pulse returns the written pixels. A request waits
-/// until the memory is initialised.
+/// Three clients use the frame store through the ports show_*, read_* and write_*. Clients show and
+/// read fetch pixels, and client write stores pixels. A client's request has a valid/ready
+/// handshake. The request selects a buffer, the index of its first pixel, and a number of pixels,
+/// both even. The pixels follow as a stream, row by row, with red in bits 23:16, green in 15:8 and
+/// blue in 7:0. The next request of a client is accepted after the last pixel of its current
+/// request. For client write, the next request is accepted after the pulse write_done_o. A read
+/// request accepted after that pulse returns the written pixels. All requests wait until the SDRAM
+/// is initialised.
 ///
-/// Two pixels are stored as three words: {R, G}, {B, R'}, {G', B'}. Each buffer begins at the start
-/// of a row. A pixel that is read while it is written may consist of one old and one new word.
+/// Two pixels R G B and R' G' B' are stored as three words: {R, G}, {B, R'}, {G', B'}. Each buffer
+/// begins at the start of a row. A pixel read while it is written may be half old, half new.
 ///
-/// The client `show` has priority: it waits for at most one transaction of another client and one
-/// refresh (`lipp_sdram_arbiter`). A transaction of `write` has at most WriteBlock words, a
-/// transaction of `read` at most ReadBlock words. The client `show` reads ahead as far as its line
+/// Client show has priority: it waits for at most one transaction of another client and one refresh
+/// (`lipp_sdram_arbiter`). A transaction of client write has at most WriteBlock words, a
+/// transaction of client read at most ReadBlock words. Client show reads ahead while its line
 /// buffer of 2^ShowBits pixel pairs has room.
 ///
-/// Input mem_clk_i has the frequency MemoryHz and is unrelated to clk_i. Input rst_ni resets the
-/// memory's side asynchronously: it cancels all requests and all pixels in transit, and the memory
-/// is initialised again. The memory's contents may then be lost. `lipp_sdram_controller` describes
-/// the pins.
+/// Input mem_clk_i has the frequency MemoryHz and is asynchronous to clk_i. Input rst_ni cancels
+/// all requests and all pixels in transit, and starts the initialisation of the SDRAM again, which
+/// may lose its contents. `lipp_sdram_controller` describes the pins.
 module lipp_sdram_store
   import lipp_sdram_pkg::*;
 #(
@@ -87,7 +87,7 @@ module lipp_sdram_store
   logic mem_rst_n;
   lipp_reset_sync i_reset (.clk_i(mem_clk_i), .rst_ni, .rst_no(mem_rst_n));
 
-  // ---- clients ----
+  // ---- split the requests of the three clients into transactions ----
   logic show_valid, show_ready, write_valid, write_ready, read_valid, read_ready;
   transaction_t show_transaction, write_transaction, read_transaction;
   logic word_valid, word_show, word_take;
@@ -121,7 +121,7 @@ module lipp_sdram_store
     .mem_word_valid_i(word_valid && !word_show), .mem_word_i(read_word)
   );
 
-  // ---- memory ----
+  // ---- arbitrate between the clients, and control the SDRAM ----
   logic valid, ready, is_write, is_show;
   transaction_t transaction;
   lipp_sdram_arbiter i_arbiter (

@@ -1,20 +1,20 @@
 // SPDX-License-Identifier: Apache-2.0
 `default_nettype none
 
-/// Write client of the SDRAM: accepts requests and their pixels.
+/// Writes pixels to the SDRAM: accepts requests for consecutive pixels, and then the pixels.
 ///
-/// On the memory's side the port offers transactions and outputs words. All words of a transaction
-/// cross to the memory's clock before the transaction is offered, so they are available when the
-/// memory takes them. Output done_o is a pulse after the memory accepted the last transaction of
-/// the request. Every later request is executed after that transaction. The next request is
-/// accepted after done_o.
+/// Towards the SDRAM controller, the port offers transactions and outputs words. All words of a
+/// transaction cross to the memory's clock before the port offers the transaction, so the
+/// controller never waits for a word. Output done_o is a pulse after the memory accepted the last
+/// transaction of the request. The SDRAM executes every later request after that transaction. The
+/// next request is accepted after done_o.
 module lipp_sdram_write_port
   import lipp_sdram_pkg::*;
 #(
   parameter int Width = 640,
   parameter int Height = 480,
-  parameter int Block = 48,       // maximum number of words in a transaction
-  parameter int AddressBits = 5,  // the buffer has 2^AddressBits pixel pairs
+  parameter int Block = 48,       // maximum number of 16-bit words in a transaction
+  parameter int AddressBits = 5,  // the FIFO holds 2^AddressBits pixel pairs
   localparam int PlaceBits = $clog2(Width * Height)
 ) (
   input  logic                 clk_i,
@@ -22,8 +22,8 @@ module lipp_sdram_write_port
   input  logic                 valid_i,
   output logic                 ready_o,
   input  logic                 buffer_i,
-  input  logic [PlaceBits-1:0] first_i,  // index of the first pixel, even
-  input  logic [PlaceBits:0]   count_i,  // number of pixels, even
+  input  logic [PlaceBits-1:0] first_i,  // index of the first pixel in the buffer, even
+  input  logic [PlaceBits:0]   count_i,  // number of pixels of the request, even
   input  logic                 pixel_valid_i,
   output logic                 pixel_ready_o,
   input  logic [23:0]          rgb_i,
@@ -48,7 +48,7 @@ module lipp_sdram_write_port
   transaction_t split_transaction;
   logic [47:0] pair;
 
-  // ---- requests ----
+  // ---- split each request into transactions ----
   assign ready_o = !busy_q;
   assign pixel_ready_o = some_q && join_ready;
   assign take = pixel_valid_i && pixel_ready_o;
@@ -65,7 +65,8 @@ module lipp_sdram_write_port
     else if (take) remaining_q <= remaining_q - 1'b1;
   end
 
-  // A pair counts in the budget once it is in the FIFO, so it arrives before its transaction.
+  // A pixel pair is added to the budget after it entered the FIFO, so its words arrive before the
+  // transaction that writes them.
   lipp_sdram_splitter #(
     .Width(Width), .Height(Height), .Block(Block), .Budget(0), .MaxBudget((3 << AddressBits) + 9)
   ) i_splitter (
@@ -73,14 +74,14 @@ module lipp_sdram_write_port
     .count_i, .pair_i(pair_valid && pair_ready), .valid_o(split_valid), .ready_i(split_ready),
     .transaction_o(split_transaction)
   );
-  logic unused_free;  // split_free is always high when the last transaction was taken
+  logic unused_free;  // unused, because split_free is high once the last transaction is taken
   assign unused_free = split_free;
   lipp_async_fifo #(.Width($bits(transaction_t)), .AddressBits(2)) i_transactions (
     .in_clk_i(clk_i), .in_rst_ni(rst_ni), .in_valid_i(split_valid), .in_ready_o(split_ready),
     .in_data_i(split_transaction), .out_clk_i(mem_clk_i), .out_rst_ni(mem_rst_ni),
     .out_valid_o(mem_valid_o), .out_ready_i(mem_ready_i), .out_data_o(mem_transaction_o)
   );
-  // Two pulses are further apart than one pulse needs to cross the clocks, so i_done is never busy.
+  // Two done pulses are further apart than the latency of i_done, so i_done is never busy.
   logic last_taken, done_busy, unused_busy;
   assign last_taken = mem_valid_o && mem_ready_i && mem_transaction_o.last;
   assign unused_busy = done_busy;
@@ -89,7 +90,7 @@ module lipp_sdram_write_port
     .from_busy_o(done_busy), .to_clk_i(clk_i), .to_rst_ni(rst_ni), .to_pulse_o(done_o)
   );
 
-  // ---- pixels to words ----
+  // ---- convert pixels to words ----
   logic mem_pair_valid, mem_pair_ready, next_valid, next_ready, unused_valid;
   logic [47:0] mem_pair, next_pair;
   lipp_word_join #(.Width(24), .Parts(2)) i_join (

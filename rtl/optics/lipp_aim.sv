@@ -1,18 +1,20 @@
 // SPDX-License-Identifier: Apache-2.0
 `default_nettype none
 
-/// Step 3 of a ray: finds the lenslet at which the ray aims.
+/// Step 3 of the ray trace: finds the lenslet at which the ray aims.
 ///
-/// The inputs are measured from the centre of the pixel's lenslet (i, j), in pitches along x and in
-/// rows along y. The ray aims at the lenslet whose cell contains the aperture point (a, b). With
-/// (di, dj) the step from the pixel's lenslet to that lenslet, its indices are (i + di, j + dj).
-/// The outputs are measured from the centre of that lenslet:
+/// The inputs are the pixel's point (x, y) and the aperture point (a, b). Both are measured from
+/// the centre of the pixel's lenslet (i, j), in pitches along x and in rows along y. The ray aims
+/// at the lenslet whose cell contains the aperture point (a, b). Let (di, dj) be the step from the
+/// pixel's lenslet to that lenslet. The output indices are (i + di, j + dj). The output points are
+/// measured from the centre of the lenslet aimed at:
 ///
 ///   x' = x - di                (square grid)
 ///   x' = x - di - dj/2         (hexagonal grid)
 ///   y' = y - dj.
 ///
-/// The aperture point (a', b') is computed from (a, b) by the same formulas. All results are exact.
+/// The same formulas give the aperture point (a', b') from (a, b). All points have F fraction bits,
+/// and all results are exact.
 ///
 /// Output stray_o reports that the lenslet aimed at is not the pixel's lenslet. Output beyond_o
 /// reports that x' or y' is outside [-2, 2), or that an index wraps. The latency is
@@ -22,20 +24,20 @@ module lipp_aim #(
   parameter int Grid = lipp_optics_pkg::GridSquare
 ) (
   input  logic                                         clk_i,
-  input  logic signed [lipp_optics_pkg::IndexBits-1:0] i_i,  // pixel's lenslet (i, j)
+  input  logic signed [lipp_optics_pkg::IndexBits-1:0] i_i,  // index i of the pixel's lenslet
   input  logic signed [lipp_optics_pkg::IndexBits-1:0] j_i,
-  input  logic signed [F+1:0]                          x_i,  // pixel's point x, wide, in pitches
-  input  logic signed [F+1:0]                          y_i,  // pixel's point y, wide, in rows
-  input  logic signed [F+1:0]                          a_i,  // aperture point (a, b), wide, pitches
+  input  logic signed [F+1:0]                          x_i,  // pixel's point x, 2^-F pitches
+  input  logic signed [F+1:0]                          y_i,  // pixel's point y, 2^-F rows
+  input  logic signed [F+1:0]                          a_i,  // aperture point a, 2^-F pitches
   input  logic signed [F+1:0]                          b_i,
-  output logic signed [lipp_optics_pkg::IndexBits-1:0] i_o,  // lenslet (i, j) aimed at
+  output logic signed [lipp_optics_pkg::IndexBits-1:0] i_o,  // index i of the lenslet aimed at
   output logic signed [lipp_optics_pkg::IndexBits-1:0] j_o,
-  output logic signed [F+1:0]                          x_o,  // pixel's point from centre of (i, j)
+  output logic signed [F+1:0]                          x_o,  // x from the lenslet aimed at
   output logic signed [F+1:0]                          y_o,
-  output logic signed [F+1:0]                          a_o,  // aperture point from centre of (i, j)
+  output logic signed [F+1:0]                          a_o,  // a from the lenslet aimed at
   output logic signed [F+1:0]                          b_o,
-  output logic                                         stray_o,  // lenslet is not the pixel's own
-  output logic                                         beyond_o  // x_o, y_o or an index overflows
+  output logic                                         stray_o,  // 1: aims at another lenslet
+  output logic                                         beyond_o  // 1: an output word overflows
 );
   import lipp_optics_pkg::*;
 
@@ -52,7 +54,7 @@ module lipp_aim #(
 
   logic signed [IndexBits-1:0] di, dj, i_late, j_late;
   logic signed [W-1:0] a, b, x_late, y_late;
-  logic unused_beyond;  // aperture points are far from the limits of lattice coordinates
+  logic unused_beyond;  // aperture points cannot overflow lattice coordinates
   if (Grid == GridHex) begin : gen_hex
     lipp_lenslet_hex #(.F(F)) i_lenslet (
       .clk_i, .x_i(L'(a_i)), .y_i(L'(b_i)), .i_o(di), .j_o(dj), .x_o(a), .y_o(b),

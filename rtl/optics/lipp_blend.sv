@@ -1,19 +1,20 @@
 // SPDX-License-Identifier: Apache-2.0
 `default_nettype none
 
-/// Adds two products for one coordinate of a slope or of a point on the first face, y = k x + l a.
+/// Computes y = k x + l a, one coordinate of a ray's slope or of its point on the lenslet's first
+/// face. Input x is a pixel coordinate, a an aperture point coordinate; k and l are coefficients.
 ///
-/// With words as integers, and a b >> k the product that `lipp_multiplier` truncates by k bits, the
-/// sum is
+/// In the formula all words are integers, and a b >> n is the product of `lipp_multiplier`
+/// truncated by n bits. The sum is
 ///
 ///   y    = ((k x >> F-3) + (l a >> F-3) + 4) >> 3.
 ///
-/// The words x and a have F fraction bits; k, l and y have Wk - 2 fraction bits. Second = 0 omits
-/// the product l a. Output beyond_o reports that y does not fit into Wy bits. The latency is
-/// blend_latency(F, Wx) clocks.
+/// The words x and a have F fraction bits; k, l and y have Wk - 2 fraction bits. With Second = 0
+/// the product l a is omitted. Output beyond_o reports that y does not fit into Wy bits. The
+/// latency is blend_latency(F, Wx) clocks.
 module lipp_blend #(
   parameter int F = 23,
-  parameter bit CrossCells = 1'b0,  // compute cross terms in multiplier cells
+  parameter bit CrossCells = 1'b0,  // 1: cross terms use multiplier cells
   parameter bit Second = 1'b1,
   parameter int Wx = F + 2,         // width of x in bits, F + 2 or more
   parameter int Wa = F + 2,         // width of a in bits, F + 2 to Wx

@@ -1,49 +1,50 @@
 // SPDX-License-Identifier: Apache-2.0
 `default_nettype none
 
-/// Step 5 of a ray: checks whether the point on the dome is in the lenslet's own cell, and selects
-/// the next cell to try if the point is outside.
+/// Step 5 of the ray trace: checks whether the point on the dome is in the lenslet's own cell, and,
+/// if the point is outside, selects the next cell to try.
 ///
-/// An intersection with a dome is valid only inside the dome's own cell. For a point outside, the
-/// next dome to try is that of the neighbouring cell in the direction of the point. Distances q
-/// along the cell's axes are measured in the regular lattice whose affine image is the array. These
-/// distances are compared with half a pitch, H = px / (2 R). The point is inside the cell where -H
-/// <= q < H on every axis. The shear s is 0 without Shear.
+/// A ray's intersection N with a dome is valid only inside the cell of that dome. For a point
+/// outside, the next dome to try is that of the neighbouring cell in the direction of the point.
+/// The distances q of the point from the cell's centre along the cell's axes are compared with half
+/// a pitch, H = px / (2 R), where px is the pitch along the rows and R the dome's radius. The point
+/// is inside the cell if -H <= q < H on every axis. The shear s is 0 with Shear = 0.
 ///
-/// On the square grid, the step (di, dj) is the sign of each distance that is outside:
+/// On the square grid, di is the sign of q0 if q0 is outside, else 0; dj likewise follows from q1:
 ///
 ///   q0 = nx - s ny
-///   q1 = ny            (compared with py / (2 R) instead of H).
+///   q1 = ny            (compared with py / (2 R), where py is the distance of rows).
 ///
-/// On the hexagonal grid, the step crosses the flat with the largest |q|, where |q| means ~q for q
-/// < 0. The step is (1, 0) for q0, (0, 1) for q1, (-1, 1) for q2, or its opposite where q < 0:
+/// On the hexagonal grid, the step (di, dj) crosses the side of the cell with the largest |q|,
+/// where |q| is ~q for q < 0. The step is (1, 0) for q0, (0, 1) for q1, (-1, 1) for q2, and the
+/// opposite for q < 0:
 ///
 ///   q0 = nx - s ny
 ///   q1 = nx / 2 + h ny,   h = (sqrt(3)/2) px / py - s / 2
 ///   q2 = q1 - q0.
 ///
-/// The comparison q < -H is made as ~q >= H, which needs no negation. With words as integers, h = n
-/// 2^(F+1) + m with 0 <= m < 2^(F+1), and a b >> k the product that `lipp_multiplier` truncates by
-/// k bits, the distances are
+/// The comparison q < -H is computed as ~q >= H, which needs no negation. In the formulas all words
+/// are integers, h = n 2^(F+1) + m with 0 <= m < 2^(F+1), and a b >> k is the product of
+/// `lipp_multiplier` truncated by k bits. The distances are
 ///
 ///   q0   = ((nx << 3) - (ny s >> F-3) + 4) >> 3
-///   q1   = ((ny m >> F-2) + (nx << 2) + (n ny << 3) + 4) >> 3,  h = n 2^(F+1) + m.
+///   q1   = ((ny m >> F-2) + (nx << 2) + (n ny << 3) + 4) >> 3.
 ///
-/// Distances are near words, s is a wide word, and h has F + 1 fraction bits. The latency is
+/// The distances, H and h have F + 1 fraction bits, and s has F. The latency is
 /// cell_step_latency(Grid, F, Shear) clocks.
 module lipp_cell_step #(
   parameter int F = 23,
-  parameter bit CrossCells = 1'b0,  // compute cross terms in multiplier cells
+  parameter bit CrossCells = 1'b0,  // 1: cross terms use multiplier cells
   parameter int Grid = lipp_optics_pkg::GridSquare,
   parameter bit Shear = 1'b0
 ) (
   input  logic                clk_i,
   input  logic signed [F+1:0] nx_i,
   input  logic signed [F+1:0] ny_i,
-  input  logic signed [F+1:0] half_i,    // H = px / (2 R)
-  input  logic signed [F+1:0] half_y_i,  // py / (2 R), square grid
-  input  logic signed [F+3:0] rise_i,    // h, hexagonal grid
-  input  logic signed [F+1:0] shear_i,   // shear s, with Shear
+  input  logic signed [F+1:0] half_i,    // half pitch H = px / (2 R), F + 1 fraction bits
+  input  logic signed [F+1:0] half_y_i,  // half row distance py / (2 R), F + 1 fraction bits
+  input  logic signed [F+3:0] rise_i,    // coefficient h (hexagonal), F + 1 fraction bits
+  input  logic signed [F+1:0] shear_i,   // shear s (Shear = 1), F fraction bits
   output logic signed [1:0]   di_o,
   output logic signed [1:0]   dj_o,
   output logic                inside_o
@@ -52,7 +53,7 @@ module lipp_cell_step #(
   import lipp_optics_pkg::*;
 
   localparam int W = F + 2;
-  localparam int Wq = W + 3;  // width that fits q2 for any inputs
+  localparam int Wq = W + 3;  // width of q0, q1 and q2, without overflow for any inputs
   localparam int Wt = Wq + Guard;
   localparam int MulLatency = mul_latency(W, W);
 
@@ -63,7 +64,7 @@ module lipp_cell_step #(
     $fatal(1, "lipp_cell_step: Grid must be GridSquare or GridHex");
   end
 
-  // ---- q0, the distance along the rows; ready a clock before a distance that takes a product ----
+  // ---- compute q0, the distance along the rows, one clock before a distance with a product ----
   logic signed [Wq-1:0] q0_d;
   if (Shear) begin : gen_shear
     localparam int Drop = F - Guard;
@@ -74,7 +75,7 @@ module lipp_cell_step #(
       .clk_i, .a_i(ny_i), .b_i(shear_i), .p_o(lean)
     );
     lipp_delay #(.Width(W), .Cycles(MulLatency)) i_nx (.clk_i, .d_i(nx_i), .q_o(nx_late));
-    // nx << 3 ends in three zero bits; setting the first of them adds the rounding constant 4.
+    // The word nx << 3 ends in three zero bits. Setting bit 2 adds the rounding constant 4.
     always_ff @(posedge clk_i) sum_q <= ((Wt'(nx_late) <<< Guard) | Wt'(4)) - Wt'(lean);
     assign q0_d = Wq'(sum_q >>> Guard);
   end else begin : gen_upright
@@ -88,7 +89,7 @@ module lipp_cell_step #(
   end
 
   if (Grid == GridHex) begin : gen_hex
-    // ---- h ny with F + 4 fraction bits: product of h's fraction m, plus the multiple n of ny ----
+    // ---- compute h ny with F + 4 fraction bits, as (m ny) 2^-(F+1) + n ny ----
     localparam int Drop = F + 1 - Guard;
     logic signed [2*W-Drop-1:0] rise;
     lipp_multiplier #(.CrossCells(CrossCells), .Wa(W), .Wb(W), .Drop(Drop)) i_rise (
@@ -98,7 +99,7 @@ module lipp_cell_step #(
         constant, sum_q;
     assign ny = Wt'(ny_i) <<< Guard;
     always_ff @(posedge clk_i) begin
-      half_nx_q <= (Wt'(nx_i) <<< (Guard - 1)) + Wt'(4);  // includes the rounding constant 4
+      half_nx_q <= (Wt'(nx_i) <<< (Guard - 1)) + Wt'(4);  // the 4 is the rounding constant
       once_q <= (rise_i[F+1] ? ny : '0) + (rise_i[F+2] ? ny <<< 1 : '0);
       fourth_q <= rise_i[F+3] ? ny <<< 2 : '0;
       offset_q <= once_q - fourth_q;
@@ -118,7 +119,7 @@ module lipp_cell_step #(
     logic unused_half_y;
     assign unused_half_y = ^half_y_i;
 
-    // ---- distances, and comparison of each with the half-open cell ----
+    // ---- compare each distance with the limits of the cell ----
     logic [Wq-1:0] size0_q, size1_q, size2_q;
     logic out0_q, out1_q, out2_q, minus0_q, minus1_q, minus2_q;
     logic signed [Wq-1:0] half;

@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 `default_nettype none
 
-/// Reports that a register contains a value that does not fit the word that the build reads from
-/// it.
+/// Checks the optics: reports that a register of 32 bits contains a value that does not fit into
+/// the number of bits that the build uses of it.
 ///
-/// The pipeline marks every ray traced with such optics as missed. The latency is 3 clocks. Optics
+/// If unfit_o is high, the pipeline marks every ray as missed. The latency is 3 clocks. Optics
 /// change only while the pipeline is empty, and the latency of the pipeline is longer than 3
 /// clocks, so the report is in time for the first ray.
 module lipp_config_range #(
@@ -31,7 +31,7 @@ module lipp_config_range #(
   localparam bit Cells = Exact && strays(Build);
   localparam int Grid = int'(Build.grid);
 
-  // The registers are far apart on the chip, so a second stage shortens the wires between stages.
+  // A second register stage shortens the wires from configuration registers far apart on the chip.
   logic [27:0] unfit_d, unfit_q, unfit_q2;
   assign unfit_d = {
     beyond_bits(config_i.slope_x, Wm), beyond_bits(config_i.slope_y, Wm),

@@ -1,41 +1,40 @@
 // SPDX-License-Identifier: Apache-2.0
 `default_nettype none
 
-/// Step 3 of a ray, displays for a near eye: computes the pixel's point from the lenslet's centre.
+/// Step 3 of the ray trace (near-eye displays): measures the pixel from its lenslet's centre.
 ///
 /// On a display for a near eye, a pixel belongs to the lenslet through which the eye sees the
-/// pixel; the pixel may lie under a neighbouring lenslet. The lattice coordinates x are those of
-/// the point where the line from the pixel to the eye crosses the aperture plane. C is the
-/// lenslet's centre, A is the point in front of the eye, and s = D / (D + E), where D is the
-/// distance from the panel to the aperture plane and E is the eye's distance from that plane. The
-/// pixel's point from the lenslet's centre is (x + (C - A) s) / (1 - s). With words as integers,
-/// and a b >> k the product that `lipp_multiplier` truncates by k bits, the module computes the
-/// pixel's point times 1 - s:
+/// pixel; the pixel may lie under a neighbouring lenslet. Input x is measured from the lenslet's
+/// centre C to the point where the line from the pixel to the eye crosses the aperture plane. Let D
+/// be the distance from the panel to the aperture plane, E the eye's distance from that plane, s =
+/// D / (D + E), and A the point in front of the eye. The pixel's point from the lenslet's centre is
+/// (x + (C - A) s) / (1 - s). The module computes this point times 1 - s. In the formulas all words
+/// are integers, and a b >> k is the product of `lipp_multiplier` truncated by k bits:
 ///
 ///   t_x  = (x << 2) + (16 C_x s >> 14) + o_x + 2,   x' = t_x >> 2,   y' likewise.
 ///
-/// The coefficients of slope and point contain the factor 1 / (1 - s). C is in half pitches and
-/// half rows: (2 i + j, 2 j) on a hexagonal grid, (2 i, 2 j) on a square grid. The word s has F +
-/// 11 fraction bits, o = -s A has F + 2 fraction bits.
+/// The host includes the factor 1 / (1 - s) in the coefficients of slope and point. The centre C is
+/// in half pitches and half rows: (2 i + j, 2 j) on a hexagonal grid, (2 i, 2 j) on a square grid.
+/// The word s has F + 11 fraction bits, and the offset o = -s A has F + 2.
 ///
 /// The outputs have W + 2 bits, F of them fraction bits, in [-8, 8). Output beyond_o reports that
 /// x' or y' is outside that range. The latency is converge_latency(F) clocks.
 module lipp_converge #(
   parameter int F = 23,
-  parameter bit CrossCells = 1'b0,  // compute cross terms in multiplier cells
+  parameter bit CrossCells = 1'b0,  // 1: cross terms use multiplier cells
   parameter int Grid = lipp_optics_pkg::GridSquare
 ) (
   input  logic                                         clk_i,
-  input  logic signed [lipp_optics_pkg::IndexBits-1:0] i_i,  // the ray's lenslet (i, j)
+  input  logic signed [lipp_optics_pkg::IndexBits-1:0] i_i,  // index i of the ray's lenslet
   input  logic signed [lipp_optics_pkg::IndexBits-1:0] j_i,
-  input  logic signed [F+1:0]                          x_i,  // point x in the cell, wide, pitches
-  input  logic signed [F+1:0]                          y_i,  // point y in the cell, wide, rows
-  input  logic signed [F+8:0]                          share_i,  // fraction s = D / (D + E)
-  input  logic signed [F+8:0]                          offset_x_i,  // offset o = -s A, x and y
+  input  logic signed [F+1:0]                          x_i,  // point x from C, 2^-F pitches
+  input  logic signed [F+1:0]                          y_i,  // point y from C, 2^-F rows
+  input  logic signed [F+8:0]                          share_i,  // s, F + 11 fraction bits
+  input  logic signed [F+8:0]                          offset_x_i,  // -s A_x, F + 2 fraction bits
   input  logic signed [F+8:0]                          offset_y_i,
-  output logic signed [F+3:0]                          x_o,  // pixel's point times 1 - s
+  output logic signed [F+3:0]                          x_o,  // x of pixel times 1 - s, 2^-F pitches
   output logic signed [F+3:0]                          y_o,
-  output logic                                         beyond_o  // x_o or y_o overflows
+  output logic                                         beyond_o  // 1: x_o or y_o overflows
 );
   import lipp_math_pkg::*;
   import lipp_optics_pkg::*;
@@ -53,7 +52,7 @@ module lipp_converge #(
     $fatal(1, "lipp_converge: Grid must be GridSquare or GridHex");
   end
 
-  // ---- C, the lenslet's centre in half pitches and half rows ----
+  // ---- compute C, the lenslet's centre, in half pitches and half rows ----
   localparam int Wc = IndexBits + 2;
   logic signed [Wc-1:0] centre_x, centre_y;
   assign centre_x = (Wc'(i_i) <<< 1) + (Grid == GridHex ? Wc'(j_i) : '0);
@@ -73,7 +72,7 @@ module lipp_converge #(
     lipp_multiplier #(.CrossCells(CrossCells), .Wa(MulBits), .Wb(Ws), .Drop(Drop)) i_product (
       .clk_i, .a_i({centre, 4'b0}), .b_i(share_i), .p_o(product)
     );
-    // x << 2 ends in two zero bits; setting the first of them adds the rounding constant 2.
+    // The word x << 2 ends in two zero bits. Setting bit 1 adds the rounding constant 2.
     logic signed [Ws:0] sum_q, sum_late;
     always_ff @(posedge clk_i) sum_q <= ((Ws + 1)'(point) <<< 2 | (Ws + 1)'(2)) + (Ws + 1)'(offset);
     lipp_delay #(.Width(Ws + 1), .Cycles(mul_latency(MulBits, Ws) - 1)) i_sum_match (

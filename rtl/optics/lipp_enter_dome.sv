@@ -1,40 +1,41 @@
 // SPDX-License-Identifier: Apache-2.0
 `default_nettype none
 
-/// Step 4 of a ray, plano side to the viewer: refracts the ray into the glass at the dome.
+/// Step 4 of the ray trace (plano side to the viewer): refracts the ray into the glass at the dome.
 ///
 /// The direction in the glass is
 ///
 ///   d' = e/n - (cos' - cos/n) N,
 ///
-/// where e is the direction in the air, n the refractive index, N the normal, and cos and cos' are
-/// the cosines in air and glass. Only d'_x and d'_y are computed; `lipp_leave_flat` computes d'_z
-/// from the unit length. With words as integers, a b >> k the product that `lipp_multiplier`
-/// truncates by k bits, and M = 2^(F+3) - 1, the steps are
+/// where e is the unit direction in the air, n the refractive index, N the unit normal, cos and
+/// cos' the cosines of incidence and refraction. The module computes d'_x and d'_y;
+/// `lipp_leave_flat` computes d'_z from the unit length. In the formulas all words are integers, a
+/// b >> k is the product of `lipp_multiplier` truncated by k bits, and M = 2^(F+3) - 1. The steps
+/// are
 ///
 ///   C'   = 2^(F+3) - (s i2 >> F)
 ///   cos' = sqrt(min(max(C', 0), M))
 ///   k    = (4 cos' - (cos i >> F-1) + 4) >> 3
 ///   d'_x = saturate(((e_x i >> F-2) - (k N_x >> F-3) + 4) >> 3),  d'_y likewise.
 ///
-/// The squared sine s = 1 - cos^2 and the squared cosine C' have F + 3 fraction bits, k is a wide
-/// word, i is 1/n and i2 is 1/n^2. Output beyond_o reports that C' is below 0 or above 1, or that
-/// the direction is outside [-1, 1], by more than rounding errors. The latency is dome_latency(F)
-/// clocks.
+/// Directions, N and the cosines have F + 1 fraction bits. The squared sine s = 1 - cos^2 and the
+/// squared cosine C' have F + 3, k has F. The word i is 1/n with F + 1 fraction bits, and i2 is
+/// 1/n^2 with F. Output beyond_o reports that C' is below 0 or above 1, or that the direction is
+/// outside [-1, 1], by more than the rounding errors. The latency is dome_latency(F) clocks.
 module lipp_enter_dome #(
   parameter int F = 23,
-  parameter bit CrossCells = 1'b0  // compute cross terms in multiplier cells
+  parameter bit CrossCells = 1'b0  // 1: cross terms use multiplier cells
 ) (
   input  logic                clk_i,
-  input  logic signed [F+1:0] nx_i,  // normal N, near words
+  input  logic signed [F+1:0] nx_i,  // unit normal N, F + 1 fraction bits
   input  logic signed [F+1:0] ny_i,
   input  logic signed [F+1:0] cos_i,
-  input  logic signed [F+3:0] s_i,   // squared sine, F + 3 fraction bits
-  input  logic signed [F+1:0] ex_i,  // direction in the air, near words
+  input  logic signed [F+3:0] s_i,   // squared sine of incidence, F + 3 fraction bits
+  input  logic signed [F+1:0] ex_i,  // direction e in the air, F + 1 fraction bits
   input  logic signed [F+1:0] ey_i,
-  input  logic signed [F+1:0] index_inverse_i,         // 1/n, near
+  input  logic signed [F+1:0] index_inverse_i,         // 1/n, F + 1 fraction bits
   input  logic signed [F+3:0] index_inverse_square_i,  // 1/n^2, F fraction bits
-  output logic signed [F+1:0] dx_o,  // direction in the glass, near words
+  output logic signed [F+1:0] dx_o,  // direction d' in the glass, F + 1 fraction bits
   output logic signed [F+1:0] dy_o,
   output logic                beyond_o
 );
@@ -48,12 +49,13 @@ module lipp_enter_dome #(
     $fatal(1, "lipp_enter_dome: F must be 14 to 23");
   end
 
-  // ---- the squared cosine in the glass ----
+  // ---- compute the squared cosine in the glass ----
   localparam int SineDrop = F;
   localparam int Ws = 2 * Wf - SineDrop;
   localparam logic [F+2:0] Most = '1;
   logic signed [Ws-1:0] sine, c_q;
-  // The upper bits show an overflow; a comparison would add a carry chain before the multiplexer.
+  // The upper bits detect an overflow; a comparator would need a carry chain before the
+  // multiplexer.
   logic above;
   assign above = !c_q[Ws-1] && c_q[Ws-2:F+3] != '0;
   localparam logic signed [Ws-1:0] OverOne = (Ws'(1) <<< (F + 3)) + (Ws'(1) <<< SquareSlack);
@@ -70,7 +72,7 @@ module lipp_enter_dome #(
   logic signed [W-1:0] cos_glass;
   lipp_sqrt #(.F(F), .Normalise(1'b1)) i_sqrt (.clk_i, .x_i(clamped_q), .y_o(cos_glass));
 
-  // ---- k, the factor of the normal ----
+  // ---- compute k, the factor of the normal ----
   localparam int CosDrop = F - 1;
   localparam int CosLatency = mul_latency(Wf, Wf) + 2 + sqrt_latency(1'b1);
   localparam int Wc = 2 * W - CosDrop;
@@ -87,7 +89,7 @@ module lipp_enter_dome #(
     bend_q <= W'((bend_wide_q + Wc'(4)) >>> Guard);
   end
 
-  // ---- the direction in the glass ----
+  // ---- compute the direction in the glass ----
   localparam int BendDrop = F - Guard;
   localparam int RatioDrop = F + 1 - Guard;
   localparam int Wp = 2 * W - BendDrop;

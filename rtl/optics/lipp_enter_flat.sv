@@ -1,28 +1,28 @@
 // SPDX-License-Identifier: Apache-2.0
 `default_nettype none
 
-/// Step 4 of a ray, plano side to the panel: refracts the ray into the glass at the flat face.
+/// Step 4 of the ray trace (plano side to the panel): refracts the ray into glass at the flat face.
 ///
-/// Refraction keeps the tangential part of n d. With e the direction in the air, the direction in
-/// the glass is (t_x, t_y, dz):
+/// Refraction at the flat face keeps the tangential part of n d, the refractive index times the
+/// direction. With e the direction in the air, the direction in the glass is (t_x, t_y, dz):
 ///
 ///   t = e / n,   dz = sqrt(1 - t_x^2 - t_y^2).
 ///
-/// With words as integers, a b >> k the product that `lipp_multiplier` truncates by k bits, and M =
-/// 2^(F+3) - 1, the steps are
+/// In the formulas all words are integers, a b >> k is the product of `lipp_multiplier` truncated
+/// by k bits, and M = 2^(F+3) - 1. The steps are
 ///
 ///   t_x  = ((e_x i >> F-2) + 4) >> 3,  t_y likewise
 ///   g    = max((t_x t_x >> F-3+2E) + (t_y t_y >> F-3+2E), 0) >> 2
 ///   dz   = sqrt(M - g).
 ///
-/// Word i is 1/n; g has F + 3 fraction bits. The function max() is needed since a truncated product
-/// may be negative. Directions are near words with more fraction bits, because a long path to the
-/// dome magnifies their errors: e and t have E = extra_bits(F) more bits, dz has 3 E more bits.
-/// With n >= 1.16 and |e| < sqrt(3)/2, M - g is above 1/4. Output beyond_o reports that M - g is
-/// below 1/4. The latency is enter_flat_latency(F) clocks.
+/// The word i is 1/n with F + 1 fraction bits, and g has F + 3. The function max() is needed
+/// because the truncation may make g negative. Words e and t have F + 1 + E fraction bits with E =
+/// extra_bits(F), and dz has F + 1 + 3 E. The extra bits are needed because the path to the dome
+/// magnifies direction errors. With n >= 1.16 and |e| < sqrt(3)/2, M - g is above 1/4. Output
+/// beyond_o reports that M - g is below 1/4. The latency is enter_flat_latency(F) clocks.
 module lipp_enter_flat #(
   parameter int F = 23,
-  parameter bit CrossCells = 1'b0, // compute cross terms in multiplier cells
+  parameter bit CrossCells = 1'b0, // 1: cross terms use multiplier cells
   localparam int E = lipp_optics_pkg::extra_bits(F),
   localparam int Wt = F + 2 + E,
   localparam int Wz = F + 2 + 3 * E
@@ -30,7 +30,7 @@ module lipp_enter_flat #(
   input  logic                 clk_i,
   input  logic signed [Wt-1:0] ex_i,
   input  logic signed [Wt-1:0] ey_i,
-  input  logic signed [F+1:0]  index_inverse_i,  // 1/n, near word
+  input  logic signed [F+1:0]  index_inverse_i,  // 1/n, F + 1 fraction bits
   output logic signed [Wt-1:0] tx_o,
   output logic signed [Wt-1:0] ty_o,
   output logic signed [Wz-1:0] dz_o,
@@ -44,7 +44,7 @@ module lipp_enter_flat #(
     $fatal(1, "lipp_enter_flat: F must be 14 to 23");
   end
 
-  // ---- e / n ----
+  // ---- compute t = e / n, the lateral direction ----
   localparam int Drop = F + 1 - Guard;
   localparam int Wp = Wt + W - Drop;
   logic signed [Wp-1:0] tx, ty;
@@ -60,7 +60,7 @@ module lipp_enter_flat #(
     ty_q <= Wt'((ty + Wp'(4)) >>> Guard);
   end
 
-  // ---- dz, the axial component, from the unit length ----
+  // ---- compute dz, the axial direction, from the unit length ----
   localparam int SquareDrop = F - 3 + 2 * E;
   localparam int Wq = 2 * Wt - SquareDrop;
   logic signed [Wq-1:0] tx2, ty2, sum_q;

@@ -1,14 +1,14 @@
 // SPDX-License-Identifier: Apache-2.0
 `default_nettype none
 
-/// Step 6 of a ray, plano side to the panel: selects the exit ray from `lipp_leave_dome`.
+/// Step 6 of the ray trace (plano side to the panel): makes the exit ray from the results of
+/// `lipp_leave_dome`.
 ///
 /// Inputs n, cos and s are the results of `lipp_meet_dome`. Input e is the ray's direction in the
 /// air, given in the same clock as n. Input d is the ray's direction in the glass, given
 /// meet_dome_latency(F) clocks before n. A ray that is missed or totally reflected keeps its
-/// direction in the glass, rounded to near words. Inputs e and d have the widths of
-/// `lipp_enter_flat`. The origin of the exit ray is the point on the dome, measured from the
-/// lenslet's vertex:
+/// direction in the glass, rounded to F + 1 fraction bits. Inputs e and d have the number formats
+/// of `lipp_enter_flat`. The exit ray's origin is the point on the dome, measured from the vertex:
 ///
 ///   x = n_x,   y = n_y,   z = n_z - 1.
 ///
@@ -46,7 +46,7 @@ module lipp_exit_dome #(
   localparam int W = F + 2;
   localparam int Wf = W + 2;
   localparam int Latency = exit_latency(1'b0, F);
-  // Each orientation uses only some fields of config_i.
+  // A build for one orientation of the lenslets uses only some fields of config_i.
   logic unused_config;
   assign unused_config = ^config_i;
 
@@ -71,7 +71,7 @@ module lipp_exit_dome #(
   always_ff @(posedge clk_i) begin
     round_dx_q <= W'((dx_i + Wt'(Wt - W)) >>> (Wt - W));
     round_dy_q <= W'((dy_i + Wt'(Wt - W)) >>> (Wt - W));
-    // A value of 1 does not fit dz, so dz becomes the maximum.
+    // The value 1 does not fit the word of dz, so dz is limited to the maximum.
     round_dz_q <= round_dz[W-1] ? {1'b0, {(W - 1){1'b1}}} : round_dz[W-1:0];
   end
   lipp_delay #(.Width(3 * W), .Cycles(meet_dome_latency(F) + Latency - 1)) i_glass (

@@ -1,14 +1,14 @@
 // SPDX-License-Identifier: Apache-2.0
 `default_nettype none
 
-/// Steps 4 and 6 of a ray, plano side to the viewer: refracts the ray into the glass at the dome
-/// and out of the glass at the flat face. The modules in order are:
+/// Steps 4 and 6 of the ray trace (plano side to the viewer): refracts the ray into the glass at
+/// the dome, and out of the glass at the flat face. The modules in order are:
 ///
 ///   enter_dome -> leave_flat.
 ///
 /// Inputs n, cos and s are the results of `lipp_meet_dome`. Input e is the ray's direction in the
-/// air, given in the same clock as n. The words are those of `lipp_leave_flat`; exit_z is a
-/// register of the optics. The latency is exit_latency(1, F) clocks.
+/// air, given in the same clock as n. The number formats are those of `lipp_leave_flat`. The z of
+/// the exit ray's origin is the register exit_z. The latency is exit_latency(1, F) clocks.
 module lipp_exit_flat #(
   parameter int F = 23,
   parameter bit CrossCells = 1'b0
@@ -35,7 +35,7 @@ module lipp_exit_flat #(
 
   localparam int W = F + 2;
   localparam int Wf = W + 2;
-  // Each orientation uses only some fields of config_i.
+  // A build for one orientation of the lenslets uses only some fields of config_i.
   logic unused_config;
   assign unused_config = ^config_i;
 

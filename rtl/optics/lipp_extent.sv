@@ -1,23 +1,23 @@
 // SPDX-License-Identifier: Apache-2.0
 `default_nettype none
 
-/// Reports that lenslet (i, j) does not exist, because an array may be smaller than its panel.
+/// Checks if lenslet (i, j) exists, because an array may be smaller than its panel.
 ///
-/// With c the distance from the array's centre along the rows, in half pitches, lenslet (i, j) is
-/// missing if
+/// Let c be the lenslet's distance from the array's centre along the rows, in half pitches. Lenslet
+/// (i, j) does not exist, and missing_o is high, if
 ///
 ///   |c| > along   or   |j| > across.
 ///
-/// On a hexagonal grid c = 2 i + j, on a square grid c = 2 i. The module tests the signs of along -
-/// c, along + c, across - j and across + j. The latency is extent_latency() clocks.
+/// On a hexagonal grid c = 2 i + j, on a square grid c = 2 i. The module computes the signs of
+/// along - c, along + c, across - j and across + j. The latency is extent_latency() clocks.
 module lipp_extent #(
   parameter int Grid = lipp_optics_pkg::GridSquare
 ) (
   input  logic                                         clk_i,
   input  logic signed [lipp_optics_pkg::IndexBits-1:0] i_i,
   input  logic signed [lipp_optics_pkg::IndexBits-1:0] j_i,
-  input  logic signed [lipp_optics_pkg::IndexBits+1:0] along_i,  // maximum |c| of the lenslets
-  input  logic signed [lipp_optics_pkg::IndexBits:0]   across_i,  // maximum |j| of the lenslets
+  input  logic signed [lipp_optics_pkg::IndexBits+1:0] along_i,  // maximum |c|, in half pitches
+  input  logic signed [lipp_optics_pkg::IndexBits:0]   across_i,  // maximum |j|, in rows
   output logic                                         missing_o
 );
   import lipp_optics_pkg::*;
@@ -29,7 +29,7 @@ module lipp_extent #(
     $fatal(1, "lipp_extent: Grid must be GridSquare or GridHex");
   end
 
-  // Registers for both limits shorten the path from the configuration registers.
+  // Registers for both limits shorten the timing path from the configuration registers.
   logic signed [Wc-1:0] c_q, along_q;
   logic signed [Wj-1:0] j_q, across_q;
   logic signed [Wc:0] right_q, left_q;

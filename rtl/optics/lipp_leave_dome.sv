@@ -1,16 +1,17 @@
 // SPDX-License-Identifier: Apache-2.0
 `default_nettype none
 
-/// Step 6 of a ray, plano side to the panel: refracts the ray out of the glass at the dome.
+/// Step 6 of the ray trace (plano side to the panel): refracts the ray out of glass at the dome.
 ///
 /// The direction in the air is
 ///
 ///   d' = n d + (cos' - n cos) N,
 ///
-/// where d is the direction in the glass, n the refractive index, N the normal, and cos and cos'
-/// are the cosines in glass and air. The flat face keeps the tangential part, so n d_x = e_x and n
-/// d_y = e_y, where e is the direction in the air before the flat face. With words as integers, a b
-/// >> k the product that `lipp_multiplier` truncates by k bits, and M = 2^(F+3) - 1, the steps are
+/// where d is the unit direction in the glass, n the refractive index, N the unit normal, and cos
+/// and cos' are the cosines of incidence and refraction. The flat face keeps the tangential part,
+/// so n d_x = e_x and n d_y = e_y, where e is the direction in the air before the flat face. In the
+/// formulas all words are integers, a b >> k is the product of `lipp_multiplier` truncated by k
+/// bits, and M = 2^(F+3) - 1. The steps are
 ///
 ///   C'   = 2^(F+3) - (s n2 >> F)
 ///   cos' = sqrt(min(max(C', 0), M))
@@ -18,31 +19,31 @@
 ///   d'_x = saturate(((e_x << 3-E) + (k N_x >> F-3) + 4) >> 3),  d'_y likewise
 ///   d'_z = saturate(((dz n >> F-3+3E) + (k N_z >> F-3) + 4) >> 3).
 ///
-/// Words e_x and e_y have E = extra_bits(F) more fraction bits than near words; dz has 3 E more.
-/// The squared sine s = 1 - cos^2 and the squared cosine C' have F + 3 fraction bits, k is a wide
-/// word, and n2 is n^2 with F fraction bits. The exit direction is a near word. Output reflected_o
-/// reports total internal reflection, C' <= 0. Output beyond_o reports that C' is above 1, or that,
-/// for a ray that is not reflected, k does not fit its word or the direction is outside [-1, 1], by
-/// more than rounding errors. The latency is dome_latency(F) clocks.
+/// Words e_x and e_y have F + 1 + E fraction bits with E = extra_bits(F), and dz has F + 1 + 3 E.
+/// The squared sine s = 1 - cos^2 and the squared cosine C' have F + 3. The words n, n2 = n^2 and k
+/// have F. N, the cosines and the exit direction d' have F + 1. Output reflected_o reports total
+/// internal reflection, C' <= 0. Output beyond_o reports that C' is above 1, or, for a ray that is
+/// not reflected, that k does not fit its word or the direction is outside [-1, 1]. Rounding errors
+/// do not set beyond_o. The latency is dome_latency(F) clocks.
 module lipp_leave_dome #(
   parameter int F = 23,
-  parameter bit CrossCells = 1'b0, // compute cross terms in multiplier cells
+  parameter bit CrossCells = 1'b0, // 1: cross terms use multiplier cells
   localparam int E = lipp_optics_pkg::extra_bits(F),
   localparam int Wt = F + 2 + E,
   localparam int Wz = F + 2 + 3 * E
 ) (
   input  logic                 clk_i,
-  input  logic signed [F+1:0]  nx_i,  // normal N, near words
+  input  logic signed [F+1:0]  nx_i,  // unit normal N, F + 1 fraction bits
   input  logic signed [F+1:0]  ny_i,
   input  logic signed [F+1:0]  nz_i,
   input  logic signed [F+1:0]  cos_i,
-  input  logic signed [F+3:0]  s_i,  // squared sine, F + 3 fraction bits
-  input  logic signed [Wt-1:0] ex_i,  // direction e before the flat face
+  input  logic signed [F+3:0]  s_i,  // squared sine of incidence, F + 3 fraction bits
+  input  logic signed [Wt-1:0] ex_i,  // e in the air before the flat face, F + 1 + E fraction bits
   input  logic signed [Wt-1:0] ey_i,
-  input  logic signed [Wz-1:0] dz_i,  // axial direction in the glass
+  input  logic signed [Wz-1:0] dz_i,  // axial direction in the glass, F + 1 + 3 E fraction bits
   input  logic signed [F+2:0]  index_i,  // refractive index n, F fraction bits
   input  logic signed [F+3:0]  index_square_i,  // n^2, F fraction bits
-  output logic signed [F+1:0]  dx_o,  // direction in the air, near words
+  output logic signed [F+1:0]  dx_o,  // exit direction in the air, F + 1 fraction bits
   output logic signed [F+1:0]  dy_o,
   output logic signed [F+1:0]  dz_o,
   output logic                 reflected_o,
@@ -58,12 +59,13 @@ module lipp_leave_dome #(
     $fatal(1, "lipp_leave_dome: F must be 14 to 23");
   end
 
-  // ---- the squared cosine in the air ----
+  // ---- compute the squared cosine in the air ----
   localparam int SineDrop = F;
   localparam int Ws = 2 * Wf - SineDrop;
   localparam logic [F+2:0] Most = '1;
   logic signed [Ws-1:0] sine, c_q;
-  // The upper bits show an overflow; a comparison would add a carry chain before the multiplexer.
+  // The upper bits detect an overflow; a comparator would need a carry chain before the
+  // multiplexer.
   logic above;
   assign above = !c_q[Ws-1] && c_q[Ws-2:F+3] != '0;
   logic [F+2:0] clamped_q;
@@ -81,7 +83,7 @@ module lipp_leave_dome #(
   logic signed [W-1:0] cos_air;
   lipp_sqrt #(.F(F), .Normalise(1'b1)) i_sqrt (.clk_i, .x_i(clamped_q), .y_o(cos_air));
 
-  // ---- k, the factor of the normal ----
+  // ---- compute k, the factor of the normal ----
   localparam int CosDrop = F - 2;
   localparam int CosLatency = mul_latency(Wf, Wf) + 2 + sqrt_latency(1'b1);
   localparam int Wc = 2 * W + 1 - CosDrop;
@@ -102,7 +104,7 @@ module lipp_leave_dome #(
     bend_beyond_q <= bend != (Wc - Guard)'($signed(bend[W-1:0]));
   end
 
-  // ---- the direction in the air ----
+  // ---- compute the direction in the air ----
   localparam int Drop = F - Guard;
   localparam int Wk = 2 * W - Drop;
   localparam int Wp = Wk + 1;

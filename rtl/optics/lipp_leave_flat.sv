@@ -1,13 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
 `default_nettype none
 
-/// Step 6 of a ray, plano side to the viewer: traces the ray from the dome to the flat face and
-/// refracts it out of the glass.
+/// Step 6 of the ray trace (plano side to the viewer): traces the ray from the dome to the flat
+/// face, and refracts the ray out of the glass.
 ///
-/// The lenslet is mirrored, so the domes' vertices are at z = 0. The ray starts at the point N on
-/// the dome, at z = N_z - 1, and follows the direction d to the flat face at z = -T. With words as
-/// integers, a b >> k the product that `lipp_multiplier` truncates by k bits, and M = 2^(F+3) - 1,
-/// the steps are
+/// The dome's vertex is at z = 0. Lengths are in radii of curvature R. The ray starts at the point
+/// N on the dome, at z = N_z - 1, and follows the direction d to the flat face at z = -T/R, where T
+/// is the thickness of the lenslet. In the formulas all words are integers, a b >> k is the product
+/// of `lipp_multiplier` truncated by k bits, and M = 2^(F+3) - 1. The steps are
 ///
 ///   g    = max((dx dx >> F-3) + (dy dy >> F-3), 0) >> 2
 ///   y    = M - g
@@ -17,33 +17,33 @@
 ///   X    = ((N_x << 3) + (l dx >> F-3) + 4) >> 3,  Y likewise
 ///   C'   = 2^(F+3) - (g n2 >> F)
 ///   d'_x = saturate(((dx n >> F-3) + 4) >> 3),  d'_y likewise
-///   d'_z = sqrt(min(max(C', 0), M)),  reflected ((y r >> F+1) + 1) >> 1.
+///   d'_z = sqrt(min(max(C', 0), M)), or for a reflected ray ((y r >> F+1) + 1) >> 1.
 ///
 /// Word g is the squared sine and y the squared cosine in the glass; g, y and C' have F + 3
-/// fraction bits. `lipp_rsqrt` reads the bits of y as 4 y, so r = 1 / (2 dz). Word u is the depth
-/// from the point to the flat face, zc = 1 - T/R, and l is the length of the path; u, zc and l are
-/// far words. Word n2 is n^2 with F fraction bits. Output reflected_o reports total internal
-/// reflection, C' <= 0; such a ray keeps its direction in the glass. Output beyond_o reports that g
-/// is 1 or more, or that C' is above 1. For a ray that is not reflected, beyond_o also reports that
-/// y is below 1/4, which rsqrt does not accept, that u, l, X or Y does not fit its word, or that
-/// d'_x or d'_y is outside [-1, 1]. Rounding errors do not set beyond_o. The latency is
-/// leave_flat_latency(F) clocks.
+/// fraction bits. `lipp_rsqrt` reads the bits of y as 4 y, so r = 1 / (2 dz). Word u is the axial
+/// distance from N to the flat face, zc = 1 - T/R, and l is the length of the path. The words u,
+/// zc, l, n and n2 = n^2 have F fraction bits. Directions, N, r, X and Y have F + 1. Output
+/// reflected_o reports total internal reflection, C' <= 0; such a ray keeps its direction in the
+/// glass. Output beyond_o reports that g is 1 or more, or that C' is above 1. For a ray that is not
+/// reflected, beyond_o also reports that y is below 1/4 (an illegal input of `lipp_rsqrt`), that u,
+/// l, X or Y does not fit its word, or that d'_x or d'_y is outside [-1, 1]. Rounding errors do not
+/// set beyond_o. The latency is leave_flat_latency(F) clocks.
 module lipp_leave_flat #(
   parameter int F = 23,
-  parameter bit CrossCells = 1'b0  // compute cross terms in multiplier cells
+  parameter bit CrossCells = 1'b0  // 1: cross terms use multiplier cells
 ) (
   input  logic                clk_i,
-  input  logic signed [F+1:0] nx_i,  // normal N, near words
+  input  logic signed [F+1:0] nx_i,  // unit normal N, F + 1 fraction bits
   input  logic signed [F+1:0] ny_i,
   input  logic signed [F+1:0] nz_i,
-  input  logic signed [F+1:0] dx_i,  // direction in the glass, near words
+  input  logic signed [F+1:0] dx_i,  // direction d in the glass, F + 1 fraction bits
   input  logic signed [F+1:0] dy_i,
-  input  logic signed [F+3:0] zc_i,            // zc = 1 - T/R, far word
+  input  logic signed [F+3:0] zc_i,            // zc = 1 - T/R, F fraction bits
   input  logic signed [F+2:0] index_i,         // refractive index n, F fraction bits
   input  logic signed [F+3:0] index_square_i,  // n^2, F fraction bits
-  output logic signed [F+3:0] x_o,   // point on the flat face, F + 1 fraction bits
+  output logic signed [F+3:0] x_o,   // point (X, Y) on the flat face, F + 1 fraction bits
   output logic signed [F+3:0] y_o,
-  output logic signed [F+1:0] dx_o,  // direction of the exit ray, near words
+  output logic signed [F+1:0] dx_o,  // direction d' of the exit ray, F + 1 fraction bits
   output logic signed [F+1:0] dy_o,
   output logic signed [F+1:0] dz_o,
   output logic                reflected_o,
@@ -60,7 +60,7 @@ module lipp_leave_flat #(
     $fatal(1, "lipp_leave_flat: F must be 14 to 23");
   end
 
-  // ---- g, the squared sine in the glass ----
+  // ---- compute g, the squared sine in the glass ----
   localparam int SquareDrop = F - 3;
   localparam int Wq = 2 * W - SquareDrop;
   localparam int SquareLatency = mul_latency(W, W) + 2;
@@ -89,18 +89,18 @@ module lipp_leave_flat #(
     .clk_i, .d_i({reflects_q, cos2_q[F+2:F+1] == '0}), .q_o({reflects, steep})
   );
 
-  // ---- l, the length of the path to the flat face ----
+  // ---- compute l, the length of the path to the flat face ----
   localparam int PathDrop = F - 2 + 1;
   localparam int Wl = Wf + W - PathDrop;
   logic [F+1:0] inverse;
-  logic signed [W-1:0] half_inverse;  // r, limited because a near word cannot represent 1
+  logic signed [W-1:0] half_inverse;  // r, limited because its word cannot contain 1
   logic signed [Wf-1:0] depth_early_q, depth, path_q;
   logic signed [Wl-1:0] path;
   logic signed [Wl-2:0] path_d;
   logic depth_beyond_q, depth_beyond, depth_beyond_late, path_beyond_q, path_beyond;
   lipp_rsqrt #(.F(F)) i_rsqrt (.clk_i, .x_i(cos2_q), .y_o(inverse));
   assign half_inverse = inverse[F+1] ? {1'b0, {(F + 1){1'b1}}} : $signed(inverse);
-  // floor((nz + 1) / 2) - zc equals floor((nz + (1 - 2 zc)) / 2), which needs one sum less.
+  // floor((nz + 1) / 2) - zc is computed as floor((nz + (1 - 2 zc)) / 2), which saves an adder.
   logic signed [Wf+1:0] half_less_zc_q, depth_d;
   assign depth_d = (Wf + 2)'(nz_i) + half_less_zc_q;
   always_ff @(posedge clk_i) begin
@@ -123,7 +123,7 @@ module lipp_leave_flat #(
     path_beyond_q <= depth_beyond_late || path_d != (Wl - 1)'($signed(path_d[Wf-1:0]));
   end
 
-  // ---- X and Y, the point on the flat face ----
+  // ---- compute X and Y, the point on the flat face ----
   localparam int PathLatency = SquareLatency + rsqrt_latency() + mul_latency(Wf, W) + 1;
   localparam int PointDrop = F - Guard;
   localparam int Wx = Wf + W - PointDrop;
@@ -162,12 +162,13 @@ module lipp_leave_flat #(
     .clk_i, .d_i({x_q2, y_q2, point_beyond_q}), .q_o({x_o, y_o, point_beyond})
   );
 
-  // ---- the direction in the air ----
+  // ---- compute the direction in the air ----
   localparam int SineDrop = F;
   localparam int Ws = 2 * Wf - SineDrop;
   localparam logic [F+2:0] Most = '1;
   logic signed [Ws-1:0] sine, c_q;
-  // The upper bits show an overflow; a comparison would add a carry chain before the multiplexer.
+  // The upper bits detect an overflow; a comparator would need a carry chain before the
+  // multiplexer.
   logic above;
   assign above = !c_q[Ws-1] && c_q[Ws-2:F+3] != '0;
   logic [F+2:0] clamped_q;
@@ -208,7 +209,7 @@ module lipp_leave_flat #(
     .clk_i, .d_i((Wo - Guard)'(oy_q >>> Guard)), .q_o(dy_air), .beyond_o(dy_beyond)
   );
 
-  // ---- the direction of a reflected ray ----
+  // ---- compute the direction of a reflected ray ----
   localparam int GlassDrop = F + 1;
   localparam int Wg = Wf + W - GlassDrop;
   logic signed [Wf-1:0] cos2_late;

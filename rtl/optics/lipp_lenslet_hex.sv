@@ -1,29 +1,30 @@
 // SPDX-License-Identifier: Apache-2.0
 `default_nettype none
 
-/// Step 2 of a ray, hexagonal grid: finds the lenslet whose cell contains a point, and measures the
-/// point from that lenslet's centre.
+/// Step 2 of the ray trace, builds with a hexagonal grid: finds the lenslet whose cell contains the
+/// pixel's point, and measures the point from that lenslet's centre.
 ///
-/// The point is x in pitches and t = y in rows; a row is sqrt(3)/2 pitches high. The point's
-/// oblique coordinates are s = x - t/2 and t. The integer parts of s and t are the corner (i0, j0)
-/// of the parallelogram that contains the point; the fractions of s and t are fs and ft. The
-/// bisectors between the four corners are the lines q = 1/2 and q = 1 along the cell's axes:
+/// The point has the coordinates x in pitches and t = y in rows, where a row is sqrt(3)/2 pitches
+/// high. The point's oblique coordinates are s = x - t/2 and t. The integer parts of s and t are
+/// the corner (i0, j0) of the parallelogram that contains the point; the fractions of s and t are
+/// fs and ft. The borders between the cells of the corners are the lines q = 1/2 and q = 1 with
 ///
 ///   q0 = fs + ft/2,   q1 = fs/2 + ft.
 ///
 /// The lenslet (i, j) is
 ///
-///   (i, j) - (i0, j0) = (0, 0)  where q0 < 1/2 and q1 < 1/2
-///                       (1, 1)  where q0 >= 1 and q1 >= 1
-///                       (1, 0)  elsewhere where ft < fs
-///                       (0, 1)  elsewhere.
+///   (i, j) - (i0, j0) = (0, 0)  if q0 < 1/2 and q1 < 1/2
+///                       (1, 1)  if q0 >= 1 and q1 >= 1
+///                       (1, 0)  otherwise, if ft < fs
+///                       (0, 1)  otherwise.
 ///
-/// The point measured from the lenslet's centre is exact:
+/// The point measured from the lenslet's centre is computed without rounding:
 ///
 ///   local x = x - i - j/2,   local t = t - j.
 ///
-/// The outputs are the indices, and the wide words x_o in pitches and y_o in rows. Output beyond_o
-/// reports that an index wraps. The latency is lenslet_latency(GridHex) clocks.
+/// The outputs are the indices, and the local point x_o in pitches and y_o in rows, signed with F
+/// fraction bits. Output beyond_o reports that an index wraps. The latency is
+/// lenslet_latency(GridHex) clocks.
 module lipp_lenslet_hex #(
   parameter int F = 23
 ) (
@@ -44,7 +45,7 @@ module lipp_lenslet_hex #(
     $fatal(1, "lipp_lenslet_hex: F must be 14 to 23");
   end
 
-  // ---- oblique coordinates; s has F + 1 fraction bits ----
+  // ---- compute the oblique coordinates; s has F + 1 fraction bits ----
   logic [L+1:0] s_q;
   logic [L-1:0] t_q;
   always_ff @(posedge clk_i) begin
@@ -52,7 +53,7 @@ module lipp_lenslet_hex #(
     t_q <= y_i;
   end
 
-  // ---- distances along the cell's axes: q0 in units of 2^-(F + 1), q1 in units of 2^-(F + 2) ----
+  // ---- compute q0 in units of 2^-(F + 1) and q1 in units of 2^-(F + 2) ----
   logic [F:0] fs;
   logic [F-1:0] ft, ft_q2;
   logic signed [IndexBits:0] i0_q2;
@@ -71,7 +72,7 @@ module lipp_lenslet_hex #(
     right_q <= {ft, 1'b0} < fs;
   end
 
-  // ---- the corner whose cell contains the point ----
+  // ---- find the corner whose cell contains the point ----
   logic near, far;
   logic di_q, dj_q;
   logic signed [IndexBits:0] i0_q3, i_q4, j_q4;
@@ -85,13 +86,13 @@ module lipp_lenslet_hex #(
     dj_q <= !near && (far || !right_q);
     i0_q3 <= i0_q2;
     j0_q3 <= j0_q2;
-    q0_q3 <= q0_q[F+1:1];  // the lowest bit of q0 is always 0
+    q0_q3 <= q0_q[F+1:1];  // drops the lowest bit of q0, which is always 0
     ft_q3 <= ft_q2;
   end
   logic unused_bit;
   assign unused_bit = q0_q[0] ^ (^q1_q[F:0]);
 
-  // ---- the point measured from the lenslet's centre ----
+  // ---- measure the point from the lenslet's centre ----
   always_ff @(posedge clk_i) begin
     i_q4 <= i0_q3 + (IndexBits + 1)'($signed({1'b0, di_q}));
     j_q4 <= (IndexBits + 1)'(j0_q3) + (IndexBits + 1)'($signed({1'b0, dj_q}));

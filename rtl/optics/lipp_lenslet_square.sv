@@ -1,16 +1,16 @@
 // SPDX-License-Identifier: Apache-2.0
 `default_nettype none
 
-/// Step 2 of a ray, square grid: finds the lenslet whose cell contains a point, and measures the
-/// point from that lenslet's centre.
+/// Step 2 of the ray trace, builds with a square grid: finds the lenslet whose cell contains the
+/// pixel's point, and measures the point from that lenslet's centre.
 ///
-/// The index i and the local coordinate, in [-1/2, 1/2), are
+/// The index i and the coordinate x measured from the lenslet's centre, in [-1/2, 1/2), are
 ///
 ///   i = floor(x + 1/2),   local x = x - i.
 ///
 /// The same formulas give j and local y from y. The inputs x_i and y_i are signed, in pitches, with
-/// F fraction bits. The outputs are the indices and wide words. Output beyond_o reports that an
-/// index wraps. The latency is lenslet_latency(GridSquare) clocks.
+/// F fraction bits. The local coordinates are signed with F fraction bits. Output beyond_o reports
+/// that an index wraps. The latency is lenslet_latency(GridSquare) clocks.
 module lipp_lenslet_square #(
   parameter int F = 23
 ) (
@@ -39,7 +39,7 @@ module lipp_lenslet_square #(
   end
   assign beyond_o = x_q[L] != x_q[L-1] || y_q[L] != y_q[L-1];
 
-  // Subtracting the added half again inverts the fraction's top bit, which becomes the sign.
+  // Subtracting the added 1/2 again inverts the fraction's top bit, which becomes the sign.
   assign i_o = x_q[L-1:F];
   assign j_o = y_q[L-1:F];
   assign x_o = (F+2)'($signed({~x_q[F-1], x_q[F-2:0]}));

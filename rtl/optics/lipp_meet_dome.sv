@@ -1,51 +1,53 @@
 // SPDX-License-Identifier: Apache-2.0
 `default_nettype none
 
-/// Step 5 of a ray: intersects the ray with the dome.
+/// Step 5 of the ray trace: intersects the ray with the dome.
 ///
-/// Lengths are in radii of curvature, and the sphere's centre is the origin. The ray starts at V =
-/// (hx, hy, zc) in the unit direction d = (dx, dy, +-dz). With b = V . d, the cosine between ray
-/// and normal at the intersection is
+/// The dome is a part of a sphere. Lengths are in radii of curvature, and the sphere's centre is
+/// the origin. The ray starts at V = (hx, hy, zc) in the unit direction d = (dx, dy, +-dz). With b
+/// = V . d, the cosine between the ray and the normal at the intersection is
 ///
 ///   cos = sqrt(1 - |V|^2 + b^2).
 ///
 /// The length from V to the intersection is cos - b for an upward ray, which leaves the glass, and
 /// -b - cos for a downward ray, which enters it. The intersection is also the unit normal N,
-/// because the sphere has radius 1 and its centre is the origin. With words as integers, a b >> k
-/// the product that `lipp_multiplier` truncates by k bits, and M = 2^(F+3) - 1, the steps are
+/// because the sphere has radius 1 and its centre is the origin. In the formulas all words are
+/// integers, a b >> k is the product of `lipp_multiplier` truncated by k bits, and M = 2^(F+3) - 1.
+/// The steps are
 ///
 ///   b    = ((hx dx >> F-4+E) + (hy dy >> F-4+E) + (zc dz >> F-4+3E) + 1) >> 1
 ///   C    = (1 - zc^2) - (hx hx >> F-3) - (hy hy >> F-3) + (b b >> F+5)
 ///   cos  = sqrt(min(max(C, 0), M)),  s = min(max(2^(F+3) - C, 0), M)
-///   l    = (8 cos - b + 8) >> 4,  downward (-8 cos - b + 8) >> 4, missed (2^(F+3) - b + 8) >> 4
+///   l    = (8 cos - b + 8) >> 4; downward: (-8 cos - b + 8) >> 4; missed: (2^(F+3) - b + 8) >> 4
 ///   N_x  = saturate(((hx << 4) + (l dx >> F-3+E) + 4) >> 3),  N_y likewise
 ///   N_z  = saturate(((zc << 4) + (l dz >> F-3+3E) + 4) >> 3).
 ///
-/// Words dx and dy are near words with E = extra_bits(F) more fraction bits; dz has 3 E more. Word
-/// b has F + 4 fraction bits, C and s have F + 3, and l has F. Output missed_o reports C < 0.
-/// Output beyond_o reports that b or l does not fit its word, that C is above 1, or that, for a ray
-/// that is not missed, a coordinate of N is outside [-1, 1], by more than rounding errors. A
-/// downward ray starts in the plane of the vertices (zc = 1) with dz = -dz_i; the products of dz_i
-/// are truncated before they are subtracted. A downward ray that misses the sphere continues for
-/// half a radius from its point nearest to the centre. The cell step from there leads to the dome
-/// that the ray meets next. The latency is meet_dome_latency(F) clocks.
+/// Words dx and dy have F + 1 + E fraction bits with E = extra_bits(F), and dz has F + 1 + 3 E.
+/// Word b has F + 4 fraction bits, C and s = sin^2 have F + 3, cos and N have F + 1, and l has F.
+/// Output missed_o reports C < 0. Output beyond_o reports that b or l does not fit its word, that C
+/// is above 1, or, for a ray that is not missed, that a coordinate of N is outside [-1, 1].
+/// Rounding errors do not set beyond_o. A downward ray starts in the plane of the domes' vertices
+/// (zc = 1) with dz = -dz_i. Its products with dz_i are truncated before they are subtracted. A
+/// downward ray that misses the sphere continues for half a radius from its point nearest to the
+/// centre. From there, `lipp_cell_step` leads to the dome that the ray meets next. The latency is
+/// meet_dome_latency(F) clocks.
 module lipp_meet_dome #(
   parameter int F = 23,
-  parameter bit CrossCells = 1'b0,  // compute cross terms in multiplier cells
+  parameter bit CrossCells = 1'b0,  // 1: cross terms use multiplier cells
   parameter bit Upward = 1'b1,
   localparam int E = lipp_optics_pkg::extra_bits(F),
   localparam int Wt = F + 2 + E,
   localparam int Wz = F + 2 + 3 * E
 ) (
   input  logic                 clk_i,
-  input  logic signed [F+2:0]  hx_i,  // start point V, radii, F fraction bits
+  input  logic signed [F+2:0]  hx_i,  // x of start point V in radii, F fraction bits
   input  logic signed [F+2:0]  hy_i,
   input  logic signed [Wt-1:0] dx_i,
   input  logic signed [Wt-1:0] dy_i,
   input  logic signed [Wz-1:0] dz_i,
-  input  logic signed [F+3:0]  zc_i,  // zc = 1 - T/R, far word
+  input  logic signed [F+3:0]  zc_i,  // z of start point V in radii, F fraction bits
   input  logic signed [F+8:0]  oz_i,  // 1 - zc^2, F + 3 fraction bits
-  output logic signed [F+1:0]  nx_o,  // intersection and unit normal N, near words
+  output logic signed [F+1:0]  nx_o,  // intersection and unit normal N, F + 1 fraction bits
   output logic signed [F+1:0]  ny_o,
   output logic signed [F+1:0]  nz_o,
   output logic signed [F+1:0]  cos_o,
@@ -59,15 +61,15 @@ module lipp_meet_dome #(
   localparam int W = F + 2;
   localparam int Wh = W + 1;
   localparam int Wf = W + 2;
-  localparam int Wb = Wf + 4;  // b has four more bits than a far word, since it is squared
+  localparam int Wb = Wf + 4;  // width of b, which has four more fraction bits than V
   localparam int FootLatency = foot_latency(F);
 
   if (F < 14 || F > 23) begin : gen_illegal
     $fatal(1, "lipp_meet_dome: F must be 14 to 23");
   end
 
-  // ---- b, the length from the foot of the perpendicular to V ----
-  localparam int DotDrop = F - 1 - Guard;  // bits dropped besides the extra bits of d
+  // ---- compute b, the distance from the ray's nearest point to the centre, to V ----
+  localparam int DotDrop = F - 1 - Guard;  // bits to truncate, besides the E or 3 E of d
   localparam int Wd = Wf + W - DotDrop;
   logic signed [Wd-1:0] bx, by, bz, bz_late, bxy_q, b_sum_q;
   logic signed [Wh+W-DotDrop-1:0] bx_early, by_early;
@@ -104,7 +106,7 @@ module lipp_meet_dome #(
     b_beyond_q <= b_d != (Wd - 1)'($signed(b_d[Wb-1:0]));
   end
 
-  // ---- C, the squared cosine ----
+  // ---- compute C, the squared cosine ----
   localparam int SquareDrop = F - 3;
   localparam int Ws = 2 * Wf - SquareDrop;
   logic signed [2*Wh-SquareDrop-1:0] hx2, hy2;
@@ -132,20 +134,21 @@ module lipp_meet_dome #(
   );
   always_ff @(posedge clk_i) c_q <= origin_term + b2;
 
-  // ---- cosine and squared sine ----
-  // One clock classifies C and the next selects the results; both in one clock would be too slow.
+  // ---- compute the cosine and the squared sine ----
+  // In one clock C is classified and in the next clock the results are selected, because both
+  // together would be too slow.
   localparam logic [F+2:0] Most = '1;
   localparam logic signed [Ws-1:0] OverOne = (Ws'(1) <<< (F + 3)) + (Ws'(1) <<< SquareSlack);
   logic [F+2:0] low_q, minus_q, clamped_q, s_q;
   logic above_q, missed_q, missed_q2, over_q, over_q2;
-  logic [1:0] zero_q;  // lower and upper half of C are 0
+  logic [1:0] zero_q;  // bits 0, 1: lower and upper half of C are 0
   always_ff @(posedge clk_i) begin
     missed_q <= c_q[Ws-1];
     above_q <= !c_q[Ws-1] && c_q[Ws-2:F+3] != '0;
     zero_q <= {c_q[Ws-1:F/2] == '0, c_q[F/2-1:0] == '0};
     over_q <= c_q >= OverOne;
     low_q <= (F + 3)'(c_q);
-    // This is 1 - C modulo 1. Where the cosine is 0, the sine is limited to just below 1.
+    // minus_q is 1 - C modulo 1. If the cosine is 0, the squared sine is limited to just below 1.
     minus_q <= (F + 3)'(-c_q);
     {missed_q2, over_q2} <= {missed_q, over_q};
     clamped_q <= missed_q ? '0 : above_q ? Most : low_q;
@@ -154,8 +157,8 @@ module lipp_meet_dome #(
   logic signed [W-1:0] cos;
   lipp_sqrt #(.F(F), .Normalise(1'b1)) i_sqrt (.clk_i, .x_i(clamped_q), .y_o(cos));
 
-  // ---- the length to the dome ----
-  localparam int LengthLatency = mul_latency(Wb, Wb) + 3 + sqrt_latency(1'b1);  // from b to cosine
+  // ---- compute l, the length of the path to the dome ----
+  localparam int LengthLatency = mul_latency(Wb, Wb) + 3 + sqrt_latency(1'b1);  // from b to cos_o
   localparam int Wl = Wb + 1;
   logic signed [Wb-1:0] b_late;
   logic signed [Wl-1:0] scaled_cos, length_d;
@@ -163,13 +166,13 @@ module lipp_meet_dome #(
   logic signed [Wf-1:0] length_q;
   logic signed [W-1:0] cos_q, cos_q2;
   logic b_beyond_late, b_beyond_q2, length_beyond_q;
-  logic [Wl-4-Wf:0] length_top_q;  // upper bits that do not fit the word, and the sign
+  logic [Wl-4-Wf:0] length_top_q;  // sign of l and the bits that its word lacks
   lipp_delay #(.Width(Wb + 1), .Cycles(LengthLatency)) i_b (
     .clk_i, .d_i({b_q, b_beyond_q}), .q_o({b_late, b_beyond_late})
   );
   assign scaled_cos = Wl'(cos) <<< 3;
   assign length_d = (Upward ? scaled_cos : -scaled_cos) - Wl'(b_late);
-  // A missed ray has cosine 0.
+  // For a missed ray the cosine is set to 0.
   logic missed_late;
   if (Upward) begin : gen_stay
     assign missed_late = 1'b0;
@@ -187,7 +190,7 @@ module lipp_meet_dome #(
     {cos_q, cos_q2} <= {cos, cos_q};
   end
 
-  // ---- the intersection N, which is also the normal ----
+  // ---- compute the intersection N, which is also the normal ----
   localparam int PointDrop = F - Guard;
   localparam int Wn = Wf + W - PointDrop;
   localparam int ReachLatency = FootLatency + LengthLatency + 1;
@@ -213,7 +216,7 @@ module lipp_meet_dome #(
   lipp_delay #(.Width(2 * Wn), .Cycles(axial_latency(F) - mul_latency(Wf, Wt))) i_lxy (
     .clk_i, .d_i({lx_early, ly_early}), .q_o({lx, ly})
   );
-  // V << 4 ends in four zero bits; setting the third of them adds the rounding constant 4.
+  // The word V << 4 ends in four zero bits. Setting bit 2 adds the rounding constant 4.
   localparam logic signed [Wn-1:0] One = Wn'(1) <<< (F + 4);
   always_ff @(posedge clk_i) begin
     nx_q <= ((Wn'(hx_late) <<< 4) | Wn'(4)) + lx;
@@ -231,7 +234,7 @@ module lipp_meet_dome #(
     .clk_i, .d_i((Wn - Guard)'(nz_q >>> Guard)), .q_o(nz_o), .beyond_o(point_beyond[2])
   );
 
-  // ---- delays that align earlier results with N ----
+  // ---- delay earlier results to align them with N ----
   localparam int PointLatency = axial_latency(F) + 2;
   logic length_beyond, over;
   lipp_delay #(.Width(W + 1), .Cycles(PointLatency - 1)) i_cos (

@@ -1,29 +1,30 @@
 // SPDX-License-Identifier: Apache-2.0
 `default_nettype none
 
-/// Step 5 of a ray: measures the ray's point V from the dome that is a step (di, dj) away.
+/// Step 5 of the ray trace: measures the ray's point V from the dome a step (di, dj) away.
 ///
 /// The new coordinates are
 ///
 ///   hx' = hx - di cx - dj rx,   hy' = hy - dj cy,
 ///
 /// where cx is the pitch along the rows, cy is the distance between rows, and rx is the shift along
-/// x from a lenslet to its neighbour in the next row. All are in radii. With Shear, rx is an input.
-/// Without Shear, rx is 0 on a square grid, and cx / 2 rounded down on a hexagonal grid. Output
-/// beyond_o reports that hx' or hy' is outside [-4, 4). The latency is 2 clocks.
+/// x from a lenslet to its neighbour in the next row. All lengths are in radii with F fraction
+/// bits, and the results are exact. With Shear = 1, rx is an input. With Shear = 0, rx is 0 on a
+/// square grid and floor(cx / 2) on a hexagonal grid. Output beyond_o reports that hx' or hy' is
+/// outside [-4, 4). The latency is 2 clocks.
 module lipp_move_lenslet #(
   parameter int F = 23,
   parameter int Grid = lipp_optics_pkg::GridSquare,
   parameter bit Shear = 1'b0
 ) (
   input  logic                clk_i,
-  input  logic signed [F+2:0] hx_i,  // point V, radii, F fraction bits
+  input  logic signed [F+2:0] hx_i,  // x of point V in radii, F fraction bits
   input  logic signed [F+2:0] hy_i,
   input  logic signed [1:0]   di_i,
   input  logic signed [1:0]   dj_i,
-  input  logic signed [F+1:0] cx_i,  // pitch along the rows, wide word
-  input  logic signed [F+1:0] cy_i,  // distance between rows, wide word
-  input  logic signed [F+1:0] rx_i,  // shift to the next row, wide word (with Shear)
+  input  logic signed [F+1:0] cx_i,  // pitch along the rows, in 2^-F radii
+  input  logic signed [F+1:0] cy_i,  // distance between rows, in 2^-F radii
+  input  logic signed [F+1:0] rx_i,  // x shift to the next row, in 2^-F radii (Shear = 1)
   output logic signed [F+2:0] hx_o,
   output logic signed [F+2:0] hy_o,
   output logic                beyond_o

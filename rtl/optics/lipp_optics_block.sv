@@ -1,24 +1,24 @@
 // SPDX-License-Identifier: Apache-2.0
 `default_nettype none
 
-/// Traces frames of rays through the lenslets; software configures this block through APB
-/// registers.
+/// Traces frames of rays from panel pixels through the lenslets, as software configures it.
 ///
 /// The register `source` selects the source of the rays: the raster, or the stream at this block's
-/// port. Exit rays leave in the order of the rays. Ports exit_first_o and exit_last_o mark the
-/// first and the last ray of a frame.
+/// port. Exit rays leave in the order in which their rays entered. Ports exit_first_o and
+/// exit_last_o mark the first and the last ray of a frame.
 ///
 /// Software writes new optics into shadow registers. Writing `apply` requests that the new optics
 /// and the new source take effect. They take effect at once between two frames, otherwise after the
 /// frame's last ray was accepted; `busy` is set until then. Writing `start` requests a frame of the
-/// raster. One start is remembered while a frame runs, and takes effect after that frame. So one
-/// set of optics traces a whole frame, and a frame uses every apply that came before its start.
-/// Writing `abort` ends the current frame of raster or stream and cancels the remembered start.
-/// Rays that were accepted still leave. A start in the same write as an abort begins a new frame.
+/// raster. One start is remembered while a frame runs, and takes effect after that frame. Therefore
+/// all rays of a frame are traced with the same optics, and a frame uses every apply that was
+/// written before its start. Writing `abort` ends the current frame of raster or stream and cancels
+/// the remembered start. Rays that were accepted before an abort still leave. A start in the same
+/// write as an abort begins a new frame.
 ///
 /// The register port is APB4. A write changes the bytes whose strobe is set. The block ignores the
-/// low two address bits and the protection signal. The file rtl/registers.rdl defines the
-/// registers; docs/reference/optics-block.md explains how software uses them.
+/// two low address bits and PPROT. The file rtl/registers.rdl defines the registers;
+/// docs/reference/optics-block.md explains how software uses them.
 module lipp_optics_block #(
   parameter lipp_optics_pkg::build_t Build = lipp_optics_pkg::ExactSquare,
   localparam int F = int'(Build.fraction_bits)
@@ -30,47 +30,47 @@ module lipp_optics_block #(
   input  logic                                    s_apb_penable,
   input  logic                                    s_apb_pwrite,
   input  logic [2:0]                              s_apb_pprot,
-  input  logic [8:0]                              s_apb_paddr,  // byte address
+  input  logic [8:0]                              s_apb_paddr,  // byte address of a register
   input  logic [31:0]                             s_apb_pwdata,
   input  logic [3:0]                              s_apb_pstrb,
   output logic                                    s_apb_pready,
   output logic [31:0]                             s_apb_prdata,
-  output logic                                    s_apb_pslverr,  // address or access is illegal
+  output logic                                    s_apb_pslverr,  // 1: address or access is illegal
 
   input  logic                                         ray_valid_i,
   output logic                                         ray_ready_o,
-  input  logic signed [lipp_optics_pkg::PixelBits-1:0] ray_u_i,  // pixel u, right of the centre
-  input  logic signed [lipp_optics_pkg::PixelBits-1:0] ray_v_i,  // pixel v, up, 4 fraction bits
-  input  logic signed [F+1:0]                          ray_a_i,  // aperture point a, wide, pitches
-  input  logic signed [F+1:0]                          ray_b_i,  // aperture point b, wide, rows
+  input  logic signed [lipp_optics_pkg::PixelBits-1:0] ray_u_i,  // pixel u, right, unit 1/16 pixel
+  input  logic signed [lipp_optics_pkg::PixelBits-1:0] ray_v_i,  // pixel v, up, unit 1/16 pixel
+  input  logic signed [F+1:0]                          ray_a_i,  // aperture point a, 2^-F pitches
+  input  logic signed [F+1:0]                          ray_b_i,  // aperture point b, 2^-F rows
   input  logic                                         ray_first_i,  // 1: first ray of its frame
   input  logic                                         ray_last_i,  // 1: last ray of its frame
 
   output logic                                         exit_valid_o,
   input  logic                                         exit_ready_i,
-  output logic signed [lipp_optics_pkg::IndexBits-1:0] exit_i_o,  // lenslet (i, j) of the exit ray
+  output logic signed [lipp_optics_pkg::IndexBits-1:0] exit_i_o,  // lenslet i that the ray leaves
   output logic signed [lipp_optics_pkg::IndexBits-1:0] exit_j_o,
-  output logic signed [F+3:0]                          exit_x_o,  // origin from lenslet, in radii
-  output logic signed [F+3:0]                          exit_y_o,  // origin, F + 1 fraction bits
+  output logic signed [F+3:0]                          exit_x_o,  // origin x, unit 2^-(F+1) radii
+  output logic signed [F+3:0]                          exit_y_o,  // origin y, unit 2^-(F+1) radii
   output logic signed [F+3:0]                          exit_z_o,
-  output logic signed [F+1:0]                          exit_dx_o,  // unit direction, near words
+  output logic signed [F+1:0]                          exit_dx_o,  // unit direction x, in 2^-(F+1)
   output logic signed [F+1:0]                          exit_dy_o,
-  output logic signed [F+1:0]                          exit_dz_o,  // +z points to the viewer
+  output logic signed [F+1:0]                          exit_dz_o,  // direction z; +z to the viewer
   output lipp_optics_pkg::ray_status_e                 exit_status_o,  // status of the ray
   output logic                                         exit_first_o,  // 1: first ray of its frame
   output logic                                         exit_last_o,  // 1: last ray of its frame
 
-  output lipp_optics_pkg::optics_config_t              optics_o  // optics as last written
+  output lipp_optics_pkg::optics_config_t              optics_o  // optics registers as written
 );
   import lipp_optics_pkg::*;
 
-  // ---- registers ----
+  // ---- access the registers and the jitter table ----
   lipp_optics_registers_pkg::optics_registers__in_t status;
   lipp_optics_registers_pkg::optics_registers__out_t hwif_out;
   logic apply_waits, start_waits, abort, busy, running, refused, idle;
 
   // Addresses in the upper half access the jitter table, which is write-only. The APB response is
-  // registered, because the bus master may be far away on the chip.
+  // registered, because the bus master may lie far away on the chip.
   logic registers_ready, registers_error, table_q, table_write;
   logic [31:0] registers_data;
   lipp_optics_registers i_registers (
@@ -161,7 +161,7 @@ module lipp_optics_block #(
     table_first: hwif_out.raster.jitter.table_first.value, seed: hwif_out.raster.seed.value.value
   };
 
-  // ---- the source of rays ----
+  // ---- select the source of rays ----
   logic walked_valid, walked_ready, walked_first, walked_last;
   logic signed [PixelBits-1:0] walked_u, walked_v;
   logic signed [F+1:0] walked_a, walked_b;
@@ -176,7 +176,7 @@ module lipp_optics_block #(
     .ray_first_o(walked_first), .ray_last_o(walked_last)
   );
 
-  // ---- new optics and a new source take effect only between two frames ----
+  // ---- apply new optics and a new source only between two frames ----
   logic stream, take, valid, ready, first, last;
   logic signed [PixelBits-1:0] u, v;
   logic signed [F+1:0] a, b;
@@ -195,7 +195,7 @@ module lipp_optics_block #(
       {ray_u_i, ray_v_i, ray_a_i, ray_b_i, ray_first_i, ray_last_i} :
       {walked_u, walked_v, walked_a, walked_b, walked_first, walked_last};
 
-  // ---- the optics ----
+  // ---- trace the rays ----
   lipp_ray_stream #(.Build(Build)) i_lenslet (
     .clk_i, .rst_ni, .config_i(optics), .apply_i(take), .busy_o(busy), .idle_o(idle),
     .ray_valid_i(valid), .ray_ready_o(ready), .ray_u_i(u), .ray_v_i(v), .ray_a_i(a), .ray_b_i(b),
@@ -203,10 +203,9 @@ module lipp_optics_block #(
     .exit_dx_o, .exit_dy_o, .exit_dz_o, .exit_status_o
   );
 
-  // A FIFO beside the pipeline stores the first and last mark of each ray, in order; it has an
-  // entry for each ray in the pipeline. The marks are written a clock after their ray was accepted,
-  // because the source may be far away on the chip. The ray needs more clocks than that to leave
-  // the pipeline.
+  // A FIFO in parallel to the pipeline stores the first and last mark of each ray, in order. The
+  // FIFO has an entry for each ray in the pipeline. The marks are written one clock after their ray
+  // was accepted, because the source may lie far away on the chip. A ray takes longer to leave.
   localparam int Latency = ray_latency(Build);
   localparam int AddressBits = $clog2(Latency + 16);
   logic exit_taken_q, unused_valid;

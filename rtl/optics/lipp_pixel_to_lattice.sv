@@ -1,11 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
 `default_nettype none
 
-/// Step 1 of a ray: maps pixel coordinates (u, v) to lattice coordinates (x, y), with the array's
-/// pitch, rotation and offset.
+/// Step 1 of the ray trace: maps pixel coordinates (u, v) to lattice coordinates (x, y), with the
+/// array's pitch, rotation and offset.
 ///
-/// Each coefficient and offset is split into 2^17 ah + al, so that its parts fit a multiplier. With
-/// words as integers, the affine map for x is
+/// Each coefficient is split into 2^17 ah + al and each offset into 2^17 oh + ol, so that the parts
+/// fit a multiplier. In the formulas all words are integers. The affine map for x is
 ///
 ///   hi = (u ah_u + v ah_v) + oh,   lo = (u al_u + v al_v) + ol
 ///   x  = floor((hi + floor(lo / 2^17)) / 2^(23 - F)).
@@ -25,10 +25,10 @@ module lipp_pixel_to_lattice #(
   input  logic                                           clk_i,
   input  logic signed [lipp_optics_pkg::PixelBits-1:0]   u_i,
   input  logic signed [lipp_optics_pkg::PixelBits-1:0]   v_i,
-  input  logic signed [lipp_optics_pkg::SlopeBits-1:0]   x_from_u_i,  // coefficients of x
+  input  logic signed [lipp_optics_pkg::SlopeBits-1:0]   x_from_u_i,  // x per u, 36 fraction bits
   input  logic signed [lipp_optics_pkg::SlopeBits-1:0]   x_from_v_i,
   input  logic signed [lipp_optics_pkg::OffsetBits-1:0]  x_offset_i,
-  input  logic signed [lipp_optics_pkg::SlopeBits-1:0]   y_from_u_i,  // coefficients of y
+  input  logic signed [lipp_optics_pkg::SlopeBits-1:0]   y_from_u_i,  // y per u, 36 fraction bits
   input  logic signed [lipp_optics_pkg::SlopeBits-1:0]   y_from_v_i,
   input  logic signed [lipp_optics_pkg::OffsetBits-1:0]  y_offset_i,
   output logic signed [lipp_optics_pkg::IndexBits+F-1:0] x_o,
@@ -38,9 +38,9 @@ module lipp_pixel_to_lattice #(
   import lipp_math_pkg::*;
   import lipp_optics_pkg::*;
 
-  localparam int LowBits = SlopeBits - MulBits;  // 17 unsigned bits; 18 with a sign bit
+  localparam int LowBits = SlopeBits - MulBits;  // width of al, unsigned: 17 bits
   localparam int Wo = OffsetBits - LowBits;
-  localparam int Whi = Wo + 2;  // width of a sum of three words
+  localparam int Whi = Wo + 2;  // width of hi, a sum of three words
 
   if (F < 14 || F > 23) begin : gen_illegal
     $fatal(1, "lipp_pixel_to_lattice: F must be 14 to 23");
@@ -55,7 +55,7 @@ module lipp_pixel_to_lattice #(
     assign from_v = k == 0 ? x_from_v_i : y_from_v_i;
     assign offset = k == 0 ? x_offset_i : y_offset_i;
 
-    // ---- four products of 18 x 18 bits ----
+    // ---- multiply u and v by the parts of their coefficients, 18 x 18 bits ----
     logic signed [2*MulBits-1:0] hi_u, hi_v, lo_u, lo_v;
     lipp_multiplier i_hi_u (
       .clk_i, .a_i(u_i), .b_i(from_u[SlopeBits-1-:MulBits]), .p_o(hi_u)
@@ -70,7 +70,7 @@ module lipp_pixel_to_lattice #(
       .clk_i, .a_i(v_i), .b_i({1'b0, from_v[LowBits-1:0]}), .p_o(lo_v)
     );
 
-    // ---- sum of the products; the low half's carry is added to the high half ----
+    // ---- add the products, and add the carry of the low half to the high half ----
     logic signed [2*MulBits:0] lo_q, lo_sum_q;
     logic signed [Whi-1:0] hi_q, hi_sum_q, sum_q;
     always_ff @(posedge clk_i) begin

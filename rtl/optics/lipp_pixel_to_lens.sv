@@ -1,23 +1,23 @@
 // SPDX-License-Identifier: Apache-2.0
 `default_nettype none
 
-/// Steps 1 to 3 of a ray: finds the lenslet at which the ray aims, and measures the pixel and the
-/// aperture point from that lenslet's centre. Steps in parentheses depend on the build:
+/// Steps 1 to 3 of the ray trace: finds the lenslet at which the ray aims, and measures the pixel
+/// and the aperture point from that lenslet's centre. The modules in order are, with those that
+/// only some builds contain in parentheses:
 ///
 ///   pixel_to_lattice -> lenslet_{square,hex} -> (aim) -> (converge) -> (shear).
 ///
 /// The outputs (x, y) and (a, b) are the pixel and the aperture point, in pitches and rows from the
-/// centre of lenslet (i, j). Both have F fraction bits. (x, y) has local_bits(F, Converge, Shear)
-/// bits, (a, b) has local_bits(F, 0, Shear) bits.
+/// centre of lenslet (i, j). All four words have F fraction bits. The width of x and y is
+/// local_bits(F, Converge, Shear), and the width of a and b is local_bits(F, 0, Shear).
 ///
 /// Output stray_o reports that (i, j) is not the pixel's own lenslet. Output beyond_o reports that
-/// a word wrapped. Output missing_o reports that the pixel's own lenslet does not exist; it is
-/// always 0 in builds whose rays cannot leave through another lenslet.
+/// a word wrapped. Output missing_o reports that the pixel's own lenslet does not exist. In builds
+/// whose rays cannot leave through another lenslet, missing_o is always 0.
 ///
 /// The latency of the outputs is lens_latency(F, Grid, Aims, Converge, Shear) clocks. The outputs
 /// own_i_o and own_j_o, the pixel's own lenslet, have a latency of pixel_latency() +
-/// lenslet_latency(Grid) clocks. Port missing_o comes extent_latency() clocks after the outputs (x,
-/// y).
+/// lenslet_latency(Grid) clocks. Output missing_o is valid extent_latency() clocks after (x, y).
 module lipp_pixel_to_lens #(
   parameter lipp_optics_pkg::build_t Build = lipp_optics_pkg::ExactSquare,
   localparam int F = int'(Build.fraction_bits),
@@ -55,7 +55,7 @@ module lipp_pixel_to_lens #(
   logic unused_config;
   assign unused_config = ^config_i;
 
-  // ---- the pixel's own lenslet ----
+  // ---- find the pixel's own lenslet ----
   logic signed [L-1:0] lattice_x, lattice_y;
   logic lattice_beyond, lattice_beyond_late, index_beyond, own_beyond;
   lipp_delay #(.Width(1), .Cycles(lenslet_latency(Grid))) i_lattice_beyond (
@@ -84,7 +84,7 @@ module lipp_pixel_to_lens #(
     );
   end
 
-  // ---- the lenslet at which the ray aims ----
+  // ---- find the lenslet at which the ray aims ----
   localparam int AimAt = lens_latency(F, Grid, Aims, 1'b0, 1'b0);
   logic signed [IndexBits-1:0] aim_i, aim_j;
   logic signed [W-1:0] aim_x, aim_y, aim_a, aim_b;
@@ -114,7 +114,7 @@ module lipp_pixel_to_lens #(
     assign unused_aim = ^{a_i, b_i};
   end
 
-  // ---- the pixel's point from the lenslet's centre ----
+  // ---- measure the pixel's point from the lenslet's centre ----
   localparam int LocalAt = lens_latency(F, Grid, Aims, Converge, 1'b0);
   localparam int Wc = local_bits(F, Converge, 1'b0);
   logic signed [IndexBits-1:0] local_i, local_j;
@@ -141,7 +141,7 @@ module lipp_pixel_to_lens #(
     assign {local_x, local_y, local_beyond} = {aim_x, aim_y, aim_beyond};
   end
 
-  // ---- shear: x and a along the rows become upright coordinates ----
+  // ---- convert sheared coordinates x and a to upright coordinates ----
   localparam int LensAt = lens_latency(F, Grid, Aims, Converge, Shear);
   if (Shear) begin : gen_shear
     logic signed [W-1:0] b_late;
@@ -175,8 +175,8 @@ module lipp_pixel_to_lens #(
     assign {x_o, y_o} = {local_x, local_y};
   end
 
-  // ---- missing lenslets: the pixel's own lenslet ----
-  // If rays cannot leave their lenslet, the test of the exit ray's lenslet is sufficient.
+  // ---- check if the pixel's own lenslet exists ----
+  // If rays cannot leave their lenslet, `lipp_ray_pipeline` tests the exit ray's lenslet instead.
   localparam bit Elsewhere = Aims || Build.walk > 0;
   localparam int OwnAt = pixel_latency() + lenslet_latency(Grid);
   if (Elsewhere) begin : gen_own_extent

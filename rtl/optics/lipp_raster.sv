@@ -1,30 +1,30 @@
 // SPDX-License-Identifier: Apache-2.0
 `default_nettype none
 
-/// Scans a window of the panel row by row from the top left, and produces one ray per clock. The
-/// output has a valid/ready handshake.
+/// Scans a window of the panel row by row, and outputs one ray per clock with a valid/ready
+/// handshake.
 ///
-/// Port start_i copies config_i and starts a frame with `samples` rays for each pixel. Port start_i
-/// is ignored while running_o is high. A window that is empty or extends beyond the panel is
-/// refused; refused_o is then high until the next start. Port running_o is high until the frame's
-/// last ray was accepted. Port abort_i ends the frame: no ray is offered from the next clock on,
-/// and a start in the same clock is lost.
+/// Input start_i copies config_i and starts a frame with `samples` rays for each pixel. Input
+/// start_i is ignored while running_o is high. A window that is empty or extends beyond the panel
+/// is refused; refused_o is then high until the next start. Output running_o is high until the
+/// frame's last ray was accepted. Input abort_i ends the frame: no ray is offered from the next
+/// clock on, and a start in the clock of abort_i is ignored.
 ///
 /// The ray of pixel (c, r), counted from the panel's top left, has the coordinates
 ///
 ///   u = 8 (2 c + 1 - width) + du,  v = 8 (height - 2 r - 1) + dv
 ///   a = 2^(F-10) ja,               b = 2^(F-10) jb,
 ///
-/// where u and v have 4 fraction bits. The mode selects the ray's jitter (du, dv, ja, jb):
+/// where u and v have 4 fraction bits. Field `jitter` selects a ray's offsets (du, dv, ja, jb):
 ///
 ///   JitterOff    0
 ///   JitterTable  entry (table_first + sample) mod 64
 ///   JitterLfsr   the ray's random word, read as an entry, with bits 11 and 10 of ja and of jb
-///                replaced by their bit 9: anywhere on the pixel, aims in [-1/2, 1/2).
+///                replaced by their bit 9, so that a and b are in [-1/2, 1/2).
 ///
 /// The random words are states of a Galois LFSR with the primitive polynomial x^32 + x^22 + x^2 + x
 /// + 1; bit k is the coefficient of x^k. The frame's first ray uses the seed; seed 0 counts as 1.
-/// Each ray's word s is 32 LFSR steps after the word of the ray before it, s <- s x^32.
+/// The word of each further ray is 32 LFSR steps after the word of the ray before it.
 module lipp_raster #(
   parameter int F = 23
 ) (
@@ -32,28 +32,28 @@ module lipp_raster #(
   input  logic                                    rst_ni,
 
   input  lipp_optics_pkg::raster_config_t config_i,  // settings of the next frame
-  input  logic                            start_i,  // starts a frame
-  input  logic                            abort_i,  // ends the current frame
-  output logic                            running_o,  // high until the last ray was accepted
-  output logic                            refused_o,  // illegal window; until next start
+  input  logic                            start_i,  // pulse: starts a frame
+  input  logic                            abort_i,  // pulse: ends the current frame
+  output logic                            running_o,  // 1: the frame is not complete
+  output logic                            refused_o,  // 1: the window was refused
 
-  input  logic [3:0]                            table_write_i,  // write enable of each entry byte
-  input  logic [lipp_optics_pkg::TableBits-1:0] table_at_i,  // index of the jitter entry
+  input  logic [3:0]                            table_write_i,  // write enable of each byte
+  input  logic [lipp_optics_pkg::TableBits-1:0] table_at_i,  // index of the written entry
   input  lipp_optics_pkg::jitter_t              table_entry_i,
 
   output logic                                         ray_valid_o,
   input  logic                                         ray_ready_i,
-  output logic signed [lipp_optics_pkg::PixelBits-1:0] ray_u_o,  // pixel u, right of the centre
-  output logic signed [lipp_optics_pkg::PixelBits-1:0] ray_v_o,  // pixel v, up, 4 fraction bits
-  output logic signed [F+1:0]                          ray_a_o,  // aperture point a, wide, pitches
-  output logic signed [F+1:0]                          ray_b_o,  // aperture point b, wide, rows
+  output logic signed [lipp_optics_pkg::PixelBits-1:0] ray_u_o,  // pixel u, right, unit 1/16 pixel
+  output logic signed [lipp_optics_pkg::PixelBits-1:0] ray_v_o,  // pixel v, up, unit 1/16 pixel
+  output logic signed [F+1:0]                          ray_a_o,  // aperture point a, 2^-F pitches
+  output logic signed [F+1:0]                          ray_b_o,  // aperture point b, 2^-F rows
   output logic                                         ray_first_o,  // 1: first ray of its frame
   output logic                                         ray_last_o  // 1: last ray of its frame
 );
   import lipp_optics_pkg::*;
 
   localparam int W = F + 2;
-  localparam int HalfBits = PanelBits + 1;  // signed pixel coordinates in half-pixels
+  localparam int HalfBits = PanelBits + 1;  // width of pixel coordinates in half-pixels
 
   if (F < 14 || F > 23) begin : gen_illegal_f
     $fatal(1, "lipp_raster: F must be 14 to 23");
@@ -64,7 +64,7 @@ module lipp_raster #(
     return state;
   endfunction
 
-  // ---- settings of the frame: copied, checked, and converted to the first position ----
+  // ---- copy and check the frame's settings, and compute the first position ----
   raster_config_t config_q;
   logic take, check_q, begin_q, legal, walk_q, step, done, end_of_frame;
   logic [3:0] legal_q;
@@ -105,7 +105,7 @@ module lipp_raster #(
     end
   end
 
-  // ---- scan: remaining samples, columns and rows, and the position ----
+  // ---- scan the window: count the remaining samples, columns and rows ----
   logic signed [16:0] samples_left_q;
   logic signed [HalfBits-1:0] columns_left_q, rows_left_q;
   logic signed [HalfBits-1:0] half_u_q, half_v_q;
@@ -145,7 +145,7 @@ module lipp_raster #(
     end
   end
 
-  // ---- jitter of the ray ----
+  // ---- select the jitter of the ray ----
   (* ram_style = "distributed" *)
   jitter_t jitter_table[1 << TableBits];
   jitter_t entry_q, drawn_q, jitter_q;
@@ -170,7 +170,7 @@ module lipp_raster #(
     end
   end
 
-  // ---- output: the buffer's registered ready signal, not ray_ready_i, controls the scan ----
+  // ---- output rays through a skid buffer, whose ready signal is a register ----
   logic signed [PixelBits-1:0] ray_u, ray_v;
   logic signed [11:0] aim_a, aim_b;
   assign ray_u = {half_u_late_q[2], 3'b0} + PixelBits'(jitter_q.du);

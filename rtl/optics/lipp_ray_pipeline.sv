@@ -1,36 +1,36 @@
 // SPDX-License-Identifier: Apache-2.0
 `default_nettype none
 
-/// Computes all steps of a ray from pixel to exit ray: one ray per clock, without stalls.
+/// Computes all steps of the ray trace from pixel to exit ray, one ray per clock without stalls.
 ///
-/// Every model starts with pixel_to_lens -> start_ray. The following modules depend on the model:
+/// A ray first passes pixel_to_lens -> start_ray. The next modules depend on the lens model:
 ///
-///   pinhole, paraxial:               none; the slope gives the exit ray
+///   pinhole, paraxial:               no further module; the slope gives the exit ray
 ///   exact, plano side to the panel:  enter_flat -> walk_domes -> exit_dome
 ///   exact, plano side to the viewer: walk_domes -> exit_flat.
 ///
-/// Inputs: the pixel (u_i to the right, v_i upward) is measured from the panel's centre, with 4
-/// fraction bits. The aperture point (a_i, b_i) is measured from the centre of the pixel's lenslet,
-/// in pitches and rows, as wide words. With Build.aims = 0 the aperture point is ignored, and every
-/// ray is the chief ray.
+/// The input pixel (u_i to the right, v_i upward) is measured from the panel's centre, with 4
+/// fraction bits. The input aperture point (a_i, b_i) is measured from the centre of the pixel's
+/// lenslet, in pitches and rows, with F fraction bits. With Build.aims = 0 the aperture point is
+/// ignored, and every ray is the chief ray.
 ///
-/// Outputs: the exit ray's origin is measured from the centre of lenslet (i, j), in radii, with F +
-/// 1 fraction bits. The unit direction is in near words. The axes are the array's, with +z to the
-/// viewer.
+/// The output ray's origin is measured from the centre of lenslet (i, j), in radii, with F + 1
+/// fraction bits. Its unit direction has F + 1 fraction bits. The axes are the array's; +z is to
+/// the viewer.
 ///
 /// The status is a `ray_status_e`. A ray is blocked if the pixel's own lenslet or the lenslet of
-/// the exit does not exist. This case takes precedence over every other status. Of the other
-/// statuses, missed takes precedence over total internal reflection, blocked and crosstalk. The
-/// origin of a missed ray is undefined. A ray is also missed if any word of its path wraps or
-/// saturates by more than rounding errors; a flag `beyond` accompanies the ray. All rays are missed
-/// if a register contains a value that does not fit the word that is read from it. A ray that
-/// leaves the dome downward is blocked; its intersections with neighbouring domes are not computed.
+/// the exit does not exist, whatever else happens to the ray. Otherwise the status missed takes
+/// precedence over total internal reflection, blocked and crosstalk, in this order. The origin of a
+/// missed ray is undefined. A ray is also missed if any word of its computation overflows; a flag
+/// `beyond` accompanies the ray. All rays are missed if a register contains a value that does not
+/// fit the word that the build uses. A ray that leaves the dome downward is blocked; its
+/// intersections with neighbouring domes are not computed.
 ///
 /// Build.walk is the number of further domes tried when the ray meets a dome outside that dome's
 /// cell; a ray that needs more domes is missed. Build.converge is for displays for a near eye,
-/// whose pixels belong to the lenslet through which the eye sees them. Build.shear is for lattices
-/// whose rows are shifted in proportion to their height. Logic that a model or an orientation does
-/// not use is not generated. The latency is ray_latency(Build) clocks.
+/// where a pixel belongs to the lenslet through which the eye sees the pixel. Build.shear is for
+/// lattices whose rows are shifted in proportion to their height. Logic that a model or an
+/// orientation does not use is not generated. The latency is ray_latency(Build) clocks.
 module lipp_ray_pipeline #(
   parameter lipp_optics_pkg::build_t Build = lipp_optics_pkg::ExactSquare,
   localparam int F = int'(Build.fraction_bits)
@@ -84,7 +84,7 @@ module lipp_ray_pipeline #(
   logic unused_config;
   assign unused_config = ^config_i;
 
-  // ---- the lenslet at which the ray aims, and the ray's start at its first face ----
+  // ---- find the lenslet at which the ray aims, and start the ray at the first face ----
   localparam int OwnAt = pixel_latency() + lenslet_latency(Grid);
   localparam int LensAt = lens_latency(F, Grid, Build.aims, Build.converge, Build.shear);
   localparam int SlopeAt = LensAt + slope_latency(F, Build.converge, Build.shear);
@@ -110,7 +110,7 @@ module lipp_ray_pipeline #(
     .ex_o(ex), .ey_o(ey), .ez_o(ez), .steep_o(steep)
   );
 
-  // ---- delays of flags to the end of the pipeline ----
+  // ---- delay flags to the end of the pipeline ----
   localparam int OutAt = ray_latency(Build) - 2;
   logic stray_q, beyond_q, stray_after, beyond_after, stray_late, beyond_late, own_missing_late;
   always_ff @(posedge clk_i) {stray_q, beyond_q} <= {stray, beyond || unfit};
@@ -122,9 +122,9 @@ module lipp_ray_pipeline #(
     .q_o({stray_late, beyond_late, own_missing_late})
   );
 
-  // ---- path through the lenslet ----
-  localparam int Early = extent_latency() - 1;  // the exit's lenslet test ends a clock after OutAt
-  logic signed [IndexBits-1:0] early_i, early_j, out_i, out_j;  // early_i leads out_i by Early
+  // ---- trace the ray through the lenslet ----
+  localparam int Early = extent_latency() - 1;  // latency of lipp_extent minus 1
+  logic signed [IndexBits-1:0] early_i, early_j, out_i, out_j;  // early_i: Early clocks before
   logic signed [Wf-1:0] out_x, out_y, out_z;
   logic signed [W-1:0] out_dx, out_dy, out_dz;
   logic out_missed, out_beyond, out_reflected, out_crosstalk;
@@ -149,7 +149,7 @@ module lipp_ray_pipeline #(
     logic unused_own;
     assign unused_own = ^{own_i, own_j};
   end else begin : gen_exact
-    // ---- refraction into the glass at the flat face ----
+    // ---- refract the ray into the glass at the flat face ----
     localparam int FirstAt = UnitAt + (Viewer ? 0 : enter_flat_latency(F));
     localparam int Wt = W + extra_bits(F);
     localparam int Wz = W + 3 * extra_bits(F);
@@ -170,7 +170,7 @@ module lipp_ray_pipeline #(
       assign unused_ez = ^ez;
     end
 
-    // ---- intersection with the dome, or with further domes ----
+    // ---- intersect the ray with the dome, or with further domes ----
     localparam int LastAt = FirstAt + Walk * walk_latency(Grid, F, Build.shear);
     localparam int DomeAt = LastAt + meet_dome_latency(F);
     localparam int InsideAt =
@@ -197,7 +197,7 @@ module lipp_ray_pipeline #(
       .meet_beyond_o(meet_beyond), .inside_o(in_cell)
     );
 
-    // ---- refraction from the dome to the viewer ----
+    // ---- refract the ray from the dome to the viewer ----
     logic signed [Wm-1:0] dome_ex, dome_ey;
     logic dome_steep, exit_beyond;
     lipp_delay #(.Width(2 * Wm + 1), .Cycles(DomeAt - UnitAt)) i_e (
@@ -221,13 +221,13 @@ module lipp_ray_pipeline #(
       );
     end
 
-    // ---- status of the ray ----
+    // ---- delay the flags of the ray's status ----
     logic inside_late, missed_late, dome_beyond_late, walk_beyond_early, walk_beyond_late;
     logic signed [IndexBits-1:0] own_i_late, own_j_late;
     lipp_delay #(.Width(1), .Cycles(OutAt - InsideAt)) i_inside (
       .clk_i, .d_i(in_cell), .q_o(inside_late)
     );
-    // This register precedes the long delay, which may be far away on the chip.
+    // This register precedes the long delay, whose memory may lie far away on the chip.
     logic met_missed_q, met_beyond_q;
     always_ff @(posedge clk_i) {met_missed_q, met_beyond_q} <= {missed, meet_beyond || dome_steep};
     lipp_delay #(.Width(2), .Cycles(OutAt - DomeAt - 1)) i_missed (
@@ -255,7 +255,7 @@ module lipp_ray_pipeline #(
     assign unused_late = stray_late ^ (^{own_i_late, own_j_late});
   end
 
-  // ---- missing lenslets: the lenslet of the exit ----
+  // ---- check if the lenslet of the exit exists ----
   logic exit_missing, own_missing_q;
   lipp_extent #(.Grid(Grid)) i_extent (
     .clk_i, .i_i(early_i), .j_i(early_j), .along_i(config_i.extent_i[IndexBits+1:0]),
@@ -265,12 +265,12 @@ module lipp_ray_pipeline #(
     .clk_i, .d_i({early_i, early_j}), .q_o({out_i, out_j})
   );
 
-  // ---- exit ray and its status ----
+  // ---- output the exit ray and its status ----
   logic signed [IndexBits-1:0] i_q, j_q;
   logic signed [Wf-1:0] x_q2, y_q2, z_q2;
   logic signed [W-1:0] dx_q2, dy_q2, dz_q2;
   logic missed_q, beyond_q2, reflected_q, blocked_q, crosstalk_q;
-  logic [1:0] flat_q;  // lower and upper half of dz are 0
+  logic [1:0] flat_q;  // bits 0, 1: lower and upper half of dz are 0
   always_ff @(posedge clk_i) begin
     own_missing_q <= own_missing_late;
     beyond_q2 <= out_beyond || beyond_late;

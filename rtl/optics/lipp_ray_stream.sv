@@ -1,16 +1,14 @@
 // SPDX-License-Identifier: Apache-2.0
 `default_nettype none
 
-/// Wraps `lipp_ray_pipeline` in a stream: pixels enter, exit rays leave, one ray per clock, with a
-/// valid/ready handshake on both sides.
+/// Adds handshakes to `lipp_ray_pipeline`: pixels enter and exit rays leave, one ray per clock.
 ///
-/// Rays leave in the order in which they entered. The optics in use are a copy of config_i. Port
-/// apply_i requests a new copy, which is made as soon as all rays inside have left. Until then
-/// busy_o is high and the input is closed, so no frame is traced with two displays. Reset also
-/// requests a copy.
+/// Rays leave in the order of entry. The optics in use are a copy of config_i. Input apply_i
+/// requests a new copy, which is made when all rays inside have left. Until then busy_o is high and
+/// the input is closed, so that all rays inside use the same optics. Reset also requests a copy.
 ///
-/// The words are those of `lipp_ray_pipeline`. The latency is ray_latency(...) + 5 clocks if
-/// nothing stalls.
+/// The number formats are those of `lipp_ray_pipeline`. The latency is ray_latency(Build) + 5
+/// clocks if the output is always ready.
 module lipp_ray_stream #(
   parameter lipp_optics_pkg::build_t Build = lipp_optics_pkg::ExactSquare,
   localparam int F = int'(Build.fraction_bits)
@@ -18,29 +16,29 @@ module lipp_ray_stream #(
   input  logic                                    clk_i,
   input  logic                                    rst_ni,
 
-  input  lipp_optics_pkg::optics_config_t config_i,  // optics for the next copy
-  input  logic                            apply_i,  // requests a copy of config_i
-  output logic                            busy_o,  // high until the copy is made
-  output logic                            idle_o,  // no ray is inside
+  input  lipp_optics_pkg::optics_config_t config_i,  // optics to copy next
+  input  logic                            apply_i,  // pulse: requests a copy
+  output logic                            busy_o,  // 1: a copy is pending
+  output logic                            idle_o,  // 1: no ray is inside
 
   input  logic                                         ray_valid_i,
   output logic                                         ray_ready_o,
-  input  logic signed [lipp_optics_pkg::PixelBits-1:0] ray_u_i,  // pixel u, right of the centre
-  input  logic signed [lipp_optics_pkg::PixelBits-1:0] ray_v_i,  // pixel v, up, 4 fraction bits
-  input  logic signed [F+1:0]                          ray_a_i,  // aperture point a, wide, pitches
-  input  logic signed [F+1:0]                          ray_b_i,  // aperture point b, wide, rows
+  input  logic signed [lipp_optics_pkg::PixelBits-1:0] ray_u_i,  // pixel u, right, unit 1/16 pixel
+  input  logic signed [lipp_optics_pkg::PixelBits-1:0] ray_v_i,  // pixel v, up, unit 1/16 pixel
+  input  logic signed [F+1:0]                          ray_a_i,  // aperture point a, 2^-F pitches
+  input  logic signed [F+1:0]                          ray_b_i,  // aperture point b, 2^-F rows
 
   output logic                                         exit_valid_o,
   input  logic                                         exit_ready_i,
-  output logic signed [lipp_optics_pkg::IndexBits-1:0] exit_i_o,  // lenslet (i, j) of the exit ray
+  output logic signed [lipp_optics_pkg::IndexBits-1:0] exit_i_o,  // lenslet i that the ray leaves
   output logic signed [lipp_optics_pkg::IndexBits-1:0] exit_j_o,
-  output logic signed [F+3:0]                          exit_x_o,  // origin from lenslet, in radii
-  output logic signed [F+3:0]                          exit_y_o,  // origin, F + 1 fraction bits
+  output logic signed [F+3:0]                          exit_x_o,  // origin x, unit 2^-(F+1) radii
+  output logic signed [F+3:0]                          exit_y_o,  // origin y, unit 2^-(F+1) radii
   output logic signed [F+3:0]                          exit_z_o,
-  output logic signed [F+1:0]                          exit_dx_o,  // unit direction, near words
+  output logic signed [F+1:0]                          exit_dx_o,  // unit direction x, in 2^-(F+1)
   output logic signed [F+1:0]                          exit_dy_o,
-  output logic signed [F+1:0]                          exit_dz_o,  // +z points to the viewer
-  output lipp_optics_pkg::ray_status_e                 exit_status_o  // status of the ray
+  output logic signed [F+1:0]                          exit_dz_o,  // direction z; +z to the viewer
+  output lipp_optics_pkg::ray_status_e                 exit_status_o  // status of the exit ray
 );
   import lipp_optics_pkg::*;
 
@@ -48,7 +46,7 @@ module lipp_ray_stream #(
   localparam int AddressBits = $clog2(Latency + 16);
   localparam int Width = 2 * IndexBits + 3 * (F + 4) + 3 * (F + 2) + 3;
 
-  // ---- the optics in use ----
+  // ---- copy the optics between rays ----
   optics_config_t used;
   logic busy, hold, idle;
   lipp_config_bank #(.Width($bits(optics_config_t))) i_config_bank (
@@ -57,7 +55,7 @@ module lipp_ray_stream #(
   );
   assign {busy_o, idle_o} = {busy, idle};
 
-  // ---- the pipeline ----
+  // ---- trace the rays, and add the handshakes ----
   logic signed [PixelBits-1:0] u_q, v_q;
   logic signed [F+1:0] a_q, b_q;
   always_ff @(posedge clk_i) {u_q, v_q, a_q, b_q} <= {ray_u_i, ray_v_i, ray_a_i, ray_b_i};

@@ -1,12 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
 `default_nettype none
 
-/// Step 3 of a ray, sheared lattices: converts lattice coordinates to an upright x in pitches.
+/// Step 3 of the ray trace (sheared lattices): converts lattice coordinates to an upright x.
 ///
 /// The rows of a sheared lattice are shifted by s times their height. A point with the lattice
 /// coordinates x in pitches and y in rows, from its lenslet's centre, is x + g y pitches to the
-/// right of that centre. Here g is s times the distance between rows / pitch. With words as
-/// integers, and y g >> k the product that `lipp_multiplier` truncates by k bits, the result is
+/// right of that centre. The factor g is s times the distance between rows, divided by the pitch.
+/// In the formula all words are integers, and y g >> k is the product of `lipp_multiplier`
+/// truncated by k bits. The result is
 ///
 ///   x'   = ((x << 3) + (y g >> F-3) + 4) >> 3.
 ///
@@ -14,13 +15,13 @@
 /// that x' is outside that range. The latency is shear_latency(F) clocks.
 module lipp_shear #(
   parameter int F = 23,
-  parameter bit CrossCells = 1'b0,  // compute cross terms in multiplier cells
+  parameter bit CrossCells = 1'b0,  // 1: cross terms use multiplier cells
   parameter int Wx = F + 2          // width of x and y in bits, F + 2 or more
 ) (
   input  logic                 clk_i,
-  input  logic signed [Wx-1:0] x_i,  // lattice coordinate x, in pitches
-  input  logic signed [Wx-1:0] y_i,  // lattice coordinate y, in rows
-  input  logic signed [F+3:0]  g_i,  // factor g, far word
+  input  logic signed [Wx-1:0] x_i,  // lattice coordinate x in pitches, F fraction bits
+  input  logic signed [Wx-1:0] y_i,  // lattice coordinate y in rows, F fraction bits
+  input  logic signed [F+3:0]  g_i,  // x shift per row / pitch, F fraction bits
   output logic signed [F+3:0]  x_o,
   output logic                 beyond_o
 );
@@ -46,7 +47,7 @@ module lipp_shear #(
   lipp_delay #(.Width(Wx), .Cycles(mul_latency(Wx, Wo))) i_x_match (.clk_i, .d_i(x_i),
       .q_o(x_late));
 
-  // x << 3 ends in three zero bits; setting the first of them adds the rounding constant 4.
+  // The word x << 3 ends in three zero bits. Setting bit 2 adds the rounding constant 4.
   logic signed [Wt-1:0] total_q;
   logic signed [Wt-Guard-1:0] total;
   assign total = (Wt - Guard)'(total_q >>> Guard);

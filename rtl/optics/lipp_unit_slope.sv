@@ -1,25 +1,24 @@
 // SPDX-License-Identifier: Apache-2.0
 `default_nettype none
 
-/// Step 3 of a ray: computes the unit direction e of a slope (m_x, m_y):
+/// Step 3 of the ray trace: computes a ray's unit direction e from its slope (m_x, m_y):
 ///
 ///   e = (m_x, m_y, 1) / sqrt(1 + m_x^2 + m_y^2).
 ///
-/// With words as integers, and a b >> k the product that `lipp_multiplier` truncates by k bits, the
-/// steps are
+/// In the formulas all words are integers, and a b >> k is the product of `lipp_multiplier`
+/// truncated by k bits. The steps are
 ///
 ///   x    = ((m_x m_x >> F-4+2E) + (m_y m_y >> F-4+2E) + 2^(F+4) + 4) >> 3
 ///   e_z  = min(rsqrt(x), 2^(F+1+E) - 1)
 ///   e_x  = ((m_x e_z >> F-3+E) + 4) >> 3,  e_y likewise.
 ///
-/// Word x, in [1, 4), has F + 1 fraction bits. The slope is in wide words and the direction in near
-/// words, all with E = Extra more fraction bits; Extra is 0 or extra_bits(F). Output beyond_o
-/// reports that x is 4 or more, a slope of 60 degrees or more. The latency is unit_latency(F)
-/// clocks.
+/// Word x, in [1, 4), has F + 1 fraction bits. The slope has F + E fraction bits and the direction
+/// F + 1 + E, where E is Extra, 0 or extra_bits(F). Output beyond_o reports that x is 4 or more,
+/// which means a slope of 60 degrees or more. The latency is unit_latency(F) clocks.
 module lipp_unit_slope #(
   parameter int F = 23,
   parameter int Extra = 0,
-  parameter bit CrossCells = 1'b0  // compute cross terms in multiplier cells
+  parameter bit CrossCells = 1'b0  // 1: cross terms use multiplier cells
 ) (
   input  logic                      clk_i,
   input  logic signed [F+1+Extra:0] mx_i,
@@ -43,7 +42,7 @@ module lipp_unit_slope #(
     $fatal(1, "lipp_unit_slope: Extra must be 0 or extra_bits(F)");
   end
 
-  // ---- x = 1 + m_x^2 + m_y^2 ----
+  // ---- compute x = 1 + m_x^2 + m_y^2 ----
   localparam int SquareDrop = F - 4 + 2 * Extra;
   localparam int Wq = 2 * W - SquareDrop;
   logic signed [Wq-1:0] mx2, my2;
@@ -62,15 +61,15 @@ module lipp_unit_slope #(
     square_q <= (F + 6)'((sum_q + (((Wq + 1)'(1) << (F + 4)) + (Wq + 1)'(4))) >>> Guard);
   end
 
-  // ---- e_z = 1 / sqrt(x) ----
+  // ---- compute e_z = 1 / sqrt(x) ----
   logic steep;
   logic [W-1:0] inverse;
   logic signed [W-1:0] ez;
   lipp_rsqrt #(.F(F), .Extra(Extra)) i_rsqrt (.clk_i, .x_i(square_q[F+2:0]), .y_o(inverse));
-  // A value of 1 does not fit e_z, so e_z becomes the maximum.
+  // The value 1 does not fit the word of e_z, so e_z is limited to the maximum.
   assign ez = inverse[W-1] ? {1'b0, {(W - 1){1'b1}}} : $signed(inverse);
 
-  // ---- e_x and e_y, the lateral direction ----
+  // ---- compute e_x and e_y, the lateral direction ----
   localparam int Drop = F - Guard + Extra;
   localparam int Wp = 2 * W - Drop;
   logic signed [W-1:0] mx_late, my_late;

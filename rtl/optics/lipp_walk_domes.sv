@@ -1,20 +1,22 @@
 // SPDX-License-Identifier: Apache-2.0
 `default_nettype none
 
-/// Step 5 of a ray: intersects the ray with the dome of the lenslet at which it aims, or with
-/// further domes. The modules in order, those in parentheses only in some builds, are:
+/// Step 5 of the ray trace: intersects the ray with the dome of the lenslet at which it aims, or
+/// with the domes of neighbouring lenslets. The modules in order are, with those that only some
+/// builds contain in parentheses:
 ///
 ///   meet_dome -> (cell_step -> move_lenslet -> meet_dome) x walk -> (cell_step).
 ///
 /// If a ray meets a dome's sphere outside that dome's cell, the module tries the dome of the cell
-/// that contains the intersection, up to `walk` times. The words are those of `lipp_meet_dome`.
+/// that contains the intersection, up to `walk` times. The number formats are those of
+/// `lipp_meet_dome`.
 ///
-/// The lenslet of the last dome, i_o and j_o, the ray's direction d there, and beyond_o, the
-/// collected flags, have a latency of walk x walk_latency(Grid, F, Shear) clocks. The results of
-/// the last dome, n, cos_o, s_o, missed_o and meet_beyond_o, come meet_dome_latency(F) clocks
-/// later. Output inside_o reports that the point is in the last dome's cell. Where rays can leave
-/// their cell, inside_o comes cell_step_latency(Grid, F, Shear) clocks after those results;
-/// elsewhere it is always 1.
+/// The outputs i_o and j_o (the lenslet of the last dome), the direction d and beyond_o (an
+/// overflow at any dome) have a latency of walk x walk_latency(Grid, F, Shear) clocks. The results
+/// of the last dome, n, cos_o, s_o, missed_o and meet_beyond_o, are valid meet_dome_latency(F)
+/// clocks later. Output inside_o reports that the intersection is in the cell of the last dome. In
+/// builds whose rays can leave their cell, inside_o is valid cell_step_latency(Grid, F, Shear)
+/// clocks after those results; in other builds it is always 1.
 module lipp_walk_domes #(
   parameter lipp_optics_pkg::build_t Build = lipp_optics_pkg::ExactSquare,
   localparam int F = int'(Build.fraction_bits),
@@ -68,7 +70,7 @@ module lipp_walk_domes #(
   logic [Walk:0][W-1:0] nx, ny, nz, cos;
   logic [Walk:0][IndexBits-1:0] i, j;
   logic [Walk:0][Wf-1:0] s;
-  logic [Walk:0] missed, beyond, meet_beyond;  // beyond: flags collected before the dome
+  logic [Walk:0] missed, beyond, meet_beyond;  // beyond: OR of the flags before dome k
   assign {i[0], j[0], hx[0], hy[0]} = {i_i, j_i, hx_i, hy_i};
   assign {dx[0], dy[0], dz[0], beyond[0]} = {dx_i, dy_i, dz_i, beyond_i};
 
@@ -139,7 +141,7 @@ module lipp_walk_domes #(
       .di_o(unused_di), .dj_o(unused_dj), .inside_o
     );
   end else begin : gen_own
-    // A chief ray that enters through the flat face stays in its lenslet.
+    // If a chief ray enters through the flat face, it stays in its lenslet, so no cell is tested.
     assign inside_o = 1'b1;
   end
 

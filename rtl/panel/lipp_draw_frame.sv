@@ -1,32 +1,33 @@
 // SPDX-License-Identifier: Apache-2.0
 `default_nettype none
 
-/// Draws the scene: sends the rays of all pixels to the optics and the drawn pixels to the video
-/// output.
+/// Draws the scene: sends the rays of all panel pixels to the optics, and sends the pixels that the
+/// scene returns to the video output.
 ///
 /// Input begin_i is a pulse at the start of a video frame, during vertical sync. In that clock the
 /// scene's new registers take effect (take_o) if all pixels of the previous frame have arrived and
-/// no register write is running (hold_i low). While hold_i is high, the previous registers stay in
-/// use. Output shown_o is high while the panel shows the scene. shown_o equals source_i, sampled
+/// hold_i is low. Input hold_i is high while software writes the registers, and keeps the previous
+/// registers in use. Output shown_o, high while the panel shows the scene, is source_i sampled
 /// together with the registers. A frame of Width * Height pixels is drawn if shown_o is high in the
 /// clock after begin_i. Therefore every frame is drawn with one set of registers.
 ///
-/// Let c and r be a pixel's column and row, counted from the panel's top left. The pixel's rays
-/// have the positions of lipp_raster:
+/// Let c and r be a pixel's column and row, counted from the panel's top left. As in lipp_raster,
+/// the pixel's rays start at the panel position
 ///
 ///   u = 8 (2 c + 1 - Width) + du,  v = 8 (Height - 2 r - 1) + dv
 ///
-/// The offsets (du, dv) of the rays are, in this order:
+/// Here u and v have 4 fraction bits. The offsets (du, dv) of a pixel's rays are, in this order:
 ///
 ///   With SamplesBits = 0 the offset is (0, 0).
 ///   With SamplesBits = 1 the offsets are (-4, 4), (4, -4).
 ///   With SamplesBits = 2 the offsets are (-4, 4), (4, 4), (-4, -4), (4, -4).
 ///
-/// Output ray_first_o marks the first ray of the frame, ray_last_o the last. Drawn pixels arrive in
-/// the order of the rays. `lipp_pixel_feed` outputs each pixel at its own position, and counts and
-/// drops a late pixel. If pixels are still missing at begin_i, the next frame is black and all its
-/// pixels count as underflows. Output owns_o is high while the drawing uses the optics: one clock
-/// after source_i or shown_o is high, or while pixels are missing.
+/// Output ray_first_o marks the first ray of the frame, ray_last_o the last. The drawn pixels must
+/// arrive in the order of the rays. `lipp_pixel_feed` outputs each pixel at its own position in the
+/// video frame, and counts and drops late pixels. If pixels of a frame are still missing at
+/// begin_i, the next frame is black and all its pixels count as underflows. Output owns_o is high
+/// while this module needs the optics, which is while pixels are missing and, one clock late, while
+/// source_i or shown_o is high.
 module lipp_draw_frame #(
   parameter int Width = 640,   // the panel's width in pixels
   parameter int Height = 480,  // the panel's height in pixels
@@ -36,7 +37,7 @@ module lipp_draw_frame #(
   input  logic                                         rst_ni,
 
   input  logic                                         begin_i,
-  input  logic                                         source_i,  // 1: request to show the scene
+  input  logic                                         source_i,  // 1: show the scene
   input  logic                                         hold_i,
   output logic                                         take_o,
   output logic                                         shown_o,
@@ -56,7 +57,7 @@ module lipp_draw_frame #(
   input  logic                                         want_i,
   output logic [23:0]                                  rgb_o,
   output logic                                         underflow_o,
-  // pulse: the last pixel of the frame has arrived
+  // pulse: the last drawn pixel of the frame has arrived
   output logic                                         drawn_o
 );
   import lipp_optics_pkg::PanelBits, lipp_optics_pkg::PixelBits;
@@ -69,13 +70,13 @@ module lipp_draw_frame #(
     $fatal(1, "lipp_draw_frame: SamplesBits must be 0 to 2");
   end
 
-  // ---- frames ----
+  // ---- begin frames, and take new registers ----
   logic scene_shown_q, begins, complete;
   assign take_o = begin_i && complete && !hold_i;
   assign begins = begin_i && complete && (hold_i ? scene_shown_q : source_i);
   assign shown_o = scene_shown_q;
 
-  // ---- the rays ----
+  // ---- send the rays of the frame ----
   localparam logic [PanelBits-1:0] LastColumn = PanelBits'(Width - 1);
   localparam logic [PanelBits-1:0] LastRow = PanelBits'(Height - 1);
   localparam logic [1:0] LastSample = 2'((1 << SamplesBits) - 1);
@@ -86,8 +87,7 @@ module lipp_draw_frame #(
   assign end_of_pixel = sample_q == LastSample;
   assign end_of_row = end_of_pixel && column_q == LastColumn;
   assign end_of_frame = end_of_row && row_q == LastRow;
-  // The ray's offset from the pixel's centre: a quarter of a pixel to the right or left, up or
-  // down.
+  // Each ray is a quarter of a pixel to the right or left, and up or down, from its pixel's centre.
   logic right, up;
   assign right = sample_q[0];
   assign up = SamplesBits == 2 ? !sample_q[1] : !sample_q[0];
@@ -103,7 +103,7 @@ module lipp_draw_frame #(
       ray_last_o <= end_of_frame;
     end
   end
-  // The ray after the last ray of a frame is the first ray of the next one.
+  // After the last ray of a frame, the counters are at the first ray of the next frame.
   always_ff @(posedge clk_i or negedge rst_ni) begin
     if (!rst_ni) begin
       {column_q, row_q, sample_q, walk_q, ray_valid_o} <= '0;
@@ -118,7 +118,7 @@ module lipp_draw_frame #(
     end
   end
 
-  // ---- the pixels ----
+  // ---- output the drawn pixels ----
   logic unused_hit;
   lipp_pixel_feed #(.Pixels(Width * Height)) i_feed (
     .clk_i, .rst_ni, .begin_i, .draws_i(begins), .shown_i(scene_shown_q), .complete_o(complete),

@@ -4,10 +4,10 @@
 /// Computes the CRC-32 of one buffer of the frame store. The CRC covers the rows from top to
 /// bottom, and the bytes R, G, B of each pixel.
 ///
-/// Input start_i starts the check, and is ignored while busy_o is high. While busy_o is high, the
-/// module owns the read client of the frame store: it requests all pixels and accepts each pixel
-/// when it arrives. Output done_o is a pulse two clocks after the last pixel. From then on crc_o is
-/// valid until the next start_i.
+/// Input start_i starts the computation, and is ignored while busy_o is high. While busy_o is high,
+/// the module owns the read client of the frame store: it requests all pixels of the buffer and
+/// accepts each pixel when it arrives. Output done_o is a pulse two clocks after the last pixel.
+/// Output crc_o is valid from done_o until the next start_i.
 module lipp_frame_check #(
   parameter int Width = 640,
   parameter int Height = 480,
@@ -17,7 +17,7 @@ module lipp_frame_check #(
   input  logic                 rst_ni,
 
   input  logic                 start_i,
-  input  logic                 buffer_i,  // index of the buffer, sampled with start_i
+  input  logic                 buffer_i,  // index of the buffer to read, sampled with start_i
   output logic                 busy_o,
   output logic                 done_o,    // pulse: crc_o is valid
   output logic [31:0]          crc_o,

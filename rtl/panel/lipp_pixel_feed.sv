@@ -2,18 +2,19 @@
 `default_nettype none
 
 /// Passes a stream of pixels to the video output: outputs each pixel at its own position in the
-/// frame, or drops it.
+/// video frame, or drops a pixel that arrives too late.
 ///
 /// Input begin_i is a pulse at the start of a video frame. If draws_i is high in that clock, the
-/// stream then delivers the pixels of the frame in order. Input draws_i may be high only while
-/// complete_o is high. A frame without draws_i takes no pixels. Input want_i takes the next pixel
-/// of the frame: in the same clock rgb_o is that pixel and hit_o is high. If the pixel has not
-/// arrived yet, rgb_o is black, and the pixel is dropped when it arrives. Pixels that are still
-/// missing at the next begin_i are dropped too.
+/// stream must then deliver the pixels of the frame in order. Input draws_i may be high only while
+/// complete_o is high. If draws_i is low at begin_i, the frame takes no pixels from the stream.
+/// Input want_i takes the next pixel of the frame: in the same clock rgb_o is that pixel and hit_o
+/// is high. If the pixel has not arrived yet, rgb_o is black, hit_o is low, and the pixel is
+/// dropped when it arrives. Pixels that are still missing at the next begin_i are dropped too.
 ///
-/// Output underflow_o is high one clock after a pixel was missing while shown_i was high, which
-/// means that the frame is on the panel. Output complete_o is high while no pixel is missing.
-/// Output last_o is a pulse one clock after the last pixel of the frame arrived.
+/// Output underflow_o pulses one clock after a pixel was missing on the panel. Input shown_i is
+/// high while the frame is on the panel; with shown_i low, missing pixels are not reported. Output
+/// complete_o is high if all pixels of the frame have arrived or were not requested. Output last_o
+/// is a pulse one clock after the last pixel of the frame arrived.
 module lipp_pixel_feed #(
   parameter int Pixels = 640 * 480  // number of pixels of a frame
 ) (
@@ -41,10 +42,10 @@ module lipp_pixel_feed #(
   end
 
   localparam int CountBits = $clog2(Pixels + 1);
-  // The current frame takes pixels, because no pixel was missing when it began.
+  // The current frame takes pixels: draws_i was high and no pixel was missing when it began.
   logic draws_q;
   logic [CountBits-1:0] pending_q;  // pixels of the frame that have not arrived yet
-  logic [CountBits-1:0] late_q;     // missing pixels whose position has already passed
+  logic [CountBits-1:0] late_q;     // missing pixels whose position the video has already passed
   logic drop, come, miss, ends;
   assign drop = !draws_q || late_q != '0;
   assign hit_o = want_i && pixel_valid_i && !drop;

@@ -4,27 +4,28 @@
 /// Video output: continuously outputs frames of the frame store or a test pattern.
 ///
 /// A pixel lasts ClocksPerPixel clocks, and pixel_o marks the first of these clocks. A line
-/// consists of sync, back porch, pixels and front porch. A frame consists of the same parts,
-/// counted in lines. Vertical sync begins and ends together with horizontal sync. A sync signal
-/// with positive polarity is high during sync, with negative polarity low. Output rgb_o is black
-/// outside the pixels.
+/// consists of horizontal sync, back porch, pixels and front porch. A frame consists of vertical
+/// sync, back porch, visible lines and front porch. Vertical sync begins and ends together with
+/// horizontal sync. A sync signal with positive polarity is high during sync, with negative
+/// polarity low. Output rgb_o is black outside the pixels.
 ///
 /// Frames and settings change only at the start of vertical sync, so every frame is shown complete.
-/// If swap_i is then high, the buffers are swapped: swapped_o pulses and front_o changes. Input
-/// brightness_i, pattern_i and optics_i are sampled at the same time. Reset starts a frame of
-/// buffer 0. Output filled_o is low until the first swap, because no buffer contains a frame before
-/// the first swap.
+/// If swap_i is high at the start of vertical sync, the buffers are swapped: swapped_o pulses and
+/// front_o changes. Inputs brightness_i, pattern_i and optics_i are also sampled at the start of
+/// vertical sync. Reset starts a frame of buffer 0. Output filled_o is low until the first swap: no
+/// buffer contains a frame yet.
 ///
-/// Output frame_end_o is a pulse at the start of vertical sync, one clock before swapped_o. No
-/// pixel of the previous frame is then in the pipeline. After frame_end_o, want_o pulses for each
-/// pixel of the frame, even while a test pattern is shown. In the clock of the pulse, pixel_i must
-/// be that pixel. The first pulse of want_o comes VSync + VBack lines and HSync + HBack pixels
-/// after frame_end_o.
+/// Output frame_end_o is a pulse at the start of vertical sync, one clock before swapped_o. At
+/// frame_end_o, no pixel of the previous frame is in the pipeline. After frame_end_o, want_o pulses
+/// for each pixel of the frame, even while a test pattern is shown. In the clock in which want_o is
+/// high, pixel_i must be that pixel. The first pulse of want_o comes VSync + VBack lines and HSync
+/// + HBack pixels after frame_end_o.
 ///
 /// Each of the values r, g, b is output as floor(p (brightness + 1) / 256), where p is the pixel's
-/// value. Pixel and sync signals are aligned. Output frame_start_o is high with the first pixel.
-/// Two clocks after the last pixel, shown_crc_o is the CRC-32 of the frame's output bytes (rows top
-/// to bottom, R, G, B), and frames_o has been incremented.
+/// value. Pixel and sync outputs are aligned, each delayed by pattern_latency(Grid) + 3 clocks from
+/// the counters. Output frame_start_o is high with the first pixel of a frame. Two clocks after the
+/// last pixel of a frame, shown_crc_o is the CRC-32 of the frame's output bytes (rows top to
+/// bottom, R, G, B), and frames_o has been incremented.
 module lipp_scan_out #(
   parameter int Width = 640,
   parameter int Height = 480,
@@ -44,7 +45,7 @@ module lipp_scan_out #(
   input  logic                       clk_i,
   input  logic                       rst_ni,
 
-  input  logic                            swap_i,  // swap request, high until swapped_o
+  input  logic                            swap_i,  // 1: swap the buffers; high until swapped_o
   output logic                            swapped_o,
   output logic                            front_o,
   output logic                            filled_o,
@@ -75,7 +76,7 @@ module lipp_scan_out #(
   localparam int YBits = $clog2(Lines + 1);
   localparam int PanelBits = lipp_optics_pkg::PanelBits;
   localparam int Pattern = pattern_latency(Grid);
-  localparam int Latency = Pattern + 3;  // clocks from the counters to the output
+  localparam int Latency = Pattern + 3;  // latency from the counters to the output
 
   if (Width < 1 || Width > 16383 || Height < 1 || Height > 16383) begin : gen_illegal_panel
     $fatal(1, "lipp_scan_out: Width and Height must be 1 to 16383");
@@ -91,8 +92,8 @@ module lipp_scan_out #(
     $fatal(1, "lipp_scan_out: ClocksPerPixel must be a power of two");
   end
 
-  // ---- clocks of a pixel: begin_q[k] is high k clocks after the pixel's first clock, ----
-  // ---- and begin_q[k-1] is high k clocks after the pixel's last clock ----
+  // ---- divide the clock into pixels: begin_q[k] is high k clocks after a pixel's first clock,
+  // and begin_q[k-1] is high k clocks after a pixel's last clock ----
   logic [Latency:0] begin_q;
   logic pixel_end;
   if (ClocksPerPixel == 1) begin : gen_clock
@@ -111,7 +112,7 @@ module lipp_scan_out #(
   end
   assign pixel_o = begin_q[Latency];
 
-  // ---- the position, counted from the start of both syncs ----
+  // ---- count the position from the start of both syncs ----
   logic [XBits-1:0] x_q;
   logic [YBits-1:0] y_q;
   logic active;
@@ -131,7 +132,7 @@ module lipp_scan_out #(
     end
   end
 
-  // ---- signals of the position, delayed to the output ----
+  // ---- decode the position, and delay the sync signals to the output ----
   logic [Latency:1] active_q, hsync_q, vsync_q;
   always_ff @(posedge clk_i or negedge rst_ni) begin
     if (!rst_ni) begin
@@ -146,7 +147,7 @@ module lipp_scan_out #(
   assign hsync_o = hsync_q[Latency] == HPositive;
   assign vsync_o = vsync_q[Latency] == VPositive;
 
-  // ---- between two frames ----
+  // ---- swap buffers, and sample settings, between two frames ----
   logic frame_end;
   logic [7:0] brightness_q;
   pattern_t pattern_q;
@@ -172,7 +173,7 @@ module lipp_scan_out #(
 
   always_ff @(posedge clk_i) if (frame_end) optics_q <= optics_i;
 
-  // ---- the pixel, from the frame or from the test pattern ----
+  // ---- select the pixel of the frame or of the test pattern ----
   logic [PlaceBits-1:0] at_q;  // index of the pixel in the frame
   logic [23:0] pattern_rgb, rgb_q;
   lipp_test_pattern #(.Width(Width), .Height(Height), .F(F), .Grid(Grid)) i_pattern (
@@ -200,8 +201,8 @@ module lipp_scan_out #(
     end
   end
 
-  // ---- the frame: CRC and count ----
-  localparam int Shown = Latency - Pattern;  // clocks from the pixel's index to the output
+  // ---- compute the frame's CRC, and count the frames ----
+  localparam int Shown = Latency - Pattern;  // latency from the pixel's index to the output
   logic [Shown:1] first_q, last_q;
   logic ended_q;
   logic [31:0] crc_q;

@@ -1,19 +1,17 @@
 // SPDX-License-Identifier: Apache-2.0
 `default_nettype none
 
-/// Sends the stored frame to the video output: requests the front buffer once per frame and
-/// forwards its pixels.
+/// Sends the stored frame to the video output: reads the front buffer once per frame.
 ///
 /// Input begin_i is a pulse at the start of a video frame. From the next clock on, front_i is the
-/// buffer of that frame, and shown_i is high if the frame is on the panel. Input swapped_i pulses
-/// in that clock if the buffer changed. Input crc_i is the CRC-32 of the new buffer and is valid
-/// from the clock after swapped_i. The request to the frame store follows one clock later.
-/// `lipp_pixel_feed` outputs each pixel at its own position. A late pixel is counted by underflow_o
-/// and dropped.
+/// buffer of that frame, and shown_i is high if the frame is on the panel. Input swapped_i is high
+/// in the clock after begin_i if the buffer changed. Input crc_i is the CRC-32 of the new buffer,
+/// and is valid from the clock after swapped_i. In that clock the frame store receives the request
+/// for the pixels. `lipp_pixel_feed` outputs each pixel at its own position in the video frame. A
+/// late pixel is dropped, and underflow_o pulses.
 ///
 /// When a frame was shown without underflow, its CRC-32 is compared with crc_i. If the two CRCs
-/// differ, the memory has lost the frame: lost_o goes high and the panel stays black until the next
-/// swap of the buffers.
+/// differ, the memory has lost the frame: lost_o is high and the panel black until the next swap.
 module lipp_show_frame #(
   parameter int Width = 640,
   parameter int Height = 480,
@@ -28,7 +26,7 @@ module lipp_show_frame #(
   input  logic                 swapped_i,
   input  logic [31:0]          crc_i,
 
-  output logic                 valid_o,         // the client show of the frame store
+  output logic                 valid_o,         // request of the frame store's client show
   input  logic                 ready_i,
   output logic                 buffer_o,
   output logic [PlaceBits-1:0] first_o,
@@ -64,7 +62,7 @@ module lipp_show_frame #(
     .hit_o(hit), .rgb_o, .underflow_o
   );
 
-  // ---- the CRC of the shown frame ----
+  // ---- check the CRC of the shown frame ----
   logic hit_q, in_time_q, last_q;  // in_time_q: no pixel of the frame was late so far
   logic [23:0] rgb_q;
   logic [31:0] crc_q;
@@ -73,7 +71,7 @@ module lipp_show_frame #(
       {hit_q, in_time_q, last_q, lost_o} <= '0;
     end else begin
       hit_q <= hit;
-      last_q <= last && !begins;  // a last pixel as late as this was counted as underflow
+      last_q <= last && !begins;  // a last pixel at begin_i was counted as underflow
       in_time_q <= begins || (in_time_q && !underflow_o);
       if (begin_q && swapped_i) lost_o <= 1'b0;
       else if (last_q && in_time_q) lost_o <= ~crc_q != crc_i;

@@ -3,32 +3,31 @@
 
 /// Computes a pixel of a test pattern from the pixel's column and row and from the optics.
 ///
-/// The latency is pattern_latency(Grid). Inputs pattern_i and optics_i must not change within a
-/// frame. Every other pattern number, including PatternOff, is black. The first three patterns are
-/// black where the array has no lenslet.
+/// The latency is pattern_latency(Grid) clocks. Inputs pattern_i and optics_i must not change
+/// within a frame. The first three of these patterns are black where the array has no lenslet.
+/// Every other pattern number, including PatternOff, gives black.
 ///
-///   PatternLens     white inside lenslet (i, j).
-///   PatternCentres  white in each pixel that contains a lenslet's centre.
-///   PatternViews    r and g are the pixel's position in its lenslet, rightward and upward; b = 0.
+///   PatternLens     white inside the cell of lenslet (i, j), black elsewhere.
+///   PatternCentres  white in each pixel that contains a lenslet's centre, black elsewhere.
+///   PatternViews    r and g are the pixel's position in its cell, rightward and upward; b = 0.
 ///   PatternChecker  white and black tiles of 32 x 32 pixels, of which the first is black.
 ///   PatternRamp     grey, with the value of the column modulo 256.
 ///
-/// Let (x, y) be the pixel's centre, relative to the centre of its lenslet. The unit is a pitch; on
-/// a hexagonal grid the unit of y is a row distance. The values r and g of PatternViews are
+/// Let (x, y) be the pixel's centre relative to the centre of its lenslet, in units of the pitch
+/// along the rows and of the row distance. The values r and g of PatternViews are
 ///
 ///   r = floor(256 (x + 1/2)),  g = floor(256 (s + 1/2)),  both clipped to 0 .. 255,
 ///
-/// where s = y on a square grid. On a hexagonal grid s = y - floor(y/4), since a cell is 4/3 rows
-/// high.
+/// where s = y on a square grid. On a hexagonal grid s = y - floor(y/4): a cell is 4/3 rows high.
 ///
 /// For PatternCentres, a pixel contains a lenslet's centre if the centre is at most 17/32 pixels
-/// away in both directions. The pixel with the centre is the nearest pixel, or, if the centre lies
-/// on a border between pixels, all pixels that share that border. The coefficients of the affine
-/// map are truncated to 19 fraction bits, and x and y to 17. The condition is
+/// away in both directions. If the centre lies on a border between pixels, all pixels that share
+/// the border contain the centre. The coefficients xu, xv, yu, yv of the affine map are truncated
+/// to 19 fraction bits, and x and y to 17. The condition is
 ///
 ///   |yv x - xv y| <= 17/32 det,  |xu y - yu x| <= 17/32 det,  det = xu yv - xv yu
 ///
-/// where the right side is computed as floor(det/2) + floor(det/32).
+/// where 17/32 det is computed as floor(det/2) + floor(det/32).
 module lipp_test_pattern #(
   parameter int Width = 640,
   parameter int Height = 480,
@@ -54,10 +53,10 @@ module lipp_test_pattern #(
     $fatal(1, "lipp_test_pattern: Width and Height must be 1 to 16383");
   end
 
-  logic unused_optics;  // all fields except the affine map and the extent
+  logic unused_optics;  // optics fields that test patterns do not use
   assign unused_optics = ^optics_i;
 
-  // ---- checker and ramp, delayed to match the other patterns ----
+  // ---- compute checker and ramp, delayed to match the other patterns ----
   logic check, check_late;
   logic [7:0] ramp_late;
   assign check = column_i[SideBits] ^ row_i[SideBits];
@@ -65,7 +64,7 @@ module lipp_test_pattern #(
     .clk_i, .d_i({check, column_i[7:0]}), .q_o({check_late, ramp_late})
   );
 
-  // ---- the pixel's centre on the lattice, and its lenslet ----
+  // ---- find the lenslet of the pixel's centre ----
   logic signed [PixelBits-1:0] u_q, v_q;
   always_ff @(posedge clk_i) begin
     u_q <= {column_i, 4'd8} - PixelBits'(8 * Width);
@@ -73,7 +72,7 @@ module lipp_test_pattern #(
   end
 
   logic signed [IndexBits+F-1:0] lattice_x, lattice_y;
-  // overflow flags for rays, which a test pattern does not need
+  // overflow flags, which a test pattern does not need
   logic lattice_beyond, index_beyond, unused_beyond;
   assign unused_beyond = lattice_beyond ^ index_beyond;
   lipp_pixel_to_lattice #(.F(F)) i_pixel_to_lattice (
@@ -108,7 +107,7 @@ module lipp_test_pattern #(
     .clk_i, .d_i(missing), .q_o(missing_late)
   );
 
-  // ---- single lens and view numbers ----
+  // ---- compute PatternLens and PatternViews ----
 
   /// Return floor(256 (side + 1/2)), clipped to 0 .. 255.
   function automatic logic [7:0] place(logic signed [F+1:0] side);
@@ -127,7 +126,7 @@ module lipp_test_pattern #(
     .clk_i, .d_i({lens_q, view_q}), .q_o({lens_late, view_late})
   );
 
-  // ---- lenslet centres: the point in pixels, multiplied by the determinant ----
+  // ---- compute PatternCentres: the point in pixels, multiplied by the determinant ----
   logic signed [MulBits-1:0] xu, xv, yu, yv, near_x, near_y;
   assign xu = optics_i.x_from_u[SlopeBits-1-:MulBits];
   assign xv = optics_i.x_from_v[SlopeBits-1-:MulBits];
@@ -151,7 +150,7 @@ module lipp_test_pattern #(
 
   localparam int Wp = 2 * MulBits + 1;
   logic signed [Wp-1:0] u_det_q, v_det_q, det_q, limit_q;
-  // negative: beyond the limit of 17/32 pixels
+  // negative: more than 17/32 pixels from the lenslet's centre
   logic signed [Wp:0] u_over, u_under, v_over, v_under;
   logic centre_q;
   assign u_over = (Wp + 1)'(limit_q) - (Wp + 1)'(u_det_q);
@@ -159,14 +158,14 @@ module lipp_test_pattern #(
   assign v_over = (Wp + 1)'(limit_q) - (Wp + 1)'(v_det_q);
   assign v_under = (Wp + 1)'(limit_q) + (Wp + 1)'(v_det_q);
   always_ff @(posedge clk_i) begin
-    det_q <= Wp'(xu_yv) - Wp'(xv_yu);          // the determinant has 38 fraction bits
-    limit_q <= (det_q >>> 3) + (det_q >>> 7);  // the limit has 36 fraction bits, like the products
+    det_q <= Wp'(xu_yv) - Wp'(xv_yu);          // determinant with 38 fraction bits
+    limit_q <= (det_q >>> 3) + (det_q >>> 7);  // limit with 36 fraction bits, as the products
     u_det_q <= Wp'(yv_x) - Wp'(xv_y);
     v_det_q <= Wp'(xu_y) - Wp'(yu_x);
     centre_q <= !(u_over[Wp] || u_under[Wp] || v_over[Wp] || v_under[Wp]);
   end
 
-  // ---- the selected pattern ----
+  // ---- select the pattern ----
   always_ff @(posedge clk_i) begin
     unique case (pattern_i.kind)
       PatternLens: rgb_o <= {24{lens_late && !missing_late}};

@@ -1,11 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
 `default_nettype none
 
-/// Table with the CRC-32 of each tile in both buffers. An entry of 0 marks an invalid tile.
+/// Stores the CRC-32 of each tile of both frame buffers. The host reads the table to find the tiles
+/// that it must send. An entry of 0 marks an invalid tile.
 ///
-/// Reset clears the table, one entry per clock. Output busy_o is high during that time: writes are
-/// not allowed and reads are undefined. Output read_crc_o in clock t is the entry requested in
-/// clock t - 2, as it was before that clock.
+/// Reset clears the table, one entry per clock. Output busy_o is high while the table is cleared;
+/// then writes are not allowed and reads are undefined. Output read_crc_o in clock t is the entry
+/// requested in clock t - 2, as it was before that clock.
 module lipp_tile_table #(
   parameter int Width = 640,
   parameter int Height = 480,
@@ -28,7 +29,7 @@ module lipp_tile_table #(
     $fatal(1, "lipp_tile_table: Width and Height must be 1 to 16383");
   end
 
-  // number of cleared entries; the top bit means that all are cleared
+  // number of table entries cleared since reset; the top bit is high when all are cleared
   logic [TileBits+1:0] cleared_q;
   assign busy_o = !cleared_q[TileBits+1];
 

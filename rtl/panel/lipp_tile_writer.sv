@@ -3,10 +3,9 @@
 
 /// Decodes one tile from a packet and writes it into a buffer of the frame store.
 ///
-/// Input start_i samples the parameters, and is ignored while a tile is being written. The bytes of
-/// the packet follow as a stream whose last byte is marked. If empty_i is high, there are no bytes.
-/// One pixel is written per clock, or fewer if the bytes or the frame store are slower. The codings
-/// are:
+/// Input start_i samples the tile's parameters, and is ignored while a tile is being written. The
+/// bytes of the packet follow as a stream whose last byte is marked. If empty_i is high, there are
+/// no bytes. At most one pixel is written per clock. The bytes of the codings are:
 ///
 ///   CodingRaw    R, G, B of each pixel.
 ///   CodingSolid  one R, G, B for all pixels.
@@ -14,20 +13,20 @@
 ///                pixel's alpha is 255. The previous pixel and the index start as black.
 ///   CodingCopy   no data, but a copy of the same tile in the other buffer.
 ///
-/// Output done_o is a pulse after the last byte and the last write. If ok_o is high in the clock of
-/// done_o, the data had exactly the tile's number of pixels, and crc_o is the CRC-32 of their
-/// bytes, row by row. If ok_o is low, the data were invalid, or the panel has no such tile or
-/// coding. Then the remaining bytes of the packet were discarded, and the tile may be partly
-/// written. No pixel outside the tile is ever written.
+/// Output done_o is a pulse after the last byte and the last write. If ok_o is high with done_o,
+/// the data had exactly the tile's number of pixels, and crc_o is the CRC-32 of their bytes, row by
+/// row. If ok_o is low with done_o, the data, the index of the tile or the coding were invalid. The
+/// remaining bytes of an invalid packet are discarded, and the tile may be partly written. No pixel
+/// outside the tile is ever written.
 ///
-/// Each row of the tile is one request to the write client of the frame store. A copied row is
-/// first requested from the read client. If invalid data end within a row, the row is filled with
-/// arbitrary pixels. The request for a row is made when its first pixel is known and the previous
-/// row is written.
+/// Each row of the tile is one request to the write client of the frame store. For CodingCopy, each
+/// row is first requested from the read client. If invalid data end within a row, the row is filled
+/// with arbitrary pixels. The write of a row is requested when its first pixel is known and the
+/// previous row is written.
 ///
 /// The clocks from start_i to done_o depend on the coding. Let the frame store always be ready. Let
 /// the tile have h rows of w pixels, let b be the number of bytes up to the first pixel, and let n
-/// = max(1, ceil(log2(rows of tiles))). The clocks are:
+/// = max(1, ceil(log2(rows of tiles on the panel))). The numbers of clocks are:
 ///
 ///   Raw tiles take 3 w h + n + 5 clocks.
 ///   Copied tiles take h (w + 4) + n + 2 clocks.
@@ -54,7 +53,7 @@ module lipp_tile_writer #(
   input  logic [7:0]           data_i,
   input  logic                 last_i,
 
-  output logic                 write_valid_o,        // the client write of the frame store
+  output logic                 write_valid_o,        // request of the frame store's client write
   input  logic                 write_ready_i,
   output logic                 write_buffer_o,
   output logic [PlaceBits-1:0] write_first_o,
@@ -64,7 +63,7 @@ module lipp_tile_writer #(
   output logic [23:0]          write_rgb_o,
   input  logic                 write_done_i,
 
-  output logic                 read_valid_o,         // the client read of the frame store
+  output logic                 read_valid_o,         // request of the frame store's client read
   input  logic                 read_ready_i,
   output logic                 read_buffer_o,
   output logic [PlaceBits-1:0] read_first_o,
@@ -80,8 +79,8 @@ module lipp_tile_writer #(
   localparam int RowBits = Rows > 1 ? $clog2(Rows) : 1;
   localparam int SideBits = $clog2(Tile);
   localparam int RemainingBits = 2 * SideBits + 1;
-  // Last index along a side of a tile. Whole is for a complete tile, CutX for the last tile of a
-  // row, CutY for the last tile of a column.
+  // Last pixel index along a side of a tile. Whole is for a complete tile, CutX for the last tile
+  // of a row of tiles, CutY for the last tile of a column.
   localparam logic [SideBits-1:0] Whole = SideBits'(Tile - 1);
   localparam logic [SideBits-1:0] CutX = SideBits'((Width - 1) % Tile);
   localparam logic [SideBits-1:0] CutY = SideBits'((Height - 1) % Tile);
@@ -98,19 +97,19 @@ module lipp_tile_writer #(
   coding_e coding_q;
   logic buffer_q, last_q, bad_q, full_q;
   logic start, take, emit;
-  logic pixel_q;  // rgb_q is a pixel of the tile that is still to be written
-  logic copies_q; // the pixels come from the other buffer
-  logic into, into_valid, into_ready;  // a pixel moves to the buffer of the rows
+  logic pixel_q;  // 1: rgb_q is a pixel of the tile that is still to be written
+  logic copies_q; // 1: the pixels come from the other frame buffer
+  logic into, into_valid, into_ready;  // into: a pixel moves to the skid buffer
   logic [23:0] into_rgb;
   assign start = start_i && state_q == Idle;
   assign take = valid_i && ready_o;
 
-  // ---- the tile's position: a division finds its row, one bit per clock ----
+  // ---- find the tile's row and column by division, one bit per clock ----
   logic [15:0] column_q;   // index of the tile; after the division, its column
   logic [15:0] columns_q;  // number of tiles in 2^k rows of tiles
-  logic [PlaceBits-1:0] rows_q;  // columns_q as an address in the frame store
+  logic [PlaceBits-1:0] rows_q;  // address step of these rows of tiles
   logic [SideBits-1:0] last_x_q;
-  logic last_column, last_row_q;  // the tile is in the last column or row of tiles
+  logic last_column, last_row_q;  // 1: the tile is in the last column or row of tiles
   logic [PlaceBits-1:0] row_at_q;
   logic missing, row_done;
   assign missing = int'(tile_i) >= Columns * Rows;
@@ -139,9 +138,9 @@ module lipp_tile_writer #(
     if (row_done) row_at_q <= row_at_q + PlaceBits'(Width);
   end
 
-  // ---- QOI's index of pixels, which always contains the previous pixel ----
+  // ---- store QOI's index of pixels, which always contains the previous pixel ----
 
-  // Distributed memory, because a block memory's output is valid too late in the clock.
+  // The index is in distributed memory, because block memory's output is valid too late in a clock.
   (* ram_style = "distributed" *) logic [23:0] index[64];
   logic [63:0] index_valid_q;
   logic [23:0] rgb_q, indexed;
@@ -161,16 +160,15 @@ module lipp_tile_writer #(
     end
   end
 
-  // ---- bytes to pixels ----
+  // ---- decode bytes to pixels ----
   logic [1:0] want_q, want_d;  // bytes of the current operation still to arrive
   logic [15:0] before_q;       // the two previous bytes
   logic luma_q, luma_d;
-  logic [6:0] run_q, run_d;    // repetitions of the pixel still to do, minus 1; negative: none
-  logic fill_q, fill_d;        // the pixel, or the copy, continues to the end of the tile
-  // pixels of the tile still to come, minus 2; negative at the last
-  // number of pixels of the tile to come, minus 2; negative at the last pixel
+  logic [6:0] run_q, run_d;    // remaining repetitions of the pixel, minus 1
+  logic fill_q, fill_d;        // 1: one colour or the copy fills the rest of the tile
+  // number of pixels of the tile still to come, minus 2; negative at the last pixel
   logic [RemainingBits-1:0] remaining_q;
-  logic draws, moves, wrong;   // the byte completes a pixel, changes it in part, or is invalid
+  logic draws, moves, wrong;   // draws: byte completes a pixel; moves: changes it in part
   logic step, repeats, bad, repeating, colour, look_up, open;  // open: a pixel may be produced
   logic [23:0] rgb, difference;
   logic [5:0] hash_d, more_d;
@@ -180,9 +178,9 @@ module lipp_tile_writer #(
   assign ready_o = state_q == Decode && !repeating && !last_q && open;
 
   // The next pixel is the current pixel plus a difference, black plus a difference, or a pixel of
-  // the index. The hash of the next pixel follows from the same operation, since the hash 3 r + 5 g
-  // + 7 b (modulo 64) of a sum is the sum of the hashes. The hash uses adders, because a multiplier
-  // cell would be wasted on six bits. QOI_OP_LUMA changes the pixel twice.
+  // the index. QOI_OP_LUMA takes two differences. The hash of the next pixel follows from the same
+  // operation, because the hash 3 r + 5 g + 7 b (modulo 64) of a sum is the sum of the hashes. The
+  // hash uses adders, because six bits need no multiplier cell.
   function automatic logic [5:0] hashed(logic [5:0] r, logic [5:0] g, logic [5:0] b);
     return (r + {r[4:0], 1'b0}) + (g + {g[3:0], 2'b0}) + ({b[2:0], 3'b0} - b);
   endfunction
@@ -198,8 +196,7 @@ module lipp_tile_writer #(
     end
   end
 
-  // Compute the effect of the input byte in advance. The logic does not wait for the decision
-  // whether the byte is accepted.
+  // The effect of the input byte is computed before it is accepted, which shortens the timing path.
   always_comb begin
     {draws, moves, wrong, colour, look_up, difference} = '0;
     {want_d, luma_d, run_d, fill_d} = {want_q, luma_q, run_q, fill_q};
@@ -224,7 +221,7 @@ module lipp_tile_writer #(
         2'b01: difference = {
           {6'd0, data_i[5:4]} - 8'd2, {6'd0, data_i[3:2]} - 8'd2, {6'd0, data_i[1:0]} - 8'd2
         };
-        2'b10: begin  // the second byte completes the differences of red and blue
+        2'b10: begin  // second byte: differences of red and blue
           {draws, moves, want_d, luma_d} = {1'b0, 1'b1, 2'd1, 1'b1};
           difference = {
             {2'd0, data_i[5:0]} - 8'd40, {2'd0, data_i[5:0]} - 8'd32, {2'd0, data_i[5:0]} - 8'd40
@@ -270,7 +267,7 @@ module lipp_tile_writer #(
     end
   end
 
-  // ---- pixels to the rows: the ready path from the frame store ends here ----
+  // ---- buffer pixels, so that the ready path from the frame store ends here ----
   logic out_valid, out_ready;
   logic [23:0] out_rgb;
   assign into_valid = copies_q ? repeats : pixel_q;
@@ -281,7 +278,7 @@ module lipp_tile_writer #(
     .in_data_i(into_rgb), .out_valid_o(out_valid), .out_ready_i(out_ready), .out_data_o(out_rgb)
   );
   logic [31:0] crc_q;
-  logic hash_valid_q;  // hashed_q is a pixel for the CRC, one clock after it moved to the rows
+  logic hash_valid_q;  // 1: hashed_q is a pixel for the CRC, one clock after its move
   logic [23:0] hashed_q;
   assign crc_o = ~crc_q;
   always_ff @(posedge clk_i) begin
@@ -290,12 +287,12 @@ module lipp_tile_writer #(
     hashed_q <= into_rgb;
   end
 
-  // ---- rows: request a copied row, request a write, write, wait for the frame store ----
+  // ---- for each row: request a copy, request a write, write, wait for the frame store ----
   typedef enum logic [1:0] {Ask, Offer, Fill, Settle} row_e;
   row_e row_q;
   logic fills, ended, pads, x_last;  // ended: the decoder produces no more pixels
   logic [SideBits-1:0] x_q;
-  logic placed;  // the position of the tile is known
+  logic placed;  // 1: the tile's row and column are known
   assign placed = state_q == Decode || state_q == Finish;
   assign ended = state_q == Finish && !pixel_q && !out_valid;
   assign pads = row_q == Fill && ended;

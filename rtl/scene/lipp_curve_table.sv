@@ -1,21 +1,21 @@
 // SPDX-License-Identifier: Apache-2.0
 `default_nettype none
 
-/// Converts linear light to the panel's bytes with a table of 8192 bytes, which the host loads.
+/// Converts linear light to panel bytes by the panel's curve, a table of 8192 bytes from the host.
 ///
-/// With L the light of a channel, the byte is
+/// With L the 16-bit light of a channel, the byte is
 ///
 ///   rgb_o = table[L < 4096 ? L : 4096 + (L >> 4)]        for each of red, green and blue.
 ///
-/// Dark light, where the curve is steep, has a table entry for each value of L. Entries 4096 to
-/// 4351 are never read. Each channel has its own copy of the table. The latency is curve_latency()
+/// For L < 4096, where the curve is steep, each value of L has its own table entry. Entries 4096 to
+/// 4351 are never read. Each channel has a copy of the table. The latency is curve_latency()
 /// clocks.
 module lipp_curve_table (
   input  logic                                      clk_i,
-  input  logic                                      write_i,  // writes a byte of the table
+  input  logic                                      write_i,  // 1: write a byte of the table
   input  logic [lipp_scene_pkg::CurveBits-1:0]      write_at_i,
   input  logic [7:0]                                write_data_i,
-  input  logic [2:0][lipp_scene_pkg::LightBits-1:0] light_i,  // [2] red, [1] green, [0] blue light
+  input  logic [2:0][lipp_scene_pkg::LightBits-1:0] light_i,  // light; [2] red, [1] green, [0] blue
   output logic [2:0][7:0]                           rgb_o
 );
   import lipp_scene_pkg::*;

@@ -4,9 +4,9 @@
 /// Computes the line of an exit ray: its slopes, and the point where it meets the plane z = 0,
 /// which contains the domes' vertices.
 ///
-/// The line is in the array's axes, in radii from the array's origin. With words as integers, a b
-/// >> k the product that `lipp_row_multiplier` truncates by k bits, and q the reciprocal root of 4
-/// dz from `lipp_quadratic`, the steps are
+/// The line is in the array's axes, in radii from the array's origin. In the formulas all words are
+/// integers, a b >> k is the product of `lipp_row_multiplier` truncated by k bits, and q is 1 /
+/// sqrt(4 dz) from `lipp_quadratic`. Words xi, xj and yj are steps between lenslets. The steps are
 ///
 ///   r        = q q >> F+2                                    1 / dz, F + 4 fraction bits
 ///   slope_x  = ((dx r >> F+1) + 4) >> 3,  slope_y likewise    F + 1 fraction bits
@@ -16,31 +16,31 @@
 /// Output draws_o is high if the status is ok or crosstalk, dz is 1/4 or more (at most 75.5 degrees
 /// to the axis), and x_o and y_o are in [-2048, 2048).
 ///
-/// Errors are in units of the last bit. The error of a slope m is at most 0.8 + 1.25 |m|; its RMS
-/// is 0.35 where |m| < 1 (measured with 7 million rays). The error of a position is at most 1.5 +
-/// |z| (0.8 + 1.25 |m|) / 16, plus 2^(F-34) for each lenslet from the origin. The latency is
-/// exit_line_latency(F) clocks.
+/// The error of a slope m is at most 0.8 + 1.25 |m| units in the last place; its RMS is 0.35 for
+/// |m| < 1 (measured with 7 million rays). The error of a position is at most 1.5 + |z| (0.8 + 1.25
+/// |m|) / 16 units in the last place, plus 2^(F-34) for each lenslet between the ray and the
+/// array's origin. The latency is exit_line_latency(F) clocks.
 module lipp_exit_line #(
   parameter int F = 16
 ) (
   input  logic                                         clk_i,
-  input  logic signed [lipp_optics_pkg::IndexBits-1:0] i_i,  // lenslet (i, j) of the exit ray
+  input  logic signed [lipp_optics_pkg::IndexBits-1:0] i_i,  // lenslet i that the ray leaves
   input  logic signed [lipp_optics_pkg::IndexBits-1:0] j_i,
-  input  logic signed [F+3:0]                          x_i,  // origin, radii, F + 1 fraction bits
+  input  logic signed [F+3:0]                          x_i,  // origin x, 2^-(F+1) radii
   input  logic signed [F+3:0]                          y_i,
   input  logic signed [F+3:0]                          z_i,
-  input  logic signed [F+1:0]                          dx_i,  // unit direction, near words
+  input  logic signed [F+1:0]                          dx_i,  // direction x, F + 1 fraction bits
   input  logic signed [F+1:0]                          dy_i,
   input  logic signed [F+1:0]                          dz_i,
   input  lipp_optics_pkg::ray_status_e                 status_i,
-  // Steps between lenslets, in radii with 30 fraction bits: xi_i is the x step to the next lenslet
-  // of a row, xj_i and yj_i are the x and y steps to the next row.
+  // The steps between lenslets are in radii with 30 fraction bits. xi_i is the x step to the next
+  // lenslet of a row, xj_i and yj_i are the x and y steps to the next row.
   input  logic signed [31:0]                           xi_i,
   input  logic signed [31:0]                           xj_i,
   input  logic signed [31:0]                           yj_i,
-  output logic signed [F+8:0]                          x_o,  // position, F - 3 fraction bits
+  output logic signed [F+8:0]                          x_o,  // x at z = 0, in 2^-(F-3) radii
   output logic signed [F+8:0]                          y_o,
-  output logic signed [F+3:0]                          slope_x_o,  // slope, F + 1 fraction bits
+  output logic signed [F+3:0]                          slope_x_o,  // dx / dz, F + 1 fraction bits
   output logic signed [F+3:0]                          slope_y_o,
   output logic                                         draws_o
 );
@@ -49,14 +49,14 @@ module lipp_exit_line #(
   import lipp_scene_pkg::*;
 
   localparam int W = F + 2;
-  localparam int Wl = F + 4;   // width of lengths and slopes
+  localparam int Wl = F + 4;   // width of lengths x, y, z and of slopes
   localparam int Wr = F + 8;   // width of r, which is in [1, 4]
 
   if (F < 14 || F > 23) begin : gen_illegal
     $fatal(1, "lipp_exit_line: F must be 14 to 23");
   end
 
-  // ---- r = 1 / dz ----
+  // ---- compute r = 1 / dz ----
   localparam int SquareLatency = row_latency(F + 6, F + 6);
   localparam int InverseLatency = quadratic_latency() + SquareLatency;
   logic [F+4:0] root;
@@ -70,14 +70,14 @@ module lipp_exit_line #(
     .Wa(F + 6), .Wb(F + 6), .Drop(F + 2), .Square(1'b1)
   ) i_inverse (.clk_i, .a_i(root_word), .b_i(root_word), .p_o(inverse));
 
-  // This delay matches r. Registers dx_q and dy_q keep it within the length of one ring buffer.
+  // This delay matches the latency of r. Registers dx_q and dy_q shorten it to one ring buffer.
   logic signed [W-1:0] dx_q, dy_q, dx_late, dy_late;
   always_ff @(posedge clk_i) {dx_q, dy_q} <= {dx_i, dy_i};
   lipp_delay #(.Width(2 * W), .Cycles(InverseLatency - 1), .Block(1'b0)) i_direction (
     .clk_i, .d_i({dx_q, dy_q}), .q_o({dx_late, dy_late})
   );
 
-  // ---- slopes ----
+  // ---- compute the slopes ----
   localparam int SlopeLatency = row_latency(W, Wr) + 1;
   localparam int Wm = W + Wr - (F + 1);
   logic signed [Wm-1:0] rise_x, rise_y;
@@ -95,18 +95,18 @@ module lipp_exit_line #(
   logic unused_inverse;
   assign unused_inverse = ^inverse[F+9:Wr];
 
-  // ---- fall from the ray's origin to z = 0, and the lenslet's centre ----
+  // ---- compute the offset from the ray's origin to z = 0, and the lenslet's centre ----
   localparam int FallLatency = row_latency(Wl, Wl);
   localparam int LatticeLatency = row_latency(32, IndexBits);
-  localparam int Wf = Wl + Wl - (F + 3);           // width of slope z
-  localparam int Wc = 32 + IndexBits - (31 - F);   // width of the centre, F - 1 fraction bits
+  localparam int Wf = Wl + Wl - (F + 3);           // width of the product slope z
+  localparam int Wc = 32 + IndexBits - (31 - F);   // width of the lenslet's centre
   localparam int Ws = Wc + 2;
   localparam int PlaceWait = InverseLatency + SlopeLatency;
   logic signed [Wl-1:0] x_later, y_later, z_later;
   logic signed [IndexBits-1:0] i_later, j_later;
   logic signed [Wf-1:0] fall_x, fall_y;
   logic signed [Wc-1:0] centre_xi, centre_xj, centre_yj;
-  // Block = 0 in these delays reserves the block memories for the texels.
+  // These delays have Block = 0, because all block memories are needed for texels.
   lipp_delay #(.Width(Wl), .Cycles(PlaceWait), .Block(1'b0)) i_z (
     .clk_i, .d_i(z_i), .q_o(z_later)
   );
@@ -132,7 +132,7 @@ module lipp_exit_line #(
     .clk_i, .a_i(yj_i), .b_i(j_later), .p_o(centre_yj)
   );
 
-  // ---- sums of centre, origin and fall ----
+  // ---- add the lenslet's centre, the ray's origin and the offset to z = 0 ----
   logic signed [Wc:0] centre_x_q, centre_y_q;
   logic signed [Wf+1:0] local_x_q, local_y_q;
   logic signed [Ws-1:0] sum_x_q, sum_y_q;
@@ -146,7 +146,7 @@ module lipp_exit_line #(
     sum_y_q <= Ws'(centre_y_q) + Ws'(local_y_q);
   end
 
-  // ---- rounding and range of the position ----
+  // ---- round the position, and check its range ----
   logic signed [Ws-1:0] round_x_q, round_y_q;
   function automatic logic fits(logic signed [Ws-1:0] word);
     return word[Ws-1:F+10] == {(Ws - F - 10){word[F+10]}};
@@ -165,7 +165,7 @@ module lipp_exit_line #(
     .clk_i, .d_i({slope_x_q, slope_y_q}), .q_o({slope_x_o, slope_y_o})
   );
 
-  // draws_q is high if the ray has an exit and is not too steep.
+  // draws_q is high if the ray leaves the lenslet and is not too steep.
   always_ff @(posedge clk_i) begin
     draws_q <= (status_i == StatusOk || status_i == StatusCrosstalk)
         && !dz_i[F+1] && dz_i[F:F-1] != 2'b00;

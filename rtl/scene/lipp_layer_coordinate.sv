@@ -3,46 +3,48 @@
 
 /// Computes the texture coordinate (s, t) at which a ray's line meets a layer.
 ///
-/// With words as integers, and a b >> k the product that `lipp_row_multiplier` truncates by k bits,
-/// the steps are
+/// In the formulas all words are integers, and a b >> k is the product of `lipp_row_multiplier`
+/// truncated by k bits. (x, y) is the ray's line at z = 0, and (s0, t0), a, b, c, d and depth are
+/// registers of the layer. The steps are
 ///
 ///   X'  = (2 (infinite ? 0 : x) + 1 + (depth slope_x >> F)) >> 1       F - 3 fraction bits
 ///   Y'  = (2 (infinite ? 0 : y) + 1 + (depth slope_y >> F)) >> 1
 ///   s_o = (s0 + h + (a X' >> A+F-19) + (b Y' >> A+F-19)) >> 8           8 fraction bits
 ///   t_o = (t0 + h + (c X' >> A+F-19) + (d Y' >> A+F-19)) >> 8.
 ///
-/// A is coefficient_bits(F): a build reads A of the 24 fraction bits of a, b, c and d, and F - 3 of
-/// the 20 fraction bits of depth. With Bilinear, h = 2^7 - 2^15, which rounds s - 1/2 and t - 1/2.
-/// Without Bilinear, h = 0, so that the integer part is floor(s). Output beyond_o reports that X'
-/// or Y' is outside [-2048, 2048), or that s_o or t_o does not fit.
+/// Of the registers a, b, c and d, a build reads A = coefficient_bits(F) of the 24 fraction bits.
+/// Of the register depth, a build reads F - 3 of the 20 fraction bits. With Bilinear = 1, h = 2^7 -
+/// 2^15, which subtracts half a texel and rounds. With Bilinear = 0, h = 0, so that the integer
+/// part of s_o is floor(s). Output beyond_o reports that X' or Y' is outside [-2048, 2048), or that
+/// s_o or t_o does not fit its word.
 ///
-/// With the exact line and the registers' words, the error ds of s before its last truncation, in
-/// texels, is bounded by
+/// Let ds be the error of s before its last truncation, in texels, relative to an exact computation
+/// from the same line and registers. Its bound is
 ///
 ///   |ds| <= (|a| + |b|) (2^-(F-2) + |depth| 2^-(F+2)) + 2^-15 + [F < 20] 2^-A (|X'| + |Y'|).
 ///
-/// The last term is present only in builds with F < 20, which truncate a and b. So the error is at
-/// most 2^-12 at F = 23 where |a| + |b| <= 128 and (|a| + |b|) |depth| <= 4096 texels for a slope
-/// of 1. At F = 16, the last bit of a slope is half the optics' own direction error of 14 urad. The
-/// latency is layer_latency(F) clocks.
+/// The last term is present only in builds with F < 20, which truncate a and b. At F = 23 the error
+/// is therefore at most 2^-12 if |a| + |b| <= 128 and (|a| + |b|) |depth| <= 4096. At F = 16, a
+/// slope's last bit is half the direction error, 14 urad, of the optics. The latency is
+/// layer_latency(F) clocks.
 module lipp_layer_coordinate #(
   parameter int F = 16,
   parameter bit Bilinear = 1'b0
 ) (
   input  logic                                clk_i,
-  input  logic signed [F+8:0]                 x_i,  // position (x, y) of the line
+  input  logic signed [F+8:0]                 x_i,  // x of the line at z = 0, F - 3 fraction bits
   input  logic signed [F+8:0]                 y_i,
-  input  logic signed [F+3:0]                 slope_x_i,  // slopes of the line
+  input  logic signed [F+3:0]                 slope_x_i,  // slope dx / dz, F + 1 fraction bits
   input  logic signed [F+3:0]                 slope_y_i,
-  input  logic signed [31:0]                  s0_i,  // s0 and t0 in texels, 16 fraction bits
+  input  logic signed [31:0]                  s0_i,  // s0 in texels, 16 fraction bits
   input  logic signed [31:0]                  t0_i,
   input  logic signed [31:0]                  depth_i,  // depth in radii, 20 fraction bits
-  input  logic signed [31:0]                  a_i,  // a to d in texels per radius, 24 fraction bits
+  input  logic signed [31:0]                  a_i,  // a, texels per radius, 24 fraction bits
   input  logic signed [31:0]                  b_i,
   input  logic signed [31:0]                  c_i,
   input  logic signed [31:0]                  d_i,
   input  logic                                infinite_i,
-  output logic signed [lipp_scene_pkg::CoordinateBits-1:0] s_o,  // coordinate (s, t) in texels
+  output logic signed [lipp_scene_pkg::CoordinateBits-1:0] s_o,  // coordinate s in 2^-8 texels
   output logic signed [lipp_scene_pkg::CoordinateBits-1:0] t_o,
   output logic                                beyond_o
 );
@@ -58,7 +60,7 @@ module lipp_layer_coordinate #(
     $fatal(1, "lipp_layer_coordinate: F must be 14 to 23");
   end
 
-  // ---- intersection with the layer's plane ----
+  // ---- intersect the line with the layer's plane ----
   localparam int DepthLatency = row_latency(Wx, Wl);
   localparam int Wp = Wx + Wl - F;
   localparam int Ws = Wp + 2;
@@ -73,7 +75,7 @@ module lipp_layer_coordinate #(
   lipp_row_multiplier #(.Wa(Wx), .Wb(Wl), .Drop(F)) i_step_y (
     .clk_i, .a_i(depth), .b_i(slope_y_i), .p_o(step_y)
   );
-  // The zeros of a sky are set after this delay, so synthesis shares one delay among all layers.
+  // For a sky, x and y are set to 0 after this delay, so that all layers can share one delay.
   lipp_delay #(.Width(2 * Wx), .Cycles(DepthLatency)) i_position (
     .clk_i, .d_i({x_i, y_i}), .q_o({x_late, y_late})
   );
@@ -90,10 +92,10 @@ module lipp_layer_coordinate #(
     plane_y_q <= plane_y;
   end
 
-  // ---- conversion to texels ----
+  // ---- convert the intersection to texels ----
   localparam int TexelLatency = row_latency(Wa, Wx);
   localparam int Drop = Coefficient + F - 19;
-  localparam int Wt = Wa + Wx - Drop;  // width of a product, 16 fraction bits
+  localparam int Wt = Wa + Wx - Drop;  // width of a product with 16 fraction bits
   localparam logic signed [32:0] Half = Bilinear ? 33'sd128 - 33'sd32768 : 33'sd0;
   logic signed [Wx-1:0] at_x, at_y;
   logic signed [3:0][Wa-1:0] coefficient;
@@ -109,7 +111,7 @@ module lipp_layer_coordinate #(
     );
   end
 
-  // These modules add three words; a plain sum would take more logic.
+  // These modules add three words with less logic than a sum that synthesis infers.
   logic signed [32:0] zero_s_q, zero_t_q;
   logic [Wt+1:0] parts_s, parts_t, sum_s, sum_t;
   logic signed [Wt+1:0] sum_s_q, sum_t_q;
@@ -128,8 +130,8 @@ module lipp_layer_coordinate #(
     sum_t_q <= sum_t;
   end
 
-  // ---- output and range check ----
-  localparam int Top = CoordinateBits + 7;  // bit of the coordinate's sign in the sum
+  // ---- output the coordinate, and check its range ----
+  localparam int Top = CoordinateBits + 7;  // index of the sum's bit that is the coordinate's sign
   logic off_plane_q, off_plane, off_texels;
   always_ff @(posedge clk_i) begin
     off_plane_q <= plane_x_q[Ws-1:Wx] != {(Ws - Wx){plane_x_q[Ws-1]}}

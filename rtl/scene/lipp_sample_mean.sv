@@ -5,11 +5,11 @@
 ///
 ///   light_o = (sum of light_i + 2^(SamplesBits-1)) >> SamplesBits   for red, green and blue.
 ///
-/// Clocks without a sample may lie between samples. The first sample of a frame always begins a
-/// pixel, even if the pixel before it is incomplete. Output last_of_pixel_o reports that light_o is
-/// a complete pixel. Outputs first_o and last_o report that the pixel contains the frame's first or
-/// last sample. The outputs belong to the sample that came mean_latency(SamplesBits) clocks before.
-/// With one sample per pixel the module generates no logic.
+/// There may be clocks without a sample between samples. The first sample of a frame always begins
+/// a pixel, even if the pixel before it is incomplete. Output last_of_pixel_o reports that light_o
+/// is a complete pixel. Outputs first_o and last_o report that the pixel contains the frame's first
+/// or last sample. The latency of all outputs is mean_latency(SamplesBits) clocks. With one sample
+/// per pixel the outputs are the inputs.
 module lipp_sample_mean #(
   parameter int SamplesBits = 0  // log2 of the samples per pixel, 0 to 2
 ) (
@@ -38,7 +38,7 @@ module lipp_sample_mean #(
   end else begin : gen_some
     localparam int Ws = LightBits + SamplesBits;
     localparam logic [Ws-1:0] Half = Ws'(1) << (SamplesBits - 1);
-    logic [SamplesBits-1:0] number_q;  // number of the next sample within its pixel
+    logic [SamplesBits-1:0] number_q;  // index of the next sample within its pixel
     logic begins, ends_q, first_q, last_q;
     logic [2:0][Ws-1:0] sum_q;
     assign begins = first_i || number_q == '0;

@@ -1,45 +1,45 @@
 // SPDX-License-Identifier: Apache-2.0
 `default_nettype none
 
-/// Draws the scene: exit rays enter, pixels of the panel leave, one ray per clock, with a
-/// valid/ready handshake on both sides.
+/// Draws the scene, which is a stack of textured layers: exit rays enter and panel pixels leave,
+/// one ray per clock, with a valid/ready handshake on both sides.
 ///
 /// Rays arrive in the order of the panel's pixels, 2^samples_bits rays for each pixel. One pixel
-/// leaves for each group of rays. The registers in use are a copy of config_i. Port take_i requests
-/// a new copy, which is made as soon as all rays inside have left as pixels. Until then busy_o is
-/// high and the input is closed, so no frame is drawn with two sets of registers. Reset also
+/// leaves for each group of rays. The registers in use are a copy of config_i. Input take_i
+/// requests a new copy, which is made when all rays inside have left as pixels. Until then busy_o
+/// is high and the input is closed, so a frame is drawn with one set of registers. Reset also
 /// requests a copy.
 ///
-/// Port write_i stores a byte in a slot, 0 to slots - 1. The bytes of a slot are the texels row by
-/// row, then the palette (r, g, b, a of each entry). The four bytes of a palette entry must come
-/// one after another, with no byte of another slot between them. Slot 15 is the panel's curve. A
-/// byte may come in every clock. A slot that is being drawn must not be written; the module does
-/// not check this.
+/// Input write_i stores a byte in a texture slot, 0 to slots - 1. The bytes of a slot are the
+/// texels row by row, then the palette (r, g, b, a of each entry). The four bytes of a palette
+/// entry must come one after another, with no byte for another slot between them. Slot 15 is the
+/// panel's curve. A byte may be written in every clock. A slot that is being drawn must not be
+/// written, which the module does not check.
 ///
 /// The modules in order are `lipp_exit_line`, `lipp_layer_coordinate` for each layer,
 /// `lipp_texel_fetch`, `lipp_texel_blend` for each layer, `lipp_composite`, `lipp_sample_mean` and
 /// `lipp_curve_table`. A ray whose status is neither ok nor crosstalk is black. The latency is
-/// scene_latency(F, Scene) + 5 clocks if nothing stalls.
+/// scene_latency(F, Scene) + 5 clocks if the output is always ready.
 module lipp_scene #(
-  parameter int F = 16,  // number of fraction bits of the optics' build
+  parameter int F = 16,  // F, number of fraction bits of the optics
   parameter lipp_scene_pkg::scene_build_t Scene = lipp_scene_pkg::FourLayers
 ) (
   input  logic                                         clk_i,
   input  logic                                         rst_ni,
 
-  input  lipp_scene_pkg::scene_config_t                config_i,  // registers for the next copy
-  input  logic                                         take_i,  // requests a copy of config_i
-  output logic                                         busy_o,  // a copy is pending; input closed
-  output logic                                         idle_o,  // no ray is inside
+  input  lipp_scene_pkg::scene_config_t                config_i,  // registers to copy next
+  input  logic                                         take_i,  // pulse: requests a copy
+  output logic                                         busy_o,  // 1: a copy is pending
+  output logic                                         idle_o,  // 1: no ray is inside
 
-  input  logic                                         write_i,  // writes a byte of a slot
+  input  logic                                         write_i,  // 1: write a byte of a slot
   input  logic [3:0]                                   write_slot_i,
   input  logic [19:0]                                  write_at_i,
   input  logic [7:0]                                   write_data_i,
 
   input  logic                                         exit_valid_i,
   output logic                                         exit_ready_o,
-  input  logic signed [lipp_optics_pkg::IndexBits-1:0] exit_i_i,  // exit ray of lipp_optics_block
+  input  logic signed [lipp_optics_pkg::IndexBits-1:0] exit_i_i,  // lenslet i of the exit ray
   input  logic signed [lipp_optics_pkg::IndexBits-1:0] exit_j_i,
   input  logic signed [F+3:0]                          exit_x_i,
   input  logic signed [F+3:0]                          exit_y_i,
@@ -65,14 +65,14 @@ module lipp_scene #(
   localparam int Taps = taps(Built);
   localparam int SamplesBits = int'(Built.samples_bits);
   localparam int Latency = scene_latency(F, Built);
-  localparam int Tail = mean_latency(SamplesBits) + curve_latency();  // clocks after compositing
+  localparam int Tail = mean_latency(SamplesBits) + curve_latency();  // latency after composite
   localparam int AddressBits = $clog2(Latency + 16);
 
   if (!legal(Scene)) begin : gen_illegal
     $fatal(1, "lipp_scene: Scene must have 1 to 8 layers, and sizes as in lipp_scene_pkg::legal");
   end
 
-  // ---- registers in use ----
+  // ---- copy the registers ----
   scene_config_t used;
   logic busy, hold, idle;
   lipp_config_bank #(.Width($bits(scene_config_t))) i_config_bank (
@@ -83,7 +83,7 @@ module lipp_scene #(
   logic unused_config;  // a build reads only some layers
   assign unused_config = ^used;
 
-  // ---- input register ----
+  // ---- register the exit ray ----
   logic signed [IndexBits-1:0] i_q, j_q;
   logic signed [F+3:0] x_q, y_q, z_q;
   logic signed [F+1:0] dx_q, dy_q, dz_q;
@@ -101,7 +101,7 @@ module lipp_scene #(
     else valid_q <= exit_valid_i && exit_ready_o;
   end
 
-  // ---- line of the exit ray ----
+  // ---- compute the line of the exit ray ----
   logic signed [F+8:0] x, y;
   logic signed [F+3:0] slope_x, slope_y;
   logic draws;
@@ -112,7 +112,7 @@ module lipp_scene #(
     .draws_o(draws)
   );
 
-  // ---- texels of each layer ----
+  // ---- read and blend the texels of each layer ----
   look_t [Layers-1:0] look;
   logic [Layers-1:0][CoordinateBits-1:0] s, t;
   logic [Layers-1:0] hidden;
@@ -140,7 +140,7 @@ module lipp_scene #(
     .hidden_i(hidden), .colour_o(colour), .weight_o(weight)
   );
 
-  // ---- pixel ----
+  // ---- compute the pixel ----
   logic valid, first, last, draws_late;
   logic [2:0][LightBits-1:0] ray_light;
   lipp_delay #(
@@ -151,8 +151,8 @@ module lipp_scene #(
     .background_i(used.background), .light_o(ray_light)
   );
 
-  // These are the marks of a ray. Rays that a reset discards still pass here, before the first ray
-  // of the next frame.
+  // This delay carries the marks of each ray. The marks of rays that a reset discarded pass before
+  // the first ray of the next frame.
   logic pixel_ends, pixel_first, pixel_last, ends, out_first, out_last;
   logic [2:0][LightBits-1:0] pixel_light;
   logic [2:0][7:0] rgb;
@@ -179,8 +179,7 @@ module lipp_scene #(
     .clk_i, .d_i({pixel_ends, pixel_first, pixel_last}), .q_o({ends, out_first, out_last})
   );
 
-  // ---- handshakes: the output FIFO has an entry per ray and drops rays that do not end a pixel
-  // ----
+  // ---- add the handshakes; the output FIFO drops rays that do not end a pixel ----
   logic out_valid, out_ends;
   lipp_flow_control #(.Latency(Latency + 1), .AddressBits(AddressBits), .Width(27)) i_flow (
     .clk_i, .rst_ni, .hold_i(hold), .idle_o(idle), .valid_i(exit_valid_i), .ready_o(exit_ready_o),

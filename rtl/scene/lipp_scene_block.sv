@@ -1,19 +1,18 @@
 // SPDX-License-Identifier: Apache-2.0
 `default_nettype none
 
-/// Contains the scene's registers; the scene takes their values between two frames.
+/// Contains the scene's registers. The scene takes their values between two frames.
 ///
-/// Port take_i is high in the clock in which the scene takes the values. Between a write and
-/// take_i, `status.waits` is set. Port slots_o has a bit for each slot that is shown or will be
-/// shown. A slot is shown if a visible layer selects it in the registers taken last, and the scene
-/// is on the panel (shown_i). A slot will be shown if a visible layer selects it in the registers
-/// as written, and the panel is to show the scene (source_o). Bit 15 is the panel's curve, which
-/// every scene needs.
+/// Input take_i is high in the clock in which the scene takes the values. From a write until
+/// take_i, the register field `status.waits` is 1. Output slots_o has a bit for each slot that is
+/// shown or will be shown. A slot is shown if a visible layer selects it in the registers taken
+/// last, and shown_i is high. A slot will be shown if a visible layer selects it in the registers
+/// as written, and source_o is high. Bit 15 belongs to the panel's curve, which every scene needs.
 ///
-/// The register port is APB4; a write changes the bytes whose strobe is set. An access to a layer
-/// takes three clocks, because its word is selected in two steps: within each layer, then among the
-/// layers. The file rtl/registers.rdl defines the registers. Registers of layers that the build
-/// lacks do not exist.
+/// The register port is APB4. A write changes the bytes whose strobe is set. An access to a layer
+/// takes three clocks, because its word is selected in two steps: within each layer, then among
+/// layers. The file rtl/registers.rdl defines the registers. A build has registers only for its
+/// layers.
 module lipp_scene_block #(
   parameter lipp_scene_pkg::scene_build_t Scene = lipp_scene_pkg::FourLayers
 ) (
@@ -24,15 +23,15 @@ module lipp_scene_block #(
   input  logic                          s_apb_penable,
   input  logic                          s_apb_pwrite,
   input  logic [2:0]                    s_apb_pprot,
-  input  logic [9:0]                    s_apb_paddr,  // byte address
+  input  logic [9:0]                    s_apb_paddr,  // byte address of a register
   input  logic [31:0]                   s_apb_pwdata,
   input  logic [3:0]                    s_apb_pstrb,
   output logic                          s_apb_pready,
   output logic [31:0]                   s_apb_prdata,
-  output logic                          s_apb_pslverr,  // address or access is illegal
+  output logic                          s_apb_pslverr,  // error: illegal address or access
 
-  output lipp_scene_pkg::scene_config_t config_o,  // registers as last written
-  output logic                          source_o,  // the panel is to show the scene
+  output lipp_scene_pkg::scene_config_t config_o,  // registers as written
+  output logic                          source_o,  // 1: software requests to show the scene
   input  logic                          take_i,
   input  logic                          shown_i,
   output logic [15:0]                   slots_o,
@@ -49,7 +48,7 @@ module lipp_scene_block #(
     $fatal(1, "lipp_scene_block: Scene must be a legal build");
   end
 
-  // ---- addresses: common registers, layers, or neither ----
+  // ---- decode addresses: common registers, layers, or neither ----
   logic common, layers, looked_q, there_q, other_q, layers_q, write, ready, error;
   logic [31:0] word;
   assign common = s_apb_paddr[9:6] == '0;
@@ -64,7 +63,7 @@ module lipp_scene_block #(
     .s_apb_prdata(word), .s_apb_pslverr(error), .hwif_in, .hwif_out
   );
 
-  // ---- registers of the layers ----
+  // ---- access the registers of the layers ----
   logic [Words-1:0][31:0] words_q;
   logic [Layers-1:0][31:0] own_word_q;
   logic [Layers-1:0] addressed_q;  // one-hot: the layer that the address selects
@@ -106,7 +105,7 @@ module lipp_scene_block #(
   assign s_apb_prdata = other_q ? layer_word_q : word;
   assign s_apb_pslverr = (ready && error) || (other_q && !layers_q);
 
-  // ---- configuration as last written ----
+  // ---- collect the configuration as written ----
   always_comb begin
     config_o = '0;
     config_o.lattice_xi = hwif_out.lattice.xi.value.value;
@@ -126,7 +125,7 @@ module lipp_scene_block #(
   end
   assign source_o = hwif_out.source.scene.value;
 
-  // ---- slots that must not be written ----
+  // ---- find the slots that must not be written ----
   logic [15:0] slots_d, slots_taken_q;
   always_comb begin
     slots_d = '0;
@@ -140,7 +139,7 @@ module lipp_scene_block #(
     slots_o <= (source_o ? slots_d : '0) | (shown_i ? slots_taken_q : '0);
   end
 
-  // ---- state ----
+  // ---- report the state in the register `status` ----
   logic waits_q, accessed;
   assign accessed = s_apb_psel && s_apb_penable && s_apb_pwrite && s_apb_pready;
   always_ff @(posedge clk_i or negedge rst_ni) begin

@@ -1,12 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
 `default_nettype none
 
-/// Word formats, parameters and latencies of the modules that draw the scene from exit rays.
+/// Number formats, parameters and latencies of the modules that draw the scene from exit rays.
 ///
-/// Lengths are in radii R of the domes. F is the number of fraction bits of the optics' build. The
-/// word formats are:
+/// Lengths are in radii of the domes. F is the number of fraction bits of the optics. Formats are:
 ///
-///   position    F + 9 bits, F - 3 fraction bits, [-2048, 2048): in the array's frame
+///   position    F + 9 bits, F - 3 fraction bits, [-2048, 2048): x, y from the array's origin
 ///   slope       F + 4 bits, F + 1 fraction bits, [-4, 4): dx/dz, dy/dz
 ///   coordinate  20 bits, 8 fraction bits, [-2048, 2048): columns to the right or rows downwards
 ///   light       16 bits, linear, white is 65025 = 255^2
@@ -14,17 +13,17 @@
 package lipp_scene_pkg;
   import lipp_math_pkg::*;
 
-  // Each module uses only some of these definitions, and each function only some fields of a build.
+  // These lint warnings are off, because each module uses only some of the definitions, and each
+  // function only some fields of a build.
   /* verilator lint_off UNUSEDPARAM */
   /* verilator lint_off UNUSEDSIGNAL */
 
-  /// Maximum number of layers, for which registers exist, and of slots. Of the 16 slot numbers, one
-  /// is the curve's.
+  /// Maximum number of layers, and maximum number of slots; slot 15 is reserved for the curve.
   localparam int MostLayers = 8;
   localparam int MostSlots = 15;
   /// Slot number of the panel's curve.
   localparam int CurveSlot = 15;
-  /// Number of entries of the panel's curve, as a power of two.
+  /// Width of an index of the panel's curve, which has 2^CurveBits entries.
   localparam int CurveBits = 13;
 
   /// Width of a texture coordinate, and number of its fraction bits.
@@ -32,8 +31,7 @@ package lipp_scene_pkg;
   localparam int CoordinateFraction = 8;
   localparam int LightBits = 16;
   localparam int ShareBits = 17;
-  /// Width of a palette entry: an opacity of 9 bits, where 256 is opaque, and the bytes blue,
-  /// green, red.
+  /// Width of a palette entry: an opacity of 9 bits (256 is opaque), and bytes blue, green, red.
   localparam int EntryBits = 33;
   localparam logic [ShareBits-1:0] Whole = 17'h10000;
   /// Width of a layer's brightness.
@@ -41,35 +39,34 @@ package lipp_scene_pkg;
 
   /// Build parameters of the drawing. Logic that a build does not use is not generated.
   typedef struct packed {
-    logic [1:0]  samples_bits;  // rays per pixel, as a power of two: 0 to 2
+    logic [1:0]  samples_bits;  // log2 of the rays per pixel, 0 to 2
     logic        bilinear;      // 1: bilinear filter; 0: nearest texel
-    logic [10:0] height;        // texel rows of a slot, 2 to 1024; even with bilinear
-    logic [3:0]  width_bits;    // texel columns, as a power of two: 5 to 10
-                                // columns times rows: a multiple of 1024, at most 261120
+    logic [10:0] height;        // texel rows of a slot, 2 to 1024; even if bilinear
+    logic [3:0]  width_bits;    // log2 of the texel columns of a slot, 5 to 10
+                                // columns times rows must be a multiple of 1024, at most 261120
     logic [3:0]  slots;         // number of slots, from `layers` to 15
     logic [3:0]  layers;        // number of layers, 1 to 8
   } scene_build_t;
 
-  /// Default build: four layers of 256 x 192 texels, a fifth slot to load, nearest texel, one ray
-  /// per pixel.
+  /// Default build: four layers, five slots of 256 x 192 texels, nearest texel, one ray per pixel.
   localparam scene_build_t FourLayers =
       '{layers: 4'd4, slots: 4'd5, width_bits: 4'd8, height: 11'd192, default: '0};
 
-  /// How a layer is shown: the register `look`.
+  /// Look of a layer: the fields of the register `look`.
   typedef struct packed {
     logic [14:0] unused_high;
-    logic [8:0]  brightness;  // 8 fraction bits; values above 256 count as 256
-    logic [3:0]  slot;        // slot; only the first visible layer with a slot is drawn
+    logic [8:0]  brightness;  // factor, 8 fraction bits; above 256 counts as 256
+    logic [3:0]  slot;        // layer's slot; the first visible layer with it is drawn
     logic [1:0]  unused_low;
-    logic        infinite;    // 1: a sky, whose coordinates depend on slopes only
+    logic        infinite;    // 1: a sky; texel position depends on slopes only
     logic        visible;
   } look_t;
 
   /// Registers of one layer.
   typedef struct packed {
-    logic signed [31:0] s0;     // s0 and t0 in texels, 16 fraction bits
+    logic signed [31:0] s0;     // s at the array's origin, texels, 16 fraction bits
     logic signed [31:0] t0;
-    logic signed [31:0] depth;  // radii, 20 fraction bits; for a sky, the factor of slopes
+    logic signed [31:0] depth;  // distance, radii, 20 fraction bits; sky: factor of slopes
     logic signed [31:0] a;      // coefficient of X in s, texels per radius, 24 fraction bits
     logic signed [31:0] b;      // coefficient of Y in s, texels per radius, 24 fraction bits
     logic signed [31:0] c;      // coefficient of X in t, texels per radius, 24 fraction bits
@@ -77,17 +74,17 @@ package lipp_scene_pkg;
     look_t              look;
   } layer_config_t;
 
-  /// Registers of a scene. Layer 0 is in front. A build ignores the fields of parts that it lacks.
+  /// Registers of a scene. Layer 0 is in front. A build ignores the fields of layers that it lacks.
   typedef struct packed {
     layer_config_t [MostLayers-1:0]   layers;
-    // Steps between lenslets have 30 fraction bits, in radii; xi is the x step within a row.
+    // The steps between lenslets are in radii with 30 fraction bits; xi is the x step within a row.
     logic signed [31:0]               lattice_xi;
-    logic signed [31:0]               lattice_xj;  // x step to the next row
-    logic signed [31:0]               lattice_yj;  // y step to the next row
-    logic [2:0][LightBits-1:0]        background;  // background light, [2] red, [1] green, [0] blue
+    logic signed [31:0]               lattice_xj;  // x step to next row, radii, 30 fraction bits
+    logic signed [31:0]               lattice_yj;  // y step to next row, radii, 30 fraction bits
+    logic [2:0][LightBits-1:0]        background;  // light; [2] red, [1] green, [0] blue
   } scene_config_t;
 
-  // ---- formats ----
+  // ---- functions of the build ----
 
   function automatic int position_bits(int f);
     return f + 9;
@@ -97,9 +94,9 @@ package lipp_scene_pkg;
     return f + 4;
   endfunction
 
-  /// Return whether a build is legal. A legal build has 1 to 8 layers, a slot for each, 32 to 1024
-  /// columns (a power of two), 2 to 1024 rows (an even number with bilinear), a multiple of 1024
-  /// texels up to 261120, and 1, 2 or 4 samples.
+  /// Return whether a build is legal. A legal build has 1 to 8 layers, a slot for each layer, 32 to
+  /// 1024 columns (a power of two), 2 to 1024 rows (even if bilinear), a multiple of 1024 texels up
+  /// to 261120, and 1, 2 or 4 samples per pixel.
   function automatic bit legal(scene_build_t scene);
     int size;
     size = int'(scene.height) << scene.width_bits;
@@ -111,8 +108,8 @@ package lipp_scene_pkg;
         && scene.samples_bits <= 2'd2;
   endfunction
 
-  /// Return the build if it is legal, otherwise a small legal build. A module with an illegal build
-  /// stops elaboration.
+  /// Return the build if it is legal, otherwise a small legal build, so that elaboration of an
+  /// illegal build reaches its error message.
   function automatic scene_build_t built(scene_build_t scene);
     scene_build_t least;
     least = '{layers: 4'd1, slots: 4'd1, width_bits: 4'd5, height: 11'd32, default: '0};
@@ -124,7 +121,7 @@ package lipp_scene_pkg;
     return int'(scene.height) << scene.width_bits;
   endfunction
 
-  /// Return the number of blocks of 1024 bytes of a slot: its texels and its palette.
+  /// Return the number of 1024-byte blocks of a slot, for its texels and its palette.
   function automatic int blocks(scene_build_t scene);
     return texels(scene) / 1024 + 1;
   endfunction
@@ -138,30 +135,30 @@ package lipp_scene_pkg;
     return f < 20 ? f + 4 : 24;
   endfunction
 
-  // ---- latencies ----
+  // ---- latencies of the modules in clocks ----
 
-  /// Return the latency of `lipp_exit_line`: root, inverse, slopes, products, sums.
+  /// Return the latency of `lipp_exit_line`: root, 1 / dz, slopes, products with z, sums.
   function automatic int exit_line_latency(int f);
     return quadratic_latency() + row_latency(f + 6, f + 6) + row_latency(f + 2, f + 8) + 1
         + row_latency(f + 4, f + 4) + 4;
   endfunction
 
-  /// Return the latency of `lipp_layer_coordinate`: step to the plane, product to texels, sums.
+  /// Return the latency of `lipp_layer_coordinate`: intersection, products, sums.
   function automatic int layer_latency(int f);
     return row_latency(f + 9, f + 4) + 1 + row_latency(coefficient_bits(f) + 8, f + 9) + 1;
   endfunction
 
-  /// Return the latency of `lipp_texel_slot`: read of the texel, read of its colour.
+  /// Return the latency of `lipp_texel_slot`: a read of the texel, then a read of the palette.
   function automatic int slot_latency();
     return 3 + 2;
   endfunction
 
-  /// Return the latency of `lipp_texel_fetch`: addresses, crossbar, slot, crossbar.
+  /// Return the latency of `lipp_texel_fetch`: address, crossbar to the slots, slot, crossbar back.
   function automatic int fetch_latency();
     return 2 + 1 + slot_latency() + 1;
   endfunction
 
-  /// Return the latency of `lipp_texel_blend`: shares and squares, products, two sums.
+  /// Return the latency of `lipp_texel_blend`: opacities and squares, products, two sums.
   function automatic int texel_blend_latency();
     return small_latency() + cell_latency() + 2;
   endfunction
@@ -181,7 +178,7 @@ package lipp_scene_pkg;
     return 3;
   endfunction
 
-  /// Return the latency of `lipp_scene` from exit ray to pixel, without its handshakes.
+  /// Return the latency of `lipp_scene` from exit ray to pixel, without its handshakes' clocks.
   function automatic int scene_latency(int f, scene_build_t scene);
     return exit_line_latency(f) + layer_latency(f) + fetch_latency()
         + texel_blend_latency() + composite_latency(int'(scene.layers))

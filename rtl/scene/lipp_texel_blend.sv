@@ -1,20 +1,21 @@
 // SPDX-License-Identifier: Apache-2.0
 `default_nettype none
 
-/// Blends the texels of a layer by their weights, and gives linear light, premultiplied by the
-/// opacity, and the opacity.
+/// Blends the texels of a layer by their weights. The outputs are the opacity, and the linear light
+/// multiplied by that opacity.
 ///
-/// With A = a + [a >= 128] the opacity, r, g and b the colour bytes and w_n the weight of texel n,
-/// where a weight of 65536 is 1, the results are
+/// Let A be the opacity (0 to 256), r, g and b the colour bytes and w_n the weight (16 fraction
+/// bits) of texel n. The results are
 ///
 ///   share_n = (w_n A + 2^7) >> 8        16 fraction bits
 ///   light_o = (sum over n of (share_n r^2 >> 8) + 2^7) >> 8,  g and b likewise
 ///   opacity_o = sum over n of share_n.
 ///
 /// If the sum of the weights is at most 65536, the opacity is at most 65536 and the light is at
-/// most 65025. With one tap, a weight is 65536 or 0. The latency is texel_blend_latency() clocks.
+/// most 65025. With one tap (nearest texel), the weight is 65536 or 0. The latency is
+/// texel_blend_latency() clocks.
 module lipp_texel_blend #(
-  parameter int Taps = 1  // number of taps, 1 or 4
+  parameter int Taps = 1  // number of filter taps, 1 or 4
 ) (
   input  logic                                                  clk_i,
   input  logic [Taps-1:0][lipp_scene_pkg::EntryBits-1:0]        colour_i,  // entries {A, b, g, r}
@@ -29,7 +30,7 @@ module lipp_texel_blend #(
     $fatal(1, "lipp_texel_blend: Taps must be 1 or 4");
   end
 
-  // ---- shares and squares, then their products ----
+  // ---- compute share_n and the squared colours, then their products ----
   localparam int Wp = LightBits + 8;  // width of a product and of the sum
   logic [Taps-1:0][ShareBits-1:0] share;
   logic [2:0][Taps-1:0][Wp-1:0] product;
@@ -71,7 +72,7 @@ module lipp_texel_blend #(
     end
   end
 
-  // ---- sums over the taps ----
+  // ---- add the products of all taps ----
   logic [ShareBits-1:0] opacity;
   for (genvar c = 0; c < 3; c++) begin : gen_light
     logic [Wp-1:0] first_q, second_q, sum;
@@ -81,7 +82,7 @@ module lipp_texel_blend #(
       assign second_q = Wp'(128);
       always_ff @(posedge clk_i) first_q <= product[c][0];
     end else begin : gen_four
-      // With the gated sum, synthesis does not merge this into an adder of three words.
+      // Module lipp_gated_sum keeps synthesis from merging this sum into an adder of three words.
       logic [Wp-1:0] third, pair;
       assign third = product[c][3] + Wp'(128);
       lipp_gated_sum #(.W(Wp)) i_pair (

@@ -3,14 +3,14 @@
 
 /// Reads the texels at each layer's texture coordinate and computes their filter weights.
 ///
-/// A slot is a texture memory with one read port per tap. Each visible layer selects a slot by its
-/// number (look_i). If several layers select the same slot, the layer with the lowest index reads
-/// it and the others are transparent. A crossbar connects each layer's address to its slot, and the
-/// slot's colours back to the layer.
+/// A slot is a texture memory with one read port per filter tap. Each visible layer selects a slot
+/// by the slot's number (look_i). If several visible layers select the same slot, only the layer
+/// with the lowest index reads the slot, and the other layers are transparent. A crossbar connects
+/// each layer's address to its slot, and the slot's colours back to the layer.
 ///
 /// The coordinates s_i and t_i have 8 fraction bits. Their integer parts are i = s_i >> 8 and j =
-/// t_i >> 8, their fractions are f = s_i & 255 and g = t_i & 255. The texels and their weights,
-/// where a weight of 65536 is 1, are
+/// t_i >> 8, their fractions are f = s_i & 255 and g = t_i & 255. Weights have 16 fraction bits, so
+/// 65536 is a weight of 1. The texels and their weights are
 ///
 ///   nearest filter (one tap):    texel (i, j), weight 65536
 ///   bilinear filter (four taps): texel (i,     j)      weight (256 - f) (256 - g)
@@ -18,15 +18,16 @@
 ///                                texel (i,     j + 1)  weight (256 - f)  g
 ///                                texel (i + 1, j + 1)  weight  f         g.
 ///
-/// Tap n = {row[0], column[0]} reads the texel whose row and column have these lowest bits. So the
-/// four taps always read four different memories.
+/// Tap n = {row[0], column[0]} reads the texel whose row and column have these lowest bits.
+/// Therefore the four taps always read four different memories.
 ///
-/// Port colour_o is {A, b, g, r}, the bytes of a palette entry. The opacity byte a is widened to A
-/// = a + [a >= 128], which is 0 to 256. The four bytes of an entry are written in consecutive
-/// writes.
+/// Output colour_o is {A, b, g, r} of a palette entry. The opacity byte a is widened to A = a + 1
+/// for a >= 128 and A = a otherwise, so 256 is opaque. The bytes of an entry are written
+/// consecutively.
 ///
-/// The weight is 0 for texels outside the texture, for a layer with hidden_i, and for a layer
-/// without a slot; the colour is then undefined. The latency is fetch_latency() clocks.
+/// The weight is 0 for texels outside the texture, for a layer whose hidden_i is high, and for a
+/// layer that reads no slot. The colour of a texel with weight 0 is undefined. The latency is
+/// fetch_latency() clocks.
 module lipp_texel_fetch #(
   parameter lipp_scene_pkg::scene_build_t Scene = lipp_scene_pkg::FourLayers,
   localparam lipp_scene_pkg::scene_build_t Built = lipp_scene_pkg::built(Scene),
@@ -35,17 +36,17 @@ module lipp_texel_fetch #(
 ) (
   input  logic                                         clk_i,
 
-  input  logic                                         write_i,  // writes a byte of a slot
+  input  logic                                         write_i,  // 1: write a byte of a slot
   input  logic [3:0]                                   write_slot_i,
   input  logic [19:0]                                  write_at_i,
   input  logic [7:0]                                   write_data_i,
 
   input  lipp_scene_pkg::look_t [Layers-1:0]           look_i,
-  input  logic [Layers-1:0][lipp_scene_pkg::CoordinateBits-1:0] s_i,  // texture coordinates (s, t)
+  input  logic [Layers-1:0][lipp_scene_pkg::CoordinateBits-1:0] s_i,  // coordinate s, 2^-8 texels
   input  logic [Layers-1:0][lipp_scene_pkg::CoordinateBits-1:0] t_i,
   input  logic [Layers-1:0]                            hidden_i,
-  output logic [Layers-1:0][Taps-1:0][lipp_scene_pkg::EntryBits-1:0] colour_o,  // {A, b, g, r}
-  output logic [Layers-1:0][Taps-1:0][lipp_scene_pkg::ShareBits-1:0] weight_o  // 16 fraction bits
+  output logic [Layers-1:0][Taps-1:0][lipp_scene_pkg::EntryBits-1:0] colour_o,  // palette entry
+  output logic [Layers-1:0][Taps-1:0][lipp_scene_pkg::ShareBits-1:0] weight_o  // in 2^-16
 );
   import lipp_math_pkg::*;
   import lipp_scene_pkg::*;
@@ -61,7 +62,7 @@ module lipp_texel_fetch #(
     $fatal(1, "lipp_texel_fetch: Scene is not legal");
   end
 
-  // ---- slot selection: [layer][slot]; constant while rays are in the pipeline ----
+  // ---- select the slot of each layer, [layer][slot]; constant while rays are inside ----
   logic [Layers-1:0][Slots-1:0] selects_d, selects_q, owns_d, owns_q;
   logic [Layers-1:0] owns_any_q;
   always_comb begin
@@ -81,7 +82,7 @@ module lipp_texel_fetch #(
   logic unused_look;
   assign unused_look = ^look_i;
 
-  // ---- addresses ----
+  // ---- compute addresses and weights ----
   logic [Layers-1:0][Taps-1:0][AddressBits-1:0] at_q;
   for (genvar k = 0; k < Layers; k++) begin : gen_layer
     logic signed [WholeBits-1:0] column, row;
@@ -95,7 +96,7 @@ module lipp_texel_fetch #(
         column_q <= column;
         row_q <= row;
         hidden_q <= hidden_i[k];
-        // A negative coordinate, read as unsigned, is outside the texture too.
+        // A negative coordinate, read as unsigned, is also found outside the texture.
         inside_q <= !hidden_q && column_q[WholeBits-1:WidthBits] == '0
             && row_q < WholeBits'(Height);
         at_q[k] <= AddressBits'({row_q, column_q[WidthBits-1:0]});
@@ -109,7 +110,8 @@ module lipp_texel_fetch #(
         s_i[k][CoordinateFraction-1:0], t_i[k][CoordinateFraction-1:0], row_q[WholeBits-1]
       };
     end else begin : gen_bilinear
-      // [0]: half the column (row) of the taps with an even column (row); [1]: of the odd taps.
+      // Element [0] is half the column (or row) of the taps with an even column (or row), and
+      // element [1] that of the taps with an odd column (or row).
       logic [1:0][WholeBits-2:0] column_q, row_q;
       logic [1:0] column_in_q, row_in_q, column_in, row_in;
       logic [CoordinateFraction:0] f_q, g_q, f_late, g_late;
@@ -120,7 +122,7 @@ module lipp_texel_fetch #(
         row_q[0] <= (WholeBits - 1)'((row + WholeBits'(1)) >>> 1);
         row_q[1] <= (WholeBits - 1)'(row >>> 1);
         hidden_q <= hidden_i[k];
-        // f_q, g_q: weights of the even tap; f_q is f if the even column is i + 1, else 256 - f.
+        // f_q, g_q: weights of even column and row; f_q is f if column i + 1 is even, else 256 - f.
         f_q <= column[0] ? {1'b0, s_i[k][7:0]} : 9'd256 - {1'b0, s_i[k][7:0]};
         g_q <= row[0] ? {1'b0, t_i[k][7:0]} : 9'd256 - {1'b0, t_i[k][7:0]};
         for (int n = 0; n < 2; n++) begin
@@ -132,9 +134,9 @@ module lipp_texel_fetch #(
         end
       end
 
-      // One product f g and three subtractions give the four weights, which are then masked.
+      // A product f_q g_q and three subtractions give the weights. Invalid weights are set to 0.
       localparam int ProductLatency = small_latency();
-      localparam int Weights = Latency - ProductLatency - 2;  // clock in which the product starts
+      localparam int Weights = Latency - ProductLatency - 2;  // clock of the product's start
       logic [17:0] product;
       logic [1:0] column_shown, row_shown;
       logic [8:0] f_later, g_later;
@@ -166,7 +168,7 @@ module lipp_texel_fetch #(
     end
   end
 
-  // ---- reads and writes of the slots ----
+  // ---- read and write the slots ----
   logic [Slots-1:0][Taps-1:0][AddressBits-1:0] slot_at_d, slot_at_q;
   logic [Slots-1:0][Taps-1:0][EntryBits-1:0] slot_colour;
   logic [Layers-1:0][Taps-1:0][EntryBits-1:0] colour_d;
@@ -174,7 +176,7 @@ module lipp_texel_fetch #(
   logic [3:0] write_slot_q;
   logic [19:0] write_at_q;
   logic [7:0] write_data_q;
-  logic [2:0][7:0] bytes_q;  // the three bytes of the entry before write_data_q
+  logic [2:0][7:0] bytes_q;  // the three bytes written before write_data_q
   logic [EntryBits-1:0] entry;
   assign entry = {9'(write_data_q) + 9'(write_data_q[7]), bytes_q};
   always_comb begin

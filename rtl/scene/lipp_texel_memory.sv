@@ -1,13 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
 `default_nettype none
 
-/// Byte memory of any depth with one write port and one read port; the read latency is three
-/// clocks.
+/// Stores bytes in a memory of any depth with a write port and a read port of three clocks latency.
 ///
-/// It consists of memories whose depths are powers of two, the largest first, so that few bytes are
-/// wasted: a depth of 12288 bytes takes memories of 8192 and 4096 bytes. A remainder of less than
-/// 2048 bytes takes one more memory. In the third clock, the output of the addressed memory is
-/// selected. Port read_data_o is undefined for an address of Depth or more.
+/// The memory consists of parts whose depths are powers of two, the largest first, so that few
+/// bytes are wasted: a depth of 12288 bytes takes parts of 8192 and 4096 bytes. A remainder of less
+/// than 2048 bytes takes one more part. In the third clock, the output of the addressed part is
+/// selected. Output read_data_o is undefined for an address of Depth or more.
 module lipp_texel_memory #(
   parameter int Depth = 49152,
   localparam int AddressBits = $clog2(Depth)
@@ -20,21 +19,21 @@ module lipp_texel_memory #(
   output logic [7:0]             read_data_o
 );
 
-  localparam int LargestBits = 14;  // address bits of the largest memory
+  localparam int LargestBits = 14;  // address bits of the largest part
   localparam int LeastBits = 11;
 
   if (Depth < 2) begin : gen_illegal
     $fatal(1, "lipp_texel_memory: Depth must be 2 or more");
   end
 
-  /// Return the address bits of the first memory for the given number of bytes.
+  /// Return the number of address bits of the first part for the given number of bytes.
   function automatic int first_bits(int bytes);
     if (bytes >= 1 << LargestBits) return LargestBits;
     if (bytes <= 1 << LeastBits) return bytes < 2 ? 1 : $clog2(bytes);
     return $clog2(bytes + 1) - 1;
   endfunction
 
-  /// Return the number of bytes in the memories before memory k.
+  /// Return the number of bytes in the parts before part k.
   function automatic int first_of(int k);
     int at;
     at = 0;
@@ -66,7 +65,7 @@ module lipp_texel_memory #(
       );
       assign byte_masked[k] = read_data;
     end else begin : gen_some
-      // First is a multiple of this memory's depth.
+      // First is a multiple of the depth of this part, so the low address bits need no subtraction.
       localparam logic [AddressBits-Bits-1:0] Upper = (AddressBits - Bits)'(First >> Bits);
       logic selected_q, selected_q2;
       lipp_memory_1w1r #(.Width(8), .AddressBits(Bits)) i_memory (

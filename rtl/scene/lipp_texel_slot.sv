@@ -1,18 +1,16 @@
 // SPDX-License-Identifier: Apache-2.0
 `default_nettype none
 
-/// A slot: the memory for the texels and the palette of a layer. It reads the colour of the texel
-/// at an address.
+/// Stores the texels and palette of a layer (a slot), and reads the colour of an addressed texel.
 ///
-/// The bytes are written in the order of the scene's slots: the texels row by row, then the palette
-/// of 256 entries r, g, b, a. A palette entry is stored, from entry_i, when its fourth byte is
-/// written.
+/// The bytes of a slot are the texels row by row, then the palette of 256 entries r, g, b, a. A
+/// palette entry is stored from input entry_i when its fourth byte is written.
 ///
-/// With Scene.bilinear the texels are in four banks, one for each parity of column and row. Texel
-/// (column, row) is in bank {row[0], column[0]} at the address row / 2 * (width / 2) + column / 2.
-/// Each bank has its own address and its own copy of the palette. Without Scene.bilinear there is
-/// one bank, with the address row * width + column. Port colour_o is the palette entry of each
-/// bank's texel, slot_latency() clocks after the address.
+/// With Scene.bilinear = 1 the texels are in four banks, one for each parity of column and row.
+/// Texel (column, row) is in bank {row[0], column[0]} at the address row / 2 * (width / 2) + column
+/// / 2. Each bank has its own address and its own copy of the palette. With Scene.bilinear = 0
+/// there is one bank, with the address row * width + column. Output colour_o is the palette entry
+/// of each bank's texel, slot_latency() clocks after the address.
 module lipp_texel_slot #(
   parameter lipp_scene_pkg::scene_build_t Scene = lipp_scene_pkg::FourLayers,
   localparam int Taps = lipp_scene_pkg::taps(lipp_scene_pkg::built(Scene)),
@@ -23,7 +21,7 @@ module lipp_texel_slot #(
   input  logic                             write_i,
   input  logic [19:0]                      write_at_i,
   input  logic [7:0]                       write_data_i,
-  input  logic [lipp_scene_pkg::EntryBits-1:0] entry_i,  // last four bytes, newest first
+  input  logic [lipp_scene_pkg::EntryBits-1:0] entry_i,  // last four bytes written, newest first
   input  logic [Taps-1:0][AddressBits-1:0] read_at_i,
   output logic [Taps-1:0][lipp_scene_pkg::EntryBits-1:0] colour_o
 );
@@ -37,7 +35,7 @@ module lipp_texel_slot #(
     $fatal(1, "lipp_texel_slot: Scene is not legal");
   end
 
-  // ---- decoded write ----
+  // ---- decode the write address ----
   logic texel_q, entry_q;
   logic [19:0] at_q;
   logic [7:0] data_q;
@@ -52,7 +50,7 @@ module lipp_texel_slot #(
   logic unused_at;
   assign unused_at = ^at_q;
 
-  // ---- read: texel, then colour ----
+  // ---- read the texel, then its colour in the palette ----
   for (genvar k = 0; k < Taps; k++) begin : gen_bank
     logic write;
     logic [AddressBits-1:0] write_at;
@@ -62,7 +60,7 @@ module lipp_texel_slot #(
     end else begin : gen_bilinear
       localparam logic [1:0] Bank = 2'(k);
       assign write = texel_q && {at_q[ColumnBits], at_q[0]} == Bank;
-      // The bank's address is {row / 2, column / 2}.
+      // The address within a bank is {row / 2, column / 2}.
       assign write_at = AddressBits'({at_q[19:ColumnBits+1], at_q[ColumnBits-1:1]});
     end
 

@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 `default_nettype none
 
-/// Converts the video of scan_out to DVI's four differential pairs, except for the output cells.
+/// Converts the video of lipp_scan_out to the bits of DVI's four differential pairs. The board's
+/// top adds the vendor's output cells.
 ///
 /// A pixel lasts one clock of pixel_clk_i. Input shift_clk_i is five times as fast as pixel_clk_i
 /// and comes from the same source. Output pair_o[0] is blue, pair_o[1] green and pair_o[2] red.

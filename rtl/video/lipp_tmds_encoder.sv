@@ -3,20 +3,20 @@
 
 /// Encodes one DVI channel: a byte of a pixel, or two control bits, becomes a symbol of ten bits.
 ///
-/// The latency is 3 clocks. Bit 0 of a symbol is sent first. A byte d of a pixel becomes q[0] =
-/// d[0], q[k] = q[k-1] ^ d[k], with bit 8 high. If d has more than four ones, or has four ones and
-/// d[0] is low, it becomes q[k] = ~(q[k-1] ^ d[k]) instead, with bit 8 low. Therefore q changes at
-/// most five times from bit to bit. Then the eight bits are inverted, with bit 9 high, if this
-/// brings the numbers of ones and zeros sent since the last control symbol closer together.
+/// The latency is 3 clocks. Bit 0 of a symbol is sent first. A byte d of a pixel is encoded as q[0]
+/// = d[0], q[k] = q[k-1] ^ d[k], with bit 8 high. If d has more than four ones, or has four ones
+/// and d[0] is low, the encoding is q[k] = ~(q[k-1] ^ d[k]), with bit 8 low. This choice limits the
+/// transitions within q. Then the eight bits are inverted, with bit 9 high, if the inversion brings
+/// the numbers of ones and zeros sent since the last control symbol closer together.
 ///
-/// The value balance is (ones - zeros) / 2, counted over all symbols since the last control symbol.
-/// The balance stays from -4 to 4 (DVI 1.0, section 3).
+/// The register balance_q is (ones - zeros) / 2, counted over all symbols since the last control
+/// symbol. The balance stays within -4 to 4 (DVI 1.0, section 3).
 module lipp_tmds_encoder (
   input  logic       clk_i,
   input  logic       rst_ni,
   input  logic       de_i,       // 1: data_i is a byte of a pixel
   input  logic [7:0] data_i,
-  input  logic [1:0] control_i,  // control bits, used while de_i is low
+  input  logic [1:0] control_i,  // control bits, sent while de_i is low
   output logic [9:0] symbol_o
 );
 
@@ -28,7 +28,7 @@ module lipp_tmds_encoder (
   // ---- clock 1: select XOR or XNOR ----
   logic [7:0] data_q;
   logic [3:0] data_ones;
-  logic equal_q;  // q is computed with XNOR
+  logic equal_q;  // 1: q is computed with XNOR; 0: with XOR
   logic [2:1] de_q;
   logic [2:1][1:0] control_q;
   assign data_ones = ones(data_i);
@@ -42,9 +42,9 @@ module lipp_tmds_encoder (
     else de_q <= {de_q[1], de_i};
   end
 
-  // ---- clock 2: q, and half the difference between its ones and zeros ----
+  // ---- clock 2: compute q, and half the difference between its ones and zeros ----
   logic [7:0] sums, sums_q;
-  logic plain_q;  // q was computed with XOR
+  logic plain_q;  // 1: q was computed with XOR; 0: with XNOR
   logic signed [3:0] more_q;
   always_comb begin
     for (int k = 0; k < 8; k++) sums[k] = ^(data_q & 8'(2 ** (k + 1) - 1))
@@ -55,7 +55,7 @@ module lipp_tmds_encoder (
     more_q <= 4'(ones(sums)) - 4'd4;
   end
 
-  // ---- clock 3: the balance ----
+  // ---- clock 3: invert q to keep the balance small ----
   logic invert;
   logic signed [3:0] balance_q, added;
   assign invert = balance_q == '0 || more_q == '0 ? !plain_q : (balance_q < 0) == (more_q < 0);

@@ -1,20 +1,19 @@
 // SPDX-License-Identifier: Apache-2.0
 `default_nettype none
 
-/// Splits symbols of ten bits into pairs of bits, for output cells that send one bit at each clock
-/// edge.
+/// Splits symbols of ten bits into bit pairs, for output cells that send a bit at each clock edge.
 ///
 /// Input shift_clk_i is five times as fast as pixel_clk_i and comes from the same source, with any
 /// phase. Each shift clock sends pair_o[0], then pair_o[1]. A symbol is copied two or three shift
-/// clocks after the pixel clock that registered it, when it has long been stable. The first pair of
-/// the symbol is at pair_o three shift clocks later.
+/// clocks after the pixel clock edge that registered it, so that the symbol is stable when it is
+/// copied. The first pair of the symbol is at pair_o three shift clocks later.
 ///
-/// A bit that toggles with each symbol marks where symbols begin. A ring counter of five positions
-/// counts the shift clocks of a symbol, and the first toggle after reset sets it.
+/// A register that toggles with each symbol marks where symbols begin. A ring counter of five
+/// positions counts the shift clocks of a symbol, and the first toggle after reset sets it.
 ///
 /// If the edges of the two clocks coincide, a toggle may be detected one clock earlier or later, at
-/// position 2 or 4. The ring then continues unchanged. A toggle at position 0 or 1 sets the ring
-/// again. The signals that set the ring are:
+/// position 2 or 4 of the ring. The ring then continues unchanged. A toggle detected at position 0
+/// or 1 sets the ring again. The following signals set the ring:
 ///
 ///   clock      0  1  2  3  4
 ///   begins_q   1  .  .  .  .   a toggle was detected: this clock must be position 3
@@ -31,7 +30,7 @@ module lipp_tmds_serialiser #(
   input  logic                     shift_clk_i,
   input  logic                     shift_rst_ni,
   output logic [Channels-1:0][1:0] pair_o,
-  // the pixel clock, high in the first five bits of each symbol
+  // pixel clock sent with the symbols, high in the first five bits of each symbol
   output logic               [1:0] clock_o
 );
 
@@ -47,12 +46,12 @@ module lipp_tmds_serialiser #(
     else turn_q <= !turn_q;
   end
 
-  // The shift clock is as fast as the FPGA's logic allows: between two registers there is at most
-  // one LUT of four inputs and a third of the FPGA's width.
+  // The shift clock is as fast as the FPGA allows, so between two registers there is at most one
+  // LUT of four inputs and a wire across a third of the FPGA.
   logic turn, turned_q, begins_q, aligned_q, astray_q, restart_q;
-  logic [4:0] place_q;  // the ring: one bit is high, its index is the position
-  // Each channel has its own register near its pads. Synthesis would merge equal registers, so
-  // these registers differ in their polarity and in their reset value.
+  logic [4:0] place_q;  // ring counter: one bit is high, its index is the position
+  // Each channel has its own register near its pads. These registers differ in polarity and reset
+  // value, because synthesis would merge equal registers.
   logic [Channels-1:0] load_q, low;
   logic [Channels-1:0][9:0] shift_q;
   for (genvar k = 0; k < Channels; k++) begin : gen_sense
@@ -76,19 +75,19 @@ module lipp_tmds_serialiser #(
       load_q <= {Channels{place_q[0]}} ^ low;
     end
   end
-  // The path from the symbols to the pins crosses the FPGA in three steps. The pairs 0 to 4 of a
-  // symbol are at the end of shift_q in positions 2, 3, 4, 0 and 1.
+  // The path from the symbols to the pins crosses the FPGA in three steps. The bit pairs 0 to 4 of
+  // a symbol are at the end of shift_q in the ring's positions 2, 3, 4, 0 and 1.
   logic [Channels-1:0][1:0] first_q, second_q;
   logic high_q, before_q;
   logic [1:0] second_clock_q;
   always_ff @(posedge shift_clk_i) begin
-    // The pixel clock is high for two pairs and the first bit of the next pair. Each step is one
-    // LUT.
+    // The pixel clock is high for two bit pairs and the first bit of the third pair. Each register
+    // stage has at most one LUT before it.
     high_q <= place_q[2] || place_q[3];
     before_q <= high_q;
     second_clock_q <= {high_q, high_q || before_q};
     clock_o <= second_clock_q;
-    // The bits shifted in at the top are never sent.
+    // The zero bits shifted in at the top are never sent.
     for (int k = 0; k < Channels; k++) begin
       shift_q[k] <= load_q[k] != low[k] ? symbol_q[k] : {shift_q[k][1:0], shift_q[k][9:2]};
       {pair_o[k], second_q[k], first_q[k]} <= {second_q[k], first_q[k], shift_q[k][1:0]};

@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
-// The batch harness: the Verilated ray-lenslet engine as a shared library that traces arrays of
-// rays.
+// Batch harness: wraps Verilated `lipp_ray_stream` in a shared library that traces arrays of rays.
 //
 // On request, rays are offered and taken with random pauses, so that a comparison of results also
-// tests the handshake. Compiled once for each build of the RTL by lippmann.simulation.harness.
+// tests the handshake. The Python module lippmann.simulation.harness compiles this file once for
+// each build.
 #include <cstdint>
 #include <cstring>
 #include <memory>
@@ -14,7 +14,7 @@
 
 namespace {
 
-// The generator xorshift64*: fast random pauses that a seed reproduces.
+// Random generator xorshift64*: fast, and a seed reproduces its random pauses.
 class Random {
  public:
   explicit Random(uint64_t seed) : state_(seed * 2 + 1) {}
@@ -36,8 +36,8 @@ int32_t signed_word(T word, int bits) {
   return static_cast<int32_t>(static_cast<uint32_t>(word) << shift) >> shift;
 }
 
-// Runs one rising edge of the clock. Nothing happens at the falling edge, so the model is not
-// evaluated there. Only its stored value of clk_i is set back, which saves half of the evaluations.
+// Runs one rising edge of the clock. The RTL does nothing at the falling edge, so the model is not
+// evaluated there: setting back its stored value of clk_i saves half of the evaluations.
 void clock(Vtop& top) {
   top.clk_i = 1;
   top.eval();
@@ -47,12 +47,13 @@ void clock(Vtop& top) {
 
 }  // namespace
 
-// Traces `count` rays. The inputs are arrays of the words u, v, a, b. `out` consists of 9
-// consecutive arrays of the words i, j, x, y, z, dx, dy, dz, status. `config` contains the bits of
-// optics_config_t, least significant word first. The input pauses with a probability of idle / 256,
-// the output with a probability of stall / 256. Returns the clocks from the first offer to the last
-// ray, or -1 if no ray arrives for too long. This is the only symbol that the library exports
-// (-fvisibility=hidden), so that the compiler may inline the model.
+// Traces `count` rays. The inputs are arrays of the words u, v, a, b. `out` receives 9 consecutive
+// arrays of the words i, j, x, y, z, dx, dy, dz, status. `config` contains the bits of
+// optics_config_t, least significant word first. In each clock the input pauses with a probability
+// of idle / 256, and the output with a probability of stall / 256. Returns the number of clocks
+// from the first offered ray to the last exit ray, or -1 if no ray arrives for too long. The
+// library exports only this function (-fvisibility=hidden), so that the compiler may inline the
+// model.
 extern "C" __attribute__((visibility("default"))) int64_t lippmann_trace(
     int64_t count, const int64_t* u, const int64_t* v, const int64_t* a, const int64_t* b,
     const uint32_t* config, int64_t* out, uint64_t seed, uint32_t idle, uint32_t stall) {
@@ -85,8 +86,7 @@ extern "C" __attribute__((visibility("default"))) int64_t lippmann_trace(
     }
     top->ray_valid_i = offered;
     top->exit_ready_i = !(stall && random.chance(stall));
-    // The handshakes of this clock are known before its edge, because both depend on registers
-    // only.
+    // The handshakes of a clock are known before its edge, because they depend only on registers.
     const bool accepted = offered && top->ray_ready_o;
     if (top->exit_valid_o && top->exit_ready_i) {
       int64_t* ray = out + received;

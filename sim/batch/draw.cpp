@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
-// The batch harness for drawing: the Verilated lipp_scene as a shared library that converts exit
-// rays to pixels.
+// Batch harness: wraps Verilated `lipp_scene` in a shared library that converts rays to pixels.
 //
 // On request, rays are offered and pixels are taken with random pauses, so that a comparison of
-// results also tests the handshakes. Compiled once for each build by lippmann.simulation.harness.
+// results also tests the handshakes. The Python module lippmann.simulation.harness compiles this
+// file once for each build of the RTL.
 #include <cstdint>
 #include <cstring>
 #include <memory>
@@ -14,7 +14,7 @@
 
 namespace {
 
-// The generator xorshift64*: fast random pauses that a seed reproduces.
+// Random generator xorshift64*: fast, and a seed reproduces its random pauses.
 class Random {
  public:
   explicit Random(uint64_t seed) : state_(seed * 2 + 1) {}
@@ -34,8 +34,8 @@ struct Scene {
   VerilatedContext context;
   Vtop top{&context};
 
-  // Runs one rising edge of the clock. Nothing happens at the falling edge, so the model is not
-  // evaluated there.
+  // Runs one rising edge of the clock. The model is not evaluated at the falling edge, at which
+  // nothing happens.
   void clock() {
     top.clk_i = 1;
     top.eval();
@@ -73,7 +73,7 @@ SHOWN void lippmann_scene_delete(Scene* scene) {
   delete scene;
 }
 
-// Writes the bytes of a slot, one byte per clock.
+// Writes bytes into a texture slot, one byte per clock.
 SHOWN void lippmann_scene_load(Scene* scene, int slot, int64_t count, const uint8_t* bytes) {
   for (int64_t at = 0; at < count; ++at) {
     scene->write(slot, at, bytes[at]);
@@ -84,10 +84,11 @@ SHOWN void lippmann_scene_load(Scene* scene, int slot, int64_t count, const uint
 
 // Draws a frame of `count` rays. `rays` consists of 9 consecutive arrays of the words i, j, x, y,
 // z, dx, dy, dz, status. `config` contains the bits of scene_config_t. `out` receives `pixels`
-// triples r, g, b. The input pauses with a probability of idle / 256, the output with a probability
-// of stall / 256. During the frame the bytes `loaded` are written into slot `slot`, if that number
-// is 0 or more. Returns the clocks from the first offer to the last pixel, -1 if no pixel arrives
-// for too long, or -2 if the marks of the frame's first and last pixel are wrong.
+// triples r, g, b. In each clock the input pauses with a probability of idle / 256, and the output
+// with a probability of stall / 256. During the frame the bytes `loaded` are written into slot
+// `slot`, if that number is 0 or more. Returns the number of clocks from the first offered ray to
+// the last pixel, -1 if no pixel arrives for too long, or -2 if the marks of the frame's first and
+// last pixel are wrong.
 SHOWN int64_t lippmann_scene_draw(Scene* scene, int64_t count, int64_t pixels, const int64_t* rays,
                                   const uint32_t* config, uint8_t* out, uint64_t seed, uint32_t idle,
                                   uint32_t stall, int slot, int64_t load_count, const uint8_t* loaded) {
@@ -103,8 +104,7 @@ SHOWN int64_t lippmann_scene_draw(Scene* scene, int64_t count, int64_t pixels, c
     if (waited > patience) return -1;
     scene->clock();
   }
-  // The scene must use its copy of the registers, so their inputs are inverted while the frame is
-  // drawn.
+  // Input config_i is inverted while the frame is drawn, to test that the scene uses its copy.
   for (auto& part : top.config_i.m_storage) part = ~part;
 
   int64_t sent = 0, received = 0, clocks = 0, waited = 0, load_at = 0;
@@ -132,8 +132,7 @@ SHOWN int64_t lippmann_scene_draw(Scene* scene, int64_t count, int64_t pixels, c
       scene->write(slot, load_at, loaded[load_at]);
       ++load_at;
     }
-    // The handshakes of this clock are known before its edge, because both depend on registers
-    // only.
+    // The handshakes of a clock are known before its edge, because they depend only on registers.
     const bool accepted = offered && top.exit_ready_o;
     if (top.pixel_valid_o && top.pixel_ready_i) {
       out[3 * received] = top.pixel_rgb_o >> 16;

@@ -29,12 +29,12 @@ void set_nonblocking(int file) {
   check_result(fcntl(file, F_SETFL, check_result(fcntl(file, F_GETFL), "fcntl") | O_NONBLOCK), "fcntl");
 }
 
-// Maximum number of hosts that wait for another host to leave.
+// Maximum number of hosts that wait for the connected host to leave (backlog of listen()).
 constexpr int kBacklog = 16;
-// Maximum time until a host has sent the token, in seconds.
+// Maximum time in seconds from the connection of a host until it has sent the token.
 constexpr int kTokenSeconds = 5;
 
-// Limits the buffers to the size of a serial port's buffers, so that a slow host takes effect soon.
+// Limits the socket buffers to a serial port's size, so that a slow host soon stalls the board.
 void limit_buffers(int socket) {
   const int buffer = 1 << 14;
   check_result(setsockopt(socket, SOL_SOCKET, SO_SNDBUF, &buffer, sizeof buffer), "setsockopt");
@@ -53,7 +53,7 @@ std::string random_token() {
   return token;
 }
 
-// Compares two strings in a time that does not depend on where they differ.
+// Compares two strings in a time that does not depend on the position of their first difference.
 bool equal_strings(const std::string& one, const std::string& other) {
   unsigned char differ = one.size() != other.size();
   for (size_t k = 0; k < std::min(one.size(), other.size()); ++k)
@@ -138,7 +138,7 @@ HostSocket::~HostSocket() {
 void HostSocket::ring() {
   if (!rung_.exchange(true)) {
     const char byte = 0;
-    // the pipe is full, so the thread is already being woken
+    // if the pipe is full, the thread is already being woken
     if (write(bell_[1], &byte, 1) < 0) return;
   }
 }
@@ -154,11 +154,10 @@ void HostSocket::serve() {
     } else {
       wait[1] = {listener_, POLLIN, 0};
     }
-    // A pty that no host has opened is never ready for writing. The timeout polls it again.
+    // A pty that no host has opened never reports POLLOUT. After the timeout, poll() tries again.
     if (poll(wait, 3, 1000) < 0 && errno != EINTR) return;
     if (wait[0].revents) {
-      // The pipe is emptied before the flag is cleared, so that a later ring() writes to the pipe
-      // again.
+      // The pipe is emptied before the flag is cleared, so a later ring() fills the pipe again.
       char bytes[64];
       while (read(bell_[0], bytes, sizeof bytes) > 0) continue;
       rung_ = false;
@@ -172,7 +171,7 @@ void HostSocket::serve() {
     } else if (wait[2].revents && silent_for(idle_s_)) {
       disconnect_host();
       continue;
-    } else if (wait[2].revents) {  // one host at a time: another host is disconnected at once
+    } else if (wait[2].revents) {  // one host at a time: disconnect others
       const int other = accept4(listener_, nullptr, nullptr, SOCK_CLOEXEC);
       if (other >= 0) close(other);
     }
@@ -189,16 +188,16 @@ void HostSocket::accept_host() {
   host_ = accept4(listener_, nullptr, nullptr, SOCK_NONBLOCK | SOCK_CLOEXEC);
   if (host_ < 0) return;
   const int yes = 1;
-  setsockopt(host_, IPPROTO_TCP, TCP_NODELAY, &yes, sizeof yes);  // has no effect on a Unix socket
-  while (to_host_.size() != 0) to_host_.drop();  // drops replies to the previous host
+  setsockopt(host_, IPPROTO_TCP, TCP_NODELAY, &yes, sizeof yes);  // no effect on a Unix socket
+  while (to_host_.size() != 0) to_host_.drop();  // drop replies to the previous host
   last_byte_time_ = Clock::now();
   received_token_.clear();
   authorised_ = token_.empty();
 }
 
 // Reads the next bytes of the token. A wrong token ends the connection. The token is compared only
-// when it is complete, so a guess of its first letters gets no hint. No byte of the token reaches
-// the board.
+// after all its bytes have arrived, so that a wrong guess does not reveal how many letters are
+// correct. No byte of the token reaches the board.
 bool HostSocket::read_token() {
   char bytes[64];
   const ssize_t count = read(host_, bytes, std::min(sizeof bytes, token_.size() - received_token_.size()));

@@ -1,23 +1,24 @@
 // SPDX-License-Identifier: Apache-2.0
-// The virtual board: the RTL under Verilator, connected to a Unix socket, TCP (loopback only) or a
-// pty.
+// The virtual board: runs the RTL under Verilator, and connects its serial link to a Unix socket, a
+// TCP port (loopback only) or a pty.
 //
 //   board --line unix|tcp|pty [--port N] [--place PATH] [--idle SECONDS] --identity HEX --ready FILE [--capture FOLDER]
 //         [--step N] [--host-step N] [--stalls SEED] [--trace FILE --trace-from CLOCK --trace-to CLOCK]
 //
-// The option --place is the path of the Unix socket, or the folder of the file with the token for
-// TCP. A host that is silent for --idle seconds can be replaced by another host.
+// The option --place gives the path of the Unix socket, or for TCP the folder of the token's file.
+// A host that is silent for --idle seconds can be replaced by another host.
 //
-// Built by lippmann.simulation.virtual_board. With ByteLink, bytes are transferred as fast as the
-// board accepts them. Without ByteLink, the wires of a UART are simulated: --step is the baud rate
-// in bits per clock, times 65536. --host-step is the baud rate of the host's end if it differs.
-// --stalls makes both ends of a byte link pause at random. The ready file (JSON) contains the URL
-// and exists while the board runs. With LIPPMANN_MEMORY_HZ, the frames are stored in an SDRAM that
-// has its own clock.
+// The Python module lippmann.simulation.virtual_board builds this program. With the parameter
+// ByteLink = 1, bytes are transferred as fast as the board accepts them. With ByteLink = 0, the
+// wires of a UART are simulated: --step is 65536 times the baud rate divided by the clock
+// frequency. --host-step is the same number for the host's UART, by default equal to --step.
+// --stalls makes both ends of a byte link pause at random. The --ready file (JSON) contains the URL
+// for the host, and exists while the board runs. If the macro LIPPMANN_MEMORY_HZ is defined, the
+// frames are stored in an SDRAM that has its own clock.
 //
-// SIGTERM, SIGINT and SIGHUP end the board. SIGUSR1 resets it. SIGUSR2 makes the SDRAM lose its
-// contents. The last line on stdout is a JSON object of counts. The exit codes are those of the
-// command lippmann.
+// SIGTERM, SIGINT and SIGHUP end the board. SIGUSR1 resets the board. SIGUSR2 makes the SDRAM lose
+// its contents. The last line on stdout is a JSON object of counts. The exit codes are those of
+// `lippmann`.
 #include <getopt.h>
 #include <sys/prctl.h>
 #include <unistd.h>
@@ -100,8 +101,8 @@ Options parse(int count, char** words) {
   return options;
 }
 
-// Writes the file under another name and renames it, so that a waiting process never reads half a
-// file.
+// Writes the file under another name and then renames the file, so that a process that waits for
+// the file never reads a part of it.
 void announce(const Options& options, const HostSocket& line) {
   const std::string part = options.ready + ".part";
   std::FILE* file = std::fopen(part.c_str(), "w");
@@ -113,14 +114,14 @@ void announce(const Options& options, const HostSocket& line) {
     throw std::system_error(errno, std::generic_category(), options.ready);
 }
 
-// The memory of the frames outside the RTL. With LIPPMANN_MEMORY_HZ it is an SDRAM with its own
-// clock, otherwise there is none.
+// Models the frame memory outside the RTL. If LIPPMANN_MEMORY_HZ is defined, the memory is an SDRAM
+// with its own clock; otherwise the class is empty, because the RTL contains the memory.
 #ifdef LIPPMANN_MEMORY_HZ
 class Memory {
  public:
   explicit Memory(Vtop& top) : top_(top) {}
 
-  // Runs the edges of the memory's clock that are due after one edge of the board's clock.
+  // Runs the edges of the memory's clock that are due before the next edge of the board's clock.
   void clock() {
     for (due_ += LIPPMANN_MEMORY_HZ; due_ >= LIPPMANN_CLOCK_HZ; due_ -= LIPPMANN_CLOCK_HZ) edge();
   }
@@ -132,7 +133,7 @@ class Memory {
   }
 
  private:
-  // The SDRAM samples the pins as they were before the edge. Bits that no side drives are noise.
+  // The SDRAM samples the pins as they were before the edge. Undriven data bits are random.
   void edge() {
     SdramPins pins;
     pins.cke = top_.cke_o;
@@ -150,7 +151,7 @@ class Memory {
     top_.dq_i = static_cast<uint16_t>((chip_.dq() & lanes) | (static_cast<uint32_t>(edges_) * 40503u & ~lanes));
     top_.mem_clk_i = 1;
     top_.eval();
-    // Before the first edges the pin values are not valid.
+    // Before the first clock edges the pin values are not valid.
     if (++edges_ > 3) chip_.edge(static_cast<uint64_t>(edges_) * (1'000'000'000'000 / LIPPMANN_MEMORY_HZ), pins);
     top_.mem_clk_i = 0;
     top_.rootp->__Vtrigprevexpr___TOP__mem_clk_i__0 = 0;
@@ -213,9 +214,9 @@ class Board {
   }
 
  private:
-  // Returns true if the last request is answered, its frames have been on the panel for some time,
-  // and no waveform is requested. The clock then runs at a small fraction of its speed until the
-  // host's next byte, so that a waiting board needs almost no processor time.
+  // Returns true if the board is idle: the last request is answered, its frames have been on the
+  // panel for some time, and no waveform is requested. An idle board runs its clock at a small
+  // fraction of its speed until the host's next byte, so that it needs almost no processor time.
   bool idle() const {
     return answered_ && options_.trace.empty() &&
            clocks_ - spoke_ > 1'000'000 + 4LL * LIPPMANN_WIDTH * LIPPMANN_HEIGHT;
@@ -231,8 +232,8 @@ class Board {
     top_.rst_ni = 1;
   }
 
-  // Runs one rising edge of the clock. Nothing happens at the falling edge, so the model's clock is
-  // only set back.
+  // Runs one rising edge of the clock. The model is not evaluated at the falling edge, at which
+  // nothing happens.
   void clock() {
     top_.clk_i = 1;
     top_.eval();
@@ -256,7 +257,7 @@ class Board {
       top_.in_valid_i = byte >= 0;
       if (byte >= 0) top_.in_data_i = static_cast<uint8_t>(byte);
       top_.out_ready_i = line_.to_host().room() != 0 && !paused();
-      // The handshakes are known before the clock edge, because they depend on registers only.
+      // The handshakes of a clock are known before its edge, because they depend only on registers.
       const bool took = byte >= 0 && top_.in_ready_o;
       offered_ = byte >= 0 && !took;
       if (top_.out_valid_o && top_.out_ready_i) send(top_.out_data_o);
@@ -278,8 +279,8 @@ class Board {
     if (top_.pixel_o) screen_.clock(top_.de_o, top_.vsync_o == LIPPMANN_VSYNC, top_.rgb_o);
   }
 
-  // Returns true in a random pause of the byte link: three of four clocks for some thousand clocks,
-  // then no clock for as many.
+  // Returns true if the byte link pauses in this clock. For some thousand clocks it pauses in three
+  // of four clocks at random, and then in no clock for the same time.
   bool paused() {
     if (options_.stalls == 0) return false;
     random_ ^= random_ << 13;
@@ -294,7 +295,7 @@ class Board {
     ++in_;
     spoke_ = clocks_;
     answered_ = false;
-    // The thread waits while the buffer is full. It is woken when half the buffer is free.
+    // The socket's thread waits while the buffer is full, until ring() wakes it at half a buffer.
     if (line_.from_host().room() == HostSocket::kPlaces / 2) line_.ring();
   }
 
@@ -319,8 +320,8 @@ class Board {
   int64_t clocks_ = 0, in_ = 0, out_ = 0, lost_ = 0;
   uint32_t random_ = options_.stalls;
   bool calm_ = false, offered_ = false;
-  int64_t spoke_ = 0;     // clock of the last byte in either direction
-  bool answered_ = true;  // the last byte was sent by the board
+  int64_t spoke_ = 0;     // clock of the last byte from or to the host
+  bool answered_ = true;  // true: the board sent the last byte
 };
 
 }  // namespace
@@ -332,7 +333,7 @@ int main(int count, char** words) {
   std::signal(SIGUSR1, [](int) { reset = true; });
   std::signal(SIGUSR2, [](int) { lose = true; });
   std::signal(SIGPIPE, SIG_IGN);
-  prctl(PR_SET_PDEATHSIG, SIGTERM);  // ends this process together with its parent
+  prctl(PR_SET_PDEATHSIG, SIGTERM);  // ends this process when its parent ends
   std::string ready;
   try {
     const Options options = parse(count, words);

@@ -8,7 +8,7 @@
 #include <cstddef>
 #include <cstdint>
 
-template <size_t Places>  // capacity in bytes, a power of two
+template <size_t Places>  // Places: capacity in bytes, a power of two
 class Ring {
  public:
   bool put(uint8_t byte) {
@@ -18,7 +18,7 @@ class Ring {
     written_.store(at + 1, std::memory_order_release);
     return true;
   }
-  // Returns the oldest byte without removing it, or -1.
+  // Returns the oldest byte without removing it, or -1 if the buffer is empty.
   int peek() const {
     const size_t at = read_.load(std::memory_order_relaxed);
     return written_.load(std::memory_order_acquire) == at ? -1 : bytes_[at % Places];

@@ -28,7 +28,7 @@ void Screen::keep() const {
   char name[32];
   std::snprintf(name, sizeof name, "/frame-%08lld.rgb", static_cast<long long>(frames_));
   const std::string path = folder_ + name, part = path + ".part";
-  // Do not write through a link that another user may have created.
+  // The removal and the flags O_EXCL and O_NOFOLLOW prevent a write through another user's link.
   std::remove(part.c_str());
   const int handle = open(part.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_NOFOLLOW | O_CLOEXEC, 0666);
   std::FILE* file = handle < 0 ? nullptr : fdopen(handle, "wb");

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The simulated panel: receives the pixels that the board scans out, and writes complete frames.
+// The simulated panel: receives the pixels that the board scans out, and writes frames to files.
 #pragma once
 
 #include <cstdint>
@@ -9,8 +9,8 @@
 class Screen {
  public:
   // Writes each frame that differs from the previous frame to `folder` as frame-NUMBER.rgb (rows
-  // from the top, bytes R, G, B). A file is either complete or absent. With an empty `folder` no
-  // file is written. Throws std::system_error.
+  // from the top, bytes R, G, B). No file is ever partly written. If `folder` is empty, no file is
+  // written. Throws std::system_error.
   Screen(int width, int height, std::string folder);
 
   // Samples the video in the first clock of a pixel; returns true at the end of a frame.
@@ -28,7 +28,7 @@ class Screen {
     return end && finish();
   }
   int64_t frames() const { return frames_; }
-  int64_t broken() const { return broken_; }  // frames with too few or too many pixels
+  int64_t broken() const { return broken_; }  // number of frames with a wrong number of pixels
 
  private:
   bool finish();

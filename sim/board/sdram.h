@@ -1,12 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
-// Model of an SDR SDRAM with 4 banks x 8192 rows x 512 columns of 16 bits, after the data sheet of
-// the MT48LC16M16A2.
+// Models an SDR SDRAM with 4 banks x 8192 rows x 512 columns of 16 bits, according to the data
+// sheet of the MT48LC16M16A2.
 //
-// The model stores words and reports each command that the data sheet does not allow. Its input is
-// the time and the pin levels at each rising edge of the clock. The model covers the commands of a
-// controller with bursts of one word. Auto precharge, longer bursts, BURST TERMINATE and SELF
-// REFRESH are reported as not modelled. CKE low acts as a power-up: the initialisation must follow.
-// Setup and hold times are not checked, since they depend on the pads.
+// The model stores words and reports each command that the data sheet does not allow. Its inputs
+// are the time and the pin levels at each rising edge of the clock. The model supports bursts of
+// one word. Auto precharge, longer bursts, BURST TERMINATE and SELF REFRESH are reported as not
+// modelled. The model treats CKE low as a power-up, after which the controller must repeat the
+// initialisation. Setup and hold times are not checked, because they depend on the FPGA's pads.
 #pragma once
 
 #include <cstdint>
@@ -14,7 +14,7 @@
 #include <string>
 #include <vector>
 
-// AC characteristics and refresh times of a speed grade, in ps.
+// AC characteristics and refresh times of an SDRAM speed grade, in ps.
 struct SdramGrade {
   uint64_t ck3, ck2;  // minimum clock period with CAS latency 3 and 2
   uint64_t rcd, rp, ras, ras_max, rc, rfc, rrd, wr;
@@ -30,35 +30,35 @@ inline const SdramGrade kGrade7E{7000,        7500,  15000, 15000, 37000,
 inline const SdramGrade kGrade6A{6000,        10000, 18000, 18000, 42000,
                                  120'000'000, 60000, 60000, 12000, 12000};
 
-// Levels of the pins at a clock edge. Pins with the suffix _n are active low.
+// Levels of the SDRAM's pins at a clock edge. Pins with the suffix _n are active low.
 struct SdramPins {
   bool cke = true, cs_n = false, ras_n = true, cas_n = true, we_n = true;
   uint8_t ba = 0;
   uint16_t a = 0;
   uint8_t dqm = 0;
   uint16_t dq = 0;
-  bool oe = false;  // the controller drives dq
+  bool oe = false;  // true: the controller drives dq
 };
 
 class Sdram {
  public:
   explicit Sdram(const SdramGrade& grade) : t_(grade), words_(1u << 24), refreshed_(grade.rows) {
-    // The contents after power-up are undefined, so the words start with different values, most of
-    // them not zero.
+    // The contents of an SDRAM after power-up are undefined, so the model's words start with
+    // different values, most of them not zero.
     for (size_t k = 0; k < words_.size(); ++k) words_[k] = static_cast<uint16_t>(k * 40503u >> 3);
   }
 
-  // Processes a rising edge of the clock.
+  // Processes a rising edge of the SDRAM's clock.
   void edge(uint64_t now, const SdramPins& pins) {
     if (edges_ && now - now_ < (cas_ == 2 ? t_.ck2 : t_.ck3)) report("tCK");
     now_ = now;
     ++edges_;
     if (edges_ == 1) powered_ = now;
-    // A word is driven from one edge until the next edge captures it. The SDRAM releases the pins
-    // tHZ later.
+    // A read word is driven from one edge until the next edge captures the word. The SDRAM releases
+    // the pins tHZ after that edge.
     if (pins.oe && (driving_ || drove_)) report("DQ contention");
     drove_ = driving_ != 0;
-    // DQM acts on the word that is captured two edges later
+    // DQM masks the read word that is captured two edges later
     driving_ = next_[0].valid ? 3 & ~dqm_ : 0;
     dq_ = next_[0].word;
     next_[0] = next_[1];
@@ -71,12 +71,12 @@ class Sdram {
     }
     if (ready_ && now > refreshed_[oldest_] + t_.refresh) {
       report("refresh interval");
-      refreshed_[oldest_] = now;  // reports each overdue refresh once
+      refreshed_[oldest_] = now;  // report each overdue refresh only once
       oldest_ = (oldest_ + 1) % t_.rows;
     }
     const int command = pins.cs_n ? kNop : pins.ras_n << 2 | pins.cas_n << 1 | pins.we_n;
     if (!pins.cke) {
-      // CKE low is a reset of the controller, which the model treats as a power-up.
+      // CKE is low while the controller is in reset; the model treats this level as a power-up.
       if (command != kNop) report("SELF REFRESH: not modelled");
       for (Bank& bank : banks_) bank = {};
       note_rows();
@@ -110,8 +110,8 @@ class Sdram {
     }
   }
 
-  // Returns the word that the SDRAM drives until the next edge captures it. Bit k of driving()
-  // means that byte k is driven.
+  // Returns the word that the SDRAM drives until the next edge captures it. Bit k of driving() is 1
+  // if the SDRAM drives byte k.
   uint16_t dq() const { return dq_; }
   int driving() const { return driving_; }
 
@@ -120,12 +120,12 @@ class Sdram {
     for (uint16_t& word : words_) word = static_cast<uint16_t>(~word);
   }
 
-  bool ready() const { return ready_; }  // true after the initialisation
+  bool ready() const { return ready_; }  // true after the initialisation sequence
   uint64_t refreshes() const { return refreshes_; }
   uint64_t reads() const { return reads_; }
   uint64_t writes() const { return writes_; }
   uint64_t activations() const { return activations_; }
-  // Returns the number of violations by name. first_violation() is the time of the first one.
+  // Returns the number of violations by name; first_violation() returns the time of the first.
   const std::map<std::string, uint64_t>& violations() const { return violations_; }
   uint64_t first_violation() const { return first_violation_; }
 
@@ -135,7 +135,7 @@ class Sdram {
   struct Bank {
     bool open = false;
     uint16_t row = 0;
-    // Times of the last commands of each kind. The flags below are false before the first command.
+    // Times of the last command of each kind. The flags below are false before the first one.
     uint64_t active = 0, precharge = 0, write = 0;
     bool was_active = false, was_precharged = false, was_written = false;
   };
@@ -192,7 +192,7 @@ class Sdram {
       bank.was_written = true;
     } else {
       ++reads_;
-      next_[cas_ == 2 ? 0 : 1] = {true, word};  // the word is captured cas_ edges later
+      next_[cas_ == 2 ? 0 : 1] = {true, word};  // the word is captured cas_ edges after READ
     }
   }
 
@@ -244,7 +244,7 @@ class Sdram {
     ready_ = true;
   }
 
-  // Reports if a bank is open or was not closed for tRP.
+  // Reports a violation if a bank is open or was closed less than tRP ago.
   void idle(const char* what) {
     for (const Bank& bank : banks_) {
       if (bank.open)

@@ -1,15 +1,15 @@
 // SPDX-License-Identifier: Apache-2.0
-// The host's UART (8N1) at the other end of the board's two wires, simulated bit by bit.
+// Simulates the host's UART (8 data bits, no parity, 1 stop bit) at the board's two wires.
 #pragma once
 
 #include <cstdint>
 
 class Uart {
  public:
-  // The baud rate is step / 2^16 bits per clock, as in rtl/link/lipp_uart_tx.sv.
+  // The baud rate is step / 2^16 bits per board clock, as in rtl/link/lipp_uart_tx.sv.
   explicit Uart(uint32_t step) : step_(step) {}
 
-  // Returns true when the next byte can be sent.
+  // Returns true if the next byte can be sent.
   bool ready() const { return sending_ == 0; }
   void send(uint8_t byte) { sending_ = 0x600u | byte << 1 | 0u; left_ = 0x10000; }
   // Returns the level of the wire to the board in the next clock.
@@ -30,7 +30,7 @@ class Uart {
   int take(bool level) {
     if (taken_ == 0) {
       if (level) return -1;
-      taken_ = 10;  // a start bit: wait for half a bit, to its middle
+      taken_ = 10;  // start bit: wait half a bit time, to its middle
       wait_ = 0x8000;
     }
     if (wait_ > step_) {
@@ -45,7 +45,7 @@ class Uart {
 
  private:
   uint32_t step_;
-  uint32_t sending_ = 0, left_ = 0;  // remaining bits to send, lowest first, and a marker bit
+  uint32_t sending_ = 0, left_ = 0;  // sending_: bits to send, lowest first, then a marker bit
   uint32_t wait_ = 0;
   uint16_t word_ = 0;
   int taken_ = 0;

@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
-/// Checks the contract of `lipp_axil_to_apb` at its ports, and that the manager keeps each request
-/// stable until it is accepted.
+/// Checks the handshakes and transfers of `lipp_axil_to_apb` at its ports, and that the AXI manager
+/// keeps each request stable until the bridge accepts the request.
 module lipp_axil_to_apb_checks #(
   parameter int AddressBits = 9,
-  parameter bit AssumeManager = 1'b0  // 1: a proof assumes that the manager is correct
+  parameter bit AssumeManager = 1'b0  // 1: assume, not assert, the manager's rules
 ) (
   input logic                   clk_i,
   input logic                   rst_ni,
@@ -41,7 +41,7 @@ module lipp_axil_to_apb_checks #(
 `ifdef FORMAL
   wire checked = rst_ni;
 `else
-  reg reset_q = 0;  // assertions are checked only after the first reset
+  reg reset_q = 0;  // 1: the first reset has ended, so assertions are checked
   always @(posedge clk_i or negedge rst_ni) if (!rst_ni) reset_q <= 1;
   wire checked = rst_ni && reset_q;
 `endif
@@ -54,16 +54,16 @@ module lipp_axil_to_apb_checks #(
   wire b_take = s_axil_bvalid && s_axil_bready;
   wire r_take = s_axil_rvalid && s_axil_rready;
 
-  reg aw_q, w_q, ar_q;        // a part of a request was accepted, and its access has not begun
+  reg aw_q, w_q, ar_q;        // 1: address (aw, ar) or data (w) wait for their APB access
   wire aw_waits = aw_q && !(setup && m_apb_pwrite);
   wire w_waits = w_q && !(setup && m_apb_pwrite);
   wire ar_waits = ar_q && !(setup && !m_apb_pwrite);
-  reg b_due_q, r_due_q;       // an access has ended, and its response was not accepted yet
+  reg b_due_q, r_due_q;       // 1: a write (b) or read (r) response is pending
   reg b_error_q, r_error_q;
-  reg [A+2:0] aw_word_q, ar_word_q;  // the last accepted parts
+  reg [A+2:0] aw_word_q, ar_word_q;  // last accepted write address, write data, read address
   reg [35:0] w_word_q;
   reg [31:0] r_word_q;
-  reg past_valid_q;                // the registers below contain values of the previous clock
+  reg past_valid_q;                // 1: the registers below hold values of the previous clock
   reg idle_q, wait_q, may_write_q, may_read_q, last_write_q;
   reg [A+39:0] access_q;
   always @(posedge clk_i or negedge rst_ni) begin
@@ -78,7 +78,7 @@ module lipp_axil_to_apb_checks #(
       past_valid_q <= 1;
     end
   end
-  // offered in the previous clock, but not accepted
+  // 1: offered in the previous clock, but not accepted
   reg aw_held_q, w_held_q, ar_held_q, b_held_q, r_held_q;
   reg [A+2:0] aw_was_q, ar_was_q;
   reg [35:0] w_was_q;
@@ -98,17 +98,17 @@ module lipp_axil_to_apb_checks #(
     access_q <= access;
     idle_q <= !m_apb_psel || done;
     wait_q <= m_apb_psel && !done;
-    // An access could begin after this clock: its parts have arrived, and the register of its
-    // response is free.
+    // 1: an APB access could begin after this clock, because all parts of its request have arrived
+    // and the register of its response is free.
     may_write_q <= aw_waits && w_waits && !s_axil_bvalid && !(done && m_apb_pwrite);
     may_read_q <= ar_waits && !s_axil_rvalid && !(done && !m_apb_pwrite);
     last_write_q <= m_apb_pwrite;
   end
 
-  // ---- the adapter's contract ----
+  // ---- rules for the bridge ----
   always @(posedge clk_i) begin
     if (checked) begin
-      // Each access belongs to a request, and gets exactly one response, which is its own.
+      // Each APB access belongs to a request, and each request gets exactly one response, its own.
       write_asked: assert(!(setup && m_apb_pwrite) || (aw_q && w_q));
       read_asked: assert(!(setup && !m_apb_pwrite) || ar_q);
       write_access: assert(!(setup && m_apb_pwrite)
@@ -122,26 +122,26 @@ module lipp_axil_to_apb_checks #(
       read_answer: assert(!r_due_q
           || (s_axil_rresp == {r_error_q, 1'b0} && (r_error_q || s_axil_rdata == r_word_q)));
       answer_has_room: assert(!(done && (m_apb_pwrite ? b_due_q : r_due_q)));
-      // A part of a request is accepted exactly while no other part of that kind is waiting.
+      // The bridge accepts an address or data exactly while none of the same channel is waiting.
       places: assert(!past_valid_q || {s_axil_awready, s_axil_wready, s_axil_arready}
           == {!aw_waits, !w_waits, !ar_waits});
       apb_enable: assert(!m_apb_penable || m_apb_psel);
       if (past_valid_q) begin
-        // A response is stable until it is accepted.
+        // A response is stable until the manager accepts the response.
         b_stable: assert(!b_held_q || (s_axil_bvalid && s_axil_bresp == b_was_q));
         r_stable: assert(!r_held_q || (s_axil_rvalid && {s_axil_rresp, s_axil_rdata} == r_was_q));
-        // APB4: one clock of setup, then the access until ready; all signals are stable meanwhile.
+        // APB4: a setup phase of one clock, then an access phase until PREADY; signals are stable.
         apb_setup: assert(!m_apb_penable || !idle_q);
         apb_access: assert(!wait_q || (m_apb_psel && m_apb_penable && access == access_q));
         // If the bus is idle, a pending access begins at once. If a write and a read are pending,
-        // the kind that did not run last begins.
+        // the one whose kind did not run last begins.
         begins: assert(!(idle_q && (may_write_q || may_read_q)) || setup);
         turns: assert(!(idle_q && may_write_q && may_read_q) || m_apb_pwrite != last_write_q);
       end
     end
   end
 
-  // ---- the contract of the manager ----
+  // ---- rules for the manager ----
   wire manager_ok = !past_valid_q
       || ((!aw_held_q || (s_axil_awvalid && {s_axil_awprot, s_axil_awaddr} == aw_was_q))
       && (!w_held_q || (s_axil_wvalid && {s_axil_wstrb, s_axil_wdata} == w_was_q))
@@ -154,6 +154,6 @@ module lipp_axil_to_apb_checks #(
 
 endmodule
 
-`ifndef FORMAL  // simulation: bound to every instance
+`ifndef FORMAL  // in simulation, bind the checks to every instance
 bind lipp_axil_to_apb lipp_axil_to_apb_checks #(.AddressBits(AddressBits)) i_checks (.*);
 `endif

@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
-/// Checks the contract of `lipp_config_bank` at its ports.
+/// Checks at the ports of `lipp_config_bank` that a copy is made only when no module uses it.
 ///
-/// The active copy changes only while busy_o is high, and only if no module used it two clocks
-/// before. Its new value is config_i of the previous clock. busy_o is high from the clock after a
-/// request on. busy_o equals hold_o of the previous clock.
+/// The active copy changes only while busy_o is high, and only if no module used the copy two
+/// clocks before. The new value is config_i of the previous clock. Output busy_o is high from the
+/// clock after a request on, and equals hold_o of the previous clock.
 module lipp_config_bank_checks #(
   parameter int Width = 32
 ) (
@@ -20,12 +20,12 @@ module lipp_config_bank_checks #(
 `ifdef FORMAL
   wire checked = rst_ni;
 `else
-  reg reset_q = 0;  // assertions are checked only after the first reset
+  reg reset_q = 0;  // 1: the first reset has ended, so assertions are checked
   always @(posedge clk_i or negedge rst_ni) if (!rst_ni) reset_q <= 1;
   wire checked = rst_ni && reset_q;
 `endif
 
-  reg past_valid_q;  // the registers below contain values of the previous clock
+  reg past_valid_q;  // 1: the registers below hold values of the previous clock
   reg applied_q, busy_q, hold_q, idle_q, idle_q2;
   reg [Width-1:0] config_q, used_q;
   always @(posedge clk_i or negedge rst_ni) begin
@@ -49,6 +49,6 @@ module lipp_config_bank_checks #(
 
 endmodule
 
-`ifndef FORMAL  // simulation: bound to every instance
+`ifndef FORMAL  // in simulation, bind the checks to every instance
 bind lipp_config_bank lipp_config_bank_checks #(.Width(Width)) i_checks (.*);
 `endif

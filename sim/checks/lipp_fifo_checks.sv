@@ -1,16 +1,16 @@
 // SPDX-License-Identifier: Apache-2.0
-/// Checks the contract of `lipp_fifo` at its ports.
+/// Checks at the ports of `lipp_fifo` that no word is lost, duplicated or reordered.
 ///
-/// The writer never writes into a full FIFO. valid_o is high exactly while the FIFO contains a word
+/// The writer never writes into a full FIFO. Output valid_o is high exactly while a word is stored
 /// that was written four or more clocks ago. The n-th word read equals the n-th word written.
 ///
 /// The checks watch one word at a time: the next word written while watch_i is high. In a proof the
-/// solver chooses this word, so the result is valid for every word.
+/// solver chooses the watched word, so the result is valid for every word.
 module lipp_fifo_checks #(
   parameter int Width = 36,
   parameter int AddressBits = 9,
-  parameter bit AssumeWriter = 1'b0,  // 1: a proof assumes that the writer is correct
-  parameter bit AssumeFifo = 1'b0     // 1: a proof assumes that the FIFO is correct
+  parameter bit AssumeWriter = 1'b0,  // 1: assume, not assert, the writer's rules
+  parameter bit AssumeFifo = 1'b0     // 1: assume, not assert, the FIFO's rules
 ) (
   input  logic                 clk_i,
   input  logic                 rst_ni,
@@ -20,18 +20,18 @@ module lipp_fifo_checks #(
   input  logic                 ready_i,
   input  logic [Width-1:0]     data_o,
   input  logic                 watch_i,
-  // The outputs are used by the invariants of proofs.
-  output logic [AddressBits:0] count_o,     // number of words written and not taken
+  // The invariants of proofs use these outputs.
+  output logic [AddressBits:0] count_o,     // number of words in the FIFO
   output logic [3:0]           wrote_o,     // bit k: a word was written k + 1 clocks ago
   output logic                 watching_o,
-  output logic [AddressBits:0] ahead_o,     // number of words ahead of the watched word
+  output logic [AddressBits:0] ahead_o,     // number of words before the watched one
   output logic [Width-1:0]     watched_o
 );
 
 `ifdef FORMAL
   wire checked = rst_ni;
 `else
-  reg reset_q = 0;  // assertions are checked only after the first reset
+  reg reset_q = 0;  // 1: the first reset has ended, so assertions are checked
   always @(posedge clk_i or negedge rst_ni) if (!rst_ni) reset_q <= 1;
   wire checked = rst_ni && reset_q;
 `endif
@@ -100,7 +100,7 @@ module lipp_fifo_checks #(
     end
   end
 
-  // Consequences of the contract, for the proofs that use it.
+  // Proofs of other modules assume these consequences of the FIFO's rules.
   always @(posedge clk_i) begin
     if (checked) begin
       counted: assert(count_q <= C'(Room));
@@ -111,7 +111,7 @@ module lipp_fifo_checks #(
 
 endmodule
 
-`ifndef FORMAL  // simulation: bound to every instance
+`ifndef FORMAL  // in simulation, bind the checks to every instance
 bind lipp_fifo lipp_fifo_checks #(.Width(Width), .AddressBits(AddressBits)) i_checks (
   .*, .watch_i(1'b1), .count_o(), .wrote_o(), .watching_o(), .ahead_o(), .watched_o()
 );

@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
-/// Checks the contract of `lipp_flow_control` at its ports.
+/// Checks at the ports of `lipp_flow_control` when rays are accepted and when they leave.
 ///
-/// The input is closed in the clock after hold_i, and open only while an entry is free. With a
-/// ready reader and no hold, the input opens within 6 clocks and stays open. A ray leaves Latency +
-/// 4 clocks after it was accepted, or later if it had to wait for the reader. idle_o is high
-/// exactly if no ray is inside and none has left in the last three clocks.
+/// Output ready_o is low in the clock after hold_i, and high only while a FIFO entry is free. If
+/// the reader is always ready and hold_i is low, ready_o rises within 6 clocks and stays high. A
+/// ray leaves Latency + 4 clocks after it was accepted, or later if it waits for the reader. Output
+/// idle_o is high exactly if no ray is inside and no ray has left in the last three clocks.
 module lipp_flow_control_checks #(
   parameter int Latency = 100,
   parameter int AddressBits = 9,
@@ -24,7 +24,7 @@ module lipp_flow_control_checks #(
 `ifdef FORMAL
   wire checked = rst_ni;
 `else
-  reg reset_q = 0;  // assertions are checked only after the first reset
+  reg reset_q = 0;  // 1: the first reset has ended, so assertions are checked
   always @(posedge clk_i or negedge rst_ni) if (!rst_ni) reset_q <= 1;
   wire checked = rst_ni && reset_q;
 `endif
@@ -35,10 +35,10 @@ module lipp_flow_control_checks #(
   wire accept = valid_i && ready_o;
   wire leave = valid_o && ready_i;
 
-  reg [C-1:0] inside_q;         // number of rays accepted and not yet left
+  reg [C-1:0] inside_q;         // number of rays that were accepted and have not left yet
   reg [Latency+3:0] entered_q;  // bit k: a ray was accepted k + 1 clocks ago
   reg [C-1:0] recent_q;         // number of rays accepted in the last Latency + 3 clocks
-  reg [2:0] flows_q;            // clocks with a ready reader and no hold, counted up to 6
+  reg [2:0] flows_q;            // clocks with a ready reader and hold_i low, counted to 6
   reg stalled_q, hold_q;
   reg [2:0] leave_q;            // bit k: a ray left k + 1 clocks ago
   reg [Width-1:0] out_q;
@@ -77,7 +77,7 @@ module lipp_flow_control_checks #(
 
 endmodule
 
-`ifndef FORMAL  // simulation: bound to every instance
+`ifndef FORMAL  // in simulation, bind the checks to every instance
 bind lipp_flow_control lipp_flow_control_checks #(
   .Latency(Latency), .AddressBits(AddressBits), .Width(Width)
 ) i_checks (.*);

@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
-/// Checks the contract of `lipp_frame_gate` at its ports, and the raster that feeds the frame gate.
+/// Checks at the ports of `lipp_frame_gate` that changes take effect only between frames, and
+/// checks the rules of the raster that feeds the frame gate.
 module lipp_frame_gate_checks #(
-  parameter bit AssumeRaster = 1'b0  // 1: a proof assumes that the raster is correct
+  parameter bit AssumeRaster = 1'b0  // 1: assume, not assert, the raster's rules
 ) (
   input logic clk_i,
   input logic rst_ni,
@@ -28,7 +29,7 @@ module lipp_frame_gate_checks #(
 `ifdef FORMAL
   wire checked = rst_ni;
 `else
-  reg reset_q = 0;  // assertions are checked only after the first reset
+  reg reset_q = 0;  // 1: the first reset has ended, so assertions are checked
   always @(posedge clk_i or negedge rst_ni) if (!rst_ni) reset_q <= 1;
   wire checked = rst_ni && reset_q;
 `endif
@@ -38,14 +39,14 @@ module lipp_frame_gate_checks #(
   wire accept = from_raster || from_stream;
   wire last = from_stream ? stream_last_i : raster_last_i;
 
-  reg within_q;          // the first ray of a frame was accepted, but its last ray not yet
-  reg applies_q;         // a change was requested and has not taken effect yet
-  reg starts_q;          // a frame was requested and has not begun yet
-  reg due_next_q;        // a change must take effect before the requested frame
-  reg change_due_q;      // a change must take effect before the frame that has begun
-  reg walks_q;           // the frame of the raster has begun and not ended
+  reg within_q;          // 1: the first ray of a frame was accepted, its last not yet
+  reg applies_q;         // 1: a change was requested and has not taken effect
+  reg starts_q;          // 1: a frame was requested and has not begun
+  reg due_next_q;        // 1: a change must take effect before the requested frame
+  reg change_due_q;      // 1: a change must take effect before the begun frame's rays
+  reg walks_q;           // 1: the frame of the raster has begun and not ended
   reg [1:0] begun_q;     // clocks since the clock after begin_o, counted up to 3
-  reg past_valid_q;      // the registers below contain values of the previous clock
+  reg past_valid_q;      // 1: the registers below hold values of the previous clock
   reg took_q, stream_q, restart_q, waited_q;
   always @(posedge clk_i or negedge rst_ni) begin
     if (!rst_ni) begin
@@ -66,7 +67,7 @@ module lipp_frame_gate_checks #(
       if (begin_o) begun_q <= 0;
       else if (begun_q < 3) begun_q <= begun_q + 1;
       past_valid_q <= 1;
-      // A change could have been decided in this clock.
+      // 1: the design could have decided in this clock to make a change.
       waited_q <= applies_q && !take_o && (abort_i || (accept ? last : !within_q));
     end
   end
@@ -78,7 +79,8 @@ module lipp_frame_gate_checks #(
 
   always @(posedge clk_i) begin
     if (checked) begin
-      // One ray at a time is accepted, from the active source. No ray is invented or dropped.
+      // In each clock, at most one ray is accepted, from the source in effect. Each accepted ray is
+      // passed on, and no other ray.
       one_source: assert(!(from_raster && from_stream));
       passed_on: assert(accept == (valid_o && ready_i));
       source: assert((!from_raster || !stream_o) && (!from_stream || stream_o));
@@ -88,7 +90,7 @@ module lipp_frame_gate_checks #(
       requested: assert(!take_o || applies_q);
       // The source changes together with the configuration, and at no other time.
       changes: assert(!past_valid_q || stream_o == (took_q ? restart_q : stream_q));
-      // No request is lost: it is pending until the first clock in which it can be executed.
+      // No request is lost: each one is pending until the first clock in which it can be executed.
       waits: assert(apply_waits_o == applies_q && start_waits_o == starts_q);
       answered: assert(!waited_q || take_o);
       begins: assert(begin_o == (starts_q && !raster_running_i));
@@ -97,7 +99,7 @@ module lipp_frame_gate_checks #(
     end
   end
 
-  // ---- the raster: a frame runs from begin_o to its last ray, or is refused before any ray ----
+  // ---- rules for the raster: a frame runs from begin_o to its last ray, or is refused ----
   wire raster_ok = (!raster_running_i || walks_q) && (raster_running_i || !within_q || stream_o)
       && (!raster_valid_i || (raster_running_i && begun_q >= 2));
   if (AssumeRaster) begin : gen_assume_raster
@@ -108,6 +110,6 @@ module lipp_frame_gate_checks #(
 
 endmodule
 
-`ifndef FORMAL  // simulation: bound to every instance
+`ifndef FORMAL  // in simulation, bind the checks to every instance
 bind lipp_frame_gate lipp_frame_gate_checks i_checks (.*);
 `endif

@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
-/// Checks the contract of `lipp_raster` at its ray output.
+/// Checks the handshake and the marks of the rays at the output of `lipp_raster`.
 ///
 /// An offered ray is stable until it is accepted or aborted. Exactly the first ray of a frame is
-/// marked as first. The raster runs until the last ray of the frame.
+/// marked as first. Output running_o is high until the last ray of the frame.
 module lipp_raster_checks #(
   parameter int F = 23
 ) (
@@ -23,7 +23,7 @@ module lipp_raster_checks #(
 
   localparam int Bits = 2 * lipp_optics_pkg::PixelBits + 2 * (F + 2) + 2;
 
-  reg reset_q = 0;  // assertions are checked only after the first reset
+  reg reset_q = 0;  // 1: the first reset has ended, so assertions are checked
   always @(posedge clk_i or negedge rst_ni) if (!rst_ni) reset_q <= 1;
   wire checked = rst_ni && reset_q;
 
@@ -54,6 +54,6 @@ module lipp_raster_checks #(
 
 endmodule
 
-`ifndef FORMAL  // simulation: bound to every instance
+`ifndef FORMAL  // in simulation, bind the checks to every instance
 bind lipp_raster lipp_raster_checks #(.F(F)) i_checks (.*);
 `endif

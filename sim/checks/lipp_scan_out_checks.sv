@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-/// Checks the contract of `lipp_scan_out` with a video transmitter: outside the pixels the output
-/// is black, and syncs are active only there.
+/// Checks the video signals of `lipp_scan_out` as a video transmitter needs them: while de_o is low
+/// the output is black, and while de_o is high no sync is active.
 module lipp_scan_out_checks #(
   parameter bit HPositive = 1'b1,
   parameter bit VPositive = 1'b1
@@ -17,12 +17,12 @@ module lipp_scan_out_checks #(
 `ifdef FORMAL
   wire checked = rst_ni;
 `else
-  reg reset_q = 0;  // assertions are checked only after the first reset
+  reg reset_q = 0;  // 1: the first reset has ended, so assertions are checked
   always @(posedge clk_i or negedge rst_ni) if (!rst_ni) reset_q <= 1;
   wire checked = rst_ni && reset_q;
 `endif
 
-  reg past_valid_q;  // one clock has passed since reset
+  reg past_valid_q;  // 1: one clock has passed since reset
   always @(posedge clk_i or negedge rst_ni) begin
     if (!rst_ni) past_valid_q <= 0;
     else past_valid_q <= 1;
@@ -37,7 +37,7 @@ module lipp_scan_out_checks #(
 
 endmodule
 
-`ifndef FORMAL  // simulation: bound to every instance
+`ifndef FORMAL  // in simulation, bind the checks to every instance
 bind lipp_scan_out lipp_scan_out_checks #(.HPositive(HPositive),
     .VPositive(VPositive)) i_checks (.*);
 `endif

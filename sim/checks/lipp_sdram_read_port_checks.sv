@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-/// Checks the contract of `lipp_sdram_read_port`: requests are legal, and the buffer has room for
-/// each word that arrives.
+/// Checks at `lipp_sdram_read_port` that the client's requests are legal, and that the FIFO has
+/// room for each word that arrives from the SDRAM.
 module lipp_sdram_read_port_checks #(
   parameter int PlaceBits = 8
 ) (
@@ -17,7 +17,7 @@ module lipp_sdram_read_port_checks #(
   input logic                 fifo_ready
 );
 
-  reg reset_q = 0;  // assertions are checked only after the first reset
+  reg reset_q = 0;  // 1: the first reset has ended, so assertions are checked
   always @(posedge clk_i or negedge rst_ni) if (!rst_ni) reset_q <= 1;
   always @(posedge clk_i) begin
     if (rst_ni && reset_q && valid_i && ready_o) begin

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-/// Checks the contract of `lipp_sdram_write_port`: requests are legal, each word is available when
-/// it is taken, and the end of each request is signalled.
+/// Checks at `lipp_sdram_write_port` that the client's requests are legal, that each word is
+/// available when the controller takes the word, and that done_o marks the end of each request.
 module lipp_sdram_write_port_checks #(
   parameter int PlaceBits = 8
 ) (
@@ -19,7 +19,7 @@ module lipp_sdram_write_port_checks #(
   input logic                 done_busy
 );
 
-  reg reset_q = 0;  // assertions are checked only after the first reset
+  reg reset_q = 0;  // 1: the first reset has ended, so assertions are checked
   always @(posedge clk_i or negedge rst_ni) if (!rst_ni) reset_q <= 1;
   always @(posedge clk_i) begin
     if (rst_ni && reset_q && valid_i && ready_o) begin

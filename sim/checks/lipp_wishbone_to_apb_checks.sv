@@ -1,6 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/// Checks the contract of `lipp_wishbone_to_apb` at its ports. A master may abandon a cycle at any
-/// time.
+/// Checks the transfers at the ports of `lipp_wishbone_to_apb`; a master may abandon a cycle.
 module lipp_wishbone_to_apb_checks #(
   parameter int AddressBits = 9
 ) (
@@ -30,7 +29,7 @@ module lipp_wishbone_to_apb_checks #(
 `ifdef FORMAL
   wire checked = rst_ni;
 `else
-  reg reset_q = 0;  // assertions are checked only after the first reset
+  reg reset_q = 0;  // 1: the first reset has ended, so assertions are checked
   always @(posedge clk_i or negedge rst_ni) if (!rst_ni) reset_q <= 1;
   wire checked = rst_ni && reset_q;
 `endif
@@ -43,8 +42,8 @@ module lipp_wishbone_to_apb_checks #(
   wire [A+39:0] access = {m_apb_pwrite, m_apb_pprot, m_apb_paddr, m_apb_pwdata & {32{m_apb_pwrite}},
       m_apb_pstrb};
 
-  reg past_valid_q;    // the registers below contain values of the previous clock
-  reg cycle_held_q;    // the master has held the cycle of this access since its start
+  reg past_valid_q;    // 1: the registers below hold values of the previous clock
+  reg cycle_held_q;    // 1: the master has held the cycle since the access began
   reg request_q, pulse_q, idle_q, wait_q, done_q, error_q;
   reg [31:0] word_q;
   reg [A+39:0] access_q;
@@ -65,18 +64,18 @@ module lipp_wishbone_to_apb_checks #(
 
   always @(posedge clk_i) begin
     if (checked && past_valid_q) begin
-      // An access begins exactly when a cycle is pending, and belongs to that cycle.
+      // An APB access begins exactly when a Wishbone cycle is pending, and belongs to that cycle.
       begins: assert(setup == (idle_q && request_q && !pulse_q));
       own_access: assert(!setup || access == {
           request_word_q[A+34], 3'b000, request_word_q[A+33:36], 2'b00,
               request_word_q[35:4] & {32{request_word_q[A+34]}},
           request_word_q[3:0] & {4{request_word_q[A+34]}}});
-      // Each access is answered once, in the clock after its end, unless the master has abandoned
-      // the cycle.
+      // Each access is answered by ACK or ERR once, in the clock after its end, unless the master
+      // has abandoned the cycle.
       answered: assert(pulse == (done_q && request) && !(s_wb_ack && s_wb_err));
       answer: assert(!pulse || (s_wb_err == error_q && (error_q || s_wb_dat_r == word_q)));
       one_clock: assert(!(pulse && pulse_q));
-      // APB4: one clock of setup, then the access until ready; all signals are stable meanwhile.
+      // APB4: a setup phase of one clock, then the access phase until PREADY, with stable signals.
       apb_enable: assert(!m_apb_penable || (m_apb_psel && !idle_q));
       apb_access: assert(!wait_q || (m_apb_psel && m_apb_penable && access == access_q));
     end
@@ -84,6 +83,6 @@ module lipp_wishbone_to_apb_checks #(
 
 endmodule
 
-`ifndef FORMAL  // simulation: bound to every instance
+`ifndef FORMAL  // in simulation, bind the checks to every instance
 bind lipp_wishbone_to_apb lipp_wishbone_to_apb_checks #(.AddressBits(AddressBits)) i_checks (.*);
 `endif

@@ -3,9 +3,10 @@
 
 /// Writes the line and toggle coverage of a simulation when it ends.
 ///
-/// The file has Verilator's format and is written into the folder that LIPPMANN_COVERAGE names.
-/// lippmann.simulation.compilation binds this module to the top; only Verilator reads it. A process
-/// may run several models, and one of them several times.
+/// The coverage file has Verilator's format and is written into the folder that the environment
+/// variable LIPPMANN_COVERAGE names. The Python module lippmann.simulation.compilation binds this
+/// module to the top; only Verilator reads it. File names are unique, because a process may run
+/// several models, and a model several times.
 module coverage;
 
   final $c(

@@ -1,13 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
-/// Proof of `lipp_async_fifo` between two arbitrary clocks: the solver chooses when each clock
-/// ticks.
+/// Proves that `lipp_async_fifo` loses and reorders no word between two arbitrary clocks: the
+/// solver chooses when each clock has an edge.
 ///
-/// A synchroniser samples a bit either before or after a tick of the other clock. A bit that
-/// changes while it is sampled gives one of its two values. The whole count therefore gives its old
-/// or its new value, if at most one of its bits changes at a time (one_bit).
+/// A synchroniser samples a bit either before or after an edge of the other clock, so a bit that
+/// changes while it is sampled gives its old or its new value. The sampled count is therefore the
+/// old or the new count, if at most one of its bits changes at a time (function one_bit).
 module async_fifo_properties #(
   parameter int Width = 2,
-  parameter int AddressBits = 2  // 2, because the words of the memory are listed below
+  parameter int AddressBits = 2  // log2 of the entries; the code below lists 2^2 words
 ) (
   input logic             in_clk_i,
   input logic             out_clk_i,
@@ -28,14 +28,13 @@ module async_fifo_properties #(
     .out_data_o(out_data)
   );
 
-  // Reset is active in the first step and never again, because a later reset leads to the same
-  // state.
+  // Reset is active only in the first step of the proof: a later reset leads to the same state.
   reg started_q = 0;
   always @($global_clock) started_q <= 1;
   always @* assume(rst_ni == started_q);
 
-  // These wires are internal registers: flattening connects each wire to the register of the same
-  // name.
+  // These wires carry internal registers of the design: yosys flattens the hierarchy and connects
+  // each wire to the register of the same name.
   (* hierconn *) wire [C-1:0] \i_fifo.written_q ;
   (* hierconn *) wire [C-1:0] \i_fifo.written_gray_q ;
   (* hierconn *) wire [C-1:0] \i_fifo.written_next_q ;
@@ -66,13 +65,13 @@ module async_fifo_properties #(
   function automatic [C-1:0] binary(input [C-1:0] gray);
     binary = {gray[2], gray[2] ^ gray[1], gray[2] ^ gray[1] ^ gray[0]};
   endfunction
-  // The counts in the stages of the synchronisers; the older count is the second.
+  // These words are the counts in the two stages of the synchronisers; the second stage is older.
   wire [C-1:0] written1 = binary({written_stages[4], written_stages[2], written_stages[0]});
   wire [C-1:0] written2 = binary({written_stages[5], written_stages[3], written_stages[1]});
   wire [C-1:0] read1 = binary({read_stages[4], read_stages[2], read_stages[0]});
   wire [C-1:0] read2 = binary({read_stages[5], read_stages[3], read_stages[1]});
 
-  // ---- the watched word: any index, modulo twice the number of entries ----
+  // ---- the watched word: the solver chooses its index, modulo twice the number of entries ----
   (* anyconst *) reg [C-1:0] watch;
   reg [Width-1:0] watched_q;
   always @(posedge in_clk_i) begin
@@ -84,7 +83,7 @@ module async_fifo_properties #(
     \i_fifo.words[3] , \i_fifo.words[2] , \i_fifo.words[1] , \i_fifo.words[0]
   };
 
-  // ---- the counts of the previous step ----
+  // ---- keep the counts of the previous step ----
   reg [C-1:0] written_gray_q, read_gray_q;
   reg past_valid_q = 0;
   always @($global_clock) begin
@@ -107,7 +106,7 @@ module async_fifo_properties #(
           && binary(\i_fifo.written_next_q ) == C'(written + 1)
           && binary(\i_fifo.read_gray_q ) == read
           && binary(\i_fifo.read_next_q ) == C'(read + 1));
-      // No side sees more words or free entries than there are.
+      // The reader never sees more words, and the writer never more free entries, than there are.
       inside_written: assert(C'(written2 - read) <= C'(written1 - read)
           && C'(written1 - read) <= inside);
       inside_read: assert(C'(written - read2) <= Places - in_ready
@@ -117,7 +116,7 @@ module async_fifo_properties #(
     end
   end
 
-  // ---- covers ----
+  // ---- cover statements: events that the proof must be able to reach ----
   reg was_full_q;
   always @(posedge in_clk_i or negedge rst_ni) begin
     if (!rst_ni) was_full_q <= 0;

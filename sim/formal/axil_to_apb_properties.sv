@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-/// Proof of `lipp_axil_to_apb` with any manager that keeps its requests stable and with any
-/// completer: the contract of axil_to_apb_checks, and the invariants that make it inductive.
+/// Proves the assertions of axil_to_apb_checks for `lipp_axil_to_apb`, with any manager that keeps
+/// its requests stable and with any completer. The invariants below make the proof inductive.
 module axil_to_apb_properties (
   input logic        clk_i,
   input logic        rst_ni,
@@ -47,8 +47,8 @@ module axil_to_apb_properties (
     .m_apb_prdata, .m_apb_pslverr
   );
 
-  // These wires are internal registers: flattening connects each wire to the register of the same
-  // name.
+  // These wires carry internal registers of the design: yosys flattens the hierarchy and connects
+  // each wire to the register of the same name.
   (* hierconn *) wire \i_adapter.aw_q ;
   (* hierconn *) wire \i_adapter.w_q ;
   (* hierconn *) wire \i_adapter.ar_q ;
@@ -83,7 +83,7 @@ module axil_to_apb_properties (
     end
   end
 
-  // ---- covers ----
+  // ---- cover statements: events that the proof must be able to reach ----
   reg [1:0] writes_q, reads_q;
   always @(posedge clk_i or negedge rst_ni) begin
     if (!rst_ni) {writes_q, reads_q} <= 0;

@@ -1,17 +1,17 @@
 // SPDX-License-Identifier: Apache-2.0
-/// Proof that `lipp_dispatcher` answers every request.
+/// Proves that `lipp_dispatcher` answers every request.
 ///
-/// The neighbouring modules answer within Slow clocks, as their headers state. Otherwise they and
-/// both ends of the serial line behave arbitrarily. The proof: within Bound clocks an event
-/// happens, unless the serial line stands still. An event is a byte in or out, a bus access, a byte
-/// or the end of a tile, the end of a frame, or a ray. A request has a bounded number of each
-/// event. The status of the optics is read at most three times before another event. Bytes of a
-/// request are accepted only when all earlier requests are answered, except for bytes that wait at
-/// the output.
+/// The proof assumes that the modules around the dispatcher answer within Slow clocks, as their
+/// headers state. Apart from that, these modules and the serial line behave arbitrarily. The proof
+/// shows that an event happens within Bound clocks, unless the serial line neither sends nor
+/// accepts bytes. An event is a byte in or out, a bus access, a byte or the end of a tile, the end
+/// of a frame, or a ray. A request causes a bounded number of events of each kind. The dispatcher
+/// reads the status of the optics at most three times before another event. Bytes of a request are
+/// accepted only when the replies to all earlier requests are at the output.
 module dispatcher_properties #(
   parameter int Slow = 2,
   parameter int Bound = 31,
-  parameter int Layers = 0,   // number of layers of the scene, 0 without a scene
+  parameter int Layers = 0,   // number of layers of the scene; 0: no scene
   parameter bit Guide = 1'b0  // 1: every request is an ABORT, and no module waits
 ) (
   input logic             clk_i,
@@ -81,17 +81,17 @@ module dispatcher_properties #(
 
   wire blocks_busy = Layers > 0 && blocks_busy_i;
 
-  // ---- the neighbouring modules: the state of each, and for how many clocks ----
-  logic [1:0] byte_q;                      // bytes of the request, counted up to 3
+  // ---- model the modules around the dispatcher: the state of each, and its age in clocks ----
+  logic [1:0] byte_q;                      // bytes of the request read so far, counted to 3
   logic bus_q, tile_open_q, tile_end_q, present_q, block_q, ray_q;
   logic [2:0] bus_for_q, tile_for_q, tile_shut_q, present_for_q, ray_shut_q, ray_for_q, table_for_q;
   logic [2:0] block_for_q;
-  logic table_q;                           // the tables are being cleared
-  logic [1:0] looks_q;                     // reads of the status since the last write
-  logic running_q;                         // a frame may be running
+  logic table_q;                           // 1: the tile and block tables are being cleared
+  logic [1:0] looks_q;                     // reads of the optics' status since the last write
+  logic running_q;                         // 1: a frame may be running
   logic look_q;
-  logic [2:0] polls_q;  // reads of the status by one operation, since its last write
-  logic signed_q;       // the last signature is complete
+  logic [2:0] polls_q;  // status reads of one operation since its last write
+  logic signed_q;       // 1: the last signature is complete
   localparam logic [2:0] Late = 3'(Slow);
   always_ff @(posedge clk_i or negedge rst_ni) begin
     if (!rst_ni) begin
@@ -102,7 +102,7 @@ module dispatcher_properties #(
       {table_q, table_for_q, signed_q} <= {1'b1, 3'd0, 1'b0};
     end else begin
       if (in_take) byte_q <= in_last_i ? 2'd0 : byte_q == 2'd3 ? 2'd3 : byte_q + 2'd1;
-      // the bus
+      // ---- rules for the register bus ----
       bus_q <= bus_start || (bus_q && !bus_done_i);
       bus_for_q <= bus_start ? 3'd0 : bus_for_q + 3'd1;
       if (bus_start) look_q <= !bus_write && bus_at == 11'h210;
@@ -115,24 +115,24 @@ module dispatcher_properties #(
       end
       if (i_dut.ray_start || (bus_start && bus_write)) polls_q <= '0;
       else if (bus_start && i_dut.i_rays.on_bus) polls_q <= polls_q + 3'd1;
-      // the tile writer
+      // ---- rules for the tile writer ----
       if (tile_start) {tile_open_q, tile_end_q} <= {!tile_empty, tile_empty};
       else if (tile_take && tile_last) {tile_open_q, tile_end_q} <= 2'b01;
       else if (tile_done_i) tile_end_q <= 1'b0;
       tile_for_q <= tile_end_q && !tile_done_i ? tile_for_q + 3'd1 : 3'd0;
       tile_shut_q <= tile_valid && !tile_ready_i ? tile_shut_q + 3'd1 : 3'd0;
-      // the presenter
+      // ---- rules for the presenter ----
       present_q <= present_start || (present_q && !present_done_i);
       present_for_q <= present_start ? 3'd0 : present_for_q + 3'd1;
-      // the loader of slots
+      // ---- rules for the slot loader ----
       block_q <= block_start || (block_q && !block_done_i);
       block_for_q <= block_start ? 3'd0 : block_for_q + 3'd1;
-      // the optics
+      // ---- rules for the optics ----
       ray_q <= ray_take || (ray_q && !exit_take);
       ray_shut_q <= ray_valid && !ray_ready_i ? ray_shut_q + 3'd1 : 3'd0;
       ray_for_q <= ray_take ? 3'd0 : ray_for_q + 3'd1;
       signed_q <= sign_done_i && !sign_start && !reset;
-      // the tables
+      // ---- rules for the tile and block tables ----
       table_q <= reset || (table_q && (table_busy_i || blocks_busy));
       table_for_q <= reset || !table_q ? 3'd0 : table_for_q + 3'd1;
     end
@@ -141,7 +141,7 @@ module dispatcher_properties #(
     assume (!in_take || !in_last_i || byte_q >= 2'd2);
     assume (!bus_done_i || bus_q);
     assume (!bus_q || bus_for_q < Late || bus_done_i);
-    // At the third read of the status, an apply has taken effect, and an abort has left no rays.
+    // At the third read of the status, an apply has taken effect, and an aborted frame has ended.
     assume (!(bus_done_i && look_q && bus_word_i[1]) || running_q);
     assume (!(bus_done_i && look_q && looks_q == 2'd3 && !bus_word_i[1])
         || (!bus_word_i[0] && !bus_word_i[3]));
@@ -168,14 +168,14 @@ module dispatcher_properties #(
     end
   end
 
-  // ---- the proved properties ----
-  logic [4:0] idle_q;     // clocks without an event, although one was possible
+  // ---- properties to prove ----
+  logic [4:0] idle_q;     // clocks since the last event in which an event was possible
   logic [1:0] unsent_q;   // received requests whose reply is not completely sent
   wire [5:0] head_left = i_dut.i_reply.head_left_q;
   wire sends = out_valid || head_left != '0;
-  wire gap = sends && !out_valid;  // between two parts of a head
+  wire gap = sends && !out_valid;  // 1: between two parts of the head of a reply
   wire moves = in_take || out_take || bus_done_i || tile_take || tile_done_i || present_done_i
-      // a word is looked up
+      // state_q = 2: register_access is checking the address of a word
       || block_done_i || ray_take || exit_take || reset || i_dut.i_registers.state_q == 3'd2;
   wire line_waits = (in_ready && !in_valid_i) || (out_valid && !out_ready_i) || table_q;
   always_ff @(posedge clk_i or negedge rst_ni) begin
@@ -201,7 +201,7 @@ module dispatcher_properties #(
     end
   end
 
-  // ---- invariants of each part in each state; numbers are values of enumerations ----
+  // ---- invariants of each part in each state; the numbers are values of enumerations ----
   localparam int Receive = 0, Judge = 1, Execute = 2, Reply = 3, Words = 4;
   localparam int ReaderTile = 5, ReaderDone = 7;
   localparam int RegIdle = 0, RegRange = 1, RegCheck = 2, RegAsk = 5, RegWait = 6, RegWord = 7;
@@ -230,9 +230,9 @@ module dispatcher_properties #(
   localparam logic [7:0] Last = Layers > 0 ? RequestBlocks : RequestReset;
   wire legal_kind = kind inside {[RequestHello:Last]};
   wire lists = kind inside {RequestTiles, RequestBlocks};
-  // a WRITE that needs the permission of ray_access
+  // 1: a WRITE to the optics, which ray_access must permit
   wire on_optics = i_dut.on_optics || i_dut.draws;
-  // The modules that a request of this kind uses while it is executed.
+  // These flags are the modules that the current request uses while it is executed.
   wire uses_regs = kind inside {RequestHello, RequestRead, RequestWrite};
   wire uses_rays = kind inside {RequestTrace, RequestSign, RequestAbort} || on_optics;
   wire reg_reads = regs inside {RegAsk, RegWait, RegWord} && !reg_write;
@@ -274,7 +274,7 @@ module dispatcher_properties #(
     endcase
     ray_part = ray_part || (i_dut.ray_start && rays == RayIdle);
   end
-  // Maximum number of clocks until the next event. Each module that waits counts it down.
+  // Bound on the number of clocks until the next event; it decreases while a module is waited for.
   logic [5:0] todo;
   always_comb begin
     todo = 6'd10;
@@ -311,7 +311,7 @@ module dispatcher_properties #(
             : 6'd2 + 6'(i_dut.i_rays.moves_q);
       end
     endcase
-    // The clocks until the head of the reply is registered and the previous reply has ended.
+    // Number of clocks until the head of the reply is registered and the previous reply has ended.
     if (state inside {Judge, Execute} || (state == Receive && reader == ReaderDone)) todo = todo
         + 6'd2;
     if (state == Words && !sends && !i_dut.word_ready) todo = todo + 6'd1;
@@ -456,7 +456,7 @@ module dispatcher_properties #(
     end
   end
 
-  // ---- covers ----
+  // ---- cover statements: events that the proof must be able to reach ----
   logic [1:0] replies_q;
   always_ff @(posedge clk_i or negedge rst_ni) begin
     if (!rst_ni) replies_q <= '0;

@@ -1,15 +1,15 @@
 // SPDX-License-Identifier: Apache-2.0
-/// Proof of `lipp_draw_frame` with arbitrary video and software, and with any optics and scene that
-/// keep the order of the rays.
+/// Proves that `lipp_draw_frame` shows each pixel at its position or as a counted black pixel, with
+/// any timing of video and software, and with any optics and scene that keep the order of the rays.
 ///
-/// The optics and the scene output a pixel for every 2^SamplesBits rays, at any time. The n-th
-/// pixel of a frame has the value n, so that a pixel at a wrong position is detected. The video
-/// takes any number of pixels between two starts of a frame. The proof has four parts. The rays of
-/// a frame are the rays of all its pixels in order, each once. A pixel that the video receives
-/// belongs to its position; otherwise it is black and counted. Each requested pixel arrives, and is
-/// taken once or dropped once. New registers take effect only at the start of a frame, as soon as
-/// possible, never while they are being written, and only when no ray of another frame is in the
-/// pipeline.
+/// The model of optics and scene outputs a pixel for every 2^SamplesBits rays, at any time. The
+/// n-th pixel of a frame has the value n, so that a pixel at a wrong position is detected. The
+/// video takes any number of pixels between two starts of a frame. The proof has four parts. First,
+/// the rays of a frame are the rays of all its pixels in order, each once. Second, a pixel that the
+/// video receives is the pixel of that position, or it is black and counted as underflow. Third,
+/// each requested pixel arrives, and is taken once or dropped once. Fourth, new registers take
+/// effect only at the start of a frame, at the first start at which they are not being written and
+/// no ray of another frame is in the pipeline.
 module draw_frame_properties #(
   parameter int Width = 3,
   parameter int Height = 2,
@@ -35,7 +35,7 @@ module draw_frame_properties #(
   logic take, shown, owns, ray_valid, ray_first, ray_last, pixel_ready, underflow, drawn;
   logic signed [17:0] ray_u, ray_v;
   logic [23:0] rgb;
-  logic [7:0] come_q;  // pixels of the frame that have arrived
+  logic [7:0] come_q;  // number of pixels of the frame that have arrived
   lipp_draw_frame #(.Width(Width), .Height(Height), .SamplesBits(SamplesBits)) i_dut (
     .clk_i, .rst_ni, .begin_i, .source_i, .hold_i, .take_o(take), .shown_o(shown), .owns_o(owns),
     .ray_valid_o(ray_valid), .ray_ready_i, .ray_u_o(ray_u), .ray_v_o(ray_v),
@@ -43,11 +43,11 @@ module draw_frame_properties #(
     .pixel_rgb_i({16'habcd, come_q}), .want_i, .rgb_o(rgb), .underflow_o(underflow), .drawn_o(drawn)
   );
 
-  // ---- the frame being drawn, and the frame of the video ----
-  logic [7:0] ray_count_q;    // rays of the frame that were sent to the optics
-  logic [7:0] passed_q;       // positions that the video has passed since the start of its frame
+  // ---- track the frame being drawn, and the frame of the video ----
+  logic [7:0] ray_count_q;    // number of rays of the frame sent to the optics
+  logic [7:0] passed_q;       // number of pixels that the video has taken in its frame
   logic missed_q, last_q, source_q;
-  logic [1:0] sets_q, drawn_sets_q;  // number of register sets taken; number of the frame's set
+  logic [1:0] sets_q, drawn_sets_q;  // register sets taken; set of the drawn frame
   wire begins = i_dut.begins;
   wire sends = ray_valid && ray_ready_i;
   wire comes = pixel_valid_i && pixel_ready;
@@ -68,14 +68,14 @@ module draw_frame_properties #(
     end
   end
   always_comb begin
-    // only pixels whose rays were sent
+    // only pixels whose rays were sent to the optics may arrive
     assume (!pixel_valid_i || come_q < 8'(ray_count_q >> SamplesBits));
     assume (!want_i || passed_q < 8'(Pixels));
     assume (!want_i || !begin_i);
   end
 
-  // ---- the proved properties ----
-  wire [7:0] pixel = 8'(ray_count_q >> SamplesBits);  // pixel of the offered ray
+  // ---- properties to prove ----
+  wire [7:0] pixel = 8'(ray_count_q >> SamplesBits);  // index of the pixel of the offered ray
   wire [1:0] sample = 2'(ray_count_q) & 2'((1 << SamplesBits) - 1);
   wire signed [17:0] column = 18'(pixel % 8'(Width)), row = 18'(pixel / 8'(Width));
   wire signed [17:0] quarter_u = SamplesBits == 0 ? 18'sd0 : sample[0] ? 18'sd4 : -18'sd4;
@@ -102,7 +102,7 @@ module draw_frame_properties #(
     end
   end
 
-  // ---- invariants ----
+  // ---- invariants that make the proof inductive ----
   wire [7:0] pending = 8'(i_dut.i_feed.pending_q), late = 8'(i_dut.i_feed.late_q);
   wire [7:0] placed = 8'((i_dut.row_q * Width + i_dut.column_q) << SamplesBits)
       + 8'(i_dut.sample_q);
@@ -125,7 +125,7 @@ module draw_frame_properties #(
     end
   end
 
-  // ---- covers ----
+  // ---- cover statements: events that the proof must be able to reach ----
   // dropped_q: a late pixel was dropped in this frame; black_q: a frame was black
   logic dropped_q, black_q;
   always_ff @(posedge clk_i or negedge rst_ni) begin

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-/// Proof of `lipp_fifo` with a writer that never overfills it and with any reader: the contract of
-/// fifo_checks, and the invariants that make it inductive.
+/// Proves the assertions of fifo_checks for `lipp_fifo`, with a writer that never overfills the
+/// FIFO and with any reader. The invariants below make the proof inductive.
 module fifo_properties #(
   parameter int Width = 2,
   parameter int AddressBits = 2
@@ -16,8 +16,8 @@ module fifo_properties #(
   localparam int Room = 1 << AddressBits;
   localparam int C = AddressBits + 1;
 
-  // These wires are internal registers: flattening connects each wire to the register of the same
-  // name.
+  // These wires carry internal registers of the design: yosys flattens the hierarchy and connects
+  // each wire to the register of the same name.
   (* hierconn *) wire [AddressBits-1:0] \i_fifo.write_at_q ;
   (* hierconn *) wire [AddressBits-1:0] \i_fifo.read_at_q ;
   (* hierconn *) wire [AddressBits:0] \i_fifo.stored_q ;
@@ -56,7 +56,7 @@ module fifo_properties #(
     .clk_i, .rst_ni, .write_i, .data_i, .valid_o(valid), .ready_i, .data_o(data)
   );
 
-  // The watched word is a word written to the address that the memory's stand-in keeps.
+  // The watched word is a word written to the address that memory_1w1r_kept stores.
   wire [C-1:0] count, ahead;
   wire [3:0] wrote;
   wire watching;
@@ -67,11 +67,11 @@ module fifo_properties #(
     .count_o(count), .wrote_o(wrote), .watching_o(watching), .ahead_o(ahead), .watched_o(watched)
   );
 
-  // ---- invariants ----
+  // ---- invariants that make the proof inductive ----
   wire [C+1:0] total = stored + level;
-  // position among the words on their way from the memory
+  // position of the watched word among the words being read from the memory
   wire [C-1:0] flying = ahead - ready_words;
-  wire [C-1:0] deep = ahead - level;           // position among the words in the memory
+  wire [C-1:0] deep = ahead - level;           // position of the watched word in the memory
   wire [1:0] place = \i_fifo.drain_at_q + ahead[1:0];
   wire [AddressBits-1:0] at = read_at + deep[AddressBits-1:0];
   always @(posedge clk_i) begin
@@ -84,7 +84,7 @@ module fifo_properties #(
           && \i_fifo.valid_q == (ready_words != 0));
       inside_places: assert(\i_fifo.fill_at_q == \i_fifo.drain_at_q + ready_words[1:0]);
       inside_memory: assert(\i_fifo.write_at_q == read_at + stored[AddressBits-1:0]);
-      // A word moves on in each clock, unless the registers at the output are full.
+      // A word moves to the next stage in each clock, unless the output registers are full.
       inside_moves: assert((level > 2 || stored == wrote[0])
           && (ready_words + reads[1] > 1 || reads[0] == wrote[1])
           && (ready_words != 0 || reads[1] == wrote[2]));
@@ -103,7 +103,7 @@ module fifo_properties #(
     end
   end
 
-  // ---- covers ----
+  // ---- cover statements: events that the proof must be able to reach ----
   reg was_full_q, round_q;
   always @(posedge clk_i or negedge rst_ni) begin
     if (!rst_ni) begin

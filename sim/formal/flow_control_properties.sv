@@ -1,24 +1,24 @@
 // SPDX-License-Identifier: Apache-2.0
-/// Proofs of `lipp_flow_control` around a pipeline of any function: a ray carries its index instead
-/// of data.
+/// Two proofs of `lipp_flow_control` around any pipeline: a ray carries its index instead of data.
 ///
-/// The first proof is about counts: room, hold, idle, full rate and latency. A tree counts the rays
-/// in the pipeline, so that the induction is short at any Latency. Each node contains the number of
-/// rays in its stages, and changes only with the marks that enter and leave it. A node is the sum
-/// of its two halves, and the root is the number of rays in the pipeline.
+/// The first proof (Order = 0) shows the assertions of flow_control_checks, which are about numbers
+/// of rays. A binary tree counts the rays in the pipeline, so that the induction is short at any
+/// Latency. Each node contains the number of rays in its stages, and changes only with the rays
+/// that enter and leave these stages. A node is the sum of its two children, and the root is the
+/// number of rays in the pipeline.
 ///
 /// The second proof (Order = 1) is about the order of the rays. The n-th accepted ray enters with
 /// the index n, leaves the pipeline Latency clocks later, and must be the n-th ray to leave. A
 /// stage without a ray contains arbitrary data (junk_i). Indices count modulo 2^(AddressBits+1),
-/// twice the maximum number of rays inside. The second proof uses one result of the first: the FIFO
-/// is never overfilled.
+/// twice the maximum number of rays inside. The second proof assumes a result of the first proof:
+/// the FIFO is never overfilled.
 module flow_control_properties #(
   parameter int Latency = 4,
   parameter int AddressBits = 4,
   parameter int Index = AddressBits + 1,
-  parameter bit Order = 1'b0,    // 1: the second proof
-  parameter bit AnyFifo = 1'b1,  // 1: a FIFO described by its contract, 0: `lipp_fifo` itself
-  // 1, for covers: a ray is always offered, and no ray is taken until the queue is full.
+  parameter bit Order = 1'b0,    // 1: proof of the order of rays
+  parameter bit AnyFifo = 1'b1,  // 1: FIFO model fifo_any; 0: `lipp_fifo`
+  // 1, for cover statements: a ray is always offered, and no ray is taken until the FIFO is full.
   parameter bit Guide = 1'b0
 ) (
   input  logic             clk_i,
@@ -30,13 +30,13 @@ module flow_control_properties #(
 );
 
   localparam int Room = 1 << AddressBits;
-  // number of registers of marks, 64 in each except the last
+  // number of registers of valid bits, with 64 bits in each except the last
   localparam int Marks = (Latency + 63) / 64;
   localparam int LastMarks = Latency - 64 * (Marks - 1);
 
-  // These wires are internal registers: flattening connects each wire to the register of the same
-  // name. A register that does not exist at this Latency leaves its wire free, and the proof does
-  // not use that wire.
+  // These wires carry internal registers of the design: yosys flattens the hierarchy and connects
+  // each wire to the register of the same name. The wire of a register that does not exist at this
+  // Latency has an arbitrary value, which the proof does not use.
   (* hierconn *) wire [AddressBits:0] \i_flow.reserved_q ;
   (* hierconn *) wire [1:0] \i_flow.departed_q ;
   (* hierconn *) wire [(Marks > 1 ? 64 : LastMarks)-1:0] \i_flow.gen_marks[0].valid_q ;
@@ -49,8 +49,8 @@ module flow_control_properties #(
   (* hierconn *) wire [LastMarks-1:0] \i_flow.gen_marks[7].valid_q ;
   wire [AddressBits:0] reserved = \i_flow.reserved_q ;
   wire [Latency-1:0] marks;
-  wire [AddressBits:0] counted = reserved + marks[0];  // includes the ray of the last clock
-  // rays that have left but are still counted
+  wire [AddressBits:0] counted = reserved + marks[0];  // includes a ray accepted in the last clock
+  // number of rays that have left but are still counted
   wire [1:0] departed = \i_flow.departed_q [0] + \i_flow.departed_q [1];
   assign marks[(Marks > 1 ? 64 : Latency)-1:0] = \i_flow.gen_marks[0].valid_q ;
   if (Marks > 1) assign marks[(Marks > 2 ? 128 : Latency)-1:64] = \i_flow.gen_marks[1].valid_q ;
@@ -67,7 +67,7 @@ module flow_control_properties #(
   (* hierconn *) wire \i_flow.i_fifo.ready_i ;
   (* hierconn *) wire [Index-1:0] \i_flow.i_fifo.data_o ;
 
-  // Counters of flow_control_checks.
+  // These wires are the counters of flow_control_checks.
   (* hierconn *) wire [AddressBits:0] \gen_count.i_checks.inside_q ;
   (* hierconn *) wire [AddressBits:0] \gen_count.i_checks.recent_q ;
   (* hierconn *) wire [Latency+3:0] \gen_count.i_checks.entered_q ;
@@ -80,11 +80,10 @@ module flow_control_properties #(
 
   reg started_q = 0;
   always @(posedge clk_i) started_q <= 1;
-  // A later reset leads to the state of the first reset, so the runs after it are covered by this
-  // proof.
+  // A later reset leads to the state of the first reset, so this proof also covers a later reset.
   always @* assume(rst_ni == started_q);
 
-  // ---- the indices of the rays, and the pipeline that carries them ----
+  // ---- give each ray an index, and model the pipeline that carries the indices ----
   logic ready, valid, idle;
   logic [Index-1:0] index;
   wire accept = valid_i && ready;
@@ -114,7 +113,7 @@ module flow_control_properties #(
     .valid_o(valid), .ready_i, .data_o(index)
   );
 
-  // ---- the FIFO; the solver chooses the watched ray ----
+  // ---- model the FIFO; the solver chooses the watched ray ----
   (* anyconst *) reg [Index-1:0] watch;
   wire [AddressBits:0] waiting, ahead;
   wire [3:0] wrote;
@@ -131,7 +130,7 @@ module flow_control_properties #(
 
   if (Order) begin : gen_order
     wire [Index-1:0] before = watch - leaves_q;  // number of rays that leave before the watched ray
-    wire [Latency-1:0] follows;  // the count of a stage follows from the count of the next stage
+    wire [Latency-1:0] follows;  // bit s: stage s has the next index after stage s + 1
     for (genvar s = 0; s < Latency; s = s + 1) begin : gen_stage
       wire [Index-1:0] entry = s == 0 ? accepted_q : before_q[(s == 0 ? 0 : s-1)*Index +: Index];
       assign follows[s] = entry == before_q[s*Index +: Index] + marks[s];
@@ -147,14 +146,14 @@ module flow_control_properties #(
       end
     end
   end else begin : gen_count
-    // ---- rays in the pipeline: a tree over the stages, counted from the exit ----
-    wire [Latency:0] from_exit;  // marks of the stages, and a ray that enters
+    // ---- count the rays in the pipeline with a tree over its stages, numbered from the exit ----
+    wire [Latency:0] from_exit;  // valid bits of the stages, and of an entering ray
     assign from_exit[Latency] = accept;
     for (genvar s = 0; s < Latency; s = s + 1) begin : gen_stage
       assign from_exit[s] = marks[Latency-1-s];
     end
     // Node n of level k has the index 2^k - 1 + n, as in a heap. The node covers Latency / 2^k
-    // stages, rounded up to a power of two. The leaves are single stages.
+    // stages, rounded up to a power of two. Each leaf is one stage.
     localparam int Levels = $clog2(Latency);
     localparam int Leaves = 1 << Levels;
     wire [(2*Leaves-1)*Index-1:0] nodes;
@@ -207,7 +206,7 @@ module flow_control_properties #(
     end
   end
 
-  // ---- covers ----
+  // ---- cover statements: events that the proof must be able to reach ----
   reg was_full_q;
   always @(posedge clk_i or negedge rst_ni) begin
     if (!rst_ni) was_full_q <= 0;

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-/// Proof of `lipp_frame_gate` with any software, any rays at both inputs and any reader: the
-/// contract of frame_gate_checks, and the invariants that make it inductive.
+/// Proves the assertions of frame_gate_checks for `lipp_frame_gate`, with any software, any rays at
+/// both inputs and any reader. The invariants below make the proof inductive.
 module frame_gate_properties (
   input logic clk_i,
   input logic rst_ni,
@@ -35,8 +35,8 @@ module frame_gate_properties (
     .stream_valid_i, .stream_ready_o, .stream_last_i, .valid_o, .ready_i
   );
 
-  // These wires are internal registers: flattening connects each wire to the register of the same
-  // name.
+  // These wires carry internal registers of the design: yosys flattens the hierarchy and connects
+  // each wire to the register of the same name.
   (* hierconn *) wire \i_gate.within_q ;
   (* hierconn *) wire \i_checks.within_q ;
   (* hierconn *) wire \i_checks.change_due_q ;
@@ -48,15 +48,14 @@ module frame_gate_properties (
       inside_within: assert(\i_gate.within_q == \i_checks.within_q );
       inside_due: assert((!\i_checks.change_due_q || apply_waits_o)
           && (!\i_checks.due_next_q || (apply_waits_o && start_waits_o)));
-      // A pending change takes effect in the clock after begin_o, unless a frame of the stream is
-      // not complete.
+      // A pending change takes effect a clock after begin_o, unless a stream's frame is running.
       inside_time: assert(!\i_checks.change_due_q || stream_o
           || (\i_checks.begun_q == 0 && take_o));
     end
   end
 
-  // ---- covers ----
-  reg waited_q;         // a change waited for the last ray of a frame
+  // ---- cover statements: events that the proof must be able to reach ----
+  reg waited_q;         // 1: a change waited for the last ray of a frame
   reg [1:0] changed_q;  // number of changes of the source
   reg stream_q;
   wire waits = apply_waits_o && \i_checks.within_q && start_waits_o;

@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
-/// Stands in for `lipp_memory_1w1r` in proofs.
+/// Replaces `lipp_memory_1w1r` in proofs, to reduce the number of states.
 ///
-/// The module stores one word, at an address that the solver chooses. At all other addresses it
-/// returns arbitrary words. Every behaviour of the memory is a behaviour of this module, so a proof
-/// with this module is valid for the memory.
+/// The module stores one word, at an address that the solver chooses. At all other addresses the
+/// module returns arbitrary words. Every behaviour of the memory is a behaviour of this module, so
+/// a proof with this module is valid for the memory.
 module lipp_memory_1w1r #(
   parameter int Width = 36,
   parameter int AddressBits = 9

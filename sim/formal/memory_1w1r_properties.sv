@@ -1,11 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
-/// Proof that `lipp_memory_1w1r` behaves like its stand-in memory_1w1r_kept, which larger proofs
-/// use.
+/// Proves that memory_1w1r_kept may replace `lipp_memory_1w1r` in larger proofs.
 ///
-/// The word read at any one address is the word last written there, two clocks before.
+/// The word read at any one address is the word last written there until two clocks before.
 module memory_1w1r_properties #(
   parameter int Width = 2,
-  parameter int AddressBits = 3  // 3, because the words of the memory are listed below
+  parameter int AddressBits = 3  // log2 of the words; the code below lists 2^3 words
 ) (
   input logic                   clk_i,
   input logic                   write_i,
@@ -35,7 +34,7 @@ module memory_1w1r_properties #(
 
   (* anyconst *) reg [AddressBits-1:0] watched_at;
   reg written_q = 0;
-  reg [2:1] read_watched_q = 0;  // bit k: the kept word was requested k clocks ago
+  reg [2:1] read_watched_q = 0;  // bit k: a read of the kept word began k clocks ago
   reg [Width-1:0] watched_word_q, watched_word_q2, watched_word_q3;
   always @(posedge clk_i) begin
     if (write_i && write_at_i == watched_at) begin

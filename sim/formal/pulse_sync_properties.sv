@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-/// Proof of `lipp_pulse_sync` between two arbitrary clocks: the solver chooses when each clock
-/// ticks.
+/// Proves that `lipp_pulse_sync` loses no accepted pulse between two arbitrary clocks: the solver
+/// chooses when each clock has an edge.
 ///
 /// Each accepted pulse produces one output pulse before the next pulse can be accepted.
 module pulse_sync_properties (
@@ -16,13 +16,12 @@ module pulse_sync_properties (
     .to_clk_i, .to_rst_ni(rst_ni), .to_pulse_o(pulse)
   );
 
-  // Reset is active in the first step and never again, because a later reset leads to the same
-  // state.
+  // Reset is active only in the first step of the proof: a later reset leads to the same state.
   reg started_q = 0;
   always @($global_clock) started_q <= 1;
   always @* assume(rst_ni == started_q);
 
-  // number of accepted pulses; number of clocks with an output pulse
+  // accepted_q: number of accepted pulses; received_q: number of clocks with an output pulse
   reg [1:0] accepted_q, received_q;
   always @(posedge from_clk_i or negedge rst_ni) begin
     if (!rst_ni) accepted_q <= 0;
@@ -34,8 +33,7 @@ module pulse_sync_properties (
   end
   wire [1:0] late = accepted_q - received_q;
 
-  // The level on its way to the other clock and back: at most one of these registers differs from
-  // the next.
+  // These registers carry the level to the other clock and back; at most one differs from the next.
   (* hierconn *) wire \i_sync.level_q ;
   (* hierconn *) wire \i_sync.there_q ;
   (* hierconn *) wire [1:0] \i_sync.i_there.stage_q ;

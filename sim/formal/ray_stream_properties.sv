@@ -1,11 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
-/// Proof about `lipp_ray_stream` as a whole: `lipp_config_bank` makes a copy only while
-/// `lipp_flow_control` is idle.
+/// Proves that all rays inside `lipp_ray_stream` use the same optics: `lipp_config_bank` makes a
+/// copy of the optics only while `lipp_flow_control` is idle.
 ///
-/// A model replaces `lipp_flow_control` and the pipeline, at any latency. The model has an input
-/// that hold closes, and a number of rays inside, which leave at any time. idle may rise at any
-/// time after the last ray has left. The proof of `lipp_flow_control` shows these facts. The
-/// properties state that all rays inside use the same configuration, which does not change.
+/// A model replaces `lipp_flow_control` and the pipeline, at any latency. The model accepts no ray
+/// after hold, has a number of rays inside, which leave at any time, and raises idle at any time
+/// after the last ray has left. The proof of `lipp_flow_control` shows that it behaves like this.
 module ray_stream_properties #(
   parameter int Width = 2  // number of bits of the configuration
 ) (
@@ -16,14 +15,14 @@ module ray_stream_properties #(
   input logic             valid_i,
   input logic             open_i,
   input logic             leave_i,
-  input logic             late_i   // the last ray has left, but idle is not high yet
+  input logic             late_i   // 1: idle does not rise yet after the last ray
 );
 
   reg started_q = 0;
   always @(posedge clk_i) started_q <= 1;
   always @* if (!started_q) assume(!rst_ni);
 
-  // ---- flow_control ----
+  // ---- model of lipp_flow_control and the pipeline ----
   logic busy, hold;
   reg hold_q;
   always @(posedge clk_i or negedge rst_ni) begin
@@ -47,10 +46,10 @@ module ray_stream_properties #(
   );
   (* hierconn *) wire \i_config_bank.copy_q ;
 
-  // ---- the configuration that the rays use ----
+  // ---- prove that the configuration does not change while rays are inside ----
   (* anyseq *) reg watch;
   reg [Width-1:0] entered_with_q, used_q;
-  // past_valid_q: used_q and empty_q are valid, with no reset since then
+  // past_valid_q: used_q and empty_q are values of the previous clock, without a reset since then
   reg watching_q, empty_q, past_valid_q;
   always @(posedge clk_i) begin
     if (accept && watch && !watching_q) entered_with_q <= used;
@@ -62,15 +61,15 @@ module ray_stream_properties #(
       watching_q <= 0;
       past_valid_q <= 0;
     end else begin
-      // An accepted ray stays inside at most until all rays have left.
+      // watching_q: the watched ray may be inside, at most until all rays have left.
       watching_q <= (watching_q && !(leave && inside_q == 1 && !accept)) || (accept && watch);
       past_valid_q <= 1;
     end
   end
 
-  // ---- a configuration that is applied and does not change afterwards ----
+  // ---- prove that a configuration that was applied and is stable is the one in use ----
   (* anyconst *) reg [Width-1:0] watched_config;
-  reg steady_q;  // applied in an earlier clock or by reset, and unchanged since then
+  reg steady_q;  // 1: applied earlier or by reset, and unchanged since then
   always @(posedge clk_i or negedge rst_ni) begin
     if (!rst_ni) steady_q <= 1;
     else steady_q <= config_i == watched_config && (steady_q || apply_i);
@@ -88,9 +87,9 @@ module ray_stream_properties #(
     end
   end
 
-  // ---- covers ----
-  reg [1:0] changed_q;  // number of changes between rays
-  reg waited_q;         // a copy had to wait for rays in the pipeline
+  // ---- cover statements: events that the proof must be able to reach ----
+  reg [1:0] changed_q;  // number of configuration changes between rays
+  reg waited_q;         // 1: a copy waited for rays in the pipeline
   always @(posedge clk_i or negedge rst_ni) begin
     if (!rst_ni) begin
       changed_q <= 0;

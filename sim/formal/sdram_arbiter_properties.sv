@@ -1,16 +1,16 @@
 // SPDX-License-Identifier: Apache-2.0
-/// Proof of `lipp_sdram_arbiter` with clients that keep their transactions stable, and a memory
-/// that accepts at any time.
+/// Proves that `lipp_sdram_arbiter` keeps its priorities and loses no transaction, with clients
+/// that keep their transactions stable and a memory that accepts at any time.
 ///
-/// The transactions of each client are numbered, and the rest of their contents is arbitrary. The
-/// output therefore shows if a transaction was lost, duplicated, or accepted in place of another
+/// The transactions of each client are numbered, and the other bits are arbitrary. The numbers at
+/// the output therefore show if a transaction was lost, duplicated, or exchanged with another
 /// client's.
 module sdram_arbiter_properties
   import lipp_sdram_pkg::*;
 (
   input logic       clk_i,
   input logic       rst_ni,
-  input logic [2:0] valid_i,  // bits of the clients show, write, read
+  input logic [2:0] valid_i,  // one bit per client: show, write, read
   input logic [2:0][$bits(transaction_t)-13:0] payload_i,
   input logic       ready_i
 );
@@ -19,7 +19,7 @@ module sdram_arbiter_properties
   always_ff @(posedge clk_i) started_q <= 1;
   always_comb if (!started_q) assume(!rst_ni);
 
-  // ---- clients: the highest bits are the transaction's number, then the client's ----
+  // ---- model the clients: a transaction's highest bits are its number and its client ----
   logic [2:0] accepted, valid_q;
   logic [2:0][9:0] number_q;
   logic [2:0] ready;
@@ -45,11 +45,11 @@ module sdram_arbiter_properties
   end
   always_comb if (rst_ni) assume((valid_i & valid_q) == valid_q);
 
-  // ---- the output: the numbers of each client are in order ----
+  // ---- prove that the numbers of each client's transactions are in order ----
   logic [2:0][9:0] got_q;
   logic [1:0] client;
   assign client = is_show ? 2'd0 : is_write ? 2'd1 : 2'd2;
-  // transactions of other clients while this client waits
+  // number of transactions of other clients while client k waits
   logic [1:0] show_waited_q, write_waited_q;
   always_ff @(posedge clk_i or negedge rst_ni) begin
     if (!rst_ni) begin
@@ -76,7 +76,7 @@ module sdram_arbiter_properties
     end
   end
 
-  // ---- covers ----
+  // ---- cover statements: events that the proof must be able to reach ----
   always_ff @(posedge clk_i) begin
     if (rst_ni && started_q) begin
       cover_turns: cover(number_q[0] == 3 && number_q[1] == 2 && valid_q[2]);

@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-/// Proof of `lipp_wishbone_to_apb` with any master, which may abandon a cycle in any clock, and
-/// with any completer: the contract of wishbone_to_apb_checks, and the invariants that make it
-/// inductive.
+/// Proves the assertions of wishbone_to_apb_checks for `lipp_wishbone_to_apb`, with any master,
+/// which may abandon a cycle, and any completer. The invariants below make the proof inductive.
 module wishbone_to_apb_properties (
   input logic        clk_i,
   input logic        rst_ni,
@@ -35,12 +34,12 @@ module wishbone_to_apb_properties (
     .m_apb_pwdata, .m_apb_pstrb, .m_apb_pready, .m_apb_prdata, .m_apb_pslverr
   );
 
-  // These wires are internal registers: flattening connects each wire to the register of the same
-  // name.
+  // These wires carry internal registers of the design: yosys flattens the hierarchy and connects
+  // each wire to the register of the same name.
   (* hierconn *) wire \i_adapter.pending_q ;
   (* hierconn *) wire \i_checks.cycle_held_q ;
   reg [1:0] acks_q;
-  reg gave_up_q;  // an access completed after its master had abandoned the cycle
+  reg gave_up_q;  // 1: an access completed after its master had abandoned the cycle
   always @(posedge clk_i or negedge rst_ni) begin
     if (!rst_ni) {acks_q, gave_up_q} <= 0;
     else begin

@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
-// A DVI receiver that samples the levels of the four pairs. It finds and decodes the symbols.
+// Simulates a DVI receiver: samples the levels of the four pairs, and decodes the symbols.
 //
-// The receiver counts violations of DVI 1.0 and deviations from the panel's timing. It was written
-// after the standard and shares no code with rtl/video.
+// The receiver counts violations of DVI 1.0 and deviations from the panel's timing. The receiver is
+// written from the standard, independently of rtl/video.
 #pragma once
 
 #include <algorithm>
@@ -13,20 +13,19 @@
 
 namespace dvi {
 
-// Timing of a panel: its pixels and lines, porches and syncs. A line and a frame begin with their
-// sync.
+// Timing of a panel in pixels and lines. A line begins with hsync, a frame with vsync.
 struct Timing {
   int width, height, h_front, h_sync, h_back, v_front, v_sync, v_back;
   bool h_positive, v_positive;
 };
 
 struct Pixel {
-  bool de, hsync, vsync;  // the syncs keep their values while data are sent
+  bool de, hsync, vsync;  // hsync and vsync keep their values while de is true
   uint32_t rgb;
 };
 
-// Returns the symbol of a byte by the flow chart of the standard. `count` is the number of ones
-// minus the number of zeros since the last control symbol.
+// Returns the symbol of a byte, computed by the flow chart of DVI 1.0. `count` is the number of
+// ones minus the number of zeros since the last control symbol.
 inline uint16_t encoded(unsigned byte, int count) {
   const int data_ones = __builtin_popcount(byte);
   const bool xnor = data_ones > 4 || (data_ones == 4 && (byte & 1) == 0);
@@ -38,9 +37,9 @@ inline uint16_t encoded(unsigned byte, int count) {
   return static_cast<uint16_t>(invert << 9 | !xnor << 8 | (invert ? ~q & 0xff : q));
 }
 
-// Decodes the symbols of one channel. It counts the ones and zeros that were sent. For this count
-// only one symbol of each byte is legal: the other choice of bit 8 has more changes, and the other
-// choice of bit 9 increases the imbalance.
+// Decodes the symbols of one channel, and counts the ones and zeros that were sent. At each count
+// only one symbol of a byte is legal: another bit 8 gives more transitions, and another bit 9
+// increases the difference between ones and zeros.
 class Channel {
  public:
   Channel() {
@@ -66,7 +65,7 @@ class Channel {
     }
     return static_cast<int>(byte);
   }
-  void lose() { known_ = false; }  // the count is unknown until the next control symbol
+  void lose() { known_ = false; }  // unknown until the next control symbol
   int64_t illegal() const { return illegal_; }
   int largest() const { return largest_; }
 
@@ -78,13 +77,13 @@ class Channel {
   int64_t illegal_ = 0;
 };
 
-// Position in the frame, counted from the start of a vertical sync.
+// Tracks the position in the frame, counted from the start of a vertical sync.
 class Raster {
  public:
   explicit Raster(const Timing& timing) : t_(timing) {}
 
-  // Returns false if the pixel does not match the timing. The next vertical sync then sets the
-  // position again.
+  // Returns false if de or a sync of the pixel does not match the timing. After a mismatch, the
+  // next vertical sync sets the position again.
   bool follow(const Pixel& pixel) {
     const bool hsync = pixel.hsync == t_.h_positive, vsync = pixel.vsync == t_.v_positive;
     const bool begins = before_ && !pixel.de && vsync;
@@ -114,13 +113,12 @@ class Raster {
   int x_ = 0, y_ = 0;
 };
 
-// Receiver of all channels. A symbol begins when the clock channel rises.
+// Receives all channels. A symbol begins when the clock pair rises.
 class Receiver {
  public:
   explicit Receiver(const Timing& timing) : raster_(timing) {}
 
-  // Samples the levels of the four pairs, with the clock in bit 3. Returns true when a pixel is
-  // complete.
+  // Samples the levels of the four pairs, the clock in bit 3. Returns true if a pixel is complete.
   bool bit(uint8_t levels) {
     const bool begins = (levels & 8) != 0 && !clock_;
     clock_ = (levels & 8) != 0;
@@ -141,11 +139,12 @@ class Receiver {
   const Pixel& pixel() const { return pixel_; }
   int64_t slips() const { return slips_; }
 
-  // Returns members of a JSON object. symbol_slips counts symbols that were not ten bits long.
-  // bad_symbols counts pixels whose channels do not agree on data or control. illegal_symbols
-  // counts symbols that an encoder never sends at that point, and unused control bits.
-  // largest_disparity is the maximum difference between ones and zeros since a control symbol.
-  // timing_breaks counts data and syncs at a wrong position.
+  // Returns members of a JSON object. The member symbol_slips counts symbols that were not ten bits
+  // long. The member bad_symbols counts pixels for which some channels send data and others control
+  // bits. The member illegal_symbols counts symbols that an encoder never sends at that point, and
+  // unused control bits that are set. The member largest_disparity is the maximum difference
+  // between ones and zeros since a control symbol. The member timing_breaks counts data and syncs
+  // at a wrong position.
   std::string counts() const {
     int64_t illegal = controls_;
     int largest = 0;
@@ -171,7 +170,7 @@ class Receiver {
         pixel_.hsync = value & 1;
         pixel_.vsync = value >> 1 & 1;
       } else if (value != 256) {
-        ++controls_;  // CTL0 to CTL3 of channels 1 and 2, which DVI does not use
+        ++controls_;  // CTL0 to CTL3 in channels 1 and 2 are not used by DVI
       }
     }
     pixel_.de = data == 3;

@@ -5,11 +5,12 @@
 /* verilator lint_off UNUSEDPARAM */
 /* verilator lint_off UNUSEDSIGNAL */
 
-/// Models of ECP5's block multiplier and block memory for the simulation of a netlist, since yosys
-/// has only their ports. A use that neither yosys nor rtl/ecp5 makes of them is refused.
+/// Models of ECP5's multiplier cell and block memory cell for the simulation of a netlist, because
+/// yosys has only the ports of these cells. A configuration of the cells that neither yosys nor
+/// rtl/ecp5 uses stops the simulation.
 
-/// Signed multiplier 18 x 18 with optional registers at the operands, in the middle and at the
-/// product, all clocked by CLK0.
+/// Model of the signed 18 x 18 multiplier cell, with optional registers at the operands, in the
+/// middle and at the product, all clocked by CLK0.
 module MULT18X18D #(
   parameter REG_INPUTA_CLK = "NONE",
   parameter REG_INPUTA_CE = "CE0",
@@ -80,13 +81,12 @@ module MULT18X18D #(
 
 endmodule
 
-/// Block memory of 512 x 36, 1024 x 18, 2048 x 9, 4096 x 4, 8192 x 2 or 16384 x 1 bits. Port A
-/// writes. Both ports read, except that with words of 36 bits only port B reads. The address of a
-/// word is AD[13:5], AD[13:4], AD[13:3], AD[13:2], AD[13:1] or AD[13:0]. With words of 18 bits
-/// ADA[1:0] enable the written bytes of 9 bits, with words of 36 bits ADA[3:0] do. Words of 36 bits
-/// are written through DIA (the lower half) and DIB, and read through DOA and DOB. ECP5 does not
-/// define the value that port B reads while port A writes the same word; this model returns the
-/// complement of the word.
+/// Model of the block memory cell of 512 x 36, 1024 x 18, 2048 x 9, 4096 x 4, 8192 x 2 or 16384 x 1
+/// bits. Port A writes and port B reads. The address of a word is AD[13:5], AD[13:4], AD[13:3],
+/// AD[13:2], AD[13:1] or AD[13:0]. The write enables of the 9-bit bytes are ADA[1:0] for words of
+/// 18 bits, and ADA[3:0] for words of 36 bits. Words of 36 bits are written through DIA (the lower
+/// half) and DIB, and read through DOA and DOB. ECP5 does not define the value that port B reads
+/// while port A writes the same word; this model returns the complement of the word.
 module DP16KD #(
   parameter DATA_WIDTH_A = 18,
   parameter DATA_WIDTH_B = 18,
@@ -163,7 +163,7 @@ module DP16KD #(
     $fatal(1, "DP16KD: not modelled");
   end
   initial begin
-    // Port B does not write, no reset is used, and words of 36 bits have no write enable.
+    // Stop the simulation if port B writes, a reset is used, or WEA is low with words of 36 bits.
     if (WEB || RSTA || RSTB || CSA0 || CSA1 || CSA2 || CSB0 || CSB1 || CSB2 || (W == 36 && !WEA))
       $fatal(1, "DP16KD: not modelled");
   end
@@ -196,7 +196,7 @@ module DP16KD #(
   end
   assign b_out = Register ? b_q : b_word_q;
 
-  // The read data of port A are modelled only for words of 36 bits, their only use.
+  // The read data of port A are modelled only for words of 36 bits, which use both ports.
   logic [17:0] doa, dob;
   if (W == 36) begin : gen_wide
     assign {dob, doa} = 36'(b_out);

@@ -1,21 +1,21 @@
 // SPDX-License-Identifier: Apache-2.0
-// The ULX3S in simulation: the netlist of rtl/board/ulx3s, or its RTL (ulx3s_pins.sv), with the
-// parts around it.
+// Simulates the ULX3S board: the netlist of rtl/board/ulx3s, or its RTL (ulx3s_pins.sv), together
+// with models of the other chips on the board.
 //
 //   board --line unix|tcp|pty [--port N] [--place PATH] [--idle SECONDS] --ready FILE [--capture FOLDER] [--step N]
 //
 // The simulated parts are an oscillator, the outputs of the PLL, a UART, an SDRAM, and a screen
-// that decodes the TMDS symbols of the GPDI socket. The options are those of sim/board/main.cpp:
-// --step is the UART's baud rate in bits per system clock, times 65536.
+// that decodes the TMDS symbols of the GPDI socket. The options are those of sim/board/main.cpp.
+// The option --step is 65536 times the UART's baud rate divided by the system clock frequency.
 //
-// Built by tools.netlist, which defines the macros. LIPPMANN_CLOCKS has an X(port, divider) for
-// each output of the PLL (pll_clkos: bit pairs, pll_clkos2: system, pll_clkos3: memory).
-// LIPPMANN_VCO_KHZ is the frequency of the VCO. LIPPMANN_TIMING has the fields of a dvi::Timing
-// after the panel's size.
+// The Python program tools.netlist builds this file and defines its macros. LIPPMANN_CLOCKS is a
+// list of X(port, divider), one for each output of the PLL: pll_clkos is the clock of the TMDS bit
+// pairs, pll_clkos2 the system clock, pll_clkos3 the memory clock. LIPPMANN_VCO_KHZ is the
+// frequency of the VCO. LIPPMANN_TIMING lists the fields of dvi::Timing after the panel's size.
 //
-// SIGTERM and SIGINT end the board. SIGUSR1 presses its button 1. The last line on stdout is a JSON
-// object of counts, which tools.netlist checks. It contains the name of each violation of the
-// SDRAM's data sheet.
+// SIGTERM and SIGINT end the board. SIGUSR1 presses button 1 of the board. The last line on stdout
+// is a JSON object of counts, which tools.netlist checks. The object also contains the name of each
+// violation of the SDRAM's data sheet.
 #include <getopt.h>
 #include <sys/prctl.h>
 #include <unistd.h>
@@ -69,7 +69,7 @@ Options parse(int count, char** words) {
       case 'r': options.ready = optarg; break;
       case 'c': options.capture = optarg; break;
       case 's': options.step = static_cast<uint32_t>(std::stoul(optarg)); break;
-      case 'i': break;  // ignored: the netlist contains its identity
+      case 'i': break;  // --identity is ignored: the netlist contains its identity
       default: throw std::invalid_argument("unknown option");
     }
   }
@@ -85,7 +85,7 @@ class Board {
       : options_(options), line_(options.line, options.port, options.place, options.idle), uart_(options.step),
         screen_(LIPPMANN_WIDTH, LIPPMANN_HEIGHT, options.capture) {
     top_.ftdi_txd = 1;
-    top_.eval();  // with all clocks low, so that the first evaluation has no edge
+    top_.eval();  // all clocks are low, so that the first evaluation has no edge
   }
 
   void run() {
@@ -118,10 +118,10 @@ class Board {
  private:
   struct Clock {
     CData* pin;
-    uint64_t half;  // half of the period, in half periods of the VCO
+    uint64_t half;  // half of the clock's period, in half periods of the VCO
     uint64_t next;
   };
-  // time until the PLL locks, in half periods of the VCO
+  // time until the simulated PLL locks, in half periods of the VCO
   static constexpr uint64_t kLocked = 20'000;
 
   void announce() const {
@@ -134,12 +134,12 @@ class Board {
       throw std::system_error(errno, std::generic_category(), options_.ready);
   }
 
-  // Runs the next edge of any clock, or of several clocks at once.
+  // Advances to the next clock edge, and runs the edges of all clocks at that time.
   void edge() {
     uint64_t first = ~0ull;
     for (const Clock& clock : clocks_of_) first = std::min(first, clock.next);
     ticks_ = first;
-    // slightly late, since the oscillator only monitors the PLL's lock
+    // slightly late, which is harmless because clk_25mhz only monitors the PLL's lock
     if (ps() >= oscillator_ps_) {
       top_.clk_25mhz = !top_.clk_25mhz;
       oscillator_ps_ += 20'000;
@@ -191,9 +191,8 @@ class Board {
     top_.ftdi_txd = uart_.wire();
   }
 
-  // Applies the word that the SDRAM drove at the edge before its last edge, since the word needs
-  // that time to reach the FPGA (rtl/board/ulx3s/lipp_ulx3s_memory.sv). Bytes that the SDRAM does
-  // not drive are noise.
+  // Applies the word that the SDRAM drove one clock before its last edge, because the word needs
+  // that time to reach the FPGA (rtl/board/ulx3s/lipp_ulx3s_memory.sv). Undriven bytes are random.
   void before_memory() {
     noise_ = noise_ * 1664525u + 1013904223u;
     const uint16_t driven = (on_way_ & 1 ? 0x00ff : 0) | (on_way_ & 2 ? 0xff00 : 0);
@@ -240,8 +239,8 @@ class Board {
   uint64_t ticks_ = 0, pressed_ = 0, oscillator_ps_ = 20'000;
   uint16_t word_ = 0;
   int on_way_ = 0;
-  // A monitor that has lost the start of the symbols shows nothing until the next vertical sync
-  // begins. The serialiser finds the start with its first symbol after a reset.
+  // A monitor that has lost the symbol boundaries shows nothing until the next vertical sync
+  // begins. The FPGA's serialiser aligns itself with its first symbol after a reset.
   bool steady_ = false, vsync_ = false;
   int64_t slips_ = 0;
   uint32_t noise_ = 1;
@@ -255,7 +254,7 @@ int main(int count, char** words) {
   std::signal(SIGINT, [](int) { stop = true; });
   std::signal(SIGUSR1, [](int) { reset = true; });
   std::signal(SIGPIPE, SIG_IGN);
-  prctl(PR_SET_PDEATHSIG, SIGTERM);  // ends this process together with its parent
+  prctl(PR_SET_PDEATHSIG, SIGTERM);  // ends this process when its parent ends
   std::string ready;
   try {
     const Options options = parse(count, words);

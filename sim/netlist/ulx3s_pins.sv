@@ -5,9 +5,9 @@
 /* verilator lint_off UNUSEDPARAM */
 /* verilator lint_off UNUSEDSIGNAL */
 
-/// `lipp_ulx3s` with the outputs of the PLL as inputs. With LIPPMANN_NETLIST it is the netlist of
-/// `lipp_ulx3s`, which has no parameters. The other modules are models of the vendor's cells at the
-/// pins.
+/// Top of the simulation of `lipp_ulx3s`, with the outputs of the PLL as inputs. If
+/// LIPPMANN_NETLIST is defined, the instance is the netlist of `lipp_ulx3s`, which has no
+/// parameters. The other modules in this file are models of the vendor's cells at the pins.
 module ulx3s_pins
 `ifndef LIPPMANN_NETLIST
 #(
@@ -144,7 +144,7 @@ module BB (
   assign O = B;
 endmodule
 
-/// The cell that yosys uses in place of BB.
+/// Model of the bidirectional pad cell that yosys uses in place of the cell BB.
 module TRELLIS_IO #(
   parameter DIR = "BIDIR"
 ) (

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 `default_nettype none
 
-/// Prints the latency of a build during elaboration, for the report of place-and-route.
+/// Prints the latency of a build of the optics during elaboration, for the place-and-route report.
 module latency #(
   parameter lipp_optics_pkg::build_t Build = lipp_optics_pkg::ExactSquare
 );

@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 `default_nettype none
 
-/// Surrounds a design with registers for place-and-route, so that a few pins can feed and read the
-/// design.
+/// Surrounds a design with registers for place-and-route trials, so that a few pins can drive and
+/// read all ports of the design.
 ///
 /// Every input of the design comes from a shift register, and every output is combined into a
 /// register. Therefore no logic is optimised away, and no timing path ends at a pin.
@@ -14,14 +14,13 @@ module probe #(
   input  logic           rst_ni,
   input  logic           bit_i,
   output logic           bit_o,
-  output logic           rst_no,  // reset of the design
-  output logic [In-1:0]  in_o,    // inputs of the design
-  input  logic [Out-1:0] out_i    // outputs of the design
+  output logic           rst_no,  // reset of the design under test
+  output logic [In-1:0]  in_o,    // inputs of the design under test
+  input  logic [Out-1:0] out_i    // outputs of the design under test
 );
 
-  // The names are kept, so that the report can distinguish these registers from the design's
-  // registers.
-  (* keep *) logic [1:0] reset_q;  // high in reset, like the resets of the FPGA's cells
+  // Synthesis keeps these names, so that the report can tell the registers from the design's.
+  (* keep *) logic [1:0] reset_q;  // high in reset, as the FPGA's cells need
   (* keep *) logic [In-1:0] in_q;
   (* keep *) logic [Out-1:0] out_q, fold_q;
   (* keep *) logic bit_q;

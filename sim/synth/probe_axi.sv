@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 `default_nettype none
 
-/// Top for place-and-route of `lipp_optics_block` with AXI4-Lite and AXI4-Stream, surrounded by the
-/// registers of `probe`.
+/// Top for a place-and-route trial of `lipp_optics_block` with AXI4-Lite and AXI4-Stream,
+/// surrounded by the registers of `probe`.
 module probe_axi #(
   parameter lipp_optics_pkg::build_t Build = lipp_optics_pkg::ExactSquare,
   localparam int F = int'(Build.fraction_bits)
@@ -24,7 +24,7 @@ module probe_axi #(
     .clk_i, .rst_ni, .bit_i, .bit_o, .rst_no(rst_n), .in_o(in), .out_i(out)
   );
 
-  // ---- registers ----
+  // ---- connect the register port through the AXI4-Lite bridge ----
   logic awvalid, awready, wvalid, wready, bvalid, bready, arvalid, arready, rvalid, rready;
   logic [8:0] awaddr, araddr;
   logic [2:0] awprot, arprot;
@@ -48,7 +48,7 @@ module probe_axi #(
     .m_apb_prdata(prdata), .m_apb_pslverr(pslverr)
   );
 
-  // ---- rays ----
+  // ---- connect the rays through AXI4-Stream ----
   logic valid, ready, first, last, exit_valid, exit_ready, exit_first, exit_last;
   logic signed [PixelBits-1:0] u, v;
   logic signed [F+1:0] a, b;

@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 `default_nettype none
 
-/// Top for place-and-route of `lipp_board`. The frame store is a memory outside the FPGA, so its
-/// ports end in the registers of `probe`, like the board's other ports.
+/// Top for a place-and-route trial of `lipp_board`. The frame store is a memory outside the FPGA,
+/// so the ports to it are connected to the registers of `probe`, like the board's other ports.
 module probe_board #(
   parameter int Width = 640,
   parameter int Height = 480,

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 `default_nettype none
 
-/// Top for place-and-route of `lipp_scene`, surrounded by the registers of `probe`.
+/// Top for a place-and-route trial of `lipp_scene`, surrounded by the registers of `probe`.
 module probe_scene #(
   parameter int F = 16,
   parameter lipp_scene_pkg::scene_build_t Scene = lipp_scene_pkg::FourLayers

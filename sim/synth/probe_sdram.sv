@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 `default_nettype none
 
-/// Top for place-and-route of `lipp_sdram_store`, surrounded by the registers of `probe`. The
-/// clients' ports are registered with clk_i, the SDRAM's pins with the memory's clock.
+/// Top for a place-and-route trial of `lipp_sdram_store`, surrounded by the registers of `probe`.
+/// The clients' ports have registers with clk_i, the SDRAM's pins with the memory clock.
 module probe_sdram #(
   parameter int Width = 1280,
   parameter int Height = 720,

@@ -1,12 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 `default_nettype none
 
-/// Top for place-and-route of `lipp_ray_stream`, surrounded by registers that a few pins feed and
-/// read.
+/// Top for a place-and-route trial of `lipp_ray_stream`, surrounded by registers like `probe`'s.
 ///
-/// Every input of the engine comes from a register or a shift register, and every output is
-/// combined into a register. Therefore no logic is optimised away, and no timing path ends at a
-/// pin.
+/// Every input of `lipp_ray_stream` comes from a register, and every output is combined into one.
+/// Therefore no logic is optimised away, and no timing path ends at a pin.
 module probe_top #(
   parameter lipp_optics_pkg::build_t Build = lipp_optics_pkg::ExactSquare,
   localparam int F = int'(Build.fraction_bits)
@@ -23,9 +21,8 @@ module probe_top #(
   localparam int RayBits = 2 * PixelBits + 2 * W;
   localparam int OutBits = 2 * IndexBits + 3 * (W + 2) + 3 * W + 3;
 
-  // The names are kept, so that the report can distinguish the probe's registers from the engine's
-  // registers.
-  (* keep *) logic [1:0] reset_q;  // high in reset, like the resets of the FPGA's cells
+  // Synthesis keeps these names, so that the report can tell the registers from the design's.
+  (* keep *) logic [1:0] reset_q;  // high in reset, as the FPGA's cells need
   (* keep *) logic [ConfigBits-1:0] config_q;
   (* keep *) logic [RayBits-1:0] ray_q;
   (* keep *) logic apply_q, valid_q, ready_q;

@@ -1,8 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 `default_nettype none
 
-/// Top for place-and-route of `lipp_optics_block` with Wishbone, surrounded by the registers of
-/// `probe`.
+/// Top for a place-and-route trial of `lipp_optics_block` with Wishbone, surrounded by `probe`.
 module probe_wishbone #(
   parameter lipp_optics_pkg::build_t Build = lipp_optics_pkg::ExactSquare,
   localparam int F = int'(Build.fraction_bits)
@@ -25,7 +24,7 @@ module probe_wishbone #(
     .clk_i, .rst_ni, .bit_i, .bit_o, .rst_no(rst_n), .in_o(in), .out_i(out)
   );
 
-  // ---- registers ----
+  // ---- connect the register port through the Wishbone bridge ----
   logic cyc, stb, we, ack, err;
   logic [8:2] adr;
   logic [31:0] dat_w, dat_r;
@@ -43,7 +42,7 @@ module probe_wishbone #(
     .m_apb_prdata(prdata), .m_apb_pslverr(pslverr)
   );
 
-  // ---- rays ----
+  // ---- connect the rays ----
   logic valid, ready, first, last, exit_valid, exit_ready, exit_first, exit_last;
   logic signed [PixelBits-1:0] u, v;
   logic signed [F+1:0] a, b;

@@ -1,19 +1,19 @@
 // SPDX-License-Identifier: Apache-2.0
 `default_nettype none
 
-/// Radiona ULX3S with an LFE5U-85F: USB serial line, SDRAM, and DVI at the GPDI socket.
+/// Top of the Radiona ULX3S with an LFE5U-85F: USB serial line, SDRAM, and DVI at the GPDI socket.
 ///
 /// Button 1 resets the board. Button 2 selects the next test pattern. The ports have the names of
 /// the board's schematic, where ftdi_txd is the output of the FTDI chip. The LEDs show:
 ///
 ///   LED 0: packets arrive.
 ///   LED 1: a frame or a scene is shown.
-///   LED 2: an error occurred, or the clock was lost.
+///   LED 2: an error occurred, or the PLL has lost its lock.
 ///   LED 3: the PLL is locked.
 ///   LEDs 4 to 6: the number of the test pattern.
 ///   LED 7: blinks with the system clock.
 ///
-/// Modules:
+/// The data flow through the modules is:
 ///
 ///   ftdi_txd -> lipp_video_board -> gpdi_dp
 ///                      |
@@ -33,7 +33,7 @@ module lipp_ulx3s #(
   parameter lipp_scene_pkg::scene_build_t Scene = '0,
   parameter lipp_sdram_pkg::timing_t Timing = lipp_sdram_pkg::Grade75,
   parameter logic [63:0] Identity = '0,
-  parameter logic [15:0] UartStep = 16'd7864,  // UART step of 3 Mbit/s
+  parameter logic [15:0] UartStep = 16'd7864,  // 65536 x 3 Mbit/s / clock frequency
   parameter int ClockHz = 25_000_000,
   parameter int MemoryHz = 125_000_000,
   parameter int InputDiv = 1,
@@ -64,7 +64,7 @@ module lipp_ulx3s #(
   output logic [3:0]  gpdi_dp
 );
 
-  // ---- clocks ----
+  // ---- make the clocks ----
   logic shift_clk, clk, mem_clk, locked, lost, rst_n;
   logic [24:0] blink_q;
   lipp_ulx3s_clocks #(
@@ -77,7 +77,7 @@ module lipp_ulx3s #(
   assign rst_n = locked && !btn[1];
   always_ff @(posedge clk) blink_q <= blink_q + 1'b1;
 
-  // ---- board ----
+  // ---- instantiate the board ----
   logic linked, shown, alarm, cke, cs_n, ras_n, cas_n, we_n, dq_oe;
   logic [2:0] pattern;
   logic [1:0] ba, dqm;
@@ -99,9 +99,9 @@ module lipp_ulx3s #(
     .rgb_o(unused_video[23:0]), .pair_o(pair)
   );
   assign led = {blink_q[24], pattern, locked, alarm || lost, shown, linked};
-  assign wifi_gpio0 = 1'b1;  // a low level would start the ESP32's boot loader
+  assign wifi_gpio0 = 1'b1;  // high, because low would start the ESP32's boot loader
 
-  // ---- pins ----
+  // ---- drive the pins of the LEDs and of DVI ----
   lipp_ulx3s_memory i_memory (
     .clk_i(mem_clk), .cke_i(cke), .cs_ni(cs_n), .ras_ni(ras_n), .cas_ni(cas_n), .we_ni(we_n),
     .ba_i(ba), .a_i(a), .dqm_i(dqm), .dq_i(dq_out), .dq_oe_i(dq_oe), .dq_o(dq_in), .sdram_clk,

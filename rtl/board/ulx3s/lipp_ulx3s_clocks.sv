@@ -1,11 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
 `default_nettype none
 
-/// Clocks of the ULX3S: one PLL makes them from the board's oscillator of 25 MHz.
+/// Makes the clocks of the ULX3S with one PLL from the board's oscillator of 25 MHz.
 ///
 /// The frequency of each output clock is the VCO's frequency divided by that output's divider. The
-/// output with the divider BackDiv is fed back to the PLL. Each pixel takes one system clock.
-/// `tools.pll` finds the dividers.
+/// output with the divider BackDiv is fed back to the PLL. Each pixel lasts one clock of the system
+/// clock clk_o. The Python program `tools.pll` finds the dividers.
 ///
 /// Output lost_o rises if the PLL loses its lock after 256 or more locked clocks, two or three
 /// clocks of clk_i later. Output lost_o stays high until the FPGA is configured again. A stopped
@@ -42,10 +42,10 @@ module lipp_ulx3s_clocks #(
     .CLKOS2(system_clk_o), .CLKOS3(memory_clk_o), .LOCK(locked_o)
   );
 
-  // No reset clears these registers; their initial values come from the FPGA's configuration.
+  // These registers have no reset: the FPGA's configuration sets their initial values.
   (* async_reg = "true", keep = "true" *) logic [1:0] locked_q;
   logic was_locked_q, lost_q;
-  // number of clocks with lock, since a PLL's lock signal may toggle at first
+  // counts clocks with lock, because the lock signal of a PLL may toggle at first
   logic [7:0] steady_q;
   initial {locked_q, was_locked_q, lost_q, steady_q} = '0;
   always_ff @(posedge clk_i) begin

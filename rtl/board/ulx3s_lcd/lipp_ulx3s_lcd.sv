@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 `default_nettype none
 
-/// The ULX3S with a parallel RGB LCD at its header J2. Everything else is as in `lipp_ulx3s`.
+/// Top of the ULX3S with a parallel RGB LCD at its header J2 in place of DVI. All other functions
+/// are those of `lipp_ulx3s`.
 ///
-/// The LCD's signals change with the rising edge of the pixel clock. lcd_clk rises half a clock
-/// later.
+/// The LCD's signals change with the rising edge of clk. Output lcd_clk rises half a clock later.
 module lipp_ulx3s_lcd #(
   parameter int Width = 640,
   parameter int Height = 480,
@@ -20,7 +20,7 @@ module lipp_ulx3s_lcd #(
   parameter lipp_scene_pkg::scene_build_t Scene = '0,
   parameter lipp_sdram_pkg::timing_t Timing = lipp_sdram_pkg::Grade75,
   parameter logic [63:0] Identity = '0,
-  parameter logic [15:0] UartStep = 16'd7864,  // UART step of 3 Mbit/s
+  parameter logic [15:0] UartStep = 16'd7864,  // 65536 x 3 Mbit/s / clock frequency
   parameter int ClockHz = 25_000_000,
   parameter int MemoryHz = 125_000_000,
   parameter int InputDiv = 1,
@@ -57,7 +57,7 @@ module lipp_ulx3s_lcd #(
   output logic        lcd_clk
 );
 
-  // ---- clocks ----
+  // ---- make the clocks ----
   logic unused_shift_clk, clk, mem_clk, locked, lost, rst_n;
   logic [24:0] blink_q;
   lipp_ulx3s_clocks #(
@@ -70,7 +70,7 @@ module lipp_ulx3s_lcd #(
   assign rst_n = locked && !btn[1];
   always_ff @(posedge clk) blink_q <= blink_q + 1'b1;
 
-  // ---- board ----
+  // ---- instantiate the board ----
   logic linked, shown, alarm, cke, cs_n, ras_n, cas_n, we_n, dq_oe;
   logic [2:0] pattern;
   logic [1:0] ba, dqm;
@@ -93,9 +93,9 @@ module lipp_ulx3s_lcd #(
     .pair_o(unused_pair)
   );
   assign led = {blink_q[24], pattern, locked, alarm || lost, shown, linked};
-  assign wifi_gpio0 = 1'b1;  // a low level would start the ESP32's boot loader
+  assign wifi_gpio0 = 1'b1;  // high, because low would start the ESP32's boot loader
 
-  // ---- pins ----
+  // ---- drive the pins of the LEDs and of the LCD ----
   lipp_ulx3s_memory i_memory (
     .clk_i(mem_clk), .cke_i(cke), .cs_ni(cs_n), .ras_ni(ras_n), .cas_ni(cas_n), .we_ni(we_n),
     .ba_i(ba), .a_i(a), .dqm_i(dqm), .dq_i(dq_out), .dq_oe_i(dq_oe), .dq_o(dq_in), .sdram_clk,
