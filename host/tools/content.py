@@ -23,8 +23,8 @@ from lippmann.rendering.plan import Job
 from lippmann.rendering.renderer import render_view
 from lippmann.rendering.sampling import Window, first_depths
 from lippmann.rendering.sinks import render_picture
-from lippmann.scenes.placement import Placement
-from lippmann.scenes.scene import Scene, arranged, load_scene
+from lippmann.scenes.placement import Placement, arranged
+from lippmann.scenes.scene import Scene, load_scene
 from lippmann.scenes.splats import write_table
 from lippmann.scenes.window_views import EYES, eyes_note, eyes_text, quilt_path, tiled
 

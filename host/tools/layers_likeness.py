@@ -21,16 +21,7 @@ from lippmann.display.description import Display, load_display
 from lippmann.eye.observer import whole_window
 from lippmann.fixed.scene_build import BLOCK_BYTES, SceneBuild
 from lippmann.fixed.scene_configuration import slot_bytes
-from lippmann.layers.layer_count_choice import (
-    EYES,
-    FULL_SAMPLES,
-    decibels,
-    eyes_of,
-    full_views,
-    row_of,
-    streamed,
-    views_of,
-)
+from lippmann.layers.layer_count import EYES, FULL_SAMPLES, decibels, eyes_of, full_views, row_of, streamed, views_of
 from lippmann.layers.layer_drawing import FILTERS, ExitLines, Filter, draw_golden, exit_lines
 from lippmann.layers.scene_cutting import SLOT, Area, Cut, cut_scene, disparity, peel, reach_of
 from lippmann.layers.stack import MAX_LAYERS, LayerStack
@@ -83,7 +74,7 @@ def measure_scene(
 
     `parts` are the scene that is cut by depths and a separate layer; None: the complete scene is cut by depths. `drawn`
     is "streamed" or a filter; `line_bytes` are the bytes of the first picture, `frame_bytes` those of each further
-    picture, in which a layer moves. `layer_count_choice.row_of` describes the other columns; a streamed frame
+    picture, in which a layer moves. `layer_count.row_of` describes the other columns; a streamed frame
     has None where they do not apply.
     """
     settings = Settings(TEXEL_SAMPLES, seed=seed) if settings is None else settings

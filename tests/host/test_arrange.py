@@ -21,8 +21,8 @@ from lippmann.rendering.diagnostics import warn_of_unused_parts, warn_of_view
 from lippmann.rendering.options import RenderOptions, Settings
 from lippmann.rendering.renderer import render_view
 from lippmann.rendering.sampling import Window
-from lippmann.scenes.placement import Placement
-from lippmann.scenes.scene import Scene, arranged, load_scene
+from lippmann.scenes.placement import Placement, arranged
+from lippmann.scenes.scene import Scene, load_scene
 from scene_cases import display_toml, focused_display, generator, glowing_sphere, rgb, write_scene
 
 SEED = 5508

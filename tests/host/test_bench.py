@@ -12,8 +12,8 @@ from lippmann.rendering.options import Settings
 from lippmann.rendering.pixel_filter import noise_fraction
 from lippmann.rendering.renderer import render_view
 from lippmann.rendering.sampling import Window
-from lippmann.scenes.placement import Placement
-from lippmann.scenes.scene import arranged, load_scene
+from lippmann.scenes.placement import Placement, arranged
+from lippmann.scenes.scene import load_scene
 from lippmann.simulation.toolchain import repository
 from scene_cases import focused_display
 from tools import bench, content, measured_page, motion_speed, renderer_speed, shading_speed

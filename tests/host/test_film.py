@@ -20,7 +20,7 @@ from lippmann.errors import InputError
 from lippmann.motion.film import Key, MotionPath, load_film
 from lippmann.motion.film_frames import plan_film
 from lippmann.motion.video import write_video
-from lippmann.rendering import renderer
+from lippmann.rendering import irradiance_cache_choice
 from lippmann.rendering.options import RenderOptions, Settings
 from lippmann.rendering.sinks import render_picture
 from lippmann.scenes.placement import Placement
@@ -289,9 +289,9 @@ def test_only_what_is_missing_or_changed_is_rendered(place, capsys):
 def test_a_film_has_one_way_to_shade(place, mi, monkeypatch, capfd, likeness, shading):
     """Its key frames, 0 and 4, are tried; all frames do what all key frames allow."""
     for name, value in (("RAYS_A_POINT", 0.01), ("MIN_LAMPS", 1), ("MIN_RAYS", 1)):
-        monkeypatch.setattr(renderer, name, value)
+        monkeypatch.setattr(irradiance_cache_choice, name, value)
     trials = iter(likeness)
-    monkeypatch.setattr(renderer.Renderer, "_trial_psnr", lambda self: next(trials))
+    monkeypatch.setattr(irradiance_cache_choice.CacheTrial, "psnr", lambda *arguments: next(trials))
     animate(place, "--model", "exact", "--device", "llvm")
     frames = [read_picture(place / f"out/frame_{k:04d}.exr") for k in range(5)]
     assert {frame.metadata["shading"] for frame in frames} == {shading}

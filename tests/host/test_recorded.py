@@ -8,7 +8,7 @@ import weakref
 import drjit as dr
 import numpy as np
 import pytest
-from lippmann.rendering import renderer
+from lippmann.rendering import irradiance_cache_choice
 from lippmann.rendering import shading as recording
 from lippmann.rendering.options import Settings
 from lippmann.rendering.renderer import render_integral
@@ -85,7 +85,7 @@ def test_the_renderers_programs_are_recorded_once(mi, chart, monkeypatch, shadin
     Samples are as many as no texture's values, for sizes that are equal by chance are another recording.
     """
     for name, value in (("MIN_RAYS", 0), ("MIN_LAMPS", 0), ("CACHE_DB", 0), ("RAYS_A_POINT", 0.01)):
-        monkeypatch.setattr(renderer, name, value)
+        monkeypatch.setattr(irradiance_cache_choice, name, value)
     made, usual = [], Recorded.__init__
 
     def told(self, *arguments):

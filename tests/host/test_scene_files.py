@@ -18,8 +18,8 @@ from lippmann.rendering.renderer import render_view
 from lippmann.rendering.sampling import Window
 from lippmann.scenes import meshes
 from lippmann.scenes.meshes import check_faces
-from lippmann.scenes.placement import Placement
-from lippmann.scenes.scene import arranged, digest_of, load_scene
+from lippmann.scenes.placement import Placement, arranged
+from lippmann.scenes.scene import digest_of, load_scene
 from PIL import Image
 from plyfile import PlyData, PlyElement
 from scene_cases import glowing_card, glowing_sphere, write_scene

@@ -10,8 +10,8 @@ import pytest
 from lippmann.base.tones import psnr_db
 from lippmann.base.variant import current_device
 from lippmann.eye.observer import Eye, Window, observe
-from lippmann.rendering import bands
-from lippmann.rendering import renderer as renderers
+from lippmann.rendering import band_sizes
+from lippmann.rendering import irradiance_cache_choice as choice
 from lippmann.rendering.options import Settings
 from lippmann.rendering.renderer import Renderer, render_integral
 from lippmann.rendering.sampling import display_source
@@ -53,9 +53,9 @@ def display():
 @pytest.fixture
 def eager(monkeypatch):
     """Let auto share light in small pictures, of few lamps."""
-    monkeypatch.setattr(renderers, "RAYS_A_POINT", 0.1)
-    monkeypatch.setattr(renderers, "MIN_LAMPS", 1)
-    monkeypatch.setattr(renderers, "MIN_RAYS", 1)
+    monkeypatch.setattr(choice, "RAYS_A_POINT", 0.1)
+    monkeypatch.setattr(choice, "MIN_LAMPS", 1)
+    monkeypatch.setattr(choice, "MIN_RAYS", 1)
 
 
 def both_ways(scene, display, settings=SETTINGS):
@@ -316,7 +316,7 @@ def test_the_tolerance_is_kept_on_random_scenes(mi, fine, first, eager):
         if auto.shading == "each":
             assert (auto.radiance == each.radiance).all()
         else:
-            assert views_db(auto.radiance, each.radiance, fine) >= renderers.CACHE_DB, seed
+            assert views_db(auto.radiance, each.radiance, fine) >= choice.CACHE_DB, seed
     if current_device() == "llvm":
         assert "shared" in ways
 
@@ -380,7 +380,7 @@ def test_auto_leaves_thin_shadows_to_each_ray(mi, display, eager, caplog):
 @pytest.mark.parametrize(("limit_mb", "shading"), [(None, "shared"), (700.0, "each"), (800.0, "shared")])
 def test_the_users_limit_decides_and_not_the_free_memory(mi, display, eager, monkeypatch, free_mb, limit_mb, shading):
     """500 MB, 250 more for the irradiance cache, and 2.2 MB for 288 x 216 pixels."""
-    monkeypatch.setattr(bands, "free_memory_mb", lambda: free_mb)
+    monkeypatch.setattr(band_sizes, "free_memory_mb", lambda: free_mb)
     made = scene(wall=wall(mi), a=lamp([2, 3, 40]))
     settings = replace(SETTINGS, shading="auto", memory_mb=limit_mb)
     found = Renderer(made, display_source(display, "exact", 4, "chief", "fast", None), settings)
@@ -409,8 +409,7 @@ def test_a_large_body_does_not_coarsen_others(mi, display, radius):
 def test_the_trial_looks_between_the_columns_of_a_grid(mi, samples):
     """Of 300 x 300 tiles some are tried in every strip of 6, upright or level: a regular grid left most strips out."""
     wide = focused_display("square", width_px=2400, height_px=2400, pitch=0.5, pixel_pitch=1.0 / 12.0)
-    source = display_source(wide, "pinhole", samples)
-    tiles = Renderer(scene(wall=wall(mi), a=lamp([2, 9, 40])), source, Settings(samples, shading="each"))._trial_tiles()
+    tiles = choice.CacheTrial(display_source(wide, "pinhole", samples), samples)._tiles()
     for place in (tiles % 300, tiles // 300):
         assert (np.bincount(place // 6, minlength=50) > 0).all()
 
@@ -432,11 +431,12 @@ def test_the_trial_does_not_depend_on_how_it_is_done(mi, display, eager, samples
     made = scene(wall=wall(mi), ball=ball(0, 0, 0, 2.0), a=lamp([2, 9, 40]), b=lamp([-20, 9, 40]))
     source = display_source(display, "exact", samples)
     settings = replace(SETTINGS, samples=samples, shading="auto")
-    likeness = []
+    likeness, psnr = [], choice.CacheTrial.psnr
+    monkeypatch.setattr(choice.CacheTrial, "psnr", lambda *arguments: likeness.append(psnr(*arguments)) or likeness[-1])
     # The last is too few for all at once: 16 single tiles.
-    for most in (renderers.TRIAL_SAMPLES, 16 * 64 * samples, 7 * 64 * samples):
-        monkeypatch.setattr(renderers, "TRIAL_SAMPLES", most)
-        likeness.append(Renderer(made, source, settings)._trial_psnr())
+    for most in (choice.TRIAL_SAMPLES, 16 * 64 * samples, 7 * 64 * samples):
+        monkeypatch.setattr(choice, "TRIAL_SAMPLES", most)
+        Renderer(made, source, settings)
     assert likeness[1] == pytest.approx(likeness[2], abs=1e-6)
     assert 45.0 < likeness[0] <= likeness[1] + 20.0
 
@@ -457,9 +457,9 @@ def test_the_trial_looks_at_as_many_places_of_many_samples(mi, subpixels, eager)
     made = scene(wall=wall(mi), ball=ball(2, 1, 2, 1.5), a=lamp([10, 25, 40]), b=lamp([-30, 5, 25], 2000.0))
     said = []
     for samples in (4, 22, 1024):
-        tried = Renderer(
-            made, display_source(wide, "exact", samples), replace(SETTINGS, samples=samples, shading="auto")
-        )
-        assert len(tried._trial_tiles()) == 28 * 28
+        settings = replace(SETTINGS, samples=samples, shading="auto")
+        source = display_source(wide, "exact", samples)
+        assert len(choice.CacheTrial(source, samples)._tiles()) == 28 * 28
+        tried = Renderer(made, source, settings)
         said.append(float(re.search(r"PSNR ([\d.]+) dB", tried.cache_report)[1]))
     assert max(said) - min(said) < 6.0, said

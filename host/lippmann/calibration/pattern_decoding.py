@@ -8,7 +8,6 @@ clipped, follows the phase pictures' cosine, and has at most one doubtful bit pe
 from __future__ import annotations
 
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 import numpy.typing as npt
@@ -16,11 +15,11 @@ import numpy.typing as npt
 from lippmann.base import interrupts
 from lippmann.base.progress_protocol import Progress
 from lippmann.calibration.coded_patterns import AxisCode, Pattern, PatternSet
-from lippmann.calibration.photograph_diagnostics import Samples, check_marks, check_samples
-from lippmann.calibration.photographs import Light, Photograph, Position, read_photograph
+from lippmann.calibration.photograph_diagnostics import Samples, check_marks, check_samples, find_lit
+from lippmann.calibration.photographs import Photograph, Position, read_photograph
 from lippmann.display.description import Display
 from lippmann.errors import input_error
-from lippmann.optics.rays import Bools, Floats
+from lippmann.optics.rays import Floats
 from lippmann.optics.system import PanelFrame
 
 #: Number of sample pixels for checks of the photographs.
@@ -70,7 +69,7 @@ def decode_position(
     shape = first_marks.shape[0], first_marks.shape[1]
     white_photograph = read(white_pattern)
     white, black = white_photograph.light, read(black_pattern).light
-    span, lit = _find_lit(position.of(white_pattern), white, black, white_photograph.clipped)
+    span, lit = find_lit(position.of(white_pattern), white, black, white_photograph.clipped)
     middle = 0.5 * (white + black)
     inverse = np.float32(1.0) / np.maximum(span, np.float32(1e-6))
     at = np.flatnonzero(lit)
@@ -93,20 +92,3 @@ def decode_position(
     photo = np.stack([column + np.float32(0.5), row + np.float32(0.5)], axis=1).astype(np.float32)
     panel = np.stack([columns[lit], rows[lit]], axis=1).astype(np.float32)
     return Decoded(position.name, shape, photo, panel, modulation)
-
-
-def _find_lit(path: Path, white: Light, black: Light, clipped: Bools) -> tuple[Light, Bools]:
-    span = white - black
-    bright = float(np.percentile(span.ravel()[:: max(1, span.size // 200_000)], 95.0))
-    if bright < 0.02:
-        what = f"is too dark: white is {100.0 * bright:.1f} % brighter than black"
-        raise input_error(path, what, "expose longer; all photographs alike, with a fixed exposure")
-    # Ignore pixels with less contrast.
-    lit = span > 0.1 * bright
-    clipped_share = float((clipped & lit).sum()) / max(1, int(lit.sum()))
-    # Pixels that are clipped even in black are not lit, so count them over all pixels.
-    overall = float(clipped.mean())
-    if clipped_share > 0.2 or overall > 0.5:
-        what = f"is too bright: {100.0 * max(clipped_share, overall):.0f} % of the panel is clipped"
-        raise input_error(path, what, "expose all photographs shorter, so that white stays below the limit")
-    return span, lit & ~clipped

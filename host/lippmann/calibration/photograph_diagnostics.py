@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import NamedTuple
 
 import cv2
@@ -13,6 +14,7 @@ import numpy.typing as npt
 from lippmann.calibration.coded_patterns import AxisCode, Pattern, PatternSet
 from lippmann.calibration.photographs import Light, Position
 from lippmann.errors import input_error
+from lippmann.optics.rays import Bools
 
 #: Maximum residual of a phase photograph from the fitted cosine, in amplitudes.
 MAX_RESIDUAL = 0.35
@@ -76,6 +78,24 @@ def fit(samples: Samples, pitch_px: float) -> Fit:
     plane, mask = cv2.findHomography(photo, panel, cv2.RANSAC, 1.5 * pitch_px, maxIters=500)
     share = float(np.mean(mask)) if np.size(plane) == 9 else 0.0
     return Fit(min(modulations), residuals, max(disagree), share, plane)
+
+
+def find_lit(path: Path, white: Light, black: Light, clipped: Bools) -> tuple[Light, Bools]:
+    """Return white minus black, and which pixels see the panel; refuse a dark or a clipped photograph."""
+    span = white - black
+    bright = float(np.percentile(span.ravel()[:: max(1, span.size // 200_000)], 95.0))
+    if bright < 0.02:
+        what = f"is too dark: white is {100.0 * bright:.1f} % brighter than black"
+        raise input_error(path, what, "expose longer; all photographs alike, with a fixed exposure")
+    # Ignore pixels with less contrast.
+    lit = span > 0.1 * bright
+    clipped_share = float((clipped & lit).sum()) / max(1, int(lit.sum()))
+    # Pixels that are clipped even in black are not lit, so count them over all pixels.
+    overall = float(clipped.mean())
+    if clipped_share > 0.2 or overall > 0.5:
+        what = f"is too bright: {100.0 * max(clipped_share, overall):.0f} % of the panel is clipped"
+        raise input_error(path, what, "expose all photographs shorter, so that white stays below the limit")
+    return span, lit & ~clipped
 
 
 def check_samples(samples: Samples, pitch_px: float) -> float:

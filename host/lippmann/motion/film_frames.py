@@ -17,7 +17,7 @@ from lippmann.base.progress_protocol import Progress, report_each
 from lippmann.display.description import Display
 from lippmann.errors import InputError, input_error
 from lippmann.motion.film import Film
-from lippmann.rendering.bands import bands_of
+from lippmann.rendering.band_sizes import bands_of
 from lippmann.rendering.cache_key import pixels_identity
 from lippmann.rendering.executors import Band, RenderedBand
 from lippmann.rendering.integral_image import IntegralImage
@@ -25,8 +25,8 @@ from lippmann.rendering.options import RenderOptions
 from lippmann.rendering.plan import ScenePlan, make_renderer, report_and_choose_model
 from lippmann.rendering.sampling import colours_of
 from lippmann.rendering.sinks import MemorySink, bands_of_plan, render_picture
-from lippmann.scenes.placement import Placement, placement_beside
-from lippmann.scenes.scene import Box, Move, Scene, digest_of, fitting, front_of, load_scene, placed_box
+from lippmann.scenes.placement import Placement, fitting, front_of, placement_beside
+from lippmann.scenes.scene import Box, Move, Scene, digest_of, load_scene, placed_box
 
 logger = logging.getLogger("lippmann")
 

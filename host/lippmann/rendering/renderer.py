@@ -15,23 +15,21 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-import numpy.typing as npt
 
 from lippmann.base import interrupts
 from lippmann.base.images import HALF_MAX, Radiance, describe_wrong
 from lippmann.base.progress_protocol import Progress
-from lippmann.base.tones import psnr_db
 from lippmann.base.variant import Jit, current_device, dr, mi
 from lippmann.display.description import Display
 from lippmann.errors import InputError, warn_user
 from lippmann.optics.rays import Engine, Model
-from lippmann.rendering.bands import CHUNK_SAMPLES, bands_of, check_memory, memory_mb
+from lippmann.rendering.band_sizes import CHUNK_SAMPLES, bands_of, check_memory, memory_mb
+from lippmann.rendering.irradiance_cache_choice import CacheTrial, is_worth_a_trial, max_points, why_not_cached
 from lippmann.rendering.lights import register_lights
 from lippmann.rendering.options import Settings, Shading
 from lippmann.rendering.pixel_filter import PixelFilter, is_filtered
 from lippmann.rendering.sampling import TILE_PX, Pose, RaySource, Seeds, Window, display_source, eye_source, pixel_of
-from lippmann.rendering.shading import CachedProgram, IrradianceCache, Program, means_of, why_not_cached
-from lippmann.rendering.surface_lattice import MAX_POINTS
+from lippmann.rendering.shading import CachedProgram, IrradianceCache, Program, means_of
 from lippmann.scenes.placement import Placement
 from lippmann.scenes.scene import Scene, without_places
 
@@ -40,25 +38,6 @@ logger = logging.getLogger("lippmann")
 CHUNK_SLACK = 0.1
 #: Divisor of the chunk size with the cache, whose samples need more memory.
 CACHE_CHUNK_DIVISOR = 2
-#: Minimum PSNR in dB with the cache for shading "auto".
-CACHE_DB = 45.0
-#: Minimum number of rays per cache point for shading "auto".
-RAYS_A_POINT = 4
-#: One lamp's shadow rays take as long as a trial (docs/generated/reports/shading.md).
-MIN_LAMPS = 2
-#: Number of the trial's image parts along each axis.
-TRIAL_PARTS = 4
-#: Rays per colour in the cache's trial. 2^18 rays would need another recording if a texture has
-#: 2^18 values.
-TRIAL_RAYS = 28 * 28 * 256
-#: Maximum samples per pixel of the trial.
-TRIAL_SAMPLES = 4
-#: Seed of the trial's tile positions, which do not depend on the render's seed.
-TRIAL_SEED = 1
-#: Minimum number of rays in a picture for which a trial saves time.
-MIN_RAYS = 1 << 21
-#: Maximum fraction of samples that meet surfaces without a lattice.
-MAX_UNCACHED = 0.5
 
 
 @dataclass(frozen=True)
@@ -161,15 +140,12 @@ class Renderer:
         return max(1, samples // (self.rays * TILE_PX * TILE_PX))
 
     def _choose_cache(self, scene: Scene, settings: Settings, rows: int, integrator: Jit) -> str | None:
-        """Use the irradiance cache if possible and requested; return a line for the log."""
-        source = self._source
-        points = settings.light_points
-        is_auto = settings.shading == "auto"
+        """Use the irradiance cache if it is requested, or chosen for "auto"; return a line for the log."""
+        source, is_auto = self._source, settings.shading == "auto"
         why, is_reported = why_not_cached(scene, source, settings.integrator), not is_auto
         rays = self._width * self._height * self.rays
         if why is None and is_auto:
-            # A GPU traces a ray faster than it reads the cache.
-            if len(scene.mitsuba.emitters()) < MIN_LAMPS or current_device() == "cuda" or rays < MIN_RAYS:
+            if not is_worth_a_trial(scene, rays):
                 return None
             needed = memory_mb(self._width, rows, "shared", self._samples, self._colours)
             # Only the user's limit counts: free memory must not change a picture.
@@ -177,31 +153,24 @@ class Renderer:
             why = "the memory limit leaves no room for it" if is_reported else None
         if why is None:
             assert source.detail_mm is not None
-            if points is None:
-                points = min(MAX_POINTS, int(rays // RAYS_A_POINT)) if is_auto else MAX_POINTS
+            points = max_points(settings, rays)
             cache = IrradianceCache(scene, source.detail_mm / scene.placement.scale, points)
             if cache.points:
-                self._cached = CachedProgram(scene, source, settings.samples, integrator, settings.max_depth, cache)
-                is_used, report = self._judge_trial() if is_auto else (True, None)
+                program = CachedProgram(scene, source, settings.samples, integrator, settings.max_depth, cache)
+                is_used, report = self._try_cache(program) if is_auto else (True, None)
                 if is_used:
-                    self._program = self._cached
+                    self._program = program
                     self.settings = replace(settings, shading="shared", light_points=points)
                 return report
             why = "no mesh or sphere is diffuse, or each would need too many points"
         return f"no irradiance cache: {why}" if is_reported else None
 
-    def _judge_trial(self) -> tuple[bool, str]:
-        """Return whether all image parts reach `CACHE_DB` with the cache, and a line for the log."""
-        decibels = self._trial_psnr()
-        if decibels is None:
-            why = "most rays meet surfaces that are not plain diffuse, or too large"
-            return False, f"no irradiance cache: {why}"
-        is_used = decibels >= CACHE_DB
-        likeness = f"PSNR {math.floor(10 * decibels) / 10} dB" if math.isfinite(decibels) else "no difference"
-        part = min(1.0, len(self._trial_tiles()) / (self._across * -(-self._height // TILE_PX)))
-        verdict = f"{CACHE_DB:.0f} dB are needed, so it is {'' if is_used else 'not '}used"
-        trial = f"irradiance cache, compared with each ray's own light in {100 * part:.3g} % of the picture"
-        return is_used, f"{trial}: {likeness}; {verdict}"
+    def _try_cache(self, program: CachedProgram) -> tuple[bool, str]:
+        """Render the pixels of a trial with and without the cache; return whether to use it, and a line for the log."""
+        trial = CacheTrial(self._source, self._samples)
+        # The seeds are two variables: one variable would cause another recording.
+        seeds = Seeds(*(dr.opaque(mi.UInt32, value) for value in (self._seed, self._pass)))
+        return trial.judge([program.trial(*chunk, seeds, self._pose, trial.samples) for chunk in trial.chunks()])
 
     def move(self, placement: Placement, number: int = 0) -> None:
         """Move the scene. Later bands belong to pass `number`; the program is reused."""
@@ -214,46 +183,6 @@ class Renderer:
         seconds = time.perf_counter() - started
         self.prepare_seconds += seconds
         return seconds
-
-    def _trial_tiles(self) -> npt.NDArray[np.int64]:
-        rays = TILE_PX * TILE_PX * min(self._samples, TRIAL_SAMPLES)
-        side = max(1, math.isqrt(TRIAL_RAYS // rays) // TRIAL_PARTS) * TRIAL_PARTS
-        within = np.random.default_rng(TRIAL_SEED).random((2, side, side))
-        places = (np.mgrid[:side, :side] + within) / side
-        down = -(-self._height // TILE_PX)
-        rows, columns = (places * np.array([down, self._across])[:, None, None]).astype(np.int64).reshape(2, -1)
-        tiles: npt.NDArray[np.int64] = rows * self._across + columns
-        return tiles
-
-    def _trial_psnr(self) -> float | None:
-        """Return the cache's PSNR in dB; None if most samples are uncached."""
-        # The PSNR is the minimum over `TRIAL_PARTS` x `TRIAL_PARTS` parts of the image.
-        tiles = self._trial_tiles()
-        side, rays = math.isqrt(len(tiles)), TILE_PX * TILE_PX * self.rays
-        samples = min(self._samples, TRIAL_SAMPLES)
-        # Tiles run together if sample indices fit into 31 bits, as programs require.
-        together = (tiles.max() + 1) * rays < 1 << 31
-        # The seeds are two variables: one variable would cause another recording.
-        seeds = Seeds(*(dr.opaque(mi.UInt32, value) for value in (self._seed, self._pass)))
-        trials = []
-        for first, chunk in [(0, tiles)] if together else [(tile, np.zeros(1, np.int64)) for tile in tiles]:
-            # Numpy's arrays have another alignment, which causes another recording.
-            lane = dr.arange(mi.UInt32, len(chunk) * TILE_PX * TILE_PX * self._colours * samples)
-            # The trial uses `samples` samples of each colour of a pixel, far apart.
-            group = lane // samples
-            pixel = group // self._colours
-            tile = dr.gather(mi.UInt32, mi.UInt32(chunk.astype(np.uint32)), pixel // (TILE_PX * TILE_PX))
-            sample = (lane - group * samples) * self._samples // samples
-            place = (pixel % (TILE_PX * TILE_PX) * self._colours + group % self._colours) * self._samples + sample
-            index = tile * rays + place
-            dr.make_opaque(index)
-            trials.append(self._cached.trial(index, dr.opaque(mi.UInt32, int(first)), seeds, self._pose, samples))
-        cached, own, uncached = zip(*trials, strict=True)
-        if np.mean(uncached) > MAX_UNCACHED:
-            return None
-        pair = np.concatenate(cached), np.concatenate(own)
-        a, b = (one.reshape(TRIAL_PARTS, side // TRIAL_PARTS, TRIAL_PARTS, -1, 3) for one in pair)
-        return min(psnr_db(a[i, :, k], b[i, :, k]) for i in range(TRIAL_PARTS) for k in range(TRIAL_PARTS))
 
     def render(self, number: int, report_rows: Callable[[int], None] | None = None) -> tuple[Radiance, list[int]]:
         """Return a band's radiance and lost samples; see `BandRenderer`."""

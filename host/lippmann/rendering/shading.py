@@ -13,7 +13,7 @@ import numpy as np
 
 from lippmann.base.images import Radiance
 from lippmann.base.variant import Jit, current_device, dr, mi
-from lippmann.rendering.lights import coherence_hint, has_splats
+from lippmann.rendering.lights import coherence_hint
 from lippmann.rendering.sampling import Parts, Pose, RaySource, Seeds, lines_of, pixel_of, sampler_of
 from lippmann.rendering.surface_lattice import (
     MAX_POINTS,
@@ -100,10 +100,6 @@ def keep_garbage() -> Iterator[None]:
 #: Bit of a lamp mask that marks computed irradiance. Other bits mark visible lamps.
 COMPUTED = 1 << 31
 MAX_LAMPS = 31
-#: Pattern of a spot light with an image; other spot lights have a uniform spectrum.
-SPOT_PICTURE = re.compile(r"texture = (?!UniformSpectrum)")
-#: Mitsuba's class names of lamps whose light is almost linear between points.
-LAMPS = ("PointLight", "SpotLight", "DirectionalEmitter")
 
 
 class IrradianceCache:
@@ -366,16 +362,3 @@ def means_of(colour: Jit, colours: int, samples: int) -> list[Jit]:
     means = mean(dr.select(number == 0, colour.x, dr.select(number == 1, colour.y, colour.z)))
     pixel = dr.arange(mi.UInt32, dr.width(means) // colours)
     return [dr.gather(mi.Float, means, pixel * colours + k) for k in range(colours)]
-
-
-def why_not_cached(scene: Scene, source: RaySource, integrator: str) -> str | None:
-    """Return why the irradiance cache cannot serve a scene, or None."""
-    if integrator != "lights":
-        return f"the integrator {integrator} uses random numbers"
-    if has_splats(scene.mitsuba):
-        return "splats emit their own light"
-    lamps = scene.mitsuba.emitters()
-    are_plain = all(lamp.class_name() in LAMPS and not SPOT_PICTURE.search(str(lamp)) for lamp in lamps)
-    if not (are_plain and 0 < len(lamps) <= MAX_LAMPS):
-        return f"the scene has other lamps than 1 to {MAX_LAMPS} point, spot and directional lights without pictures"
-    return "there are no lenslets" if source.detail_mm is None else None

@@ -1,4 +1,4 @@
-"""Loads a scene or a part of it, with moved shapes, and places it for a display."""
+"""Loads a scene or a part of it, with moved shapes."""
 
 from __future__ import annotations
 
@@ -12,20 +12,17 @@ from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, get_args
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from lippmann.base.limits import check_xml
 from lippmann.base.variant import dr, mi
-from lippmann.display.description import Display
-from lippmann.errors import InputError, check_choice, check_type, input_error, likely_file, path_of
-from lippmann.optics.display_properties import display_properties
-from lippmann.optics.zones import viewing_distance
+from lippmann.errors import InputError, check_type, input_error, likely_file, path_of
 from lippmann.scenes.formats import FORMATS, SUFFIXES, as_mitsuba, kind_of
 from lippmann.scenes.light_field import register_light_field
 from lippmann.scenes.meshes import check_faces
-from lippmann.scenes.placement import SCALE_RANGE, Arrange, Matrix, Placement, placement_beside, usual_arrange
+from lippmann.scenes.placement import Arrange, Matrix, Placement, front_of, placement_beside, usual_arrange
 
 if TYPE_CHECKING:
     import mitsuba as mts
@@ -338,79 +335,3 @@ def placed_box(bounds: Box, placement: Placement) -> Box:
     corners = np.array(list(itertools.product(*zip(low, high, strict=True), (1.0,))))
     placed = corners @ placement.display_from_scene[:3].T
     return placed.min(axis=0), placed.max(axis=0)
-
-
-def front_of(low: Matrix, high: Matrix) -> float:
-    """Return a depth z just in front of a box, where rays can start."""
-    return float(high[2] + 1e-3 * max(1.0, high[2] - low[2]))
-
-
-def arranged(scene: Scene, display: Display, arrange: Arrange) -> Scene:
-    """Return a scene placed for a display. Only "fit" keeps the scene's own rotation."""
-    check_choice("arrange", arrange, get_args(Arrange))
-    if arrange == "camera":
-        return scene.placed(_by_camera(scene, display))
-    if arrange == "fill":
-        return scene.placed(_filling(scene, display))
-    rotated = Placement(rotation_deg=scene.placement.rotation_deg)
-    low, high = scene.box(rotated)
-    if not np.isfinite(high - low).all() or not (high > low).any():
-        raise InputError(f"{scene.path}: the scene has no bounded extent to fit; place it with --scale and --offset")
-    return scene.placed(rotated.then(fitting(low, high, display)))
-
-
-def fitting(low: Matrix, high: Matrix, display: Display) -> Placement:
-    """Return the placement that fits a box (corners (3,), mm) into the depth range, or raise InputError."""
-    # An eye in front of the panel's centre sees the whole front of the box.
-    panel, eye = display.panel, viewing_distance(display)
-    far, near = display_properties(display).depth_range_mm
-    middle = 0.5 * (far + near)
-    x, y, z = (float(side) for side in high - low)
-    # The box's front, middle + scale z / 2, must be in the pyramid from eye to panel.
-    widths = ((side, panel_side) for side, panel_side in ((x, panel.width_mm), (y, panel.height_mm)))
-    scales = [full * (1.0 - middle / eye) / (side + 0.5 * full * z / eye) for side, full in widths if side + z > 0.0]
-    scale = min([*scales, (near - far) / z] if z > 0.0 else scales)
-    if not SCALE_RANGE[0] <= scale <= SCALE_RANGE[1]:
-        sides = " x ".join(f"{side:.3g}" for side in (x, y, z))
-        raise InputError(f"the scene is {sides} units, and cannot be fitted by a scale of {scale:.3g}; scale its file")
-    offset = -0.5 * scale * (low + high)
-    return Placement(scale, offset_mm=(float(offset[0]), float(offset[1]), float(offset[2]) + middle))
-
-
-def _filling(scene: Scene, display: Display) -> Placement:
-    low, high = scene.box(Placement())
-    panel, (far, near) = display.panel, display_properties(display).depth_range_mm
-    width, height = (float(side) for side in (high - low)[:2])
-    scale = min(panel.width_mm / width, panel.height_mm / height)
-    x, y, z = (float(place) for place in -0.5 * scale * (low + high))
-    return Placement(scale, offset_mm=(x, y, z), near_mm=near, far_mm=far)
-
-
-def _by_camera(scene: Scene, display: Display) -> Placement:
-    """Return the placement that puts the camera at the eye, its picture as wide as the panel."""
-    sensor = scene.mitsuba.sensors()[0] if scene.has_camera else None
-    parameters = {} if sensor is None else mi.traverse(sensor)
-    if sensor is None or "x_fov" not in parameters:
-        what = "contains no camera with a field of view"
-        own = scene.path.suffix.lower() == ".xml"
-        remedy = "place it with --fit, --scale and --offset"
-        raise input_error(scene.path, what, f'add a <sensor type="perspective">, or {remedy}' if own else remedy)
-    x_fov = math.radians(float(np.array(parameters["x_fov"]).ravel()[0]))
-    matrix = np.array(sensor.world_transform().matrix, np.float64).reshape(4, 4)
-    origin, ahead, up = matrix[:3, 3], *(matrix[:3, k] / np.linalg.norm(matrix[:3, k]) for k in (2, 1))
-    # The panel is at the first surface on the camera's axis, or at the scene's centre.
-    hit = scene.mitsuba.ray_intersect(mi.Ray3f(mi.Point3f(origin), mi.Vector3f(ahead)))
-    distance = float(np.array(hit.t).ravel()[0])
-    if not math.isfinite(distance):
-        low, high = scene.box(Placement())
-        distance = float((0.5 * (low + high) - origin) @ ahead)
-    if not 0.0 < distance < math.inf:
-        raise input_error(scene.path, "the camera does not look at the scene", "rotate the camera, or use --fit")
-    eye = 0.5 * display.panel.width_mm / math.tan(0.5 * x_fov)
-    scale = eye / distance
-    moved = np.eye(4)
-    moved[:3, :3] = scale * np.stack([np.cross(ahead, up), up, -ahead])
-    moved[:3, 3] = -moved[:3, :3] @ (origin + distance * ahead)
-    placement = Placement.of(moved, scale)
-    # Rays do not start behind the camera, because objects there would hide the scene.
-    return replace(placement, near_mm=min(front_of(*scene.box(placement)), eye))
