@@ -96,6 +96,16 @@ def test_one_ray_against_golden(mi, grid, side, kind):
     assert decided >= 2
 
 
+@pytest.mark.parametrize("layout", ["rgb", "bgr"])
+def test_an_eye_sees_the_stripe_on_its_line_three_times_as_bright(mi, layout):
+    display = display_for(subpixels=layout)
+    ones = np.ones((display.panel.height_px, display.panel.width_px, 3), np.float32)
+    for stripe, step in zip(layout, (-1.0 / 3.0, 0.0, 1.0 / 3.0), strict=True):
+        built = display.misaligned(offset_mm=(step * PIXEL, 0.0))
+        seen = see(mi, ones, built, window=Window(9.0, 5.0, 9, 5), model="thin").radiance
+        np.testing.assert_array_equal(seen, np.broadcast_to([3.0 * (name == stripe) for name in "rgb"], seen.shape))
+
+
 def test_without_crosstalk_it_is_black_beyond_the_viewing_angle(mi):
     """|C - ex| D / ez < p / 2 decides: 50 mm at 600 mm."""
     display = display_for()
