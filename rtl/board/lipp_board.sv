@@ -16,13 +16,13 @@
 /// small panels and for simulation. `lipp_board_with_sdram` connects a frame store in SDRAM.
 ///
 /// A push button on the board sets input pattern_i, the number of a test pattern. If pattern_i is
-/// not 0, it overrides the test pattern register. Output packet_o pulses for each received packet.
-/// Output error_o pulses for each dropped packet and for each late pixel. Output shown_o is high
-/// while a frame or a scene is on the panel.
+/// not 0, pattern_i overrides the register that selects the test pattern. Output packet_o pulses
+/// for each received packet. Output error_o pulses for each dropped packet and for each late pixel.
+/// Output shown_o is high while a frame or a scene is on the panel.
 ///
 /// With ByteLink = 1, a byte stream replaces the UART, for a USB FIFO or a fast simulation. Output
-/// in_ready_o is low until the clock after the registers have left reset, so that no byte is lost
-/// that arrives earlier. The file docs/reference/protocol.md describes the protocol, and
+/// in_ready_o is low until the clock after the registers have left reset, so that no earlier byte
+/// is lost. The file docs/reference/protocol.md describes the protocol, and
 /// docs/generated/board-registers.md describes the registers.
 ///
 /// Data flow of requests, frames and rays through the modules:
@@ -147,7 +147,7 @@ module lipp_board #(
   logic rx_valid, rx_ready, tx_valid, tx_ready, framing_error, overflow;
   logic [7:0] rx_data, tx_data;
   if (ByteLink) begin : gen_bytes
-    // The board's registers leave reset some clocks after rst_ni rises. Earlier bytes wait.
+    // The registers leave reset some clocks after rst_ni rises. A byte that arrives earlier waits.
     logic open_q;
     always_ff @(posedge clk_i or negedge rst_n) begin
       if (!rst_n) open_q <= 1'b0;
@@ -193,7 +193,7 @@ module lipp_board #(
     .dropped_cobs_o(dropped_cobs), .dropped_short_o(dropped_short), .dropped_crc_o(dropped_crc)
   );
   // Requests and replies cross long wires, and their ready signals come from deep logic. Skid
-  // buffers register both directions and so break these combinational paths.
+  // buffers register both directions and so break the combinational paths of requests and replies.
   lipp_skid_buffer #(.Width(9)) i_request_buffer (
     .clk_i, .rst_ni(rst_n), .clear_i('0), .in_valid_i(packet_valid), .in_ready_o(packet_ready),
     .in_data_i({packet_last, packet_data}), .out_valid_o(request_valid),
@@ -344,8 +344,8 @@ module lipp_board #(
   logic [PlaceBits-1:0] copy_first, check_first;
   logic [PlaceBits:0] copy_count, check_count;
   assign store_rst_no = core_rst_n;
-  // The tile writer's ready signal has deep logic. This skid buffer keeps that logic out of the
-  // dispatcher's timing paths.
+  // The tile writer's ready signal has deep logic. The skid buffer i_tile_buffer keeps this logic
+  // out of the dispatcher's timing paths.
   lipp_skid_buffer #(.Width(9)) i_tile_buffer (
     .clk_i, .rst_ni(core_rst_n), .clear_i('0), .in_valid_i(part_valid), .in_ready_o(part_ready),
     .in_data_i({part_last, part_data}), .out_valid_o(tile_valid), .out_ready_i(tile_ready),
@@ -464,7 +464,7 @@ module lipp_board #(
     .exit_first_o(traced.first), .exit_last_o(traced.last), .optics_o(optics)
   );
   // The optics block, the scene and the other receivers of exit rays lie far apart on the FPGA.
-  // Skid buffers register both directions of the handshake at each end.
+  // Skid buffers register both directions of the handshake at each of these modules.
   lipp_skid_buffer #(.Width($bits(exit_t))) i_left_buffer (
     .clk_i, .rst_ni(core_rst_n), .clear_i('0), .in_valid_i(traced_valid), .in_ready_o(traced_ready),
     .in_data_i(traced), .out_valid_o(traced_valid_q), .out_ready_i(drawn ? scene_open : exit_open),

@@ -4,9 +4,9 @@
 /// Drives a board's status LEDs, and reads the button that selects the test pattern.
 ///
 /// Output linked_o stays high for 2^HoldBits clocks after the last packet. Output alarm_o stays
-/// high for the same time after the last error, and permanently if a clock has failed
+/// high for 2^HoldBits clocks after the last error, and permanently if a clock has failed
 /// (clock_lost_i). Each press of the button selects the next test pattern. After the last pattern,
-/// a press selects 0, no pattern. The button must be stable for 2^IdleBits clocks.
+/// a press selects 0, no pattern. A press counts if the button is stable for 2^IdleBits clocks.
 module lipp_board_lamps #(
   parameter int HoldBits = 23,
   parameter int IdleBits = 20
@@ -29,7 +29,7 @@ module lipp_board_lamps #(
   localparam logic [2:0] Last = lipp_panel_pkg::PatternRamp;
 
   // ---- keep each status LED on for 2^HoldBits clocks ----
-  logic [HoldBits-1:0] link_q, error_q;  // clocks until linked_o and alarm_o fall
+  logic [HoldBits-1:0] link_q, error_q;  // number of clocks until linked_o and alarm_o fall
   always_ff @(posedge clk_i or negedge rst_ni) begin
     if (!rst_ni) begin
       {link_q, error_q} <= '0;

@@ -7,17 +7,17 @@
 /// described in docs/reference/protocol.md. Each request arrives with a checked CRC, because
 /// packet_fifo forwards only complete, correct packets. A request of a wrong length has no effect.
 /// The requests WRITE, SIGN, ABORT and RESET are executed once, in the order of their numbers. If
-/// the host repeats the last of them, only its reply is sent again. A WRITE, SIGN, ABORT or RESET
-/// with an older number is refused.
+/// the host repeats the last executed request, the dispatcher sends only its reply again. A WRITE,
+/// SIGN, ABORT or RESET with an older number is refused.
 ///
-/// Every request gets a reply. No request waits forever: each module's header states its maximum
-/// number of clocks, and replies wait only for the serial line. A task that takes longer, such as a
-/// frame of the raster, runs in the background while further requests are answered.
+/// Every request gets a reply. No request waits forever: each module answers within the number of
+/// clocks that its header states, and replies wait only for the serial line. A task that takes
+/// longer, such as a frame of the raster, runs while further requests are answered.
 ///
 /// A board that draws scenes (Layers > 0) implements version 3 of the protocol. With Layers = 0 the
 /// board implements version 2. Output update_o is high while a WRITE changes the scene's registers,
-/// when their values are inconsistent. Before a WRITE sets the scene's register `source` to 1, the
-/// dispatcher switches the source of the optics from the raster to the stream.
+/// because the registers are then inconsistent. Before a WRITE sets the scene's register `source`
+/// to 1, the dispatcher switches the source of the optics from the raster to the stream.
 ///
 /// The request reader accepts one byte per clock. The first byte of the reply is sent after the
 /// request has been executed.
@@ -25,9 +25,9 @@
 /// The dispatcher uses the following modules:
 ///
 ///   request_reader -> dispatcher -> reply_builder
-///                      |  request_order: executed before?
+///                      |  request_order: detects repeated requests
 ///                      |  register_access: READ, WRITE, HELLO
-///                      |  ray_access: TRACE, SIGN, ABORT; may a WRITE change the optics?
+///                      |  ray_access: TRACE, SIGN, ABORT; permits a WRITE to the optics
 ///                      |  table_reader: TILES, BLOCKS
 ///                      +- tile_writer, presenter, slot_loader: TILE, PRESENT, BLOCK
 module lipp_dispatcher #(
@@ -91,7 +91,7 @@ module lipp_dispatcher #(
   output logic              ray_valid_o,
   input  logic              ray_ready_i,
   output logic [3:0][31:0]  ray_o,           // ray to trace; words u, v, a, b in [0] to [3]
-  output logic              trace_o,         // 1: exit rays go to this module
+  output logic              trace_o,         // 1: exit rays go to the dispatcher
   input  logic              exit_valid_i,
   output logic              exit_ready_o,
   input  logic [8:0][31:0]  exit_i,
@@ -217,12 +217,12 @@ module lipp_dispatcher #(
   logic is_hello, is_write;
   assign is_hello = request.kind == RequestHello;
   assign is_write = request.kind == RequestWrite;
-  // on_optics, on_scene: a WRITE to the registers of the optics block or of the scene. draws: the
-  // WRITE makes the panel show the scene.
+  // on_optics, on_scene: the request is a WRITE to the optics block's or the scene's registers.
+  // draws: the WRITE makes the panel show the scene.
   logic on_optics, on_scene, draws;
   assign on_optics = is_write && first >= AtOptics && (!Scene || first < AtScene);
   assign on_scene = Scene && is_write && first >= AtScene;
-  // Register `source` is the first writable one of its block, so a WRITE to it must begin there.
+  // Register `source` is the first writable scene register, so a WRITE to `source` starts there.
   assign draws = on_scene && first == AtDraw && request.odd;
   // update_o rises one clock after state Execute begins, which is before the first register
   // changes. update_o falls after the last register has changed.
@@ -375,8 +375,8 @@ module lipp_dispatcher #(
     if (!rst_ni) reply_q <= 1'b0;
     else reply_q <= state_q == Reply && reply_ready && !answer;
   end
-  // These flags select the module that supplies the words of the reply. The word that HELLO reads
-  // is in the head of its reply instead.
+  // These flags select the module that supplies the words of the reply. The reply to HELLO has no
+  // words: its head contains the word that HELLO reads.
   logic from_table_q, from_rays_q, keeps_word_q;
   always_ff @(posedge clk_i) begin
     from_table_q <= request.kind inside {RequestTiles, RequestBlocks};
@@ -400,7 +400,7 @@ module lipp_dispatcher #(
   always_ff @(posedge clk_i) if (register_valid && keeps_word_q) build_q <= register_word;
 
   // ---- control: receive, check, execute and answer each request ----
-  logic [3:0] reset_q;  // clocks until a RESET ends; reset_o is high in the first 8
+  logic [3:0] reset_q;  // clocks until RESET ends; reset_o is high in the first 8
   assign reset_o = reset_q[3];
   always_ff @(posedge clk_i or negedge rst_ni) begin
     if (!rst_ni) begin
@@ -465,7 +465,7 @@ module lipp_dispatcher #(
             RequestPresent: if (present_done_i) {status_q, state_q} <= {present_status_i, Reply};
             RequestReset: if (reset_q == '0 && !table_busy_i && !blocks_busy) state_q <= Reply;
             RequestBlock: if (block_done_i) state_q <= Reply;
-            default: begin  // WRITE, TRACE, SIGN and ABORT
+            default: begin  // requests WRITE, TRACE, SIGN, ABORT
               if (register_done) {status_q, state_q} <= {register_status, Reply};
               if (ray_done) begin
                 status_q <= ray_status;

@@ -4,10 +4,11 @@
 /// Executes PRESENT requests: swaps the frame buffers if the back buffer has the requested CRC-32.
 ///
 /// Input start_i requests a frame by its epoch and its CRC-32. If the epoch equals the board's
-/// epoch, the CRC-32 of the back buffer is computed and compared. If the two CRCs are equal, the
-/// buffers are swapped at the next vertical sync and the epoch is incremented. A request for the
-/// frame that is already shown succeeds without a swap, because the host repeats a request whose
-/// reply was lost. Output done_o is a pulse, and status_o is valid in the same clock.
+/// epoch, the CRC-32 of the back buffer is computed and compared with the requested CRC-32. If the
+/// two CRCs are equal, the buffers are swapped at the next vertical sync and the epoch is
+/// incremented. A request for the frame that is already shown succeeds without a swap, because the
+/// host repeats a request whose reply was lost. Output done_o is a pulse, and status_o is valid in
+/// the same clock.
 module lipp_presenter (
   input  logic              clk_i,
   input  logic              rst_ni,

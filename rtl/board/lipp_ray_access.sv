@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 `default_nettype none
 
-/// Executes the requests that use the optics block; only one request at a time uses its pipeline.
+/// Executes the requests that use the optics block; only one request at a time uses the pipeline.
 ///
 /// Input start_i starts the operation op_i, which must be stable until done_o. Output done_o is a
 /// pulse, and status_o is valid in the same clock. While the optics draw the panel (drawn_i high),
@@ -9,17 +9,17 @@
 /// without effect.
 ///
 /// While a frame of the raster runs or its rays are being signed, OpClaim, OpTrace, OpSign and
-/// OpDraw return StatusBusy without effect. With this status denied_o is high, and runs_o names the
-/// running task. OpTrace and OpSign wait until the pipeline is empty and their write to `apply` has
-/// taken effect. Therefore a signature covers all rays of its own frame and no other rays, and a
-/// trace returns only its own rays. Exit rays that no operation needs are dropped at once, so the
-/// pipeline never stalls and every wait ends.
+/// OpDraw return StatusBusy without effect. Together with StatusBusy, denied_o is high and runs_o
+/// names the running task. OpTrace and OpSign wait until the pipeline is empty and their write to
+/// `apply` has taken effect. Therefore a signature covers all rays of its own frame and no other
+/// rays, and a trace returns only its own rays. Exit rays that no operation needs are dropped at
+/// once, so the pipeline never stalls and every wait ends.
 ///
 /// The bus_* ports connect to register_bus, one access at a time. The operations are:
 ///
 ///   OpClaim  asks if the block's registers may be written: StatusOk once no apply is pending.
 ///   OpTrace  traces the rays of the stream. After done_o with StatusOk, nine words per exit ray
-///            follow as a stream. The raster is the source again before the words of the last ray.
+///            follow as a stream. Before the words of the last ray, the source is the raster again.
 ///   OpSign   starts a frame whose rays are signed. OpSign returns StatusBusy if the frame has
 ///            started, otherwise StatusOptics.
 ///   OpResult returns the result of the last OpSign: StatusOk when its rays are signed, otherwise
@@ -30,7 +30,7 @@ module lipp_ray_access (
   input  logic                         clk_i,
   input  logic                         rst_ni,
   input  logic                         clear_i,  // 1: the optics block is being reset
-  input  logic                         drawn_i,  // the optics draw the panel
+  input  logic                         drawn_i,  // 1: the optics draw the scene on the panel
   input  logic                         start_i,
   input  lipp_link_pkg::ray_op_e       op_i,
   input  logic [8:0]                   count_i,  // number of words of the rays to trace, 4 per ray
@@ -55,7 +55,7 @@ module lipp_ray_access (
   output logic              ray_valid_o,
   input  logic              ray_ready_i,
   output logic [3:0][31:0]  ray_o,         // ray to trace; words u, v, a, b in [0] to [3]
-  output logic              trace_o,       // 1: exit rays go to this module
+  output logic              trace_o,       // 1: exit rays go to ray_access
   input  logic              exit_valid_i,
   output logic              exit_ready_o,
   input  logic [8:0][31:0]  exit_i,
@@ -113,8 +113,8 @@ module lipp_ray_access (
   assign word_at_o = at_q;
   assign ray_valid_o = state_q == Offer;
   assign exit_ready_o = state_q == Exit;
-  // exit_q shifts one clock after its lowest word was taken. The extra clock shortens the timing
-  // path, because exit_q is wide and its bits lie far apart on the FPGA.
+  // exit_q shifts one clock after its lowest word was taken. The delay of one clock shortens the
+  // timing path, because exit_q is wide and its bits lie far apart on the FPGA.
   logic moves_q;
   assign word_valid_o = state_q == Words && !moves_q;
   assign word_o = exit_q[0];

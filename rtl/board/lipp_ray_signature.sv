@@ -46,7 +46,7 @@ module lipp_ray_signature (
       rays_o <= '0;
       done_o <= 1'b0;
     end else begin
-      ray_ready_o <= !take && words_q <= 4'd2;  // words_q will be 1 or 0 in the next clock
+      ray_ready_o <= !take && words_q <= 4'd2;  // high if words_q will be 1 or 0 in the next clock
       if (take) begin
         words_q <= 4'd9;
         rays_o <= rays_o + 1'b1;

@@ -3,14 +3,14 @@
 
 /// Reads and writes ranges of registers, one word after the other.
 ///
-/// Input start_i starts an access. The inputs that describe it must be stable until done_o. A range
-/// of registers is valid if it begins and ends in the same register block. All addresses of a WRITE
-/// are checked before the first word is written, so a refused WRITE changes no register. With
-/// Layers > 0, the block at 0x400 contains the scene's registers, among them those of each layer.
-/// With Layers = 0 there is no block at 0x400.
+/// Input start_i starts an access. The inputs that describe the access must be stable until done_o.
+/// A range of registers is valid if it begins and ends in the same register block. All addresses of
+/// a WRITE are checked before the first word is written, so a refused WRITE changes no register.
+/// With Layers > 0, the block at 0x400 contains the scene's registers, including the registers of
+/// each layer. With Layers = 0 there is no block at 0x400.
 ///
-/// Output done_o is a pulse, and status_o is valid in the same clock. For a WRITE the pulse comes
-/// after the last word. For a READ the pulse comes before the first word, and the words read follow
+/// Output done_o is a pulse, and status_o is valid in the same clock. For a WRITE, done_o comes
+/// after the last word. For a READ, done_o comes before the first word, and the words read follow
 /// as a stream. An address without a register reads as 0.
 module lipp_register_access #(
   parameter int Layers = 0

@@ -4,8 +4,8 @@
 /// Sends up to Bytes bytes of a reply from a register as a byte stream, the lowest byte first. The
 /// first byte is valid one clock after load_i.
 ///
-/// Input load_i loads the bytes bytes_i and their number count_i. It also loads last_i; if last_i
-/// is 1, the last of these bytes ends the packet. Input load_i is ignored while busy_o is high.
+/// Input load_i loads the bytes bytes_i and their number count_i. Input load_i also loads last_i;
+/// if last_i is 1, the bytes end the packet. Input load_i is ignored while busy_o is high.
 module lipp_reply_writer #(
   parameter int Bytes = 4
 ) (

@@ -6,7 +6,7 @@
 ///
 /// The module remembers the last executed request and its status. The module forgets the remembered
 /// request when a request arrives whose number is 32768 above the remembered number, because the
-/// numbers after it would count as older. A request is older than the remembered request if its
+/// next request numbers would count as older. A request is older than the remembered request if its
 /// number is lower by 1 to 32767 (modulo 65536). A HELLO with a new nonce starts a new session and
 /// clears the remembered request.
 ///

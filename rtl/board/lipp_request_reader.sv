@@ -9,8 +9,9 @@
 /// its pixel (u, v) does not fit into PixelBits bits.
 ///
 /// Output done_o is high from two clocks after the last byte until next_i, and no byte is accepted
-/// during that time. Output status_o is valid while done_o is high. Output request_o is valid from
-/// one clock earlier. Requests have 3 bytes or more, because packet_fifo drops shorter packets.
+/// while done_o is high. Output status_o is valid while done_o is high. Output request_o is valid
+/// from one clock before done_o. Each request has 3 bytes or more: packet_fifo drops shorter
+/// packets.
 module lipp_request_reader #(
   parameter int Width = 640,   // the panel's width in pixels
   parameter int Height = 480,  // the panel's height in pixels

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 `default_nettype none
 
-/// Writes blocks of 1024 bytes into a texture slot of the scene, and stores the CRC-32 of each.
+/// Writes blocks of 1024 bytes into a texture slot, and stores the CRC-32 of each block.
 ///
 /// Input start_i samples slot_i and block_i, which must exist (slot 15, the panel's curve, has 8
 /// blocks). The words of the block are then read from a memory: word_i is the word at word_at_o,
@@ -10,10 +10,10 @@
 ///
 /// A table stores, for each block, the CRC-32 of its written bytes. An entry is 0 from start_i
 /// until its block is complete. The entry is also 0 if the block was not written since reset. The
-/// entries of slot 15, the panel's curve, follow those of the last slot. Reset clears the table,
-/// one entry per clock. While it does, busy_o is high, start_i must stay low, and reads are
-/// undefined. Output read_crc_o(t) is the entry at read_slot_i(t - 2) and read_at_i(t - 2), as
-/// written before t - 2.
+/// entries of slot 15, the panel's curve, follow the entries of the last texture slot. Reset clears
+/// the table, one entry per clock. While the table is cleared, busy_o is high, start_i must stay
+/// low, and reads are undefined. Output read_crc_o(t) is the entry at read_slot_i(t - 2) and
+/// read_at_i(t - 2), as written before t - 2.
 module lipp_slot_loader #(
   parameter int Slots = 5,    // number of slots, 1 to 15
   parameter int Blocks = 49   // number of blocks per slot, 1 to 256

@@ -3,7 +3,8 @@
 
 /// Reads a range of entries of the tile table or block table, and outputs them as a word stream.
 ///
-/// Input start_i starts the read. Each entry is sampled 4 clocks after table_at_o became its index.
+/// Input start_i starts the read. Each entry is sampled 4 clocks after table_at_o became the index
+/// of the entry.
 module lipp_table_reader (
   input  logic        clk_i,
   input  logic        rst_ni,

@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 `default_nettype none
 
-/// A complete board design that contains no vendor-specific FPGA cells; a board's top adds them.
+/// A complete board design that contains no vendor-specific FPGA cells; the top module of a board
+/// adds these cells.
 ///
 /// The module contains `lipp_board_with_sdram` with a serial line. The video outputs are the
 /// panel's parallel signals and, if Dvi = 1, also bit pairs for DVI.
@@ -9,8 +10,8 @@
 /// The module has three clocks. Input clk_i has the frequency ClockHz and is the pixel clock if Dvi
 /// = 1. Input shift_clk_i comes from the same source and is five times as fast as clk_i. Input
 /// mem_clk_i has the frequency MemoryHz and is asynchronous to the other two clocks. Each clock has
-/// its own reset, made from the asynchronous rst_ni, such as a PLL's lock. The video is black while
-/// rst_ni is low, and remains black until the first frame is shown.
+/// its own reset, made from the asynchronous reset rst_ni, for example the lock signal of a PLL.
+/// The video is black while rst_ni is low, and remains black until the first frame is shown.
 ///
 /// `lipp_sdram_controller` describes the SDRAM's pins, `lipp_board_lamps` the status LEDs.
 ///

@@ -12,8 +12,8 @@
 /// pending together, they are served alternately. Every output is a register.
 ///
 /// Let n >= 1 be the number of clocks of the APB4 access phase. The response is valid n + 3 clocks
-/// after the request. The bridge accepts a write every n + 2 clocks, or a read every n + 2 clocks.
-/// With pending writes and reads it accepts a request every n + 1 clocks.
+/// after the request. The bridge accepts a request of one kind, write or read, every n + 2 clocks.
+/// With pending writes and reads, the bridge accepts a request every n + 1 clocks.
 ///
 /// The AXI response depends on the APB4 error signal:
 ///
@@ -62,7 +62,7 @@ module lipp_axil_to_apb #(
   end
 
   // ---- registers for write address (aw), write data (w) and read address (ar) ----
-  logic aw_d, aw_q, w_d, w_q, ar_d, ar_q;  // 1: the channel's register is full
+  logic aw_d, aw_q, w_d, w_q, ar_d, ar_q;  // 1: the register is full
   logic [AddressBits-1:2] awaddr_q, araddr_q;
   logic [2:0] awprot_q, arprot_q;
   logic [31:0] wdata_q;

@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 `default_nettype none
 
-/// Converts AXI4-Stream to rays for optics_block, when its register `source` selects the stream.
-/// Each transfer becomes one ray, each packet one frame.
+/// Converts AXI4-Stream to rays for optics_block, when the register `source` of optics_block
+/// selects the stream. Each transfer becomes one ray, each packet one frame.
 ///
 /// All bytes are data (tkeep = '1). The latency is 1 clock, and the throughput is one ray per
 /// clock. Every output is a register. A transfer has four signed little-endian words of 32 bits.
@@ -13,7 +13,7 @@
 ///   Bits 95:64 of tdata are a, the aperture point along x, in units of 2^-F pitches; n = F + 2.
 ///   Bits 127:96 of tdata are b, the aperture point along y, in units of 2^-F rows; n = F + 2.
 ///   Bit tuser is 1 for the first ray of a frame.
-///   Bit tlast is 1 for the last ray of a frame. An apply takes effect only after tlast.
+///   Bit tlast is 1 for the last ray of a frame. A new configuration takes effect only after tlast.
 module lipp_axis_to_rays #(
   parameter int F = 23
 ) (

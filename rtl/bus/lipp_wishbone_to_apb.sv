@@ -12,7 +12,7 @@
 /// Let n >= 1 be the number of clocks of the APB4 access phase. The pulse of ACK or ERR comes n + 2
 /// clocks after STB. A master can start a cycle every n + 3 clocks. A master that drops CYC or STB
 /// before the pulse receives no pulse, although the APB4 access still completes. After dropping CYC
-/// or STB early, a master must keep it low for one clock before its next cycle.
+/// or STB early, a master must keep that signal low for one clock before its next cycle.
 module lipp_wishbone_to_apb #(
   parameter int AddressBits = 9
 ) (

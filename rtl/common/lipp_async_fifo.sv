@@ -10,10 +10,10 @@
 /// word per clock. Both sides must be reset together; output in_ready_o is low during reset.
 ///
 /// Each side counts its words in Gray code, which changes one bit at a time. The synchronisers of
-/// the other side therefore sample either the old or the new count, never another value. The reader
-/// may see too few words, and the writer too few free entries, for some clocks. No side ever sees
-/// too many. The Gray code of the next count is computed one clock in advance, so that no adder
-/// lies in the timing path from one count to the next.
+/// the opposite side therefore sample either the old or the new count, never another value. The
+/// reader may see too few words, and the writer too few free entries, for some clocks. No side ever
+/// sees too many words or free entries. The Gray code of the next count is computed one clock in
+/// advance, so that no adder lies in the timing path from one count to the next.
 module lipp_async_fifo #(
   parameter int Width = 8,
   parameter int AddressBits = 4,
@@ -48,7 +48,7 @@ module lipp_async_fifo #(
   assign write = in_valid_i && in_ready_o;
   assign written_after = written_q + C'(2);
   // The FIFO is full if the write count exceeds the read count by the number of entries. In Gray
-  // code, this difference inverts the two highest bits.
+  // code, the two counts then differ in the two highest bits.
   logic [C-1:0] full;
   assign full = read_gray ^ (C'(3) << (AddressBits - 1));
   always_ff @(posedge in_clk_i or negedge in_rst_ni) begin

@@ -6,7 +6,7 @@
 /// Input apply_i requests a new copy of config_i. The copy is made as soon as idle_i is high, and
 /// busy_o is high until then. While busy_o is high, no module may start to use config_o, so that
 /// idle_i stays high until the copy is made. Output hold_o is the next clock's value of busy_o, for
-/// a module that registers it before use. Reset also requests a copy.
+/// a module that registers hold_o before use. Reset also requests a copy.
 module lipp_config_bank #(
   parameter int Width = 32
 ) (

@@ -6,9 +6,9 @@
 ///
 /// A pulse is accepted while from_busy_o is low. The output pulse follows after Stages rising edges
 /// of to_clk_i. Output from_busy_o stays high for one more rising edge of to_clk_i, and then for
-/// Stages rising edges of from_clk_i. A pulse at the input while from_busy_o is high is ignored.
-/// Each of these delays is one edge longer if a signal changes at an edge of the other clock. Both
-/// clock domains must be reset together.
+/// Stages rising edges of from_clk_i. An input pulse is ignored while from_busy_o is high. A delay
+/// is one edge longer if a signal changes at an edge of the other clock. Both clock domains must be
+/// reset together.
 module lipp_pulse_sync #(
   parameter int Stages = 2
 ) (

@@ -1,12 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
 `default_nettype none
 
-/// Synchronises the end of an asynchronous reset to clk_i. Output rst_no starts at once with rst_ni
-/// and ends at a clock edge.
+/// Synchronises the end of an asynchronous reset to clk_i. The reset at output rst_no starts at
+/// once and ends at an edge of clk_i.
 ///
 /// Output rst_no falls together with rst_ni, even if clk_i is stopped. Output rst_no rises at the
 /// Stages-th rising edge after rst_ni has risen, or one edge later if rst_ni rises at an edge.
-/// Therefore all registers leave reset in the same clock.
+/// Therefore all registers that rst_no resets leave reset in the same clock.
 module lipp_reset_sync #(
   parameter int Stages = 2
 ) (

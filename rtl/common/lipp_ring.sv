@@ -4,10 +4,10 @@
 /// Delays a word by 2 or more clocks in a ring of Cycles - 1 entries: q(t) = d(t - Cycles).
 ///
 /// In each clock one entry is read and then overwritten, so a word is read when the address has
-/// passed all entries of the ring once. The output register adds one clock. The initial address
-/// does not matter after one pass. Synthesis for an FPGA family may replace this module by the
-/// family's memory cells (rtl/ecp5/). Synthesis keeps the module's hierarchy, because merged rings
-/// of the same length would share their address counter.
+/// passed all entries of the ring once. The output register adds one clock to the delay. The
+/// initial address does not matter after one pass through the ring. Synthesis for an FPGA family
+/// may replace this module by the family's memory cells (rtl/ecp5/). Synthesis keeps the module's
+/// hierarchy, because merged rings of the same length would share one address counter.
 (* keep_hierarchy *)
 module lipp_ring #(
   parameter int Width = 1,
@@ -28,7 +28,7 @@ module lipp_ring #(
 
   logic [Width-1:0] places[1 << PlaceBits];
   logic [PlaceBits-1:0] at_q;
-  initial at_q = '0;  // for simulators that start with unknown values
+  initial at_q = '0;  // for simulators that start registers as unknown
 
   always_ff @(posedge clk_i) begin
     at_q <= at_q == Last ? '0 : at_q + 1'b1;

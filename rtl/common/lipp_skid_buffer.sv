@@ -4,9 +4,9 @@
 /// Registers both directions of a valid/ready stream, which breaks all combinational paths.
 ///
 /// The latency is 1 clock, and the throughput is one word per clock. Output in_ready_o is a
-/// register and therefore one clock late. A word that arrives while in_ready_o is still high waits
-/// in a second register. Output in_ready_o is low during reset. Input clear_i drops the stored
-/// words and the incoming word: from the next clock on the buffer is empty and ready.
+/// register and therefore falls one clock late. A word that arrives while in_ready_o is still high
+/// waits in a second register. Output in_ready_o is low during reset. Input clear_i drops the
+/// stored words and the incoming word: from the next clock on the buffer is empty and ready.
 module lipp_skid_buffer #(
   parameter int Width = 8
 ) (

@@ -3,8 +3,8 @@
 
 /// Splits each word of a stream into Parts narrower words, the highest part first.
 ///
-/// The throughput is one part per clock, and the latency is 0. The wide word stays at the input
-/// until its last part is taken.
+/// The throughput is one part per clock, and the latency is 0. The input word must be stable until
+/// its last part is taken.
 module lipp_word_split #(
   parameter int Width = 16,
   parameter int Parts = 3

@@ -7,7 +7,7 @@
 /// after it was written. The memory then has a latency of two clocks, and an output register adds
 /// one clock. No address is read and written in the same clock. The read address is derived from
 /// the write address, so the initial address does not matter after one clock. Synthesis keeps the
-/// module's hierarchy, because merged rings would share their address counters.
+/// module's hierarchy, because merged rings would share one address counter.
 (* keep_hierarchy *)
 module lipp_block_ring #(
   parameter int Width = 1,
@@ -26,7 +26,7 @@ module lipp_block_ring #(
   end
 
   logic [PlaceBits-1:0] write_at_q, read_at_q;
-  initial write_at_q = '0;  // for simulators that start with unknown values
+  initial write_at_q = '0;  // for simulators that start registers as unknown
   always_ff @(posedge clk_i) write_at_q <= write_at_q + 1'b1;
   always_ff @(posedge clk_i) read_at_q <= write_at_q - PlaceBits'(Cycles - 4);
 

@@ -6,7 +6,7 @@
 /// Ports and behaviour are those of rtl/common/lipp_ring.sv. A word is read Cycles - 1 clocks after
 /// it was written, and the output register adds one clock. The read address is derived from the
 /// write address, so the initial address does not matter after one clock. Synthesis keeps the
-/// module's hierarchy, because merged rings would share their address counters.
+/// module's hierarchy, because merged rings would share one address counter.
 (* keep_hierarchy *)
 module lipp_ring #(
   parameter int Width = 1,
@@ -17,7 +17,7 @@ module lipp_ring #(
   output logic [Width-1:0] q_o
 );
 
-  // An entry is read in the clock in which it is written, so 16 entries give up to 16 clocks.
+  // An entry is read in the clock in which it is overwritten, so 16 entries delay up to 16 clocks.
   localparam int PlaceBits = Cycles > 2 ? $clog2(Cycles - 1) : 1;
   localparam int Places = 1 << PlaceBits;
 
@@ -27,7 +27,7 @@ module lipp_ring #(
 
   (* ram_style = "distributed" *) logic [Width-1:0] places[Places];
   logic [PlaceBits-1:0] write_at_q, read_at_q;
-  initial write_at_q = '0;  // for simulators that start with unknown values
+  initial write_at_q = '0;  // for simulators that start registers as unknown
 
   always_ff @(posedge clk_i) write_at_q <= write_at_q + 1'b1;
   always_ff @(posedge clk_i) read_at_q <= write_at_q - PlaceBits'(Cycles - 2);

@@ -4,8 +4,8 @@
 /// Implements `lipp_row_multiplier` in a multiplier cell and carry chains of ECP5.
 ///
 /// Ports and behaviour are those of rtl/math/lipp_row_multiplier.sv. The pipeline has a stage for
-/// products with digits of four bits, two stages that add these products, a stage that adds the
-/// cross terms, and a stage that adds this sum to the product of the multiplier cell.
+/// products with digits of four bits, two stages that add these products, a stage that adds the two
+/// cross terms, and a stage that adds their sum to the product of the multiplier cell.
 module lipp_row_multiplier #(
   parameter int Wa = 18,
   parameter int Wb = 18,

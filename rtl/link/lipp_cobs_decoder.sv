@@ -20,7 +20,7 @@ module lipp_cobs_decoder (
 );
 
   logic begun_q;       // 1: the first code byte of the frame has arrived
-  logic zero_q;        // 1: a zero separates this group from the next group
+  logic zero_q;        // 1: a zero byte follows the current group
   logic [7:0] remaining_q;  // number of bytes of the group still to arrive
   logic take, code, finish;
   assign in_ready_o = !out_valid_o || out_ready_i;

@@ -4,9 +4,9 @@
 /// Encodes a packet as a COBS frame (without zero bytes inside), including the final 0x00.
 ///
 /// The code byte at the start of a group contains the group's length, so a group is sent only after
-/// all its bytes have arrived. The encoder has two banks of memory: it fills one bank while it
-/// sends the other. The throughput is one byte per clock if all groups have the same length, and at
-/// least one byte per two clocks otherwise. The first byte of a group is sent 3 clocks after its
+/// all its bytes have arrived. The encoder has two banks of memory: one bank is filled while the
+/// other bank is sent. The throughput is one byte per clock if all groups have the same length, and
+/// at least one byte per two clocks otherwise. The first byte of a group is sent 3 clocks after its
 /// last byte arrived.
 module lipp_cobs_encoder (
   input  logic       clk_i,

@@ -16,7 +16,7 @@ package lipp_link_pkg;
   localparam int MaxPacket = 3200;
   localparam int LengthBits = $clog2(MaxPacket + 2);  // width that fits MaxPacket + 1
 
-  /// Number of words in a block of a scene's texels, 1024 bytes.
+  /// Number of 32-bit words in a block of 1024 bytes of a texture slot.
   localparam int BlockWords = 256;
 
   localparam logic [31:0] CrcStart = '1;
@@ -38,7 +38,7 @@ package lipp_link_pkg;
     RequestBlocks = 8'h0c
   } request_e;
 
-  /// The type of a reply is the type of its request with this bit set.
+  /// Bit that marks a reply: the type of a reply is the type of its request with this bit set.
   localparam logic [7:0] ReplyBit = 8'h80;
 
   /// Status of a request, the first byte of a reply's body.
@@ -66,7 +66,7 @@ package lipp_link_pkg;
     RunsSlot = 8'd5    // the panel shows the slot to load
   } runs_e;
 
-  /// Operation that a request asks of the module ray_access.
+  /// Operation that the dispatcher starts in the module ray_access.
   typedef enum logic [2:0] {OpClaim, OpTrace, OpSign, OpResult, OpAbort, OpDraw} ray_op_e;
 
   /// Fields of a request, without its data words and tile data.

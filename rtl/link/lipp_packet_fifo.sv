@@ -11,7 +11,7 @@
 /// A dropped packet is counted for one reason: the first that applies of too long, COBS error, too
 /// short, wrong CRC. While the memory is full, the input waits. The remaining bytes of a packet
 /// that is already too long are discarded. The first byte of a packet is at the output 4 clocks
-/// after its end beat. One byte per clock follows.
+/// after its end beat. One byte follows per clock.
 module lipp_packet_fifo #(
   parameter int AddressBits = 13
 ) (
@@ -26,7 +26,7 @@ module lipp_packet_fifo #(
   input  logic       out_ready_i,
   output logic [7:0] out_data_o,
   output logic       out_last_o,
-  output logic       accepted_o,      // pulse: packet accepted (or a dropped_*_o pulses)
+  output logic       accepted_o,      // pulse: a packet was accepted
   output logic       dropped_long_o,  // pulse: dropped, more than MaxPacket bytes
   output logic       dropped_cobs_o,
   output logic       dropped_short_o,
@@ -41,8 +41,7 @@ module lipp_packet_fifo #(
   end
 
   // The last-byte flags are in a separate memory, because block memories of widths 8 and 1 need no
-  // multiplexers. No word is read in the clock in which it is written, so this case may stay
-  // undefined.
+  // multiplexers. No word is read in the clock in which it is written, so this case is undefined.
   (* no_rw_check *) logic [7:0] bytes[1 << AddressBits];
   (* no_rw_check *) logic lasts[1 << AddressBits];
   address_t write_at_q, read_at_q;
@@ -101,14 +100,14 @@ module lipp_packet_fifo #(
       dropped_short_o <= judge_q && !long_q && !cobs_q && short_q;
       dropped_crc_o <= judge_q && !long_q && !cobs_q && !short_q && !right_q;
 
-      // The write address may return late, because the next packet writes its first byte at least
-      // five clocks after this check.
+      // These addresses may change late, because the next packet writes its first byte at least
+      // five clocks after the check of a packet.
       if (judge_q && good) stored_q <= write_at_q;
       if (judge_q && !good) write_at_q <= stored_q;
       else if (write) write_at_q <= write_at_q + address_t'(1);
 
-      // room_q is one clock late. The limit in the comparison therefore leaves room for the bytes
-      // of two clocks, and the memory never becomes completely full.
+      // The comparison's limit leaves room for the bytes of two clocks, because room_q is used one
+      // clock later. The memory never becomes completely full.
       room_q <= write_at_q - read_at_q < address_t'(2 ** AddressBits - 2);
     end
   end

@@ -38,8 +38,8 @@ module lipp_packet_out (
         crc_q <= crc32_byte(crc_q, in_data_i);
         if (in_last_i) remaining_q <= 3'd4;
       end else begin
-        // Ones are shifted in, so that the CRC state has its initial value (all ones) after the
-        // last byte.
+        // Ones are shifted into crc_q, so that crc_q is all ones, the initial state, after the last
+        // byte.
         crc_q <= {8'hff, crc_q[31:8]};
         remaining_q <= remaining_q - 3'd1;
       end

@@ -3,11 +3,12 @@
 
 /// Receives bytes from an asynchronous serial line with 8 data bits, no parity and one stop bit.
 ///
-/// Input step_i is 2^16 times the baud rate divided by the clock frequency. Its maximum is 2^13,
-/// which is 8 clocks per bit. Each bit is the majority of three samples, at 3/8, 4/8 and 5/8 of the
-/// bit time, accurate to half a clock. Therefore a spike shorter than 1/8 bit is ignored, and a
-/// start bit shorter than half a bit counts as noise. A byte is at the output at 6/8 of its stop
-/// bit. From then on the next start bit is accepted, so the sender may be 2 % too fast or slow.
+/// Input step_i is 2^16 times the baud rate divided by the clock frequency. The maximum of step_i
+/// is 2^13, which is 8 clocks per bit. Each bit is the majority of three samples, at 3/8, 4/8 and
+/// 5/8 of the bit time, accurate to half a clock. Therefore a spike shorter than 1/8 bit is
+/// ignored, and a start bit shorter than half a bit counts as noise. A byte is at the output at 6/8
+/// of its stop bit. After 6/8 of a stop bit, the next start bit is accepted, so the sender may be 2
+/// % too fast or slow.
 ///
 /// Output framing_error_o pulses if the stop bit was low: the byte is lost, and the line must go
 /// high before the next byte. Output overflow_o pulses if a byte arrived before the previous byte
@@ -21,7 +22,7 @@ module lipp_uart_rx (
   input  logic        ready_i,
   output logic [7:0]  data_o,
   output logic        framing_error_o,  // pulse: the stop bit was low, so the byte is lost
-  output logic        overflow_o        // pulse: a byte is lost; the last one was not taken
+  output logic        overflow_o        // pulse: byte lost, as data_o was not taken
 );
 
   localparam logic [3:0] StopBit = 4'd9;  // index of the stop bit; the start bit is 0
@@ -29,7 +30,7 @@ module lipp_uart_rx (
   logic line;
   lipp_bit_sync #(.ResetValue(1'b1)) i_sync (.clk_i, .rst_ni, .d_i(rx_i), .q_o(line));
 
-  // The position in a byte is the index of the bit, the eighth of the bit, and the fraction of it.
+  // The position in a byte: index of the bit, eighth of the bit, and fraction of the eighth.
   logic [3:0] bit_q;
   logic [2:0] eighth_q;
   logic [12:0] phase_q;

@@ -4,8 +4,8 @@
 /// Multiplies two signed words in parts, and truncates the product. The module is combinational.
 ///
 /// Word a is split into its upper 18 bits ah and its la lower bits al, so a = ah 2^la + al. Word b
-/// is split into bh and its lb lower bits bl in the same way. The term al bl is omitted. The
-/// product truncated by Drop bits is
+/// is split into bh and its lb lower bits bl in the same way. The term al bl of the product is
+/// omitted. The product truncated by Drop bits is
 ///
 ///   p = floor(ah bh 2^(la + lb) / 2^Drop) + floor((ah bl 2^la + al bh 2^lb) / 2^Drop).
 ///
@@ -32,7 +32,7 @@ module lipp_cut_product #(
         "lipp_cut_product: Wa and Wb must be 1 or more, 64 at most together, and more than Drop");
   end
 
-  // The lower 64 bits of a product are the same for signed and unsigned words.
+  // The lower 64 bits of a product are the same for signed and unsigned factors.
   logic [63:0] a, b, upper, ah_bl, lower;
   assign a = 64'(a_i);
   assign b = 64'(b_i);

@@ -32,7 +32,7 @@ module lipp_low_product #(
   lipp_delay #(.Width(Wp), .Cycles(Latency - Own)) i_match (.clk_i, .d_i(p), .q_o(p_o));
 
   if (Digits == 1) begin : gen_digit
-    // The low Wp bits of the product are the same for signed and unsigned words.
+    // The low Wp bits of the product are the same for signed and unsigned factors.
     logic [Wp-1:0] a;
     assign a = Wp'(a_i);
     always_ff @(posedge clk_i) p <= a * Wp'(low_i);

@@ -27,7 +27,7 @@ package lipp_math_pkg;
   endfunction
 
   /// Return the latency of `lipp_low_product`, which adds digits of two bits in a tree. The latency
-  /// is at least that of a multiplier cell, which works in parallel.
+  /// is at least the latency of a multiplier cell, which computes the other term in parallel.
   function automatic int low_latency(int low);
     int tree;
     tree = 1 + $clog2((low + 1) / 2);
@@ -57,8 +57,8 @@ package lipp_math_pkg;
     return 3;
   endfunction
 
-  /// Return the latency of `lipp_row_multiplier`. The latency is that of the multiplier cell, plus
-  /// one clock for a sum if an operand is wider than the cell's.
+  /// Return the latency of `lipp_row_multiplier`. The latency is that of a multiplier cell, plus
+  /// one clock for a sum if an operand does not fit the cell.
   function automatic int row_latency(int wa, int wb);
     return cell_latency() + (low_bits(wa) > 0 || low_bits(wb) > 0 ? 1 : 0);
   endfunction

@@ -6,7 +6,7 @@
 ///   p(t) = a(t - 3) * b(t - 3).
 ///
 /// The module has registers at the operands, inside and at the product, like the multiplier cells
-/// of FPGAs. Synthesis for an FPGA family replaces this module by the family's cell (rtl/ecp5/).
+/// of FPGAs. An FPGA family replaces this module by its multiplier cell (rtl/ecp5/).
 module lipp_mult18 (
   input  logic               clk_i,
   input  logic signed [17:0] a_i,
@@ -14,7 +14,7 @@ module lipp_mult18 (
   output logic signed [35:0] p_o
 );
 
-  // The low 36 bits of a product are the same for signed and unsigned words.
+  // The low 36 bits of a product are the same for signed and unsigned factors.
   logic [35:0] a_q, b_q, p_q;
 
   always_ff @(posedge clk_i) begin

@@ -10,7 +10,7 @@
 /// Word b is split into bh and its lb lower bits bl in the same way. A multiplier cell computes ah
 /// bh. Logic computes the cross terms ah bl and al bh. With CrossCells = 1, further multiplier
 /// cells compute the cross terms (`lipp_wide_product`), which takes less logic and up to three
-/// cells in all. The term al bl is omitted. The result is
+/// cells in all. The term al bl of the product is omitted. The result is
 ///
 ///   p = floor(ah bh 2^(la + lb) / 2^Drop) + floor((ah bl 2^la + al bh 2^lb) / 2^Drop).
 ///
@@ -45,7 +45,7 @@ module lipp_multiplier #(
     $fatal(1, "lipp_multiplier: Drop must cut off the product of the lower parts");
   end
 
-  // This register before the multiplier cell shortens the combinational path of the operands.
+  // This register in front of the multiplier cell shortens the timing path of the operands.
   logic signed [Wa-1:0] a_q;
   logic signed [Wb-1:0] b_q;
   always_ff @(posedge clk_i) begin
@@ -72,7 +72,7 @@ module lipp_multiplier #(
     assign unused_low = ^{1'b0, upper};
   end else begin : gen_split
     localparam int CrossLatency = low_latency(Ll);
-    localparam int Rest = mul_latency(Wa, Wb) - 2;  // clocks from operands to sum
+    localparam int Rest = mul_latency(Wa, Wb) - 2;  // latency from operands to sum
     // cross_q is the sum of both cross terms, ah bl and al bh, in units of 2^Lc.
     localparam int Lc = La == 0 || Lb == 0 ? 0 : La < Lb ? La : Lb;
     localparam int Wc = MulBits + La + Lb - Lc + 2;

@@ -49,8 +49,8 @@ module lipp_quadratic #(
     $fatal(1, "lipp_quadratic: Root must be RootReciprocal or RootSquare");
   end
 
-  /// Return the root at position z of a segment. Segments of the upper octave are twice as wide as
-  /// those of the lower octave.
+  /// Return the root at position z of a segment. A segment of the upper octave is twice as wide as
+  /// a segment of the lower octave.
   function automatic real root_at(int segment, real z);
     real mantissa, square;
     mantissa = 1.0 + (real'(segment % (1 << A)) + 0.5 + z) / real'(1 << A);
@@ -92,9 +92,10 @@ module lipp_quadratic #(
     place_q <= {~fraction_q[F+1-A], fraction_q[F-A-:D-1]};
   end
 
-  // The table is read as eight parts. Each part has its own address, which is 0 while another part
-  // is selected. One common address would drive the whole table over long wires and limit the clock
-  // frequency. A part at address 0 outputs 0, so an OR of all parts replaces a multiplexer.
+  // The table of coefficients is read as eight parts. Each part has its own address, which is 0
+  // while another part is selected. One common address would drive the whole table over long wires
+  // and limit the clock frequency. A part at address 0 outputs 0, so an OR of all parts replaces a
+  // multiplexer.
   localparam int Parts = 8;
   localparam int Part = Entries / Parts;
   logic [Parts-1:0][Wt-1:0] entry_q;
@@ -121,7 +122,7 @@ module lipp_quadratic #(
   localparam int MulLatency = mul_latency(MulBits, MulBits);
   logic signed [D-1:0] place_early, place_late;
   logic signed [W2-1:0] bend;
-  logic signed [W2-2:0] turn;  // c2 z, with one fraction bit more than the slope
+  logic signed [W2-2:0] turn;  // product c2 z, with S1 + 1 fraction bits
   logic signed [W1-1:0] c1_late;
   logic signed [W1-1:0] slope_q;
   lipp_delay #(.Width(D), .Cycles(2)) i_place_early (.clk_i, .d_i(place_q), .q_o(place_early));
@@ -130,7 +131,7 @@ module lipp_quadratic #(
     .clk_i, .a_i(bend), .b_i(place_early), .p_o(turn)
   );
   lipp_delay #(.Width(W1), .Cycles(MulLatency)) i_c1 (.clk_i, .d_i(c1_q), .q_o(c1_late));
-  // One sum computes c1 + floor((turn + 1) / 2).
+  // A single adder computes c1 + floor((turn + 1) / 2).
   always_ff @(posedge clk_i) slope_q <= W1'(($signed({c1_late, 1'b1}) + (W1 + 1)'(turn)) >>> 1);
 
   // The root is y = c0 + slope z.

@@ -5,9 +5,9 @@
 /// latency. Carry chains add the cross terms row by row.
 ///
 /// The result is that of `lipp_cut_product`. The module has fewer registers than `lipp_multiplier`
-/// and a lower maximum clock frequency. All registers follow the product, so a simulator moves only
-/// one word per clock. Synthesis for an FPGA family with suitable carry chains replaces this module
-/// (rtl/ecp5/). The latency is lipp_math_pkg::row_latency(Wa, Wb), which is 3 or 4 clocks.
+/// and a lower maximum clock frequency. All registers come after the product, so a simulator moves
+/// only one word per clock. Synthesis for an FPGA family with suitable carry chains replaces this
+/// module (rtl/ecp5/). The latency is lipp_math_pkg::row_latency(Wa, Wb), which is 3 or 4 clocks.
 module lipp_row_multiplier #(
   parameter int Wa = 18,       // width of a in bits, 3 to 32
   parameter int Wb = 18,       // width of b in bits, 3 to 32

@@ -6,9 +6,9 @@
 ///   p = a b                 with Drop = 0
 ///   p = (a b + 2^7) >> 8    with Drop = 8.
 ///
-/// All registers follow the product, so a simulator moves only one word per clock. Synthesis may
-/// move the registers into the product. Synthesis for an FPGA family without such retiming replaces
-/// this module (rtl/ecp5/). The latency is lipp_math_pkg::small_latency() clocks.
+/// All registers come after the product, so a simulator moves only one word per clock. Synthesis
+/// may move the registers into the product. FPGA families whose synthesis cannot retime registers
+/// replace this module (rtl/ecp5/). The latency is lipp_math_pkg::small_latency() clocks.
 module lipp_small_product #(
   parameter int Wa = 17,   // width of a in bits, 3 to 17
   parameter int Drop = 0,  // number of low bits to truncate, 0 or 8

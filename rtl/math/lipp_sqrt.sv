@@ -5,9 +5,9 @@
 ///
 /// The input x_i is unsigned and has J = F + 3 bits, all of them fraction bits. The output y_o is
 /// signed, in [0, 1), with F + 1 + K fraction bits, where K is Extra. With Normalise = 0 the input
-/// must be in [1/4, 1). With Normalise = 1 all inputs are valid. Let k be the largest number up to
-/// 15 with 4^k x < 1, or 0 with Normalise = 0. Let q be the root of 4^k x from `lipp_quadratic`.
-/// With words read as integers, the result is
+/// must be in [1/4, 1). With Normalise = 1 any input in [0, 1) is valid. Let k be the largest
+/// number up to 15 with 4^k x < 1, or 0 with Normalise = 0. Let q be the root of 4^k x from
+/// `lipp_quadratic`. With words read as integers, the result is
 ///
 ///   y    = min(((q >> k) + (4 >> K)) >> (3 - K), 2^(F+1+K) - 1).
 ///
@@ -39,7 +39,7 @@ module lipp_sqrt #(
 
   if (Normalise) begin : gen_normalise
     // The input is shifted left by 16, 8, 4 and 2 bits in turn, each time if that many upper bits
-    // are 0. The binary digits of k record these shifts.
+    // are 0. The binary digits of k record which shifts were made.
     logic [J-1:0] by16_q, by8_q, by4_q, by2_q;
     logic k8_q, k8_q2, k8_q3, k8_q4, k4_q2, k4_q3, k4_q4, k2_q3, k2_q4, k1_q4;
     logic [3:0] k_late;

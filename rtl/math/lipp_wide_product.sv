@@ -3,10 +3,10 @@
 
 /// Multiplies two signed words with multiplier cells only and truncates the product by Drop bits.
 ///
-/// The result is that of `lipp_cut_product`. All registers follow the product, so a simulator moves
-/// only one word per clock. Synthesis can move the registers into the multiplier cells. Synthesis
-/// for an FPGA family without such retiming replaces this module by multiplier cells (rtl/ecp5/).
-/// The latency is lipp_math_pkg::mul_latency(Wa, Wb) clocks.
+/// The result is that of `lipp_cut_product`. All registers come after the product, so a simulator
+/// moves only one word per clock. Synthesis can move the registers into the multiplier cells. FPGA
+/// families whose synthesis cannot retime registers replace this module by multiplier cells
+/// (rtl/ecp5/). The latency is lipp_math_pkg::mul_latency(Wa, Wb) clocks.
 module lipp_wide_product #(
   parameter int Wa = 18,       // width of a in bits
   parameter int Wb = 18,       // width of b in bits

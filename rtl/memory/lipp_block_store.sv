@@ -10,9 +10,9 @@
 /// first pixel, and a number of pixels, 1 or more. The pixels follow the request as a stream, row
 /// by row, with red in bits 23:16, green in 15:8 and blue in 7:0. The next request of a client is
 /// accepted after the last pixel of its current request. For client write, the next request is
-/// accepted after write_done_o. Output write_done_o is a pulse. A read request accepted in the
-/// clock of that pulse or later returns the written pixels. After power-up the contents are
-/// undefined. Reset keeps the contents and cancels all requests.
+/// accepted after write_done_o. Output write_done_o is a pulse. A read request accepted with or
+/// after write_done_o returns the written pixels. After power-up the contents are undefined. Reset
+/// keeps the contents and cancels all requests.
 ///
 /// The frame store `lipp_sdram_store` has the same clients and handshakes.
 module lipp_block_store #(

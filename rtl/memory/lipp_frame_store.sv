@@ -5,7 +5,7 @@
 ///
 /// An address consists of the index of the buffer and the index of the pixel in that buffer. Each
 /// read port has a latency of two clocks. Output a_rgb_o in clock t is the pixel at the address
-/// a_at_i of clock t - 2, as it was before that clock. Port b has the same timing as port a. After
+/// a_at_i of clock t - 2, as it was before clock t - 2. Port b has the same timing as port a. After
 /// power-up the contents are undefined.
 module lipp_frame_store #(
   parameter int Width = 640,

@@ -4,9 +4,9 @@
 /// Selects which client's transaction the SDRAM executes next. Client `show` has the highest
 /// priority, then client `write`, then client `read`.
 ///
-/// After a transaction of `show`, a waiting client `write` has priority over the next one of
-/// `show`. Therefore client `show` waits for at most one transaction of another client. After the
-/// current transaction, client `write` waits for at most one transaction of `show`. The client
+/// After a transaction of `show`, a waiting client `write` has priority over the next transaction
+/// of `show`. Therefore client `show` waits for at most one transaction of another client. After
+/// the current transaction, client `write` waits for at most one transaction of `show`. The client
 /// `read` is served only when no other client is waiting. The selection is combinational, and may
 /// change until the clock in which ready_i is high.
 module lipp_sdram_arbiter

@@ -14,14 +14,14 @@
 /// client as late as possible.
 ///
 /// All words to write must be available: write_word_i is taken in each clock in which write_take_o
-/// is high. The receiver of read words cannot delay them: they are valid when read_valid_o is high,
-/// in the order of the transactions, with the tag_i of their transaction. Parameter PadClocks is
-/// the number of registers between this module's ports and the SDRAM's pins, both directions
+/// is high. Read words cannot be delayed: each word is valid in the clock in which read_valid_o is
+/// high, in the order of the transactions, with the tag_i of its transaction. Parameter PadClocks
+/// is the number of registers between this module's ports and the SDRAM's pins, both directions
 /// together. Input dq_i is captured cas_clocks + PadClocks + 1 clocks after READ is at the ports.
 ///
 /// After reset the controller waits for power_up_us without a command, and then sends PRECHARGE
 /// ALL, eight AUTO REFRESH, and LOAD MODE REGISTER. No manufacturer of such SDRAMs requires a
-/// longer sequence. Afterwards, a pending AUTO REFRESH is executed before the next transaction.
+/// longer sequence. Later, a pending AUTO REFRESH is executed before the next transaction.
 module lipp_sdram_controller
   import lipp_sdram_pkg::*;
 #(
@@ -71,7 +71,7 @@ module lipp_sdram_controller
   localparam int Rp = RpOrRc > 2 ? RpOrRc : 2;
   localparam int PowerUp = int'(longint'(Timing.power_up_us) * longint'(ClockHz) / 1_000_000) + 1;
   // Maximum number of clocks that a pending refresh waits for the end of a transaction. Each
-  // refresh is requested that number of clocks before it is due.
+  // refresh is requested Longest clocks before it is due.
   localparam int Longest = Rcd + RowWords + Wr + Rp + Rfc + 8;
   localparam int Interval = int'(
       (longint'(Timing.refresh_ms) * longint'(ClockHz) / 1000 - longint'(Longest))
@@ -128,7 +128,7 @@ module lipp_sdram_controller
   transaction_t at_q;
   logic write_q, tag_q, last_q, settled;
   logic [PauseBits-1:0] pause_q, pause_d;
-  logic [HoldBits-1:0] hold_q;  // number of ones: clocks until the row may be closed
+  logic [HoldBits-1:0] hold_q;  // its number of ones is the clocks until the row may be closed
   assign ready_o = state_q == Idle && open_q;
   assign settled = !hold_q[0];
 

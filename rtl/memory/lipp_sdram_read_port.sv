@@ -10,8 +10,8 @@
 /// the current request.
 ///
 /// The latency from the words to the pixels is 2 memory clocks, then the latency of
-/// `lipp_async_fifo`, then one client clock. The last clock is an output register, which is needed
-/// because the FIFO's memory is slow.
+/// `lipp_async_fifo`, then one client clock. The client clock is for an output register, which is
+/// needed because the FIFO's memory is slow.
 module lipp_sdram_read_port
   import lipp_sdram_pkg::*;
 #(
@@ -69,7 +69,7 @@ module lipp_sdram_read_port
     .count_i, .pair_i(pair_valid && pair_ready), .valid_o(split_valid), .ready_i(split_ready),
     .transaction_o(split_transaction)
   );
-  logic unused_free;  // unused, because split_free is high once the last pixel has left
+  logic unused_free;  // split_free is unused: it is high when the last pixel has left
   assign unused_free = split_free;
   lipp_async_fifo #(.Width($bits(transaction_t)), .AddressBits(2)) i_transactions (
     .in_clk_i(clk_i), .in_rst_ni(rst_ni), .in_valid_i(split_valid), .in_ready_o(split_ready),

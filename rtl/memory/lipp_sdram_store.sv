@@ -9,8 +9,8 @@
 /// both even. The pixels follow as a stream, row by row, with red in bits 23:16, green in 15:8 and
 /// blue in 7:0. The next request of a client is accepted after the last pixel of its current
 /// request. For client write, the next request is accepted after the pulse write_done_o. A read
-/// request accepted after that pulse returns the written pixels. All requests wait until the SDRAM
-/// is initialised.
+/// request accepted after write_done_o returns the written pixels. All requests wait until the
+/// SDRAM is initialised.
 ///
 /// Two pixels R G B and R' G' B' are stored as three words: {R, G}, {B, R'}, {G', B'}. Each buffer
 /// begins at the start of a row. A pixel read while it is written may be half old, half new.
@@ -22,7 +22,7 @@
 ///
 /// Input mem_clk_i has the frequency MemoryHz and is asynchronous to clk_i. Input rst_ni cancels
 /// all requests and all pixels in transit, and starts the initialisation of the SDRAM again, which
-/// may lose its contents. `lipp_sdram_controller` describes the pins.
+/// may lose its contents. `lipp_sdram_controller` describes the SDRAM's pins.
 module lipp_sdram_store
   import lipp_sdram_pkg::*;
 #(

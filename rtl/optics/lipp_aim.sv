@@ -3,11 +3,11 @@
 
 /// Step 3 of the ray trace: finds the lenslet at which the ray aims.
 ///
-/// The inputs are the pixel's point (x, y) and the aperture point (a, b). Both are measured from
-/// the centre of the pixel's lenslet (i, j), in pitches along x and in rows along y. The ray aims
-/// at the lenslet whose cell contains the aperture point (a, b). Let (di, dj) be the step from the
-/// pixel's lenslet to that lenslet. The output indices are (i + di, j + dj). The output points are
-/// measured from the centre of the lenslet aimed at:
+/// The inputs are the pixel's point (x, y) and the aperture point (a, b). Both points are measured
+/// from the centre of the pixel's lenslet (i, j), in pitches along x and in rows along y. The ray
+/// aims at the lenslet whose cell contains the aperture point (a, b). Let (di, dj) be the step from
+/// the pixel's lenslet to the lenslet aimed at. The output indices are (i + di, j + dj). The output
+/// points are measured from the centre of the lenslet aimed at:
 ///
 ///   x' = x - di                (square grid)
 ///   x' = x - di - dj/2         (hexagonal grid)
@@ -32,11 +32,11 @@ module lipp_aim #(
   input  logic signed [F+1:0]                          b_i,
   output logic signed [lipp_optics_pkg::IndexBits-1:0] i_o,  // index i of the lenslet aimed at
   output logic signed [lipp_optics_pkg::IndexBits-1:0] j_o,
-  output logic signed [F+1:0]                          x_o,  // x from the lenslet aimed at
+  output logic signed [F+1:0]                          x_o,  // pixel's x from lenslet aimed at
   output logic signed [F+1:0]                          y_o,
-  output logic signed [F+1:0]                          a_o,  // a from the lenslet aimed at
+  output logic signed [F+1:0]                          a_o,  // aperture a from lenslet aimed at
   output logic signed [F+1:0]                          b_o,
-  output logic                                         stray_o,  // 1: aims at another lenslet
+  output logic                                         stray_o,  // 1: ray aims at another lenslet
   output logic                                         beyond_o  // 1: an output word overflows
 );
   import lipp_optics_pkg::*;

@@ -8,8 +8,8 @@
 /// centre C to the point where the line from the pixel to the eye crosses the aperture plane. Let D
 /// be the distance from the panel to the aperture plane, E the eye's distance from that plane, s =
 /// D / (D + E), and A the point in front of the eye. The pixel's point from the lenslet's centre is
-/// (x + (C - A) s) / (1 - s). The module computes this point times 1 - s. In the formulas all words
-/// are integers, and a b >> k is the product of `lipp_multiplier` truncated by k bits:
+/// (x + (C - A) s) / (1 - s). The module computes the pixel's point times 1 - s. In the formulas
+/// all words are integers, and a b >> k is the product of `lipp_multiplier` truncated by k bits:
 ///
 ///   t_x  = (x << 2) + (16 C_x s >> 14) + o_x + 2,   x' = t_x >> 2,   y' likewise.
 ///
@@ -18,7 +18,7 @@
 /// The word s has F + 11 fraction bits, and the offset o = -s A has F + 2.
 ///
 /// The outputs have W + 2 bits, F of them fraction bits, in [-8, 8). Output beyond_o reports that
-/// x' or y' is outside that range. The latency is converge_latency(F) clocks.
+/// x' or y' is outside [-8, 8). The latency is converge_latency(F) clocks.
 module lipp_converge #(
   parameter int F = 23,
   parameter bit CrossCells = 1'b0,  // 1: cross terms use multiplier cells
@@ -30,9 +30,9 @@ module lipp_converge #(
   input  logic signed [F+1:0]                          x_i,  // point x from C, 2^-F pitches
   input  logic signed [F+1:0]                          y_i,  // point y from C, 2^-F rows
   input  logic signed [F+8:0]                          share_i,  // s, F + 11 fraction bits
-  input  logic signed [F+8:0]                          offset_x_i,  // -s A_x, F + 2 fraction bits
+  input  logic signed [F+8:0]                          offset_x_i,  // o_x = -s A_x, in 2^-(F+2)
   input  logic signed [F+8:0]                          offset_y_i,
-  output logic signed [F+3:0]                          x_o,  // x of pixel times 1 - s, 2^-F pitches
+  output logic signed [F+3:0]                          x_o,  // pixel's x times 1 - s, 2^-F pitches
   output logic signed [F+3:0]                          y_o,
   output logic                                         beyond_o  // 1: x_o or y_o overflows
 );

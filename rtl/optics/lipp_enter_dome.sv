@@ -8,10 +8,9 @@
 ///   d' = e/n - (cos' - cos/n) N,
 ///
 /// where e is the unit direction in the air, n the refractive index, N the unit normal, cos and
-/// cos' the cosines of incidence and refraction. The module computes d'_x and d'_y;
-/// `lipp_leave_flat` computes d'_z from the unit length. In the formulas all words are integers, a
-/// b >> k is the product of `lipp_multiplier` truncated by k bits, and M = 2^(F+3) - 1. The steps
-/// are
+/// cos' the cosines of incidence and refraction angle. The module computes d'_x and d'_y, and
+/// `lipp_leave_flat` computes d'_z. In the formulas all words are integers, a b >> k is the product
+/// of `lipp_multiplier` truncated by k bits, and M = 2^(F+3) - 1. The steps are
 ///
 ///   C'   = 2^(F+3) - (s i2 >> F)
 ///   cos' = sqrt(min(max(C', 0), M))
@@ -19,9 +18,9 @@
 ///   d'_x = saturate(((e_x i >> F-2) - (k N_x >> F-3) + 4) >> 3),  d'_y likewise.
 ///
 /// Directions, N and the cosines have F + 1 fraction bits. The squared sine s = 1 - cos^2 and the
-/// squared cosine C' have F + 3, k has F. The word i is 1/n with F + 1 fraction bits, and i2 is
-/// 1/n^2 with F. Output beyond_o reports that C' is below 0 or above 1, or that the direction is
-/// outside [-1, 1], by more than the rounding errors. The latency is dome_latency(F) clocks.
+/// squared cosine C' have F + 3 fraction bits, and k has F. Word i is 1/n with F + 1 fraction bits,
+/// i2 is 1/n^2 with F. Output beyond_o reports that C' is below 0 or above 1, or that the direction
+/// is outside [-1, 1], by more than rounding errors. The latency is dome_latency(F) clocks.
 module lipp_enter_dome #(
   parameter int F = 23,
   parameter bit CrossCells = 1'b0  // 1: cross terms use multiplier cells
@@ -54,8 +53,7 @@ module lipp_enter_dome #(
   localparam int Ws = 2 * Wf - SineDrop;
   localparam logic [F+2:0] Most = '1;
   logic signed [Ws-1:0] sine, c_q;
-  // The upper bits detect an overflow; a comparator would need a carry chain before the
-  // multiplexer.
+  // The upper bits detect an overflow; a comparator would add a carry chain to the timing path.
   logic above;
   assign above = !c_q[Ws-1] && c_q[Ws-2:F+3] != '0;
   localparam logic signed [Ws-1:0] OverOne = (Ws'(1) <<< (F + 3)) + (Ws'(1) <<< SquareSlack);

@@ -20,11 +20,12 @@
 ///   d'_z = saturate(((dz n >> F-3+3E) + (k N_z >> F-3) + 4) >> 3).
 ///
 /// Words e_x and e_y have F + 1 + E fraction bits with E = extra_bits(F), and dz has F + 1 + 3 E.
-/// The squared sine s = 1 - cos^2 and the squared cosine C' have F + 3. The words n, n2 = n^2 and k
-/// have F. N, the cosines and the exit direction d' have F + 1. Output reflected_o reports total
-/// internal reflection, C' <= 0. Output beyond_o reports that C' is above 1, or, for a ray that is
-/// not reflected, that k does not fit its word or the direction is outside [-1, 1]. Rounding errors
-/// do not set beyond_o. The latency is dome_latency(F) clocks.
+/// The squared sine s = 1 - cos^2 and the squared cosine C' have F + 3 fraction bits. The words n,
+/// n2 = n^2 and k have F fraction bits. N, the cosines and the exit direction d' have F + 1
+/// fraction bits. Output reflected_o reports total internal reflection, C' <= 0. Output beyond_o
+/// reports that C' is above 1, or, for a ray that is not reflected, that k does not fit its word or
+/// the direction is outside [-1, 1]. Rounding errors do not set beyond_o. The latency is
+/// dome_latency(F) clocks.
 module lipp_leave_dome #(
   parameter int F = 23,
   parameter bit CrossCells = 1'b0, // 1: cross terms use multiplier cells
@@ -64,8 +65,7 @@ module lipp_leave_dome #(
   localparam int Ws = 2 * Wf - SineDrop;
   localparam logic [F+2:0] Most = '1;
   logic signed [Ws-1:0] sine, c_q;
-  // The upper bits detect an overflow; a comparator would need a carry chain before the
-  // multiplexer.
+  // The upper bits detect an overflow; a comparator would add a carry chain to the timing path.
   logic above;
   assign above = !c_q[Ws-1] && c_q[Ws-2:F+3] != '0;
   logic [F+2:0] clamped_q;

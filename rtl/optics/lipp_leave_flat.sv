@@ -22,12 +22,12 @@
 /// Word g is the squared sine and y the squared cosine in the glass; g, y and C' have F + 3
 /// fraction bits. `lipp_rsqrt` reads the bits of y as 4 y, so r = 1 / (2 dz). Word u is the axial
 /// distance from N to the flat face, zc = 1 - T/R, and l is the length of the path. The words u,
-/// zc, l, n and n2 = n^2 have F fraction bits. Directions, N, r, X and Y have F + 1. Output
-/// reflected_o reports total internal reflection, C' <= 0; such a ray keeps its direction in the
-/// glass. Output beyond_o reports that g is 1 or more, or that C' is above 1. For a ray that is not
-/// reflected, beyond_o also reports that y is below 1/4 (an illegal input of `lipp_rsqrt`), that u,
-/// l, X or Y does not fit its word, or that d'_x or d'_y is outside [-1, 1]. Rounding errors do not
-/// set beyond_o. The latency is leave_flat_latency(F) clocks.
+/// zc, l, n and n2 = n^2 have F fraction bits. Directions, N, r, X and Y have F + 1 fraction bits.
+/// Output reflected_o reports total internal reflection, C' <= 0; such a ray keeps its direction in
+/// the glass. Output beyond_o reports that g is 1 or more, or that C' is above 1. For a ray that is
+/// not reflected, beyond_o also reports that y is below 1/4 (an illegal input of `lipp_rsqrt`),
+/// that u, l, X or Y does not fit its word, or that d'_x or d'_y is outside [-1, 1]. Rounding
+/// errors do not set beyond_o. The latency is leave_flat_latency(F) clocks.
 module lipp_leave_flat #(
   parameter int F = 23,
   parameter bit CrossCells = 1'b0  // 1: cross terms use multiplier cells
@@ -167,8 +167,7 @@ module lipp_leave_flat #(
   localparam int Ws = 2 * Wf - SineDrop;
   localparam logic [F+2:0] Most = '1;
   logic signed [Ws-1:0] sine, c_q;
-  // The upper bits detect an overflow; a comparator would need a carry chain before the
-  // multiplexer.
+  // The upper bits detect an overflow; a comparator would add a carry chain to the timing path.
   logic above;
   assign above = !c_q[Ws-1] && c_q[Ws-2:F+3] != '0;
   logic [F+2:0] clamped_q;

@@ -7,7 +7,8 @@
 /// The point has the coordinates x in pitches and t = y in rows, where a row is sqrt(3)/2 pitches
 /// high. The point's oblique coordinates are s = x - t/2 and t. The integer parts of s and t are
 /// the corner (i0, j0) of the parallelogram that contains the point; the fractions of s and t are
-/// fs and ft. The borders between the cells of the corners are the lines q = 1/2 and q = 1 with
+/// fs and ft. The borders between the cells of the corners are the lines q = 1/2 and q = 1, where q
+/// is q0 or q1:
 ///
 ///   q0 = fs + ft/2,   q1 = fs/2 + ft.
 ///

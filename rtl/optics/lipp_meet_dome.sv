@@ -10,7 +10,7 @@
 ///   cos = sqrt(1 - |V|^2 + b^2).
 ///
 /// The length from V to the intersection is cos - b for an upward ray, which leaves the glass, and
-/// -b - cos for a downward ray, which enters it. The intersection is also the unit normal N,
+/// -b - cos for a downward ray, which enters the glass. The intersection is also the unit normal N,
 /// because the sphere has radius 1 and its centre is the origin. In the formulas all words are
 /// integers, a b >> k is the product of `lipp_multiplier` truncated by k bits, and M = 2^(F+3) - 1.
 /// The steps are
@@ -27,10 +27,10 @@
 /// Output missed_o reports C < 0. Output beyond_o reports that b or l does not fit its word, that C
 /// is above 1, or, for a ray that is not missed, that a coordinate of N is outside [-1, 1].
 /// Rounding errors do not set beyond_o. A downward ray starts in the plane of the domes' vertices
-/// (zc = 1) with dz = -dz_i. Its products with dz_i are truncated before they are subtracted. A
-/// downward ray that misses the sphere continues for half a radius from its point nearest to the
-/// centre. From there, `lipp_cell_step` leads to the dome that the ray meets next. The latency is
-/// meet_dome_latency(F) clocks.
+/// (zc = 1) with dz = -dz_i. For a downward ray, the products with dz_i are truncated before they
+/// are subtracted. A downward ray that misses the sphere continues for half a radius from its point
+/// nearest to the centre. From the end of this path, `lipp_cell_step` leads to the dome that the
+/// ray meets next. The latency is meet_dome_latency(F) clocks.
 module lipp_meet_dome #(
   parameter int F = 23,
   parameter bit CrossCells = 1'b0,  // 1: cross terms use multiplier cells
@@ -68,7 +68,7 @@ module lipp_meet_dome #(
     $fatal(1, "lipp_meet_dome: F must be 14 to 23");
   end
 
-  // ---- compute b, the distance from the ray's nearest point to the centre, to V ----
+  // ---- compute b, the distance to V from the point of the ray nearest to the centre ----
   localparam int DotDrop = F - 1 - Guard;  // bits to truncate, besides the E or 3 E of d
   localparam int Wd = Wf + W - DotDrop;
   logic signed [Wd-1:0] bx, by, bz, bz_late, bxy_q, b_sum_q;
@@ -158,7 +158,7 @@ module lipp_meet_dome #(
   lipp_sqrt #(.F(F), .Normalise(1'b1)) i_sqrt (.clk_i, .x_i(clamped_q), .y_o(cos));
 
   // ---- compute l, the length of the path to the dome ----
-  localparam int LengthLatency = mul_latency(Wb, Wb) + 3 + sqrt_latency(1'b1);  // from b to cos_o
+  localparam int LengthLatency = mul_latency(Wb, Wb) + 3 + sqrt_latency(1'b1);  // from b to cosine
   localparam int Wl = Wb + 1;
   logic signed [Wb-1:0] b_late;
   logic signed [Wl-1:0] scaled_cos, length_d;
@@ -166,7 +166,7 @@ module lipp_meet_dome #(
   logic signed [Wf-1:0] length_q;
   logic signed [W-1:0] cos_q, cos_q2;
   logic b_beyond_late, b_beyond_q2, length_beyond_q;
-  logic [Wl-4-Wf:0] length_top_q;  // sign of l and the bits that its word lacks
+  logic [Wl-4-Wf:0] length_top_q;  // sign of l, and the upper bits that do not fit its word
   lipp_delay #(.Width(Wb + 1), .Cycles(LengthLatency)) i_b (
     .clk_i, .d_i({b_q, b_beyond_q}), .q_o({b_late, b_beyond_late})
   );

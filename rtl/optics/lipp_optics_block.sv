@@ -8,13 +8,13 @@
 /// exit_last_o mark the first and the last ray of a frame.
 ///
 /// Software writes new optics into shadow registers. Writing `apply` requests that the new optics
-/// and the new source take effect. They take effect at once between two frames, otherwise after the
-/// frame's last ray was accepted; `busy` is set until then. Writing `start` requests a frame of the
-/// raster. One start is remembered while a frame runs, and takes effect after that frame. Therefore
-/// all rays of a frame are traced with the same optics, and a frame uses every apply that was
-/// written before its start. Writing `abort` ends the current frame of raster or stream and cancels
-/// the remembered start. Rays that were accepted before an abort still leave. A start in the same
-/// write as an abort begins a new frame.
+/// and the new source take effect. Between two frames, new optics take effect at once, otherwise
+/// after the frame's last ray was accepted. The register field `busy` is 1 until then. Writing
+/// `start` requests a frame of the raster. While a frame runs, one start is remembered, which takes
+/// effect after that frame. Therefore all rays of a frame are traced with the same optics, and a
+/// frame uses every apply that was written before its start. Writing `abort` ends the current frame
+/// of raster or stream and cancels the remembered start. Rays that were accepted before an abort
+/// still leave. A start in the same write as an abort begins a new frame.
 ///
 /// The register port is APB4. A write changes the bytes whose strobe is set. The block ignores the
 /// two low address bits and PPROT. The file rtl/registers.rdl defines the registers;
@@ -39,8 +39,8 @@ module lipp_optics_block #(
 
   input  logic                                         ray_valid_i,
   output logic                                         ray_ready_o,
-  input  logic signed [lipp_optics_pkg::PixelBits-1:0] ray_u_i,  // pixel u, right, unit 1/16 pixel
-  input  logic signed [lipp_optics_pkg::PixelBits-1:0] ray_v_i,  // pixel v, up, unit 1/16 pixel
+  input  logic signed [lipp_optics_pkg::PixelBits-1:0] ray_u_i,  // pixel u to the right, 1/16 pixel
+  input  logic signed [lipp_optics_pkg::PixelBits-1:0] ray_v_i,  // pixel v upward, 1/16 pixel
   input  logic signed [F+1:0]                          ray_a_i,  // aperture point a, 2^-F pitches
   input  logic signed [F+1:0]                          ray_b_i,  // aperture point b, 2^-F rows
   input  logic                                         ray_first_i,  // 1: first ray of its frame
@@ -204,8 +204,9 @@ module lipp_optics_block #(
   );
 
   // A FIFO in parallel to the pipeline stores the first and last mark of each ray, in order. The
-  // FIFO has an entry for each ray in the pipeline. The marks are written one clock after their ray
-  // was accepted, because the source may lie far away on the chip. A ray takes longer to leave.
+  // FIFO has an entry for each ray in the pipeline. The marks of a ray are written one clock after
+  // it was accepted, because the source may lie far away on the chip. A ray needs more than one
+  // clock to leave the pipeline.
   localparam int Latency = ray_latency(Build);
   localparam int AddressBits = $clog2(Latency + 16);
   logic exit_taken_q, unused_valid;

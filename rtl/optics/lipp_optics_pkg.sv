@@ -80,9 +80,9 @@ package lipp_optics_pkg;
   /// Width of signed lenslet indices.
   localparam int IndexBits = 12;
   /// Parameters of the optics, signed with F fraction bits unless a comment says otherwise. R is
-  /// the dome's radius, T the thickness of a lenslet, px the pitch along the rows, py across them.
-  /// The host computes them from a display file (`lippmann.fixed.configuration`). A field of 32
-  /// bits contains a narrower signed word.
+  /// the dome's radius, T the thickness of a lenslet, px the pitch along the rows, py the pitch
+  /// across the rows. The host computes the parameters from a display file
+  /// (`lippmann.fixed.configuration`). A field of 32 bits contains a narrower signed word.
   typedef struct packed {
     logic signed [SlopeBits-1:0]  x_from_u;  // lattice x = x_from_u u + x_from_v v + x_offset
     logic signed [SlopeBits-1:0]  x_from_v;
@@ -109,15 +109,15 @@ package lipp_optics_pkg;
     logic signed [31:0] cell_pitch_x;    // pitch px / R, F fraction bits
     logic signed [31:0] cell_pitch_y;    // distance between rows / R, F fraction bits
     logic signed [31:0] cell_half_y;     // py / (2 R), F + 1 fraction bits (square grid)
-    logic signed [31:0] cell_rise;       // (sqrt(3)/2) px / py - s/2, F + 1 fraction bits, [-4, 4)
-    logic signed [31:0] converge_share;  // D / (D + E) of lipp_converge, F + 11 fract. bits
-    logic signed [31:0] converge_x;      // x of -s A of lipp_converge, F + 2 fraction bits
+    logic signed [31:0] cell_rise;       // h in lipp_cell_step, F + 1 fraction bits, [-4, 4)
+    logic signed [31:0] converge_share;  // factor s in lipp_converge, F + 11 fraction bits
+    logic signed [31:0] converge_x;      // x of offset o in lipp_converge, F + 2 fraction bits
     logic signed [31:0] converge_y;
     logic signed [31:0] extent_i;        // maximum |2 i + j| (square: |2 i|) of a lenslet
     logic signed [31:0] extent_j;        // maximum |j| of a lenslet
     logic signed [31:0] shear_x;         // x shift per row / px, F fraction bits
     logic signed [31:0] shear_lean;      // shear s, F fraction bits
-    logic signed [31:0] shear_row;       // x step to the next row's lenslet / R
+    logic signed [31:0] shear_row;       // x step to the next row / R, F fraction bits
   } optics_config_t;
 
   /// Width of unsigned column and row numbers of a panel.
@@ -205,7 +205,7 @@ package lipp_optics_pkg;
     return mul_latency(wx, f + 2) + 2;
   endfunction
 
-  /// Return the latency of `lipp_unit_slope`: squares, their sum, the root, the product.
+  /// Return the latency of `lipp_unit_slope`: squares, sum of the squares, root, product.
   function automatic int unit_latency(int f);
     return mul_latency(f + 2, f + 2) + 2 + rsqrt_latency() + mul_latency(f + 2, f + 2) + 1;
   endfunction
@@ -214,7 +214,7 @@ package lipp_optics_pkg;
     return mul_latency(f + 2, f + 2) + 1 + mul_latency(f + 2, f + 2) + 2 + sqrt_latency(1'b0);
   endfunction
 
-  /// Return the latency of the product zc dz (or l dz) in `lipp_meet_dome`.
+  /// Return the latency of the product zc dz or l dz in `lipp_meet_dome`.
   function automatic int axial_latency(int f);
     return mul_latency(f + 4, f + 2 + 3 * extra_bits(f));
   endfunction

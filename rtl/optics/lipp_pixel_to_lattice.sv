@@ -11,7 +11,7 @@
 ///   x  = floor((hi + floor(lo / 2^17)) / 2^(23 - F)).
 ///
 /// The map for y has the same formulas with its own coefficients. The map is exact up to the final
-/// floor. The offsets include 2^(39 - F), so that the final floor rounds.
+/// floor(). The offsets include 2^(39 - F), so that the final floor() rounds to nearest.
 ///
 /// The inputs u_i (columns to the right) and v_i (rows upward) are measured from the panel's
 /// centre. Pixel coordinates are signed with 4 fraction bits. Coefficients are signed with 36

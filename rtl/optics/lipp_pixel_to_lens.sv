@@ -12,8 +12,8 @@
 /// local_bits(F, Converge, Shear), and the width of a and b is local_bits(F, 0, Shear).
 ///
 /// Output stray_o reports that (i, j) is not the pixel's own lenslet. Output beyond_o reports that
-/// a word wrapped. Output missing_o reports that the pixel's own lenslet does not exist. In builds
-/// whose rays cannot leave through another lenslet, missing_o is always 0.
+/// a number did not fit its word. Output missing_o reports that the pixel's own lenslet does not
+/// exist. In builds whose rays cannot leave through another lenslet, missing_o is always 0.
 ///
 /// The latency of the outputs is lens_latency(F, Grid, Aims, Converge, Shear) clocks. The outputs
 /// own_i_o and own_j_o, the pixel's own lenslet, have a latency of pixel_latency() +

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 `default_nettype none
 
-/// Scans a window of the panel row by row, and outputs one ray per clock with a valid/ready
+/// Scans a window of the panel row by row, and outputs a ray per clock with a valid/ready
 /// handshake.
 ///
 /// Input start_i copies config_i and starts a frame with `samples` rays for each pixel. Input
@@ -43,8 +43,8 @@ module lipp_raster #(
 
   output logic                                         ray_valid_o,
   input  logic                                         ray_ready_i,
-  output logic signed [lipp_optics_pkg::PixelBits-1:0] ray_u_o,  // pixel u, right, unit 1/16 pixel
-  output logic signed [lipp_optics_pkg::PixelBits-1:0] ray_v_o,  // pixel v, up, unit 1/16 pixel
+  output logic signed [lipp_optics_pkg::PixelBits-1:0] ray_u_o,  // pixel u to the right, 1/16 pixel
+  output logic signed [lipp_optics_pkg::PixelBits-1:0] ray_v_o,  // pixel v upward, 1/16 pixel
   output logic signed [F+1:0]                          ray_a_o,  // aperture point a, 2^-F pitches
   output logic signed [F+1:0]                          ray_b_o,  // aperture point b, 2^-F rows
   output logic                                         ray_first_o,  // 1: first ray of its frame
@@ -68,7 +68,7 @@ module lipp_raster #(
   raster_config_t config_q;
   logic take, check_q, begin_q, legal, walk_q, step, done, end_of_frame;
   logic [3:0] legal_q;
-  // Each counter contains the remaining count minus 2, so it is negative at the last item.
+  // Each counter contains the remaining count minus 2, so the counter is negative at the last item.
   logic signed [16:0] samples_q;
   logic signed [HalfBits-1:0] columns_q, rows_q;
   logic signed [HalfBits-1:0] first_half_u_q, first_half_v_q;

@@ -4,8 +4,9 @@
 /// Adds handshakes to `lipp_ray_pipeline`: pixels enter and exit rays leave, one ray per clock.
 ///
 /// Rays leave in the order of entry. The optics in use are a copy of config_i. Input apply_i
-/// requests a new copy, which is made when all rays inside have left. Until then busy_o is high and
-/// the input is closed, so that all rays inside use the same optics. Reset also requests a copy.
+/// requests a new copy, which is made when all rays inside have left. Until the copy is made,
+/// busy_o is high and the input is closed, so that all rays inside use the same optics. Reset also
+/// requests a copy.
 ///
 /// The number formats are those of `lipp_ray_pipeline`. The latency is ray_latency(Build) + 5
 /// clocks if the output is always ready.
@@ -23,8 +24,8 @@ module lipp_ray_stream #(
 
   input  logic                                         ray_valid_i,
   output logic                                         ray_ready_o,
-  input  logic signed [lipp_optics_pkg::PixelBits-1:0] ray_u_i,  // pixel u, right, unit 1/16 pixel
-  input  logic signed [lipp_optics_pkg::PixelBits-1:0] ray_v_i,  // pixel v, up, unit 1/16 pixel
+  input  logic signed [lipp_optics_pkg::PixelBits-1:0] ray_u_i,  // pixel u to the right, 1/16 pixel
+  input  logic signed [lipp_optics_pkg::PixelBits-1:0] ray_v_i,  // pixel v upward, 1/16 pixel
   input  logic signed [F+1:0]                          ray_a_i,  // aperture point a, 2^-F pitches
   input  logic signed [F+1:0]                          ray_b_i,  // aperture point b, 2^-F rows
 

@@ -3,16 +3,16 @@
 
 /// Step 3 of the ray trace (sheared lattices): converts lattice coordinates to an upright x.
 ///
-/// The rows of a sheared lattice are shifted by s times their height. A point with the lattice
-/// coordinates x in pitches and y in rows, from its lenslet's centre, is x + g y pitches to the
-/// right of that centre. The factor g is s times the distance between rows, divided by the pitch.
-/// In the formula all words are integers, and y g >> k is the product of `lipp_multiplier`
+/// Each row of a sheared lattice is shifted by s times the height of the row. A point with the
+/// lattice coordinates x in pitches and y in rows, from its lenslet's centre, is x + g y pitches to
+/// the right of that centre. The factor g is s times the distance between rows, divided by the
+/// pitch. In the formula all words are integers, and y g >> k is the product of `lipp_multiplier`
 /// truncated by k bits. The result is
 ///
 ///   x'   = ((x << 3) + (y g >> F-3) + 4) >> 3.
 ///
 /// All words have F fraction bits. The output has W + 2 bits, in [-8, 8). Output beyond_o reports
-/// that x' is outside that range. The latency is shear_latency(F) clocks.
+/// that x' is outside [-8, 8). The latency is shear_latency(F) clocks.
 module lipp_shear #(
   parameter int F = 23,
   parameter bit CrossCells = 1'b0,  // 1: cross terms use multiplier cells

@@ -3,16 +3,16 @@
 
 /// Step 3 of the ray trace: computes a ray's slope, unit direction, and point on the first face.
 ///
-/// The inputs are the pixel (x, y) and the aperture point (a, b), as `lipp_pixel_to_lens` computes
-/// them. In builds with the exact lens model and converge = 0, the slope is a coefficient times a -
-/// x. In other builds the slope has one coefficient for x and one for a.
+/// The inputs are the pixel (x, y) and the aperture point (a, b), the outputs of
+/// `lipp_pixel_to_lens`. In builds with the exact lens model and converge = 0, the slope is a
+/// coefficient times a - x. In other builds the slope has one coefficient for x and one for a.
 ///
-/// The point (hx_o, hy_o) is in radii with F fraction bits. Its latency is slope_latency(F,
-/// Converge, Shear) clocks. Output flat_beyond_o has the same latency and reports that the slope or
-/// the point is out of range. The direction (ex_o, ey_o, ez_o) has F + 1 + air_bits(Build) fraction
-/// bits and is valid unit_latency(F) clocks after the point. Output steep_o has the direction's
-/// latency and reports a slope of 60 degrees or more. Output difference_o reports that a - x or b -
-/// y is out of range; its latency is 1 clock.
+/// The point (hx_o, hy_o) is in radii with F fraction bits. The point's latency is slope_latency(F,
+/// Converge, Shear) clocks. Output flat_beyond_o has the latency of the point and reports that the
+/// slope or the point is out of range. The direction (ex_o, ey_o, ez_o) has F + 1 + air_bits(Build)
+/// fraction bits and is valid unit_latency(F) clocks after the point. Output steep_o has the
+/// direction's latency and reports a slope of 60 degrees or more. Output difference_o reports that
+/// a - x or b - y is out of range; its latency is 1 clock.
 module lipp_start_ray #(
   parameter lipp_optics_pkg::build_t Build = lipp_optics_pkg::ExactSquare,
   localparam int F = int'(Build.fraction_bits),

@@ -16,7 +16,7 @@
 /// of the last dome, n, cos_o, s_o, missed_o and meet_beyond_o, are valid meet_dome_latency(F)
 /// clocks later. Output inside_o reports that the intersection is in the cell of the last dome. In
 /// builds whose rays can leave their cell, inside_o is valid cell_step_latency(Grid, F, Shear)
-/// clocks after those results; in other builds it is always 1.
+/// clocks after the results of the last dome; in other builds inside_o is always 1.
 module lipp_walk_domes #(
   parameter lipp_optics_pkg::build_t Build = lipp_optics_pkg::ExactSquare,
   localparam int F = int'(Build.fraction_bits),

@@ -1,15 +1,15 @@
 // SPDX-License-Identifier: Apache-2.0
 `default_nettype none
 
-/// Draws the scene: sends the rays of all panel pixels to the optics, and sends the pixels that the
-/// scene returns to the video output.
+/// Draws the scene: sends the rays of all panel pixels to the optics, and outputs the pixels that
+/// the scene returns.
 ///
-/// Input begin_i is a pulse at the start of a video frame, during vertical sync. In that clock the
-/// scene's new registers take effect (take_o) if all pixels of the previous frame have arrived and
-/// hold_i is low. Input hold_i is high while software writes the registers, and keeps the previous
-/// registers in use. Output shown_o, high while the panel shows the scene, is source_i sampled
-/// together with the registers. A frame of Width * Height pixels is drawn if shown_o is high in the
-/// clock after begin_i. Therefore every frame is drawn with one set of registers.
+/// Input begin_i is a pulse at the start of a video frame, during vertical sync. In the clock of
+/// begin_i, the scene's new registers take effect (take_o) if all pixels of the previous frame have
+/// arrived and hold_i is low. Input hold_i is high while software writes the registers, and keeps
+/// the previous registers in use. Output shown_o, high while the panel shows the scene, is source_i
+/// sampled together with the registers. A frame of Width * Height pixels is drawn if shown_o is
+/// high in the clock after begin_i. Therefore every frame is drawn with one set of registers.
 ///
 /// Let c and r be a pixel's column and row, counted from the panel's top left. As in lipp_raster,
 /// the pixel's rays start at the panel position

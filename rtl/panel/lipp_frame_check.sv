@@ -6,8 +6,8 @@
 ///
 /// Input start_i starts the computation, and is ignored while busy_o is high. While busy_o is high,
 /// the module owns the read client of the frame store: it requests all pixels of the buffer and
-/// accepts each pixel when it arrives. Output done_o is a pulse two clocks after the last pixel.
-/// Output crc_o is valid from done_o until the next start_i.
+/// always accepts them. Output done_o is a pulse two clocks after the last pixel. Output crc_o is
+/// valid from done_o until the next start_i.
 module lipp_frame_check #(
   parameter int Width = 640,
   parameter int Height = 480,

@@ -4,11 +4,11 @@
 /// Passes a stream of pixels to the video output: outputs each pixel at its own position in the
 /// video frame, or drops a pixel that arrives too late.
 ///
-/// Input begin_i is a pulse at the start of a video frame. If draws_i is high in that clock, the
+/// Input begin_i is a pulse at the start of a video frame. If draws_i is high with begin_i, the
 /// stream must then deliver the pixels of the frame in order. Input draws_i may be high only while
 /// complete_o is high. If draws_i is low at begin_i, the frame takes no pixels from the stream.
-/// Input want_i takes the next pixel of the frame: in the same clock rgb_o is that pixel and hit_o
-/// is high. If the pixel has not arrived yet, rgb_o is black, hit_o is low, and the pixel is
+/// Input want_i takes the next pixel of the frame: in the clock of want_i, rgb_o is that pixel and
+/// hit_o is high. If the pixel has not arrived yet, rgb_o is black, hit_o is low, and the pixel is
 /// dropped when it arrives. Pixels that are still missing at the next begin_i are dropped too.
 ///
 /// Output underflow_o pulses one clock after a pixel was missing on the panel. Input shown_i is

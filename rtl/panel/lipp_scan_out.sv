@@ -6,19 +6,19 @@
 /// A pixel lasts ClocksPerPixel clocks, and pixel_o marks the first of these clocks. A line
 /// consists of horizontal sync, back porch, pixels and front porch. A frame consists of vertical
 /// sync, back porch, visible lines and front porch. Vertical sync begins and ends together with
-/// horizontal sync. A sync signal with positive polarity is high during sync, with negative
-/// polarity low. Output rgb_o is black outside the pixels.
+/// horizontal sync. A sync signal with positive polarity is high during sync, a sync signal with
+/// negative polarity is low. Output rgb_o is black outside the pixels.
 ///
 /// Frames and settings change only at the start of vertical sync, so every frame is shown complete.
 /// If swap_i is high at the start of vertical sync, the buffers are swapped: swapped_o pulses and
 /// front_o changes. Inputs brightness_i, pattern_i and optics_i are also sampled at the start of
-/// vertical sync. Reset starts a frame of buffer 0. Output filled_o is low until the first swap: no
-/// buffer contains a frame yet.
+/// vertical sync. Reset starts a frame of buffer 0. Output filled_o is low until the first swap,
+/// because before it no buffer contains a frame.
 ///
 /// Output frame_end_o is a pulse at the start of vertical sync, one clock before swapped_o. At
 /// frame_end_o, no pixel of the previous frame is in the pipeline. After frame_end_o, want_o pulses
-/// for each pixel of the frame, even while a test pattern is shown. In the clock in which want_o is
-/// high, pixel_i must be that pixel. The first pulse of want_o comes VSync + VBack lines and HSync
+/// for each pixel of the frame, even while a test pattern is shown. In the clock of each pulse of
+/// want_o, pixel_i must be the pixel. The first pulse of want_o comes VSync + VBack lines and HSync
 /// + HBack pixels after frame_end_o.
 ///
 /// Each of the values r, g, b is output as floor(p (brightness + 1) / 256), where p is the pixel's

@@ -3,14 +3,14 @@
 
 /// Sends the stored frame to the video output: reads the front buffer once per frame.
 ///
-/// Input begin_i is a pulse at the start of a video frame. From the next clock on, front_i is the
-/// buffer of that frame, and shown_i is high if the frame is on the panel. Input swapped_i is high
-/// in the clock after begin_i if the buffer changed. Input crc_i is the CRC-32 of the new buffer,
-/// and is valid from the clock after swapped_i. In that clock the frame store receives the request
-/// for the pixels. `lipp_pixel_feed` outputs each pixel at its own position in the video frame. A
-/// late pixel is dropped, and underflow_o pulses.
+/// Input begin_i is a pulse at the start of a video frame. From the clock after begin_i on, front_i
+/// is the buffer of the frame, and shown_i is high if the frame is on the panel. Input swapped_i is
+/// high in the clock after begin_i if the buffer changed. Input crc_i is the CRC-32 of the new
+/// buffer, and is valid from the clock after swapped_i. In the clock after swapped_i, the frame
+/// store receives the request for the pixels. `lipp_pixel_feed` outputs each pixel at its own
+/// position in the video frame. A late pixel is dropped, and underflow_o pulses.
 ///
-/// When a frame was shown without underflow, its CRC-32 is compared with crc_i. If the two CRCs
+/// After a frame was shown without underflow, its CRC-32 is compared with crc_i. If the two CRCs
 /// differ, the memory has lost the frame: lost_o is high and the panel black until the next swap.
 module lipp_show_frame #(
   parameter int Width = 640,

@@ -6,7 +6,7 @@
 ///
 /// Reset clears the table, one entry per clock. Output busy_o is high while the table is cleared;
 /// then writes are not allowed and reads are undefined. Output read_crc_o in clock t is the entry
-/// requested in clock t - 2, as it was before that clock.
+/// requested in clock t - 2, as it was before clock t - 2.
 module lipp_tile_table #(
   parameter int Width = 640,
   parameter int Height = 480,

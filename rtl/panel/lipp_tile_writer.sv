@@ -4,20 +4,20 @@
 /// Decodes one tile from a packet and writes it into a buffer of the frame store.
 ///
 /// Input start_i samples the tile's parameters, and is ignored while a tile is being written. The
-/// bytes of the packet follow as a stream whose last byte is marked. If empty_i is high, there are
-/// no bytes. At most one pixel is written per clock. The bytes of the codings are:
+/// bytes of the packet follow as a stream whose last byte is marked. If empty_i is high, the packet
+/// has no bytes. At most one pixel is written per clock. The bytes of the codings are:
 ///
 ///   CodingRaw    R, G, B of each pixel.
 ///   CodingSolid  one R, G, B for all pixels.
 ///   CodingQoi    operations of QOI, except QOI_OP_RGBA, without header and end marker. Every
 ///                pixel's alpha is 255. The previous pixel and the index start as black.
-///   CodingCopy   no data, but a copy of the same tile in the other buffer.
+///   CodingCopy   no bytes: the tile is copied from the other buffer.
 ///
 /// Output done_o is a pulse after the last byte and the last write. If ok_o is high with done_o,
-/// the data had exactly the tile's number of pixels, and crc_o is the CRC-32 of their bytes, row by
-/// row. If ok_o is low with done_o, the data, the index of the tile or the coding were invalid. The
-/// remaining bytes of an invalid packet are discarded, and the tile may be partly written. No pixel
-/// outside the tile is ever written.
+/// the data had exactly the tile's number of pixels, and crc_o is the CRC-32 of the pixels' bytes,
+/// row by row. If ok_o is low with done_o, the data, the index of the tile or the coding were
+/// invalid. The remaining bytes of an invalid packet are discarded, and the tile may be partly
+/// written. No pixel outside the tile is ever written.
 ///
 /// Each row of the tile is one request to the write client of the frame store. For CodingCopy, each
 /// row is first requested from the read client. If invalid data end within a row, the row is filled
@@ -106,8 +106,8 @@ module lipp_tile_writer #(
 
   // ---- find the tile's row and column by division, one bit per clock ----
   logic [15:0] column_q;   // index of the tile; after the division, its column
-  logic [15:0] columns_q;  // number of tiles in 2^k rows of tiles
-  logic [PlaceBits-1:0] rows_q;  // address step of these rows of tiles
+  logic [15:0] columns_q;  // number of tiles in 2^k rows of tiles, for bit k
+  logic [PlaceBits-1:0] rows_q;  // address step of 2^k rows of tiles
   logic [SideBits-1:0] last_x_q;
   logic last_column, last_row_q;  // 1: the tile is in the last column or row of tiles
   logic [PlaceBits-1:0] row_at_q;
@@ -145,7 +145,7 @@ module lipp_tile_writer #(
   logic [63:0] index_valid_q;
   logic [23:0] rgb_q, indexed;
   logic [5:0] hash;            // hash of rgb_q: (3 r + 5 g + 7 b + 11 * 255) mod 64
-  logic [5:0] hash_q, more_q;  // the two summands of the hash
+  logic [5:0] hash_q, more_q;  // summands of the hash of rgb_q
   localparam logic [5:0] BlackHash = 6'(11 * 255);
   logic index_valid, previous;
   assign index_valid = index_valid_q[data_i[5:0]];
@@ -196,7 +196,7 @@ module lipp_tile_writer #(
     end
   end
 
-  // The effect of the input byte is computed before it is accepted, which shortens the timing path.
+  // The effect of the input byte is computed before the byte is accepted, for a short timing path.
   always_comb begin
     {draws, moves, wrong, colour, look_up, difference} = '0;
     {want_d, luma_d, run_d, fill_d} = {want_q, luma_q, run_q, fill_q};
@@ -278,7 +278,7 @@ module lipp_tile_writer #(
     .in_data_i(into_rgb), .out_valid_o(out_valid), .out_ready_i(out_ready), .out_data_o(out_rgb)
   );
   logic [31:0] crc_q;
-  logic hash_valid_q;  // 1: hashed_q is a pixel for the CRC, one clock after its move
+  logic hash_valid_q;  // 1: hashed_q is a pixel that the CRC must include
   logic [23:0] hashed_q;
   assign crc_o = ~crc_q;
   always_ff @(posedge clk_i) begin

@@ -5,8 +5,8 @@
 ///
 /// P_k is the light of layer k, multiplied by its opacity A_k, and B_k is the brightness of layer
 /// k, at most 256. C_k is the light of the layers in front of layer k. T_k is the transmittance of
-/// these layers. A_k and T_k are in units of 2^-16, B_k is in units of 2^-8. With C_0 = 0 and T_0 =
-/// 65536, the steps are
+/// the layers in front of layer k. A_k and T_k are in units of 2^-16, B_k is in units of 2^-8. With
+/// C_0 = 0 and T_0 = 65536, the steps are
 ///
 ///   G_k     = (T_k B_k + 2^7) >> 8
 ///   C_(k+1) = C_k + ((P_k G_k + 2^15) >> 16)        for each of red, green and blue

@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 `default_nettype none
 
-/// Computes the line of an exit ray: its slopes, and the point where it meets the plane z = 0,
-/// which contains the domes' vertices.
+/// Computes the line of an exit ray: slopes, and the point in the plane z = 0 of the domes'
+/// vertices.
 ///
 /// The line is in the array's axes, in radii from the array's origin. In the formulas all words are
 /// integers, a b >> k is the product of `lipp_row_multiplier` truncated by k bits, and q is 1 /
@@ -70,7 +70,7 @@ module lipp_exit_line #(
     .Wa(F + 6), .Wb(F + 6), .Drop(F + 2), .Square(1'b1)
   ) i_inverse (.clk_i, .a_i(root_word), .b_i(root_word), .p_o(inverse));
 
-  // This delay matches the latency of r. Registers dx_q and dy_q shorten it to one ring buffer.
+  // This delay matches the latency of r. Registers dx_q, dy_q shorten the delay to one ring buffer.
   logic signed [W-1:0] dx_q, dy_q, dx_late, dy_late;
   always_ff @(posedge clk_i) {dx_q, dy_q} <= {dx_i, dy_i};
   lipp_delay #(.Width(2 * W), .Cycles(InverseLatency - 1), .Block(1'b0)) i_direction (

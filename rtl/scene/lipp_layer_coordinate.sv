@@ -19,13 +19,13 @@
 /// s_o or t_o does not fit its word.
 ///
 /// Let ds be the error of s before its last truncation, in texels, relative to an exact computation
-/// from the same line and registers. Its bound is
+/// from the same line and registers. The bound of ds is
 ///
 ///   |ds| <= (|a| + |b|) (2^-(F-2) + |depth| 2^-(F+2)) + 2^-15 + [F < 20] 2^-A (|X'| + |Y'|).
 ///
-/// The last term is present only in builds with F < 20, which truncate a and b. At F = 23 the error
-/// is therefore at most 2^-12 if |a| + |b| <= 128 and (|a| + |b|) |depth| <= 4096. At F = 16, a
-/// slope's last bit is half the direction error, 14 urad, of the optics. The latency is
+/// The last term of the bound is present only in builds with F < 20, which truncate a and b. At F =
+/// 23 the error is therefore at most 2^-12 if |a| + |b| <= 128 and (|a| + |b|) |depth| <= 4096. At
+/// F = 16, a slope's last bit is half the direction error, 14 urad, of the optics. The latency is
 /// layer_latency(F) clocks.
 module lipp_layer_coordinate #(
   parameter int F = 16,
@@ -111,7 +111,7 @@ module lipp_layer_coordinate #(
     );
   end
 
-  // These modules add three words with less logic than a sum that synthesis infers.
+  // The modules lipp_gated_sum add three words with less logic than a sum that synthesis infers.
   logic signed [32:0] zero_s_q, zero_t_q;
   logic [Wt+1:0] parts_s, parts_t, sum_s, sum_t;
   logic signed [Wt+1:0] sum_s_q, sum_t_q;

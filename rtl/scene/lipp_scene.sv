@@ -5,16 +5,16 @@
 /// one ray per clock, with a valid/ready handshake on both sides.
 ///
 /// Rays arrive in the order of the panel's pixels, 2^samples_bits rays for each pixel. One pixel
-/// leaves for each group of rays. The registers in use are a copy of config_i. Input take_i
-/// requests a new copy, which is made when all rays inside have left as pixels. Until then busy_o
-/// is high and the input is closed, so a frame is drawn with one set of registers. Reset also
-/// requests a copy.
+/// leaves for each group of 2^samples_bits rays. The registers in use are a copy of config_i. Input
+/// take_i requests a new copy, which is made when all rays inside have left as pixels. Until the
+/// copy is made, busy_o is high and the input is closed, so a frame is drawn with one set of
+/// registers. Reset also requests a copy.
 ///
 /// Input write_i stores a byte in a texture slot, 0 to slots - 1. The bytes of a slot are the
 /// texels row by row, then the palette (r, g, b, a of each entry). The four bytes of a palette
 /// entry must come one after another, with no byte for another slot between them. Slot 15 is the
 /// panel's curve. A byte may be written in every clock. A slot that is being drawn must not be
-/// written, which the module does not check.
+/// written; the module does not check this rule.
 ///
 /// The modules in order are `lipp_exit_line`, `lipp_layer_coordinate` for each layer,
 /// `lipp_texel_fetch`, `lipp_texel_blend` for each layer, `lipp_composite`, `lipp_sample_mean` and

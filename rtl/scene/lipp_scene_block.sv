@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 `default_nettype none
 
-/// Contains the scene's registers. The scene takes their values between two frames.
+/// Contains the scene's registers. The scene takes the registers' values between two frames.
 ///
 /// Input take_i is high in the clock in which the scene takes the values. From a write until
 /// take_i, the register field `status.waits` is 1. Output slots_o has a bit for each slot that is
@@ -11,8 +11,8 @@
 ///
 /// The register port is APB4. A write changes the bytes whose strobe is set. An access to a layer
 /// takes three clocks, because its word is selected in two steps: within each layer, then among
-/// layers. The file rtl/registers.rdl defines the registers. A build has registers only for its
-/// layers.
+/// layers. The file rtl/registers.rdl defines the registers. A build has only its layers'
+/// registers.
 module lipp_scene_block #(
   parameter lipp_scene_pkg::scene_build_t Scene = lipp_scene_pkg::FourLayers
 ) (

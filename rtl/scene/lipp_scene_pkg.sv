@@ -3,7 +3,7 @@
 
 /// Number formats, parameters and latencies of the modules that draw the scene from exit rays.
 ///
-/// Lengths are in radii of the domes. F is the number of fraction bits of the optics. Formats are:
+/// Lengths are in radii of the domes. F is the optics' number of fraction bits. The formats are:
 ///
 ///   position    F + 9 bits, F - 3 fraction bits, [-2048, 2048): x, y from the array's origin
 ///   slope       F + 4 bits, F + 1 fraction bits, [-4, 4): dx/dz, dy/dz
@@ -55,8 +55,8 @@ package lipp_scene_pkg;
   /// Look of a layer: the fields of the register `look`.
   typedef struct packed {
     logic [14:0] unused_high;
-    logic [8:0]  brightness;  // factor, 8 fraction bits; above 256 counts as 256
-    logic [3:0]  slot;        // layer's slot; the first visible layer with it is drawn
+    logic [8:0]  brightness;  // brightness factor, 8 fraction bits, up to 256
+    logic [3:0]  slot;        // number of the layer's slot
     logic [1:0]  unused_low;
     logic        infinite;    // 1: a sky; texel position depends on slopes only
     logic        visible;
@@ -64,7 +64,7 @@ package lipp_scene_pkg;
 
   /// Registers of one layer.
   typedef struct packed {
-    logic signed [31:0] s0;     // s at the array's origin, texels, 16 fraction bits
+    logic signed [31:0] s0;     // texture coordinate s at the origin, 16 fraction bits
     logic signed [31:0] t0;
     logic signed [31:0] depth;  // distance, radii, 20 fraction bits; sky: factor of slopes
     logic signed [31:0] a;      // coefficient of X in s, texels per radius, 24 fraction bits

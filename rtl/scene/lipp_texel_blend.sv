@@ -18,7 +18,7 @@ module lipp_texel_blend #(
   parameter int Taps = 1  // number of filter taps, 1 or 4
 ) (
   input  logic                                                  clk_i,
-  input  logic [Taps-1:0][lipp_scene_pkg::EntryBits-1:0]        colour_i,  // entries {A, b, g, r}
+  input  logic [Taps-1:0][lipp_scene_pkg::EntryBits-1:0]        colour_i,  // palette entry per tap
   input  logic [Taps-1:0][lipp_scene_pkg::ShareBits-1:0]        weight_i,
   output logic [2:0][lipp_scene_pkg::LightBits-1:0]             light_o,  // [2] red, [0] blue light
   output logic [lipp_scene_pkg::ShareBits-1:0]                  opacity_o
@@ -57,7 +57,8 @@ module lipp_texel_blend #(
     end
 
     for (genvar c = 0; c < 3; c++) begin : gen_channel
-      // Red is the lowest byte of colour_i and the highest part of light_o.
+      // The order of channels is reversed: red is the lowest byte of colour_i, the top part of
+      // light_o.
       logic [LightBits-1:0] square;
       logic signed [2*MulBits-1:0] full_product;
       lipp_byte_square i_square (

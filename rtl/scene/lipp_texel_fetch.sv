@@ -1,16 +1,16 @@
 // SPDX-License-Identifier: Apache-2.0
 `default_nettype none
 
-/// Reads the texels at each layer's texture coordinate and computes their filter weights.
+/// Reads the texels at each layer's texture coordinate, and computes the texels' filter weights.
 ///
 /// A slot is a texture memory with one read port per filter tap. Each visible layer selects a slot
 /// by the slot's number (look_i). If several visible layers select the same slot, only the layer
 /// with the lowest index reads the slot, and the other layers are transparent. A crossbar connects
 /// each layer's address to its slot, and the slot's colours back to the layer.
 ///
-/// The coordinates s_i and t_i have 8 fraction bits. Their integer parts are i = s_i >> 8 and j =
-/// t_i >> 8, their fractions are f = s_i & 255 and g = t_i & 255. Weights have 16 fraction bits, so
-/// 65536 is a weight of 1. The texels and their weights are
+/// The coordinates s_i and t_i have 8 fraction bits. The integer parts of s_i and t_i are i = s_i
+/// >> 8 and j = t_i >> 8. The fractions are f = s_i & 255 and g = t_i & 255. Weights have 16
+/// fraction bits, so 65536 is a weight of 1. The texels and their weights are
 ///
 ///   nearest filter (one tap):    texel (i, j), weight 65536
 ///   bilinear filter (four taps): texel (i,     j)      weight (256 - f) (256 - g)
@@ -18,8 +18,8 @@
 ///                                texel (i,     j + 1)  weight (256 - f)  g
 ///                                texel (i + 1, j + 1)  weight  f         g.
 ///
-/// Tap n = {row[0], column[0]} reads the texel whose row and column have these lowest bits.
-/// Therefore the four taps always read four different memories.
+/// Tap n = {row[0], column[0]} reads the texel whose row and column have the lowest bits row[0] and
+/// column[0]. Therefore the four taps always read four different memories.
 ///
 /// Output colour_o is {A, b, g, r} of a palette entry. The opacity byte a is widened to A = a + 1
 /// for a >= 128 and A = a otherwise, so 256 is opaque. The bytes of an entry are written
@@ -111,7 +111,7 @@ module lipp_texel_fetch #(
       };
     end else begin : gen_bilinear
       // Element [0] is half the column (or row) of the taps with an even column (or row), and
-      // element [1] that of the taps with an odd column (or row).
+      // element [1] is half of the odd column (or row).
       logic [1:0][WholeBits-2:0] column_q, row_q;
       logic [1:0] column_in_q, row_in_q, column_in, row_in;
       logic [CoordinateFraction:0] f_q, g_q, f_late, g_late;

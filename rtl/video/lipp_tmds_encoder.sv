@@ -5,9 +5,10 @@
 ///
 /// The latency is 3 clocks. Bit 0 of a symbol is sent first. A byte d of a pixel is encoded as q[0]
 /// = d[0], q[k] = q[k-1] ^ d[k], with bit 8 high. If d has more than four ones, or has four ones
-/// and d[0] is low, the encoding is q[k] = ~(q[k-1] ^ d[k]), with bit 8 low. This choice limits the
-/// transitions within q. Then the eight bits are inverted, with bit 9 high, if the inversion brings
-/// the numbers of ones and zeros sent since the last control symbol closer together.
+/// and d[0] is low, the encoding is q[k] = ~(q[k-1] ^ d[k]), with bit 8 low. The choice between the
+/// two encodings limits the number of transitions within q. Then the eight bits are inverted, with
+/// bit 9 high, if the inversion brings the numbers of ones and zeros sent since the last control
+/// symbol closer together.
 ///
 /// The register balance_q is (ones - zeros) / 2, counted over all symbols since the last control
 /// symbol. The balance stays within -4 to 4 (DVI 1.0, section 3).

@@ -6,14 +6,14 @@
 /// Input shift_clk_i is five times as fast as pixel_clk_i and comes from the same source, with any
 /// phase. Each shift clock sends pair_o[0], then pair_o[1]. A symbol is copied two or three shift
 /// clocks after the pixel clock edge that registered it, so that the symbol is stable when it is
-/// copied. The first pair of the symbol is at pair_o three shift clocks later.
+/// copied. The first pair of the symbol is at pair_o three shift clocks after the copy.
 ///
 /// A register that toggles with each symbol marks where symbols begin. A ring counter of five
-/// positions counts the shift clocks of a symbol, and the first toggle after reset sets it.
+/// positions counts the shift clocks of a symbol, and the first toggle after reset sets the ring.
 ///
 /// If the edges of the two clocks coincide, a toggle may be detected one clock earlier or later, at
-/// position 2 or 4 of the ring. The ring then continues unchanged. A toggle detected at position 0
-/// or 1 sets the ring again. The following signals set the ring:
+/// position 2 or 4 of the ring. The ring then continues without a change. A toggle detected at
+/// position 0 or 1 sets the ring again. The following signals set the ring:
 ///
 ///   clock      0  1  2  3  4
 ///   begins_q   1  .  .  .  .   a toggle was detected: this clock must be position 3

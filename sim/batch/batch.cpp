@@ -1,9 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 // Batch harness: wraps Verilated `lipp_ray_stream` in a shared library that traces arrays of rays.
 //
-// On request, rays are offered and taken with random pauses, so that a comparison of results also
-// tests the handshake. The Python module lippmann.simulation.harness compiles this file once for
-// each build.
+// With random pauses, on request, a comparison of results also tests the handshake. The Python
+// module lippmann.simulation.harness compiles this file once for each build.
 #include <cstdint>
 #include <cstring>
 #include <memory>
@@ -37,7 +36,7 @@ int32_t signed_word(T word, int bits) {
 }
 
 // Runs one rising edge of the clock. The RTL does nothing at the falling edge, so the model is not
-// evaluated there: setting back its stored value of clk_i saves half of the evaluations.
+// evaluated there: setting back the model's stored clk_i saves half of the evaluations.
 void clock(Vtop& top) {
   top.clk_i = 1;
   top.eval();
@@ -51,9 +50,8 @@ void clock(Vtop& top) {
 // arrays of the words i, j, x, y, z, dx, dy, dz, status. `config` contains the bits of
 // optics_config_t, least significant word first. In each clock the input pauses with a probability
 // of idle / 256, and the output with a probability of stall / 256. Returns the number of clocks
-// from the first offered ray to the last exit ray, or -1 if no ray arrives for too long. The
-// library exports only this function (-fvisibility=hidden), so that the compiler may inline the
-// model.
+// from the first offered ray to the last exit ray, or -1 if no ray arrives. The library exports
+// only this function (-fvisibility=hidden), so that the compiler may inline the model.
 extern "C" __attribute__((visibility("default"))) int64_t lippmann_trace(
     int64_t count, const int64_t* u, const int64_t* v, const int64_t* a, const int64_t* b,
     const uint32_t* config, int64_t* out, uint64_t seed, uint32_t idle, uint32_t stall) {

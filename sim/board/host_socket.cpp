@@ -154,7 +154,7 @@ void HostSocket::serve() {
     } else {
       wait[1] = {listener_, POLLIN, 0};
     }
-    // A pty that no host has opened never reports POLLOUT. After the timeout, poll() tries again.
+    // A pty that no host has opened never reports POLLOUT. After a timeout, poll() is called again.
     if (poll(wait, 3, 1000) < 0 && errno != EINTR) return;
     if (wait[0].revents) {
       // The pipe is emptied before the flag is cleared, so a later ring() fills the pipe again.

@@ -34,7 +34,7 @@ class HostSocket {
   const std::string& url() const { return url_; }
   Ring<kPlaces>& from_host() { return from_host_; }
   Ring<kPlaces>& to_host() { return to_host_; }
-  // Wakes the thread, when to_host() contains bytes or from_host() has room again.
+  // Wakes the thread; to be called when to_host() has bytes or from_host() has room again.
   void ring();
 
  private:
@@ -55,12 +55,12 @@ class HostSocket {
   std::string url_, file_;
   std::string token_;           // the token and its newline; empty if no token is required
   std::string received_token_;  // token bytes received from the host so far
-  bool authorised_ = true;      // true: the host has sent the token, or none is required
+  bool authorised_ = true;      // true: the host has sent the token, or no token is required
   int idle_s_;
   Clock::time_point last_byte_time_;  // time of the last byte to or from the host
   bool pty_;
   int listener_ = -1;  // listening socket, -1 for a pty
-  int far_end_ = -1;   // the board's end of the pty, open while hosts come and go
+  int far_end_ = -1;   // the host's end of the pty, kept open while hosts change
   int host_ = -1;      // file descriptor of the host's connection
   int bell_[2] = {-1, -1};
   bool next_host_waits_ = false;  // the next host waits until the old host's bytes are read

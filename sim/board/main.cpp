@@ -11,10 +11,10 @@
 // The Python module lippmann.simulation.virtual_board builds this program. With the parameter
 // ByteLink = 1, bytes are transferred as fast as the board accepts them. With ByteLink = 0, the
 // wires of a UART are simulated: --step is 65536 times the baud rate divided by the clock
-// frequency. --host-step is the same number for the host's UART, by default equal to --step.
-// --stalls makes both ends of a byte link pause at random. The --ready file (JSON) contains the URL
-// for the host, and exists while the board runs. If the macro LIPPMANN_MEMORY_HZ is defined, the
-// frames are stored in an SDRAM that has its own clock.
+// frequency. The option --host-step is the same number for the host's UART, by default equal to
+// --step. The option --stalls makes both ends of a byte link pause at random. The --ready file
+// (JSON) contains the URL for the host, and exists while the board runs. If the macro
+// LIPPMANN_MEMORY_HZ is defined, the frames are stored in an SDRAM that has its own clock.
 //
 // SIGTERM, SIGINT and SIGHUP end the board. SIGUSR1 resets the board. SIGUSR2 makes the SDRAM lose
 // its contents. The last line on stdout is a JSON object of counts. The exit codes are those of
@@ -101,8 +101,8 @@ Options parse(int count, char** words) {
   return options;
 }
 
-// Writes the file under another name and then renames the file, so that a process that waits for
-// the file never reads a part of it.
+// Writes the file under another name and then renames the file, so that a waiting process never
+// reads a part of the file.
 void announce(const Options& options, const HostSocket& line) {
   const std::string part = options.ready + ".part";
   std::FILE* file = std::fopen(part.c_str(), "w");
@@ -216,7 +216,7 @@ class Board {
  private:
   // Returns true if the board is idle: the last request is answered, its frames have been on the
   // panel for some time, and no waveform is requested. An idle board runs its clock at a small
-  // fraction of its speed until the host's next byte, so that it needs almost no processor time.
+  // fraction of its speed until the host's next byte, which takes almost no processor time.
   bool idle() const {
     return answered_ && options_.trace.empty() &&
            clocks_ - spoke_ > 1'000'000 + 4LL * LIPPMANN_WIDTH * LIPPMANN_HEIGHT;
@@ -280,7 +280,7 @@ class Board {
   }
 
   // Returns true if the byte link pauses in this clock. For some thousand clocks it pauses in three
-  // of four clocks at random, and then in no clock for the same time.
+  // of four clocks at random, and then for as many clocks not at all.
   bool paused() {
     if (options_.stalls == 0) return false;
     random_ ^= random_ << 13;

@@ -2,11 +2,11 @@
 // Models an SDR SDRAM with 4 banks x 8192 rows x 512 columns of 16 bits, according to the data
 // sheet of the MT48LC16M16A2.
 //
-// The model stores words and reports each command that the data sheet does not allow. Its inputs
-// are the time and the pin levels at each rising edge of the clock. The model supports bursts of
-// one word. Auto precharge, longer bursts, BURST TERMINATE and SELF REFRESH are reported as not
-// modelled. The model treats CKE low as a power-up, after which the controller must repeat the
-// initialisation. Setup and hold times are not checked, because they depend on the FPGA's pads.
+// The model stores words and reports each command that the data sheet does not allow. The model's
+// inputs are the time and the pin levels at each rising edge of the clock. The model supports
+// bursts of one word. Auto precharge, longer bursts, BURST TERMINATE and SELF REFRESH are reported
+// as not modelled. The model treats CKE low as a power-up, after which the controller must repeat
+// the initialisation. Setup and hold times are not checked, because they depend on the FPGA's pads.
 #pragma once
 
 #include <cstdint>
@@ -110,8 +110,8 @@ class Sdram {
     }
   }
 
-  // Returns the word that the SDRAM drives until the next edge captures it. Bit k of driving() is 1
-  // if the SDRAM drives byte k.
+  // Returns the word that the SDRAM drives until the next clock edge. Bit k of driving() is 1 if
+  // the SDRAM drives byte k.
   uint16_t dq() const { return dq_; }
   int driving() const { return driving_; }
 
@@ -125,7 +125,7 @@ class Sdram {
   uint64_t reads() const { return reads_; }
   uint64_t writes() const { return writes_; }
   uint64_t activations() const { return activations_; }
-  // Returns the number of violations by name; first_violation() returns the time of the first.
+  // Returns the number of violations by name; first_violation() returns the first violation's time.
   const std::map<std::string, uint64_t>& violations() const { return violations_; }
   uint64_t first_violation() const { return first_violation_; }
 
@@ -135,7 +135,7 @@ class Sdram {
   struct Bank {
     bool open = false;
     uint16_t row = 0;
-    // Times of the last command of each kind. The flags below are false before the first one.
+    // Times of the last ACTIVE, PRECHARGE and WRITE. A flag is true after the first such command.
     uint64_t active = 0, precharge = 0, write = 0;
     bool was_active = false, was_precharged = false, was_written = false;
   };
@@ -231,7 +231,7 @@ class Sdram {
   void mode(const SdramPins& pins) {
     idle("LOAD MODE REGISTER with an open row");
     if (step_ == kPower) report("initialisation: LOAD MODE REGISTER before PRECHARGE ALL");
-    // A second LOAD MODE REGISTER is legal. The first one ends the initialisation.
+    // A second LOAD MODE REGISTER is legal. The first LOAD MODE REGISTER ends the initialisation.
     if (step_ != kReady && step_ != kRefreshed2)
       report("initialisation: fewer than 2 AUTO REFRESH");
     if (pins.a & 7) report("burst longer than 1: not modelled");

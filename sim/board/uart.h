@@ -19,14 +19,14 @@ class Uart {
     if (left_ <= step_) {
       left_ += 0x10000 - step_;
       sending_ >>= 1;
-      if (sending_ == 1) sending_ = 0;  // the stop bit was the last bit
+      if (sending_ == 1) sending_ = 0;  // the stop bit was sent last
     } else {
       left_ -= step_;
     }
     return level;
   }
 
-  // Samples the wire from the board once per clock; returns the byte that is now complete, or -1.
+  // Samples the wire from the board once per clock; returns a byte when it is complete, else -1.
   int take(bool level) {
     if (taken_ == 0) {
       if (level) return -1;

@@ -54,7 +54,7 @@ module lipp_axil_to_apb_checks #(
   wire b_take = s_axil_bvalid && s_axil_bready;
   wire r_take = s_axil_rvalid && s_axil_rready;
 
-  reg aw_q, w_q, ar_q;        // 1: address (aw, ar) or data (w) wait for their APB access
+  reg aw_q, w_q, ar_q;        // 1: address (aw, ar) or data (w) waits for an APB access
   wire aw_waits = aw_q && !(setup && m_apb_pwrite);
   wire w_waits = w_q && !(setup && m_apb_pwrite);
   wire ar_waits = ar_q && !(setup && !m_apb_pwrite);
@@ -108,7 +108,7 @@ module lipp_axil_to_apb_checks #(
   // ---- rules for the bridge ----
   always @(posedge clk_i) begin
     if (checked) begin
-      // Each APB access belongs to a request, and each request gets exactly one response, its own.
+      // Each APB access belongs to a request, and each request gets exactly one response.
       write_asked: assert(!(setup && m_apb_pwrite) || (aw_q && w_q));
       read_asked: assert(!(setup && !m_apb_pwrite) || ar_q);
       write_access: assert(!(setup && m_apb_pwrite)
@@ -134,7 +134,7 @@ module lipp_axil_to_apb_checks #(
         apb_setup: assert(!m_apb_penable || !idle_q);
         apb_access: assert(!wait_q || (m_apb_psel && m_apb_penable && access == access_q));
         // If the bus is idle, a pending access begins at once. If a write and a read are pending,
-        // the one whose kind did not run last begins.
+        // the kind that did not run last begins.
         begins: assert(!(idle_q && (may_write_q || may_read_q)) || setup);
         turns: assert(!(idle_q && may_write_q && may_read_q) || m_apb_pwrite != last_write_q);
       end

@@ -80,7 +80,7 @@ module lipp_frame_gate_checks #(
   always @(posedge clk_i) begin
     if (checked) begin
       // In each clock, at most one ray is accepted, from the source in effect. Each accepted ray is
-      // passed on, and no other ray.
+      // passed on, and no other ray is passed on.
       one_source: assert(!(from_raster && from_stream));
       passed_on: assert(accept == (valid_o && ready_i));
       source: assert((!from_raster || !stream_o) && (!from_stream || stream_o));

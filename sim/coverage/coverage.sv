@@ -5,8 +5,8 @@
 ///
 /// The coverage file has Verilator's format and is written into the folder that the environment
 /// variable LIPPMANN_COVERAGE names. The Python module lippmann.simulation.compilation binds this
-/// module to the top; only Verilator reads it. File names are unique, because a process may run
-/// several models, and a model several times.
+/// module to the top; only Verilator reads it. Each coverage file has a unique name, because a
+/// process may run several models.
 module coverage;
 
   final $c(

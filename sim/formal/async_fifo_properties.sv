@@ -4,7 +4,7 @@
 ///
 /// A synchroniser samples a bit either before or after an edge of the other clock, so a bit that
 /// changes while it is sampled gives its old or its new value. The sampled count is therefore the
-/// old or the new count, if at most one of its bits changes at a time (function one_bit).
+/// old or the new count, if at most one bit of the count changes at a time (function one_bit).
 module async_fifo_properties #(
   parameter int Width = 2,
   parameter int AddressBits = 2  // log2 of the entries; the code below lists 2^2 words
@@ -65,7 +65,7 @@ module async_fifo_properties #(
   function automatic [C-1:0] binary(input [C-1:0] gray);
     binary = {gray[2], gray[2] ^ gray[1], gray[2] ^ gray[1] ^ gray[0]};
   endfunction
-  // These words are the counts in the two stages of the synchronisers; the second stage is older.
+  // These words are the counts in the two stages of the synchronisers; the second count is older.
   wire [C-1:0] written1 = binary({written_stages[4], written_stages[2], written_stages[0]});
   wire [C-1:0] written2 = binary({written_stages[5], written_stages[3], written_stages[1]});
   wire [C-1:0] read1 = binary({read_stages[4], read_stages[2], read_stages[0]});

@@ -2,12 +2,12 @@
 /// Proves that `lipp_dispatcher` answers every request.
 ///
 /// The proof assumes that the modules around the dispatcher answer within Slow clocks, as their
-/// headers state. Apart from that, these modules and the serial line behave arbitrarily. The proof
-/// shows that an event happens within Bound clocks, unless the serial line neither sends nor
-/// accepts bytes. An event is a byte in or out, a bus access, a byte or the end of a tile, the end
-/// of a frame, or a ray. A request causes a bounded number of events of each kind. The dispatcher
-/// reads the status of the optics at most three times before another event. Bytes of a request are
-/// accepted only when the replies to all earlier requests are at the output.
+/// headers state. Apart from these limits, the modules around the dispatcher and the serial line
+/// behave arbitrarily. The proof shows that an event happens within Bound clocks, unless the serial
+/// line neither sends nor accepts bytes. An event is a byte in or out, a bus access, a byte or the
+/// end of a tile, the end of a frame, or a ray. A request causes a bounded number of events of each
+/// kind. The dispatcher reads the status of the optics at most three times before another event.
+/// Bytes of a request are accepted only when the replies to all earlier requests are at the output.
 module dispatcher_properties #(
   parameter int Slow = 2,
   parameter int Bound = 31,
@@ -169,13 +169,13 @@ module dispatcher_properties #(
   end
 
   // ---- properties to prove ----
-  logic [4:0] idle_q;     // clocks since the last event in which an event was possible
+  logic [4:0] idle_q;     // clocks without an event, although an event was possible
   logic [1:0] unsent_q;   // received requests whose reply is not completely sent
   wire [5:0] head_left = i_dut.i_reply.head_left_q;
   wire sends = out_valid || head_left != '0;
   wire gap = sends && !out_valid;  // 1: between two parts of the head of a reply
   wire moves = in_take || out_take || bus_done_i || tile_take || tile_done_i || present_done_i
-      // state_q = 2: register_access is checking the address of a word
+      // state 2: register_access checks the address of a word
       || block_done_i || ray_take || exit_take || reset || i_dut.i_registers.state_q == 3'd2;
   wire line_waits = (in_ready && !in_valid_i) || (out_valid && !out_ready_i) || table_q;
   always_ff @(posedge clk_i or negedge rst_ni) begin
@@ -274,7 +274,7 @@ module dispatcher_properties #(
     endcase
     ray_part = ray_part || (i_dut.ray_start && rays == RayIdle);
   end
-  // Bound on the number of clocks until the next event; it decreases while a module is waited for.
+  // Bound on the number of clocks until the next event; the bound falls while a module is busy.
   logic [5:0] todo;
   always_comb begin
     todo = 6'd10;

@@ -5,11 +5,11 @@
 /// The model of optics and scene outputs a pixel for every 2^SamplesBits rays, at any time. The
 /// n-th pixel of a frame has the value n, so that a pixel at a wrong position is detected. The
 /// video takes any number of pixels between two starts of a frame. The proof has four parts. First,
-/// the rays of a frame are the rays of all its pixels in order, each once. Second, a pixel that the
-/// video receives is the pixel of that position, or it is black and counted as underflow. Third,
-/// each requested pixel arrives, and is taken once or dropped once. Fourth, new registers take
-/// effect only at the start of a frame, at the first start at which they are not being written and
-/// no ray of another frame is in the pipeline.
+/// the rays of a frame are the rays of all its pixels in order, each once. Second, the video
+/// receives at each position the pixel of that position, or a black pixel that is counted as
+/// underflow. Third, each requested pixel arrives, and is taken once or dropped once. Fourth, new
+/// registers take effect only at the start of a frame, when no register is being written and no ray
+/// of another frame is in the pipeline.
 module draw_frame_properties #(
   parameter int Width = 3,
   parameter int Height = 2,

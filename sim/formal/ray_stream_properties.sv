@@ -2,9 +2,9 @@
 /// Proves that all rays inside `lipp_ray_stream` use the same optics: `lipp_config_bank` makes a
 /// copy of the optics only while `lipp_flow_control` is idle.
 ///
-/// A model replaces `lipp_flow_control` and the pipeline, at any latency. The model accepts no ray
+/// A model replaces `lipp_flow_control` and the pipeline of any latency. The model accepts no ray
 /// after hold, has a number of rays inside, which leave at any time, and raises idle at any time
-/// after the last ray has left. The proof of `lipp_flow_control` shows that it behaves like this.
+/// after the last ray has left. The proof of `lipp_flow_control` shows that it is like this model.
 module ray_stream_properties #(
   parameter int Width = 2  // number of bits of the configuration
 ) (

@@ -1,10 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 /// Proves that `lipp_sdram_arbiter` keeps its priorities and loses no transaction, with clients
-/// that keep their transactions stable and a memory that accepts at any time.
+/// that keep their transactions stable and a memory that accepts a transaction at any time.
 ///
 /// The transactions of each client are numbered, and the other bits are arbitrary. The numbers at
-/// the output therefore show if a transaction was lost, duplicated, or exchanged with another
-/// client's.
+/// the output therefore show if a transaction was lost, duplicated or exchanged.
 module sdram_arbiter_properties
   import lipp_sdram_pkg::*;
 (

@@ -37,9 +37,9 @@ inline uint16_t encoded(unsigned byte, int count) {
   return static_cast<uint16_t>(invert << 9 | !xnor << 8 | (invert ? ~q & 0xff : q));
 }
 
-// Decodes the symbols of one channel, and counts the ones and zeros that were sent. At each count
-// only one symbol of a byte is legal: another bit 8 gives more transitions, and another bit 9
-// increases the difference between ones and zeros.
+// Decodes the symbols of one channel, and counts the ones and zeros that were sent. For each value
+// of this count, only one symbol of a byte is legal: another bit 8 gives more transitions, and
+// another bit 9 increases the difference between ones and zeros.
 class Channel {
  public:
   Channel() {
@@ -65,7 +65,7 @@ class Channel {
     }
     return static_cast<int>(byte);
   }
-  void lose() { known_ = false; }  // unknown until the next control symbol
+  void lose() { known_ = false; }  // the count is unknown until the next control symbol
   int64_t illegal() const { return illegal_; }
   int largest() const { return largest_; }
 

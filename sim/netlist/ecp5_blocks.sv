@@ -86,7 +86,7 @@ endmodule
 /// AD[13:2], AD[13:1] or AD[13:0]. The write enables of the 9-bit bytes are ADA[1:0] for words of
 /// 18 bits, and ADA[3:0] for words of 36 bits. Words of 36 bits are written through DIA (the lower
 /// half) and DIB, and read through DOA and DOB. ECP5 does not define the value that port B reads
-/// while port A writes the same word; this model returns the complement of the word.
+/// while port A writes the same word; the model returns the complement of the word.
 module DP16KD #(
   parameter DATA_WIDTH_A = 18,
   parameter DATA_WIDTH_B = 18,

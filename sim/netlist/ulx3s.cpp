@@ -139,7 +139,7 @@ class Board {
     uint64_t first = ~0ull;
     for (const Clock& clock : clocks_of_) first = std::min(first, clock.next);
     ticks_ = first;
-    // slightly late, which is harmless because clk_25mhz only monitors the PLL's lock
+    // the edge is slightly late, which is harmless: clk_25mhz only monitors the PLL's lock
     if (ps() >= oscillator_ps_) {
       top_.clk_25mhz = !top_.clk_25mhz;
       oscillator_ps_ += 20'000;
@@ -192,7 +192,8 @@ class Board {
   }
 
   // Applies the word that the SDRAM drove one clock before its last edge, because the word needs
-  // that time to reach the FPGA (rtl/board/ulx3s/lipp_ulx3s_memory.sv). Undriven bytes are random.
+  // that time to reach the FPGA (rtl/board/ulx3s/lipp_ulx3s_memory.sv). Bytes that the SDRAM does
+  // not drive are random.
   void before_memory() {
     noise_ = noise_ * 1664525u + 1013904223u;
     const uint16_t driven = (on_way_ & 1 ? 0x00ff : 0) | (on_way_ & 2 ? 0xff00 : 0);

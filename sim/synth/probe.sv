@@ -19,8 +19,8 @@ module probe #(
   input  logic [Out-1:0] out_i    // outputs of the design under test
 );
 
-  // Synthesis keeps these names, so that the report can tell the registers from the design's.
-  (* keep *) logic [1:0] reset_q;  // high in reset, as the FPGA's cells need
+  // Synthesis keeps these names, so that the report can tell these registers from the design's.
+  (* keep *) logic [1:0] reset_q;  // high in reset, because the FPGA's cells need this polarity
   (* keep *) logic [In-1:0] in_q;
   (* keep *) logic [Out-1:0] out_q, fold_q;
   (* keep *) logic bit_q;

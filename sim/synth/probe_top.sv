@@ -3,8 +3,8 @@
 
 /// Top for a place-and-route trial of `lipp_ray_stream`, surrounded by registers like `probe`'s.
 ///
-/// Every input of `lipp_ray_stream` comes from a register, and every output is combined into one.
-/// Therefore no logic is optimised away, and no timing path ends at a pin.
+/// Every input of `lipp_ray_stream` comes from a register, and every output is combined into a
+/// register. Therefore no logic is optimised away, and no timing path ends at a pin.
 module probe_top #(
   parameter lipp_optics_pkg::build_t Build = lipp_optics_pkg::ExactSquare,
   localparam int F = int'(Build.fraction_bits)
@@ -21,8 +21,8 @@ module probe_top #(
   localparam int RayBits = 2 * PixelBits + 2 * W;
   localparam int OutBits = 2 * IndexBits + 3 * (W + 2) + 3 * W + 3;
 
-  // Synthesis keeps these names, so that the report can tell the registers from the design's.
-  (* keep *) logic [1:0] reset_q;  // high in reset, as the FPGA's cells need
+  // Synthesis keeps these names, so that the report can tell these registers from the design's.
+  (* keep *) logic [1:0] reset_q;  // high in reset, because the FPGA's cells need this polarity
   (* keep *) logic [ConfigBits-1:0] config_q;
   (* keep *) logic [RayBits-1:0] ray_q;
   (* keep *) logic apply_q, valid_q, ready_q;

@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 `default_nettype none
 
-/// Top for a place-and-route trial of `lipp_optics_block` with Wishbone, surrounded by `probe`.
+/// Top for a place-and-route trial of `lipp_optics_block` with Wishbone, surrounded by the
+/// registers of `probe`.
 module probe_wishbone #(
   parameter lipp_optics_pkg::build_t Build = lipp_optics_pkg::ExactSquare,
   localparam int F = int'(Build.fraction_bits)

@@ -4,8 +4,8 @@
 /// Makes the clocks of the ULX3S with one PLL from the board's oscillator of 25 MHz.
 ///
 /// The frequency of each output clock is the VCO's frequency divided by that output's divider. The
-/// output with the divider BackDiv is fed back to the PLL. Each pixel lasts one clock of the system
-/// clock clk_o. The Python program `tools.pll` finds the dividers.
+/// output whose divider is BackDiv is fed back to the PLL. Each pixel lasts one clock of output
+/// system_clk_o. The Python program `tools.pll` finds the dividers.
 ///
 /// Output lost_o rises if the PLL loses its lock after 256 or more locked clocks, two or three
 /// clocks of clk_i later. Output lost_o stays high until the FPGA is configured again. A stopped

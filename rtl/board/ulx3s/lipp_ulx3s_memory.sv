@@ -7,8 +7,8 @@
 /// With these registers, `lipp_sdram_controller` needs PadClocks = 2. The SDRAM's clock is clk_i
 /// inverted, so commands and data reach the SDRAM in the middle of its clock period.
 ///
-/// Read data are captured four clocks after the command left the pads. Let T be the clock period.
-/// Let d be the round-trip delay of the output register, the traces and the input pad. The SDRAM's
+/// Read data are captured four clocks after the READ command left the pads. Let T be the clock
+/// period. Let d be the round-trip delay of output register, traces and input pad. The SDRAM's
 /// clock is delayed by T / 2. With a CAS latency of 3, the read word is valid from 2.5 T + d + tAC
 /// to 3.5 T + d + tOH. Grade -75 has tAC = 5.4 ns and tOH = 2.7 ns, so d may be T / 2 - 2.7 ns to
 /// 1.5 T - 5.4 ns. The permitted range of d is 1.3 to 6.6 ns at 125 MHz, 2.3 to 9.6 ns at 100 MHz.
@@ -40,7 +40,7 @@ module lipp_ulx3s_memory (
 
   ODDRX1F i_clock (.SCLK(clk_i), .RST(1'b0), .D0(1'b0), .D1(1'b1), .Q(sdram_clk));
 
-  // Before the clock runs, initial values keep the SDRAM deselected and its data pins undriven.
+  // Before clk_i runs, these cells' initial values deselect the SDRAM and release its data pins.
   logic [5:0] high, high_pad;
   logic [15:0] low, low_pad;
   assign high = {cs_ni, ras_ni, cas_ni, we_ni, dqm_i};

@@ -20,7 +20,7 @@ module lipp_ulx3s_lcd #(
   parameter lipp_scene_pkg::scene_build_t Scene = '0,
   parameter lipp_sdram_pkg::timing_t Timing = lipp_sdram_pkg::Grade75,
   parameter logic [63:0] Identity = '0,
-  parameter logic [15:0] UartStep = 16'd7864,  // 65536 x 3 Mbit/s / clock frequency
+  parameter logic [15:0] UartStep = 16'd7864,  // UART step: 65536 x 3 Mbit/s / ClockHz
   parameter int ClockHz = 25_000_000,
   parameter int MemoryHz = 125_000_000,
   parameter int InputDiv = 1,
