@@ -9,7 +9,7 @@ module lipp_table_reader (
   input  logic        clk_i,
   input  logic        rst_ni,
   input  logic        start_i,
-  input  logic [15:0] first_i,  // first index; stable until the last entry is taken
+  input  logic [15:0] first_i,  // index of the first entry, stable until the last is taken
   input  logic [9:0]  count_i,  // number of entries, 1 or more
   output logic        word_valid_o,
   input  logic        word_ready_i,

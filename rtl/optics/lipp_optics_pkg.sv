@@ -233,7 +233,7 @@ package lipp_optics_pkg;
     return (grid == GridHex || shear ? mul_latency(f + 2, f + 2) + 2 : 0) + 2;
   endfunction
 
-  /// Return the latency up to k, the normal's factor, in `lipp_leave_dome` and `lipp_enter_dome`.
+  /// Return the latency up to the factor k of the normal in `lipp_leave_dome`, `lipp_enter_dome`.
   function automatic int bend_latency(int f);
     return mul_latency(f + 4, f + 4) + 2 + sqrt_latency(1'b1) + 2;
   endfunction

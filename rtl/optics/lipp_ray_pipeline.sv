@@ -12,7 +12,7 @@
 /// The input pixel (u_i to the right, v_i upward) is measured from the panel's centre, with 4
 /// fraction bits. The input aperture point (a_i, b_i) is measured from the centre of the pixel's
 /// lenslet, in pitches and rows, with F fraction bits. With Build.aims = 0 the aperture point is
-/// ignored, and every ray is the chief ray.
+/// ignored, and all rays are chief rays.
 ///
 /// The output ray's origin is measured from the centre of lenslet (i, j), in radii, with F + 1
 /// fraction bits. The output ray's unit direction has F + 1 fraction bits. The axes are the

@@ -84,7 +84,7 @@ package lipp_scene_pkg;
     logic [2:0][LightBits-1:0]        background;  // light; [2] red, [1] green, [0] blue
   } scene_config_t;
 
-  // ---- functions of the build ----
+  // ---- check a build, and return its widths and sizes ----
 
   function automatic int position_bits(int f);
     return f + 9;
