@@ -28,7 +28,7 @@
 /// `lipp_multiplier` truncated by k bits. The distances are
 ///
 ///   q0   = ((nx << 3) - (ny s >> F-3) + 4) >> 3
-///   q1   = ((ny m >> F-2) + (nx << 2) + (n ny << 3) + 4) >> 3.
+///   q1   = ((ny m >> F-2) + (nx << 2) + (n ny << 3) + 4) >> 3,  h = n 2^(F+1) + m.
 ///
 /// The distances, H and h have F + 1 fraction bits, and s has F. The latency is
 /// cell_step_latency(Grid, F, Shear) clocks.

@@ -17,7 +17,7 @@
 ///   X    = ((N_x << 3) + (l dx >> F-3) + 4) >> 3,  Y likewise
 ///   C'   = 2^(F+3) - (g n2 >> F)
 ///   d'_x = saturate(((dx n >> F-3) + 4) >> 3),  d'_y likewise
-///   d'_z = sqrt(min(max(C', 0), M)), or for a reflected ray ((y r >> F+1) + 1) >> 1.
+///   d'_z = sqrt(min(max(C', 0), M)),  reflected ((y r >> F+1) + 1) >> 1.
 ///
 /// Word g is the squared sine and y the squared cosine in the glass; g, y and C' have F + 3
 /// fraction bits. `lipp_rsqrt` reads the bits of y as 4 y, so r = 1 / (2 dz). Word u is the axial

@@ -18,7 +18,7 @@
 ///   b    = ((hx dx >> F-4+E) + (hy dy >> F-4+E) + (zc dz >> F-4+3E) + 1) >> 1
 ///   C    = (1 - zc^2) - (hx hx >> F-3) - (hy hy >> F-3) + (b b >> F+5)
 ///   cos  = sqrt(min(max(C, 0), M)),  s = min(max(2^(F+3) - C, 0), M)
-///   l    = (8 cos - b + 8) >> 4; downward: (-8 cos - b + 8) >> 4; missed: (2^(F+3) - b + 8) >> 4
+///   l    = (8 cos - b + 8) >> 4,  downward (-8 cos - b + 8) >> 4, missed (2^(F+3) - b + 8) >> 4
 ///   N_x  = saturate(((hx << 4) + (l dx >> F-3+E) + 4) >> 3),  N_y likewise
 ///   N_z  = saturate(((zc << 4) + (l dz >> F-3+3E) + 4) >> 3).
 ///

@@ -11,7 +11,7 @@
 ///   G_k     = (T_k B_k + 2^7) >> 8
 ///   C_(k+1) = C_k + ((P_k G_k + 2^15) >> 16)        for each of red, green and blue
 ///   T_(k+1) = T_k - ((T_k A_k + 2^15) >> 16)
-///   light_o = min(C_n + ((background T_n + 2^15) >> 16), 65535), or 0 if draws_i is low.
+///   light_o = min(C_n + ((background T_n + 2^15) >> 16), 65535), or 0 where draws_i is low.
 ///
 /// The number of layers is n. Input P_k must be at most A_k; then C_k fits into 17 bits. The
 /// latency is composite_latency(Layers) clocks.
