@@ -8,9 +8,9 @@
 ///   a = ah 2^la + al   with 0 <= al < 2^la.
 ///
 /// Word b is split into bh and its lb lower bits bl in the same way. A multiplier cell computes ah
-/// bh. Logic computes the cross terms ah bl and al bh. With CrossCells = 1, further multiplier
-/// cells compute the cross terms (`lipp_wide_product`), which takes less logic and up to three
-/// cells in all. The term al bl of the product is omitted. The result is
+/// bh. Logic computes the cross terms ah bl and al bh. With CrossCells = 1, up to two further
+/// multiplier cells compute the cross terms (`lipp_wide_product`), which takes less logic. The term
+/// al bl of the product is omitted. The result is
 ///
 ///   p = floor(ah bh 2^(la + lb) / 2^Drop) + floor((ah bl 2^la + al bh 2^lb) / 2^Drop).
 ///

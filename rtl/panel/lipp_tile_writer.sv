@@ -10,7 +10,7 @@
 ///   CodingRaw    R, G, B of each pixel.
 ///   CodingSolid  one R, G, B for all pixels.
 ///   CodingQoi    operations of QOI, except QOI_OP_RGBA, without header and end marker. Every
-///                pixel's alpha is 255. The previous pixel and the index start as black.
+///                pixel's alpha is 255. QOI's previous pixel and index start as black.
 ///   CodingCopy   no bytes: the tile is copied from the other buffer.
 ///
 /// Output done_o is a pulse after the last byte and the last write. If ok_o is high with done_o,

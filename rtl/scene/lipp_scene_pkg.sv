@@ -67,10 +67,10 @@ package lipp_scene_pkg;
     logic signed [31:0] s0;     // texture coordinate s at the origin, 16 fraction bits
     logic signed [31:0] t0;
     logic signed [31:0] depth;  // distance, radii, 20 fraction bits; sky: factor of slopes
-    logic signed [31:0] a;      // coefficient of X in s, texels per radius, 24 fraction bits
-    logic signed [31:0] b;      // coefficient of Y in s, texels per radius, 24 fraction bits
-    logic signed [31:0] c;      // coefficient of X in t, texels per radius, 24 fraction bits
-    logic signed [31:0] d;      // coefficient of Y in t, texels per radius, 24 fraction bits
+    logic signed [31:0] a;      // s per x on the layer, texels per radius, 24 fraction bits
+    logic signed [31:0] b;      // s per y on the layer, texels per radius, 24 fraction bits
+    logic signed [31:0] c;      // t per x on the layer, texels per radius, 24 fraction bits
+    logic signed [31:0] d;      // t per y on the layer, texels per radius, 24 fraction bits
     look_t              look;
   } layer_config_t;
 
