@@ -1,1 +1,1 @@
-"""Programs for maintainers: synthesis, mutation, proofs, lint, registers. The product never imports these programs."""
+"""Programs for maintainers, such as synthesis, mutation tests, proofs and lint. The product imports none of them."""

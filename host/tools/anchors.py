@@ -1,7 +1,7 @@
-"""Places the cells of a board's fastest clock separately, near their pads.
+"""Places the cells of a board's fastest clock in a separate run of nextpnr, near their pads.
 
-nextpnr places all cells at once. In a chip more than half full, this spreads the fastest clock's few hundred cells too
-far. Placed separately, the cells meet the clock; their positions (`BEL`) are then written into the complete netlist.
+nextpnr places all cells at once. In a chip more than half full, nextpnr puts the fastest clock's few hundred cells too
+far apart. Placed separately, these cells meet the clock; their positions (`BEL`) are written into the complete netlist.
 """
 
 from __future__ import annotations
@@ -17,24 +17,23 @@ from lippmann.errors import LippmannError
 
 from tools import flow
 
-#: Number of placements per seed; the fastest placement is used.
+#: Number of placements that are tried per seed; the fastest one is used.
 TRIALS = 4
-#: Cells without a clock, which are placed with the registers that they drive.
+#: Types of cells without a clock, which are placed with the registers that they drive.
 LOGIC = ("LUT4", "PFUMX", "L6MUX21", "CCU2C")
-#: Cells that get a separate position. Other cells are placed with these cells, or with a pad.
+#: Types of cells whose positions are written. nextpnr places other cells next to these cells, or at a pad.
 PLACED = ("LUT4", "TRELLIS_FF")
 CLOCK_PINS = ("CLK", "SCLK")
-#: The PLL's outputs, and the parameters that set their dividers.
+#: The PLL's outputs, each with the parameter that sets its divider.
 OUTPUTS = {"CLKOP": "CLKOP_DIV", "CLKOS": "CLKOS_DIV", "CLKOS2": "CLKOS2_DIV", "CLKOS3": "CLKOS3_DIV"}
 
 Cell = dict[str, Any]
 
 
 def anchor(netlist: Path, options: flow.Command, seed: int, output: Path) -> int:
-    """Write the netlist with positions for the cells of its fastest clock; return the number of placed cells.
+    """Write the netlist with positions for the cells of its fastest clock; return the number of these cells.
 
-    `options` are nextpnr's options for the chip and its pins. nextpnr's log and the separate netlist of these cells are
-    written beside `output`.
+    `options` are nextpnr's options for the chip and its pins. The log and the cells' netlist are written too.
     """
     content = json.loads(netlist.read_text())
     name, module = _top(content)
@@ -61,10 +60,10 @@ def anchor(netlist: Path, options: flow.Command, seed: int, output: Path) -> int
 
 
 def fastest(cells: Mapping[str, Cell]) -> set[str]:
-    """Return the PLL's fastest clock's cells and the logic before them; of equal clocks, the one with fewest cells."""
+    """Return the cells of the PLL's fastest clock (of equal clocks: of the smallest), and the logic before them."""
     plls = [cell for cell in cells.values() if cell["type"] == "EHXPLLL"]
     if len(plls) != 1:
-        raise LippmannError(f"the netlist has {len(plls)} PLLs; one PLL must make all clocks")
+        raise LippmannError(f"the netlist has {len(plls)} PLLs; make all clocks with one PLL")
     dividers = {
         plls[0]["connections"][output][0]: int(plls[0]["parameters"][divider], 2)
         for output, divider in OUTPUTS.items()
@@ -85,7 +84,7 @@ def fastest(cells: Mapping[str, Cell]) -> set[str]:
 
 
 def _cut(module: Mapping[str, Any], part: set[str]) -> dict[str, Any]:
-    """Return the module with these cells, their drivers that have no inputs except clocks, and the pads of both."""
+    """Return the module with only these cells, their drivers without inputs except clocks, and the pads of both."""
     cells: Mapping[str, Cell] = module["cells"]
     drivers = _drivers(cells)
     selected = {name: cells[name] for name in part}
@@ -95,7 +94,7 @@ def _cut(module: Mapping[str, Any], part: set[str]) -> dict[str, Any]:
             directions = cells[name]["port_directions"]
             pins = {pin: bits for pin, bits in pins.items() if pin in CLOCK_PINS or directions[pin] == "output"}
         selected[name] = {**cells[name], "connections": pins}
-    # The drivers' clocks are driven by the PLL.
+    # Keep the PLL, which drives the clocks of these drivers.
     for name in {drivers[clock] for cell in selected.values() if (clock := _clock(cell)) in drivers}:
         selected.setdefault(name, cells[name])
     used = {bit for cell in selected.values() for bits in cell["connections"].values() for bit in bits}
@@ -105,22 +104,19 @@ def _cut(module: Mapping[str, Any], part: set[str]) -> dict[str, Any]:
 
 
 def _top(netlist: Mapping[str, Any]) -> tuple[str, dict[str, Any]]:
-    """Return the top module's name and content."""
     modules = netlist["modules"].items()
     return next((name, module) for name, module in modules if int(module.get("attributes", {}).get("top", "0"), 2))
 
 
 def _clock(cell: Cell) -> int | str | None:
-    """Return the net at a cell's clock pin, or None."""
+    """Return the net at a cell's clock pin, or None if the cell has no clock."""
     return next((cell["connections"][pin][0] for pin in CLOCK_PINS if pin in cell["connections"]), None)
 
 
 def _bits(cell: Cell, direction: str) -> list[int]:
-    """Return the nets at a cell's inputs or outputs, without constants."""
     pins = [bits for pin, bits in cell["connections"].items() if cell["port_directions"][pin] == direction]
     return [bit for bit in chain.from_iterable(pins) if isinstance(bit, int)]
 
 
 def _drivers(cells: Mapping[str, Cell]) -> dict[int | str | None, str]:
-    """Return the cell that drives each net."""
     return {bit: name for name, cell in cells.items() for bit in _bits(cell, "output")}

@@ -24,32 +24,32 @@ from tools.measured_page import measured_name, measured_page
 
 #: Packages of a measurement that uses Mitsuba or the fast engine.
 ON_DEVICE = ("mitsuba", "drjit", "numpy")
-#: The function of each measurement and its help text. The function is a command of `measurement`, or a `RowFunction`.
+#: The function of each measurement and its help text. A function is a `measurement` command or a `RowFunction`.
 MEASUREMENTS = {
-    "trace": ("ray_speed:measure_trace", "rays a second of golden and fast for each lens model, and fast's error"),
-    "render": ("renderer_speed:measure", "the renderer: time, rate, memory, rate against Mitsuba's own camera"),
-    "stages": ("renderer_speed:measure_stages", "where the time of a render goes: each stage, and the whole process"),
-    "live": ("motion_speed:measure_live", "pictures a second of a turning scene, seconds until one at rest is fine"),
-    "animate": ("motion_speed:measure_animate", "a film by two workers on this machine against one process"),
+    "trace": ("ray_speed:measure_trace", "rays per second of golden and fast for each lens model, and fast's error"),
+    "render": ("renderer_speed:measure", "the renderer's time, rate and memory, and its rate against Mitsuba's camera"),
+    "stages": ("renderer_speed:measure_stages", "the time of each stage of a render, and of the complete process"),
+    "live": ("motion_speed:measure_live", "pictures per second of a rotating scene; time until a still one is fine"),
+    "animate": ("motion_speed:measure_animate", "the time of a film with two workers against one process"),
     "observe": ("view_likeness:measure", "PSNR of views through the lenslets against perspective renders"),
-    "rtl": ("ray_speed:measure_rtl", "rays and pixels a second of the simulated RTL"),
-    "fixed": ("stage_errors:fixed", "the error of the fixed-point pipeline, and the share of each step"),
-    "link": ("link_speed:link", "a serial line's efficiency, and whole frames on the virtual board"),
-    "depth": ("depth:depth", "the depths that the founding paper's set-ups show"),
-    "hard": ("hard_case_errors:hard", "every engine against 50 digits on the hard cases"),
+    "rtl": ("ray_speed:measure_rtl", "rays and pixels per second of the simulated RTL"),
+    "fixed": ("stage_errors:fixed", "the error of the fixed-point pipeline, and the part of each step"),
+    "link": ("link_speed:link", "a serial line's efficiency, and complete frames on the virtual board"),
+    "depth": ("depth:depth", "the depths that an eye sees in the founding paper's set-ups"),
+    "hard": ("hard_case_errors:hard", "every engine's errors on the hard cases"),
     "layers": ("layers_likeness:layers", "the eye's view of drawn layers against the full render"),
-    "content": ("content:content", "the eye's view of other tools' content"),
-    "shading": ("shading_speed:shading", "time against error of light that rays share"),
-    "calibration": ("calibration_accuracy:calibration", "errors of random displays that are calibrated"),
-    "view": ("view_speed:measure", "viewer pages in Chromium: time until the first view, frames a second"),
-    "seed": ("seed:seed", "the founding paper's benchmark, ours and POV-Ray's"),
-    "peers": ("peers:peers", "time and picture beside POV-Ray"),
+    "content": ("content:content", "the eye's view of content from other tools"),
+    "shading": ("shading_speed:shading", "time and error of light shared between rays"),
+    "calibration": ("calibration_accuracy:calibration", "errors of calibrations of random displays"),
+    "view": ("view_speed:measure", "viewer pages in Chromium: time until the first view, frames per second"),
+    "seed": ("seed:seed", "the founding paper's benchmark by Lippmann and POV-Ray"),
+    "peers": ("peers:peers", "time and picture against POV-Ray"),
 }
 
 
 @dataclass(frozen=True)
 class MeasurementRun:
-    """One run of a measurement, and the origin of its figures. `device` is "" in measurements without Mitsuba."""
+    """A measurement's arguments, and its figures' origin. `device` is "" in measurements without Mitsuba."""
 
     scenes: Path
     seed: int
@@ -58,7 +58,7 @@ class MeasurementRun:
     origin: Mapping[str, str]
 
     def collect(self, rows: Iterable[Row]) -> list[dict[str, Any]]:
-        """Return the rows, and log each row as soon as it is measured."""
+        """Return all rows, and log each row as soon as it is measured."""
         collected = []
         for row in rows:
             log(", ".join(f"{key} {figure(value)}" for key, value in row.items()))
@@ -66,17 +66,16 @@ class MeasurementRun:
         return collected
 
 
-#: Functions that take a `MeasurementRun` and options, and return tables by name and a page (None: the page of all
-#: figures).
+#: Functions of a `MeasurementRun` and options; they return tables keyed by name, and a page (None: measured.md).
 Measure = Callable[..., tuple[Mapping[str, Any], Page | None]]
 #: Functions that take the scenes' folder and the seed, and yield rows.
 RowFunction = Callable[[Path, int], Iterable[Row]]
 
 
 def measurement(page: str = "measured", packages: tuple[str, ...] = ON_DEVICE) -> Callable[[Measure], click.Command]:
-    """Make a sub-command from a measuring function, with the function's name, docstring and options.
+    """Return a decorator that makes a sub-command from a measuring function, with its name, docstring and options.
 
-    `--report` writes `page`. The origin lists the versions of `packages`, and the device if Dr.Jit is one of them.
+    `--report` writes `page`. The origin lists the versions of `packages`, and the device if Dr.Jit is in them.
     """
     needs_device = "drjit" in packages
     report_option = option(f"Also write {page}.md and its files into this folder.", None, metavar="FOLDER")
@@ -127,7 +126,7 @@ def measurement(page: str = "measured", packages: tuple[str, ...] = ON_DEVICE) -
 
 
 def rows_command(name: str, function: RowFunction) -> click.Command:
-    """Return the sub-command for a function that yields rows."""
+    """Return the sub-command of a measurement whose function yields rows."""
 
     def measure(bench: MeasurementRun) -> tuple[Mapping[str, Any], None]:
         return {"rows": bench.collect(function(bench.scenes, bench.seed))}, None
@@ -138,7 +137,7 @@ def rows_command(name: str, function: RowFunction) -> click.Command:
 
 
 class _Measurements(click.Group):
-    """The measurements of `MEASUREMENTS`. Their modules are imported when a measurement is called, not when listed."""
+    """The sub-commands of `MEASUREMENTS`; a measurement's module is imported when the measurement is called."""
 
     def list_commands(self, ctx: click.Context) -> list[str]:
         return list(MEASUREMENTS)
@@ -165,7 +164,7 @@ class _Measurements(click.Group):
 def command() -> None:
     """Measure speed and error.
 
-    The result states machine, date, command and versions. Run the program in the project's top folder.
+    The result names the machine, date, command and versions. Run the program in the project's top folder.
 
     Example: python -m tools.bench trace
     """

@@ -38,22 +38,22 @@ from tools.report_plots import draw_bar_charts, make_page
 #: Default display and seeds.
 VGA = "scenes/displays/vga-square.toml"
 SEEDS = "1,2,3,4,5,6,7,8"
-#: Default time limit of a seed, minutes: several times the time of PyPI's nextpnr on two cores.
+#: Default time limit of a seed, minutes; PyPI's nextpnr on two cores needs less.
 PATIENCE_MIN = 240
-#: Number of 16-bit SDRAM words per pair of pixels, and per row.
+#: Number of 16-bit SDRAM words per pair of pixels, and per row of the SDRAM.
 PAIR_WORDS, ROW_WORDS = 3, 512
-#: Fractions of the memory's clocks: the maximum for panel and refreshes in a line, and the part of the refreshes alone.
-#: Clocks per word of the panel, including the clocks that open and close rows.
+#: Maximum fraction of the memory's clocks that panel and refreshes take in a line; fraction for refreshes alone; memory
+#: clocks per word of the panel, including the clocks that open and close rows.
 MAX_SHARE, REFRESH_SHARE, WORD_CLOCKS = 0.9, 0.01, 1.06
-#: Relative error of nextpnr's clock constraint, which is a period in whole ps.
+#: Relative error of a clock constraint: nextpnr rounds the period to picoseconds.
 ROUNDING = 0.002
-#: Up to this system clock, MHz, nextpnr's router2 is used. router2 ends in minutes where router1 may try a few arcs for
-#: hours, but its routes are longer (hd-square: 55 MHz, not 81). --tmg-ripup routes arcs again that miss their clock
-#: (vga-square, seed 3: the memory's clock then reaches 140 MHz, not 120).
+#: Maximum system clock, MHz, for which nextpnr's router2 is used. router2 ends in minutes, where router1 may try a few
+#: arcs for hours, but router2's routes are longer (hd-square: 55 MHz, not 81). --tmg-ripup routes arcs that miss their
+#: clock again (vga-square, seed 3: the memory's clock then reaches 140 MHz, not 120).
 SLOW_MHZ = 40.0
 #: Minimum number of shift clocks between a symbol and its copy (rtl/video/lipp_tmds_serialiser.sv).
 SYMBOL_CLOCKS = 2
-#: Names of clock nets, in the top module or at a port `_o` of their source. The oscillator's net has the port's name.
+#: Clock roles, keyed by the net's name in the top module, or by its source's port without `_o`. Others: oscillator.
 CLOCK_NETS = {
     "clk": "system", "system_clk": "system", "mem_clk": "memory", "memory_clk": "memory", "shift_clk": "shift",
 }  # fmt: skip
@@ -61,7 +61,7 @@ BOARD_BITS = 8
 DEVICES = (
     "12k", "25k", "45k", "85k", "um-25k", "um-45k", "um-85k", "um5g-25k", "um5g-45k", "um5g-85k",
 )  # fmt: skip
-#: Pattern of a port's clock in a pin file: the port, the number and its unit. The table gives each unit in MHz.
+#: Pattern of a port's clock in a pin file: port, number and unit.
 PORT_CLOCK = re.compile(
     r'^\s*FREQUENCY\s+PORT\s+"?([^"\s]+)"?\s+(\d+(?:\.\d*)?)\s*([KM]?HZ)\b', re.IGNORECASE | re.MULTILINE
 )
@@ -77,7 +77,7 @@ class TimingError(LippmannError):
 
 @dataclass(frozen=True)
 class Plan:
-    """A plan for a bitstream: board, display, the scene's build (None: the board draws nothing), optics and clocks."""
+    """The plan of a bitstream: board, display, builds of the drawing (None: no drawing) and the optics, clocks."""
 
     board: FpgaBoard
     display: Display
@@ -93,7 +93,7 @@ class Plan:
 
     @property
     def clocks_mhz(self) -> dict[str, float]:
-        """The frequency of each clock in MHz, by the clock's role."""
+        """The frequency of each clock in MHz, keyed by the clock's role."""
         clocks = {name: float(mhz) for name, mhz in self.pll.clocks_mhz.items()}
         if self.board.video != "dvi":
             del clocks["shift"]
@@ -120,7 +120,7 @@ class Plan:
 
     @property
     def source(self) -> Source:
-        """What yosys reads."""
+        """The input of yosys."""
         return Source(self.board.top, self.parameters, flow.ecp5_files(self.board.top, *self.board.folders))
 
     @property
@@ -139,7 +139,7 @@ def plan(board: FpgaBoard, display: Display, layers: int = 4, bilinear: bool = F
         what = f"the panel has {panel.bits} bits a colour, {board.name} sends {BOARD_BITS}"
         raise input_error(where, what, f"set bits = {BOARD_BITS}, which every monitor accepts")
     if panel.width_px % 2:
-        raise input_error(where, f"the panel is {panel.width_px} pixels wide", "the SDRAM needs an even width")
+        raise input_error(where, f"the panel is {panel.width_px} pixels wide", "choose an even width for the SDRAM")
     rows = math.ceil(panel.width_px * panel.height_px / 2 * PAIR_WORDS / ROW_WORDS)
     frames_mb = 2 * rows * ROW_WORDS * 2 / 2**20
     if frames_mb > board.memory.megabytes:
@@ -155,13 +155,13 @@ def plan(board: FpgaBoard, display: Display, layers: int = 4, bilinear: bool = F
             what = f"60 frames a second need a clock of {mhz:.1f} MHz for {name}, {board.name} has {limit:g} at most"
             raise input_error(where, what, "choose a smaller panel, such as scenes/displays/hd-square.toml")
     words = Fraction(PAIR_WORDS, 2) * Fraction(WORD_CLOCKS) * pixel
-    # The PLL's pixel clock may be slightly faster than the display's.
+    # The PLL's pixel clock may be faster than the display's by the tolerance.
     words *= Fraction(panel.width_px, panel.width_px + sum(timing[:3])) * (1 + TOLERANCE)
     least = words / Fraction(MAX_SHARE - REFRESH_SHARE)
     fastest = Fraction(min(board.memory.max_mhz, board.limits.memory_mhz))
     if least > fastest:
         share = float(words / fastest) + REFRESH_SHARE
-        what = f"the panel takes {share:.0%} of the SDRAM's clocks in a line, {MAX_SHARE:.0%} are there for it"
+        what = f"the panel takes {share:.0%} of the SDRAM's clocks in a line, at most {MAX_SHARE:.0%} are available"
         raise input_error(where, what, "choose a narrower panel")
     fastest_pixel = min(Fraction(limit) / times for _, times, limit in limits if limit < math.inf)
     scene = SceneBuild(layers, bilinear=bilinear) if layers else None
@@ -179,28 +179,28 @@ def plan(board: FpgaBoard, display: Display, layers: int = 4, bilinear: bool = F
 
 
 def check_board(board: FpgaBoard) -> None:
-    """Raise InputError if a board file names a missing file or module, or contradicts the pin files."""
+    """Raise InputError if a board's file names a missing file or module, or contradicts its pin files."""
     where = board.folder / FILE
     if not any((folder / f"{board.top}.sv").is_file() for folder in board.folders):
-        raise input_error(f"{where}: top", f"its folder has no {board.top}.sv", "name the top module")
+        raise input_error(f"{where}: top", f"its folder has no {board.top}.sv", "give the name of the top module")
     if not board.constraints:
-        raise input_error(f"{where}: constraints", "is empty", "name pin files (.lpf)")
+        raise input_error(f"{where}: constraints", "is empty", "list pin files (.lpf)")
     clocks = {}
     for name in board.constraints:
         pins = (board.folder / name).resolve()
         if Path(name).is_absolute() or not pins.is_relative_to(hardware().resolve()):
-            what = f"{name} is no path from its folder into the checkout"
-            raise input_error(f"{where}: constraints", what, "copy the pin file into that folder, and give its name")
+            what = f"{name} is not a relative path to a file of the checkout"
+            raise input_error(f"{where}: constraints", what, "copy the pin file into the board's folder")
         if not pins.is_file():
-            raise input_error(f"{where}: constraints", f"there is no file {name}", "name pin files (.lpf)")
-        # The pin file's text is read without comments, one command per line.
+            raise input_error(f"{where}: constraints", f"there is no file {name}", "list pin files (.lpf)")
+        # Remove the pin file's comments, and put one command on each line.
         text = re.sub(r"(#|//).*", "", pins.read_text(errors="replace"))
         text = "\n".join(" ".join(command.split()) for command in text.split(";"))
         for port, number, unit in PORT_CLOCK.findall(text):
             clocks[f'FREQUENCY PORT "{port}" of {name}'] = float(number) * UNITS_MHZ[unit.upper()]
     if not any(math.isclose(mhz, board.oscillator_mhz, rel_tol=1e-6) for mhz in clocks.values()):
         there = ", ".join(f"{clock} is {mhz:g} MHz" for clock, mhz in clocks.items())
-        what = f"{board.oscillator_mhz:g} MHz, and {there or 'no file of pins has a FREQUENCY PORT'}"
+        what = f"{board.oscillator_mhz:g} MHz, and {there or 'no pin file has a FREQUENCY PORT'}"
         raise input_error(f"{where}: oscillator_mhz", what, "give one oscillator clock in both files")
     if board.fpga.device not in DEVICES:
         what = f"'{board.fpga.device}' is not a device of nextpnr"
@@ -217,10 +217,10 @@ def check_board(board: FpgaBoard) -> None:
 def place(
     design: Plan, seeds: Sequence[int], every: bool = False, patience_min: int = PATIENCE_MIN
 ) -> list[dict[str, Any]]:
-    """Synthesise a design, place and route seeds until one meets every clock (`every`: all seeds); return their rows.
+    """Synthesise a design, then place and route seeds until one meets every clock; return the rows of these seeds.
 
-    A row's `missed` is empty when every clock is met; a seed is stopped after `patience_min`. Results are cached by
-    their inputs.
+    With `every`, all seeds are routed. A row's `missed` is empty if all clocks are met. Seeds are stopped after
+    `patience_min`. Results are cached.
     """
     folder = _work_folder(design)
     netlist, count = folder / "netlist.json", folder / "written.json"
@@ -247,7 +247,7 @@ def _work_folder(design: Plan) -> Path:
 
 
 def _route(design: Plan, netlist: Path, written: int, seed: int, patience_min: int) -> dict[str, Any]:
-    """Place and route; return `seconds`, and `stopped_min` if stopped. A clock that is not met raises no error here."""
+    """Place and route a seed; return `seconds`, and `stopped_min` if it was stopped. A missed clock raises no error."""
     fpga, folder = design.board.fpga, netlist.parent
     configuration, record = folder / f"seed-{seed}.config", folder / f"seed-{seed}.log"
     configuration.unlink(missing_ok=True)
@@ -258,7 +258,7 @@ def _route(design: Plan, netlist: Path, written: int, seed: int, patience_min: i
     if "shift" in design.clocks_mhz:
         anchored = folder / f"seed-{seed}.netlist.json"
         if not anchor(netlist, options, seed, anchored):
-            raise LippmannError(f"{netlist}: no cell of the shift clock was placed")
+            raise LippmannError(f"{netlist}: nextpnr placed no cell of the shift clock")
         netlist = anchored
     options += [*_router(design), "--textcfg", configuration]
     try:
@@ -266,8 +266,8 @@ def _route(design: Plan, netlist: Path, written: int, seed: int, patience_min: i
     except flow.TooSlowError:
         return {"seconds": round(time.perf_counter() - started, 1), "stopped_min": patience_min}
     except LippmannError:
-        # nextpnr writes its configuration after the last figures of the clocks, even when a clock is not met. Clock
-        # figures from before routing are not valid for a failed run.
+        # nextpnr writes its configuration after the final clock figures, even if a clock is missed. A run that fails
+        # earlier prints only figures from before routing, which are not valid.
         if not configuration.exists():
             raise
         met, missed = clocks_met(design, record.read_text())
@@ -277,12 +277,10 @@ def _route(design: Plan, netlist: Path, written: int, seed: int, patience_min: i
 
 
 def _router(design: Plan) -> list[str]:
-    """Return nextpnr's options for the router."""
     return ["--router", "router2", "--tmg-ripup"] if design.clocks_mhz["system"] <= SLOW_MHZ else []
 
 
 def _row(design: Plan, folder: Path, seed: int, run: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the row of a seed, from the result of `_route` and nextpnr's output and report."""
     met: dict[str, float] = {}
     missed = [f"not routed after {run['stopped_min']} min"] if "stopped_min" in run else []
     if not missed:
@@ -298,7 +296,7 @@ def _row(design: Plan, folder: Path, seed: int, run: Mapping[str, Any]) -> dict[
 
 
 def clocks_met(design: Plan, output: str) -> tuple[dict[str, float], list[str]]:
-    """Return each clock's MHz by role from nextpnr's output after routing, and the clocks not met or unconstrained."""
+    """Return each role's MHz after routing, and a line for each wrong or missed clock, from nextpnr's output."""
     last = flow.clocks(output)
     roles: dict[str, str] = {}
     missed = []
@@ -313,7 +311,7 @@ def clocks_met(design: Plan, output: str) -> tuple[dict[str, float], list[str]]:
             missed.append(f"clock {clock} is constrained to {constraint:g} MHz, and {what}")
     for role, mhz in design.clocks_mhz.items():
         if role not in roles:
-            missed.append(f"nextpnr tells nothing of the {role} clock")
+            missed.append(f"nextpnr reports no {role} clock")
         elif last[roles[role]][0] < mhz:
             missed.append(f"{role} {last[roles[role]][0]:.1f} of {mhz:.1f} MHz")
     if {"shift", "system"} <= roles.keys():
@@ -327,7 +325,7 @@ def clocks_met(design: Plan, output: str) -> tuple[dict[str, float], list[str]]:
 
 
 def pack(design: Plan, seed: int) -> Path:
-    """Pack a seed's configuration into the bitstream, whose header names its board and display; return its path."""
+    """Pack a seed's configuration into a bitstream, with board and display in its header; return the path."""
     folder = _work_folder(design)
     lines = (folder / f"seed-{seed}.config").read_text().splitlines(keepends=True)
     identity = folder.name.rpartition("-")[2]
@@ -343,7 +341,7 @@ def pack(design: Plan, seed: int) -> Path:
 
 
 def page(origin: Mapping[str, str], rows: Sequence[Mapping[str, Any]]) -> Page:
-    """Return the page about bitstreams."""
+    """Return the page of all seeds' figures."""
     labels = [f"{row['board']} {row['display']} {row['seed']}" for row in rows]
     charts = {
         f"{role}: met / asked": [row.get(f"{role}_ratio") or 0.0 for row in rows]
@@ -354,7 +352,7 @@ def page(origin: Mapping[str, str], rows: Sequence[Mapping[str, Any]]) -> Page:
 
 
 def describe(row: Mapping[str, Any]) -> list[str]:
-    """Return the lines that describe a row: each clock's target and result, then the cells."""
+    """Return lines that describe a seed's row: each clock's target and result, then the cells."""
     clocks = [key.removesuffix("_asked_mhz") for key in row if key.endswith("_asked_mhz")]
     lines = [f"{row['board']}, {row['display']}, seed {row['seed']}, {row['seconds']:.0f} s"]
     for clock in clocks:
@@ -366,11 +364,10 @@ def describe(row: Mapping[str, Any]) -> list[str]:
 
 
 def _seeds(text: str) -> list[int]:
-    """Parse a list such as 1,2,3 and return its numbers."""
     try:
         seeds = [int(word) for word in re.split(r"[,\s]+", text.strip())]
     except ValueError:
-        raise input_error("--seeds", f"'{text}' is not a list of numbers", "give one such as 1,2,3") from None
+        raise input_error("--seeds", f"'{text}' is not a list of numbers", "give a list such as 1,2,3") from None
     if len(set(seeds)) < len(seeds):
         raise input_error("--seeds", f"'{text}' contains a number twice", "give each number once")
     for seed in seeds:
@@ -379,26 +376,26 @@ def _seeds(text: str) -> list[int]:
     return seeds
 
 
-#: Attributes of command-line options that may be repeated.
+#: Arguments of `option` for options that may be repeated.
 REPEATED: Any = {"kind": str, "multiple": True, "show_default": True}
 
 
 @program
 def main(
-    boards: tuple[str, ...] = option("A folder of rtl/board/.", ("ulx3s",), flag="--board", **REPEATED),
+    boards: tuple[str, ...] = option("Folder of a board in rtl/board/.", ("ulx3s",), flag="--board", **REPEATED),
     displays: tuple[str, ...] = option("Display file.", (VGA,), flag="--display", **REPEATED),
     seeds: tuple[str, ...] = option(
-        "nextpnr's seeds, in the order of the trials; once, or for each board and display.", (SEEDS,), **REPEATED
+        "List of nextpnr's seeds: once, or once per board and display.", (SEEDS,), **REPEATED
     ),
-    patience: int = option("Minutes after which a seed is given up.", PATIENCE_MIN, click.IntRange(1, 1440)),
-    layers: int = option("Layers that it draws; 0: none.", 4, click.IntRange(0, 8)),
-    bilinear: bool = option("Interpolate texels.", False),
-    every: bool = option("Try every seed, also after one met all clocks.", False),
-    report: str | None = option("Folder of a page with the figures of every seed.", None),
+    patience: int = option("Time limit of each seed, minutes.", PATIENCE_MIN, click.IntRange(1, 1440)),
+    layers: int = option("Number of layers that the board draws.", 4, click.IntRange(0, 8)),
+    bilinear: bool = option("Interpolate texels bilinearly.", False),
+    every: bool = option("Route every seed, even after one met all clocks.", False),
+    report: str | None = option("Folder for a page with the figures of every seed.", None),
 ) -> None:
     """Make the bitstream of an FPGA board for a display, into build/bitstream/.
 
-    The environment variable NEXTPNR can name another nextpnr-ecp5 than PyPI's.
+    The environment variable NEXTPNR can give the path of a nextpnr-ecp5 other than PyPI's.
 
     Example: python -m tools.bitstream --board ulx3s --display scenes/displays/hd-square.toml
     """
@@ -410,7 +407,7 @@ def main(
     plans = [plan(fpga_board(board), load_display(path), layers, bilinear) for board in boards for path in displays]
     names = [design.name for design in plans]
     if double := next((name for name in names if names.count(name) > 1), None):
-        raise input_error("--display", f"two files would be {double}.bit", "give each display a different name")
+        raise input_error("--display", f"two bitstreams would be {double}.bit", "give each display a different name")
     if len(numbers) not in (1, len(plans)):
         what = f"is given {len(numbers)} times for {len(plans)} bitstreams"
         raise input_error("--seeds", what, "give --seeds once, or once for each bitstream")

@@ -1,4 +1,4 @@
-"""A headless Chromium without a GPU, controlled by Playwright, for tests and timings of the viewer page."""
+"""Runs a headless Chromium without a GPU through Playwright, for tests and timings of the viewer page."""
 
 from __future__ import annotations
 
@@ -15,13 +15,13 @@ if TYPE_CHECKING:
 
 #: Names of the Chromium program, in the order in which they are tried.
 NAMES = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable")
-#: Chromium renders in software, including WebGL (SwiftShader), so that figures of all machines can be compared.
+#: Options that make Chromium render in software, including WebGL (SwiftShader), so that machines can be compared.
 SOFTWARE = ("--disable-gpu", "--enable-unsafe-swiftshader")
 
 
 @contextmanager
 def browser_page(width_px: int = 800, height_px: int = 600) -> Iterator[Page]:
-    """Start the installed Chromium and yield its page; raise MissingLibraryError without Chromium or Playwright."""
+    """Start Chromium and yield a page of it; raise MissingLibraryError if Chromium or Playwright is missing."""
     program = next(filter(None, map(shutil.which, NAMES)), None)
     if program is None:
         raise MissingLibraryError("Chromium is not installed; run make setup as root, or apt-get install chromium")

@@ -1,6 +1,6 @@
-"""Errors of the calibration of random displays whose true values are known (`tools.bench calibration`).
+"""Measures the errors of calibrations of random displays whose true values are known (`tools.bench calibration`).
 
-The photographs are rendered by the exact tracer, with disturbances that the calibration does not model, or by POV-Ray.
+The exact tracer or POV-Ray renders the photographs; with the tracer, disturbances outside the model are possible.
 """
 
 from __future__ import annotations
@@ -53,33 +53,33 @@ from tools.simulated_povray import SolidsBench
 if TYPE_CHECKING:
     from distributed import Client
 
-#: Width of the random displays' lenslets, pixels.
+#: Minimum and maximum width of the random displays' lenslets, pixels.
 LENSLET_PX = (14.0, 24.0)
-#: Maximum errors of the random displays: degrees, and fractions of pitch and gap.
+#: Maximum errors of the random displays: rotation in degrees, pitch and gap as fractions.
 ROTATION_DEG, PITCH, GAP = 5.0, 0.01, 0.2
-#: Standard deviations of the ratio of the two pitches, and of the shear.
+#: Standard deviations of the pitches' ratio and of the shear of the random displays.
 RATIO, SHEAR = 3e-4, 5e-4
-#: Distance of the cameras, in panel widths; angles to the axis, degrees, of the first camera and of the other cameras.
+#: Cameras: distance, panel widths; maximum angle to the axis of the first, range of angles of the others, degrees.
 DISTANCE = (2.5, 5.0)
 NEAR_AXIS_DEG, ASIDE_DEG = 5.0, (8.0, 18.0)
 #: Default number of camera positions.
 POSITIONS = 3
-#: Swept values: numbers of positions, numbers of phase pictures per direction, and factors of the noise.
+#: Swept quantities: camera positions, phase pictures per direction, and factor on the noise.
 SWEPT = {"positions": (1, 2, 3, 4), "steps": (3, 4, 8, 16), "noise": (1, 2, 4, 8)}
-#: A bench outside the model: an array bowed by 30 um, dust, and camera pixels with arbitrary values.
+#: Disturbances that the calibration does not model: an array bowed by 30 um, dust, and arbitrary camera pixels.
 BOWED = Disturbances(bow_mm=0.03, hidden_lenslets=0.02, outliers=0.1)
-#: The 8K display: lenslet pitch, width of its photographs in pixels, and errors (degrees, fractions of pitch and gap).
+#: The 8K display: number of lenslets, width of its photographs, pixels; errors (degrees, fractions of pitch and gap).
 LENSLETS, LARGE_PHOTO_PX = 100_000, 4000
 LARGE_ERRORS = 0.6, 0.003, 0.1
-#: Displays of the compared views: errors (degrees, fraction of the pitch), and width of the photographs, pixels.
+#: Displays whose views are compared: rotation error, degrees; relative pitch error; width of the photographs, pixels.
 SEEN_DEG, SEEN_PITCH, VIEWS_PHOTO_PX = 0.3, 0.002, 2000
-#: Scale of the fish in mm per unit, samples per pixel of its pictures and of the reference, rays per pixel of a view.
+#: Scale of the fish, mm per unit; samples per pixel of its pictures and of the reference; rays per pixel of a view.
 SCALE, PICTURE_SAMPLES, REFERENCE_SAMPLES, EYE_SAMPLES = 0.25, 4, 16, 64
 
 
 @dataclass(frozen=True)
 class Case:
-    """A display as described and as built, with the cameras and the sensor that photograph it."""
+    """A display as described (nominal) and as built, and the cameras and the sensor that photograph it."""
 
     name: str
     nominal: Display
@@ -88,7 +88,7 @@ class Case:
     sensor: Sensor
 
     def shoot(self, folder: Path, seed: int = 0, bench: Bench = UNDISTURBED, steps: int = STEPS) -> Path:
-        """Write both display files, the patterns, and the folder `photographs`; return the folder."""
+        """Write both display files, the patterns and the photographs; return the folder of the photographs."""
         folder.mkdir(parents=True, exist_ok=True)
         (folder / "nominal.toml").write_text(display_text(self.nominal))
         (folder / "built.toml").write_text(display_text(self.built))
@@ -102,12 +102,12 @@ class Case:
 
 
 def photo_width(panel_px: int) -> int:
-    """Return the width of a panel's photographs in pixels: about 45 pixels per lenslet of the smallest kind."""
+    """Return the width, pixels, of a panel's photographs: the smallest lenslets get about 45 pixels each."""
     return round(25.0 / 8.0 * panel_px)
 
 
 def random_case(seed: int, panel_px: int = 640, photo_px: int = 1000, positions: int = 3) -> Case:
-    """Return a random display; `panel_px` and `photo_px` are the widths of panel and photographs (4:3)."""
+    """Return a random display and its cameras; panel and photographs (4:3) are `panel_px` and `photo_px` wide."""
     rng = np.random.default_rng((seed, 0xCA1))
     between = rng.uniform
     pixel = math.exp(between(math.log(0.04), math.log(0.2)))
@@ -133,14 +133,14 @@ def random_case(seed: int, panel_px: int = 640, photo_px: int = 1000, positions:
 
 
 def _cameras(display: Display, rng: np.random.Generator, photo_px: int, positions: int) -> tuple[Camera, ...]:
-    """Return one camera at several positions, with one lens, aimed near the panel's middle."""
+    """Return a camera at several positions, with the same lens, aimed near the panel's middle."""
     between, width = rng.uniform, display.panel.width_mm
     size = photo_px, 3 * photo_px // 4
     pupil, first = width * between(0.003, 0.02), between(0.0, 2.0 * math.pi)
     cameras = []
     for number in range(positions):
         angle = math.radians(between(0.0, NEAR_AXIS_DEG) if number == 0 else between(*ASIDE_DEG))
-        # The positions beside the first one are spread around the axis.
+        # The positions after the first one are spread around the axis.
         turn = first + 2.0 * math.pi * (number + between(-0.2, 0.2)) / max(positions - 1, 1) * 0.7
         distance = width * between(*DISTANCE)
         across = distance * math.sin(angle)
@@ -166,7 +166,7 @@ def _sensor(rng: np.random.Generator) -> Sensor:
 
 
 class Judgement(NamedTuple):
-    """Errors of a calibrated display: lenslet centres in panel pixels, aperture plane's distance in per cent."""
+    """Errors of a calibrated display: `rms_px` and `worst_px` of lenslet centres, `gap_percent` of the distance D."""
 
     rms_px: float
     worst_px: float
@@ -177,7 +177,7 @@ class Judgement(NamedTuple):
 
 
 def judge(solved: Display, truth: Display) -> Judgement:
-    """Compare a calibrated display with the built one: each true lenslet centre with the nearest calibrated centre."""
+    """Return a calibrated display's errors; each true lenslet centre is compared with the nearest calibrated centre."""
     system = System.of(solved)
     _, _, x, y = system.locate(NumpyBackend(), *centres_px(truth).T)
     error = np.hypot(*np.stack(system.frame.turn(x, y), axis=1).T / np.reshape(truth.panel.pitches_mm, (2, 1)))
@@ -194,7 +194,7 @@ def judge(solved: Display, truth: Display) -> Judgement:
 
 
 def _turn_between(rotation_deg: float, truth: Display) -> float:
-    """Return the angle from a display's array to an array with this rotation, modulo the grid's symmetry."""
+    """Return the angle, degrees, from the true array to an array of `rotation_deg`, modulo the grid's symmetry."""
     turn = 90.0 if truth.array.grid == "square" else 60.0
     return (rotation_deg - truth.array.rotation_deg + 0.5 * turn) % turn - 0.5 * turn
 
@@ -206,7 +206,6 @@ def centres_px(display: Display) -> Floats:
 
 
 def _lenslets(display: Display) -> tuple[Floats, Floats]:
-    """Return the indices of the lenslets whose centres are in front of the panel."""
     panel, lattice, frame = display.panel, Lattice.of(display.array), PanelFrame.of(display)
     corners = np.array([(u, v) for u in (0.0, panel.width_px) for v in (0.0, panel.height_px)])
     at = lattice.locate(NumpyBackend(), *frame.array_from_panel(*frame.panel_from_pixel(*corners.T)))
@@ -219,7 +218,7 @@ def _lenslets(display: Display) -> tuple[Floats, Floats]:
 
 
 def seen_px(display: Display, eye_mm: Point) -> Floats:
-    """Return the panel points (N, 2), pixels, that an eye sees through the lenslets' centres."""
+    """Return the panel points (N, 2), in pixels, that an eye sees through the lenslets' centres."""
     system, (i, j) = System.of(display), _lenslets(display)
     x, y = system.centre(i, j)
     aim = np.stack([x, y, np.zeros_like(x)], axis=1) - np.asarray(eye_mm)
@@ -229,10 +228,10 @@ def seen_px(display: Display, eye_mm: Point) -> Floats:
 
 
 def eye_difference(solved: Display, truth: Display, eye_mm: Point, solved_eye_mm: Point | None = None) -> Floats:
-    """Return the distances, px, between the panel points that an eye sees and those that the calibration predicts."""
+    """Return the distances, px, between panel points that an eye sees and those that the calibration predicts."""
     expected, points = seen_px(solved, solved_eye_mm or eye_mm), seen_px(truth, eye_mm)
     distance, _ = KDTree(expected).query(points)
-    # Near the panel's edge, the nearest point of the other display may lie just outside the panel.
+    # Ignore points near the panel's edge: the matching predicted point may be outside the panel.
     edge = 0.6 * truth.array.coarsest_mm / min(truth.panel.pitches_mm)
     size = truth.panel.width_px, truth.panel.height_px
     inner = ((points > edge) & (points < np.subtract(size, edge))).all(axis=1)
@@ -240,7 +239,7 @@ def eye_difference(solved: Display, truth: Display, eye_mm: Point, solved_eye_mm
 
 
 def deviations(result: Calibration, truth: Display) -> dict[str, float]:
-    """Return the parameters' errors (the offset's modulo the lattice) in units of half their 95 % intervals."""
+    """Return each parameter's error divided by half its 95 % interval; offsets are compared modulo the lattice."""
     array, frame = truth.array, PanelFrame.of(truth)
     names = ("pitch_x", "pitch_y", "shear", "rotation", "offset_x", "offset_y", "gap")
     value = {name: result.parameter(name).value for name in names}
@@ -254,7 +253,7 @@ def deviations(result: Calibration, truth: Display) -> dict[str, float]:
 
 
 def solve_case(case: Case, photographs: Path, bow: bool = False) -> dict[str, Any]:
-    """Calibrate from a case's photographs; return a row of errors, parameters outside their intervals, and seconds."""
+    """Calibrate from a case's photographs; return the row: errors, count of parameters outside intervals, seconds."""
     started = time.perf_counter()
     result = calibrate(photographs, case.nominal, bow)
     seconds = time.perf_counter() - started
@@ -270,7 +269,7 @@ def solve_case(case: Case, photographs: Path, bow: bool = False) -> dict[str, An
 def measure(
     folder: Path, seeds: Sequence[int], disturbances: Disturbances, solids: bool, panel_px: int, jobs: int
 ) -> Iterator[dict[str, Any]]:
-    """Photograph random displays (with `solids` by POV-Ray) in `jobs` processes; yield the row of each display."""
+    """Photograph (with `solids` by POV-Ray) and calibrate random displays in `jobs` processes; yield their rows."""
     one = partial(measure_one, folder, disturbances=disturbances, solids=solids, panel_px=panel_px)
     if jobs == 1:
         yield from map(one, seeds)
@@ -281,7 +280,7 @@ def measure(
 
 @contextlib.contextmanager
 def _workers(count: int) -> Iterator[Client]:
-    """Start worker processes, which end with this process; yield their client."""
+    """Start worker processes, which end with this context; yield their client."""
     from distributed import Client
 
     with local_workers(count) as (address, security), Client(address, security=security) as client:
@@ -289,7 +288,7 @@ def _workers(count: int) -> Iterator[Client]:
 
 
 def measure_one(folder: Path, seed: int, disturbances: Disturbances, solids: bool, panel_px: int) -> dict[str, Any]:
-    """Photograph a random display and return its row: `refused` is the reason if the calibration refuses it."""
+    """Photograph and calibrate a random display; return its row; `refused` tells why a calibration fails."""
     case = random_case(seed, panel_px, photo_width(panel_px))
     place = folder / case.name
     photographs = case.shoot(place, seed, SolidsBench(seed=seed) if solids else disturbances)
@@ -302,7 +301,7 @@ def measure_one(folder: Path, seed: int, disturbances: Disturbances, solids: boo
 
 
 def largest(folder: Path, scenes: Path, seed: int) -> Iterator[dict[str, Any]]:
-    """Calibrate the 8K display in a separate process; yield its row with `megapixels`, `photographs` and `peak_mb`."""
+    """Calibrate the 8K display in a new process; its row also has `megapixels`, `photographs` and `peak_mb`."""
     nominal, rng = load_display(scenes / "displays/uhd-8k.toml"), np.random.default_rng((seed, 0x8))
     pitch = math.sqrt(nominal.panel.width_mm * nominal.panel.height_mm / LENSLETS)
     nominal = replace(nominal, array=replace(nominal.array, pitch_mm=pitch))
@@ -322,12 +321,12 @@ def _weighed(case: Case, photographs: Path) -> dict[str, Any]:
 
 
 def sweep(folder: Path, seeds: Sequence[int], jobs: int = 1) -> Iterator[dict[str, Any]]:
-    """Calibrate with other positions, photographs and noise; yield rows: the changed quantity (`over`), its `value`."""
+    """Calibrate with one quantity changed; yield rows that also have the quantity's name (`over`) and `value`."""
     defaults = {"positions": POSITIONS, "steps": STEPS, "noise": 1}
     runs = [(seed, over, value) for seed in seeds for over, values in SWEPT.items() for value in values]
     settings = [(seed, *(defaults | {over: value}).values()) for seed, over, value in runs]
     with _workers(jobs) as client:
-        # The settings that the three sweeps share are solved once.
+        # Settings that occur in several sweeps are calibrated once.
         results = {one: client.submit(_swept, folder, *one) for one in dict.fromkeys(settings)}
         for (seed, over, value), one in zip(runs, settings, strict=True):
             yield {"display": f"case-{seed}", "over": over, "value": value, **results[one].result()}
@@ -353,9 +352,9 @@ def _swept(folder: Path, seed: int, positions: int, steps: int, noise: int) -> d
 
 
 def views(folder: Path, scenes: Path, names: Sequence[str], seed: int = 0) -> Iterator[dict[str, Any]]:
-    """Calibrate misaligned displays, and yield the PSNR (dB) of an eye's view of the fish, from the first camera.
+    """Calibrate misaligned displays; yield the PSNR (dB) of views of the fish by an eye at the first camera.
 
-    The picture is rendered for the file (`before_db`), the calibrated display, or the display as built (`ideal_db`).
+    The shown image is rendered for the nominal (`before_db`), calibrated (`after_db`) or built (`ideal_db`) display.
     """
     scene = load_scene(scenes / "fish/fish.xml", Placement(SCALE))
     for name in names:
@@ -375,7 +374,7 @@ def views(folder: Path, scenes: Path, names: Sequence[str], seed: int = 0) -> It
 
 
 def _view(scene: Scene, display: Display, built: Display, eye: Eye, settings: Settings) -> Radiance:
-    """Return an eye's view of a picture that was rendered for one display and is shown on another display."""
+    """Return an eye's view of the display `built`, which shows a picture that was rendered for `display`."""
     picture = render_integral(scene, display, "exact", settings).radiance
     return observe(np.minimum(picture, 1.0), built, eye, whole_window(built), EYE_SAMPLES).radiance
 
@@ -383,17 +382,17 @@ def _view(scene: Scene, display: Display, built: Display, eye: Eye, settings: Se
 @measurement(page="calibration-accuracy", packages=(*ON_DEVICE, "scipy", "opencv-python-headless"))
 def calibration(
     bench: MeasurementRun,
-    displays: int = option("Number of random displays, of the seeds from --seed on.", 12, click.IntRange(1)),
-    solids: int = option("Number of them that POV-Ray photographs too, as solids of glass.", 0, click.IntRange(0)),
-    bowed: int = option("Number of them photographed bowed, dusty and with wrong pixels, too.", 0, click.IntRange(0)),
-    large: bool = option("Also an 8K panel behind 100,000 lenslets, with its time and memory.", False),
-    swept: int = option("Number of displays in the sweep.", 2, click.IntRange(0), flag="--sweep"),
-    width_px: int = option("Width of the panels, pixels.", 640, click.IntRange(320, 8192), flag="--width"),
-    jobs: int = option("Processes that share the random displays.", 1, click.IntRange(1)),
+    displays: int = option("Number of random displays; the seeds start at --seed.", 12, click.IntRange(1)),
+    solids: int = option("Number of random displays that POV-Ray photographs too.", 0, click.IntRange(0)),
+    bowed: int = option("Number of random displays photographed with disturbances too.", 0, click.IntRange(0)),
+    large: bool = option("Also calibrate an 8K panel behind 100,000 lenslets.", False),
+    swept: int = option("Number of random displays in the sweep.", 2, click.IntRange(0), flag="--sweep"),
+    width_px: int = option("Width of the random panels, pixels.", 640, click.IntRange(320, 8192), flag="--width"),
+    jobs: int = option("Number of processes that calibrate.", 1, click.IntRange(1)),
 ) -> tuple[Mapping[str, Any], Page]:
     """Calibrate random displays from simulated photographs, and compare the results with the displays as built.
 
-    A sweep measures the error against photographs, noise and positions; an eye's views of the fish are compared.
+    A sweep changes the numbers of photographs and positions, and the noise. Views of the fish are compared as well.
 
     Example: python -m tools.bench calibration --displays 4
     """
@@ -438,7 +437,7 @@ SWEPT_AXES = {
 
 
 def draw_calibration_sweep(rows: Rows) -> Plot:
-    """Draw a calibration's errors against each swept quantity."""
+    """Draw the calibrations' errors against each swept quantity."""
     solved = [row for row in rows if "refused" not in row]
     kinds = groups(solved, "over")
     picture, axes = make_axes(2, len(kinds), (3.6, 2.8))

@@ -1,7 +1,7 @@
-"""Measures which lines the quick tests execute (`make coverage`), and which RTL bits they toggle (`make toggles`).
+"""Measures which lines quick tests execute (`make coverage`), and which RTL bits they toggle (`make toggles`).
 
-The coverage pages list lines and signal bits that no test reaches; code_coverage_holes.toml has the
-reasons. Each RTL file with such lines needs a reason.
+The pages list lines and signal bits that no quick test reaches, with the reasons from code_coverage_holes.toml. Each
+RTL file with such lines or bits needs a reason.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ from tools.program import MAINTAINERS_REPORT, program
 from tools.report_plots import draw_bar_charts, make_page
 
 HOLES = Path(__file__).with_name("code_coverage_holes.toml")
-#: Settings of coverage.py: every process is counted, including processes that a command starts or that a signal ends.
+#: Settings of coverage.py, which count every process, including those that a command starts or that a signal ends.
 SETTINGS = """[run]
 source =
     host/lippmann
@@ -46,7 +46,7 @@ sigterm = true
 """
 #: This test fails under coverage.py, because coverage.py writes its file where the test forbids writing.
 BROKEN = "tests/host/test_images.py::test_a_file_that_does_not_fit_is_told"
-#: Pattern of a key, with its value, in a point of Verilator's coverage file.
+#: Pattern of a key and its value in a coverage point of Verilator's file.
 POINT = re.compile(r"\x01([^\x02]*)\x02([^\x01']*)")
 BARS = 15
 
@@ -54,16 +54,16 @@ BARS = 15
 @documented
 @dataclass(frozen=True, kw_only=True)
 class Hole:
-    """The reason why the quick tests do not execute some lines of files, or do not toggle some of their bits."""
+    """The reason why quick tests do not execute some lines of the files, or do not toggle some bits."""
 
-    files: Annotated[tuple[str, ...], key("the files, from the top of the checkout")]
+    files: Annotated[tuple[str, ...], key("paths of the files, from the top of the checkout")]
     why: Annotated[str, key("the reason")]
 
 
 @documented
 @dataclass(frozen=True, kw_only=True)
 class Holes:
-    """The file of reasons."""
+    """The content of code_coverage_holes.toml."""
 
     hole: Annotated[tuple[Hole, ...], key("")] = ()
     still: Annotated[tuple[Hole, ...], key("")] = ()
@@ -71,16 +71,17 @@ class Holes:
 
 @dataclass
 class Counted:
-    """The counts of a file's coverage points: lines by number, toggles by name."""
+    """The counts of a file's coverage points: of lines keyed by number, of toggles keyed by name."""
 
     lines: dict[int, int] = field(default_factory=lambda: defaultdict(int))
     toggles: dict[str, int] = field(default_factory=lambda: defaultdict(int))
 
 
 def read_rtl(files: Iterable[Path], top: Path) -> dict[str, Counted]:
-    """Add up Verilator's coverage files; return the counts of each file of rtl/, by its path from the top."""
+    """Add up Verilator's coverage files; return the counts of the files in rtl/, keyed by the path from the top."""
     counts: dict[bytes, int] = defaultdict(int)
-    for file in files:  # toggles make gigabytes, whose points are mostly the same
+    # Add up equal points, because files of toggles take gigabytes.
+    for file in files:
         for text in file.read_bytes().splitlines():
             if text.startswith(b"C "):
                 keys, _, count = text.rpartition(b" ")
@@ -95,7 +96,8 @@ def read_rtl(files: Iterable[Path], top: Path) -> dict[str, Counted]:
         if point["t"] == "toggle":
             counted.toggles[f"{point['l']}:{point['o']}"] += met
             continue
-        for part in point.get("S", point["l"]).split(","):  # such as 4-6,9, met when any branch is
+        # The key S lists lines, such as 4-6,9; a line is covered if any of its branches is.
+        for part in point.get("S", point["l"]).split(","):
             first, _, last = part.partition("-")
             for line in range(int(first), int(last or first) + 1):
                 counted.lines[line] += met
@@ -103,7 +105,7 @@ def read_rtl(files: Iterable[Path], top: Path) -> dict[str, Counted]:
 
 
 def rtl_rows(files: Mapping[str, Counted]) -> list[dict[str, Any]]:
-    """Return the row of each file: numbers of lines and toggles, of covered ones, and the lines not covered."""
+    """Return each file's row: its numbers of lines and toggles, how many are covered, and which lines are not."""
     rows = []
     for name, one in files.items():
         row = {"file": name, "lines": len(one.lines), "met": sum(map(bool, one.lines.values()))}
@@ -113,7 +115,7 @@ def rtl_rows(files: Mapping[str, Counted]) -> list[dict[str, Any]]:
 
 
 def host_rows(measured: Mapping[str, Any]) -> list[dict[str, Any]]:
-    """Return the row of each file in coverage.py's JSON report."""
+    """Return the row of each file in the JSON report of coverage.py."""
     rows = []
     for name, one in sorted(measured["files"].items()):
         row = {"file": name, "lines": one["summary"]["num_statements"], "met": one["summary"]["covered_lines"]}
@@ -122,7 +124,7 @@ def host_rows(measured: Mapping[str, Any]) -> list[dict[str, Any]]:
 
 
 def _ranges(numbers: Iterable[int]) -> str:
-    """Return numbers as a text such as 4-6, 9."""
+    """Return line numbers as a text such as 4-6, 9."""
     parts: list[list[int]] = []
     for number in sorted(numbers):
         if parts and number == parts[-1][1] + 1:
@@ -133,7 +135,7 @@ def _ranges(numbers: Iterable[int]) -> str:
 
 
 def share(rows: Iterable[Mapping[str, Any]], met: str = "met", of: str = "lines") -> float:
-    """Return the percentage of all files' lines, or toggles, that were covered."""
+    """Return the percentage of all files' lines or toggles that are covered."""
     totals = [sum(counts) for counts in zip(*((row[met], row[of]) for row in rows), strict=True)]
     return 100.0 * totals[0] / max(1, totals[1]) if totals else 0.0
 
@@ -141,7 +143,7 @@ def share(rows: Iterable[Mapping[str, Any]], met: str = "met", of: str = "lines"
 def page(
     origin: Mapping[str, str], rtl: list[dict[str, Any]], host: list[dict[str, Any]], why: Mapping[str, str]
 ) -> Page:
-    """Return the page of lines; `why` has the reasons by file."""
+    """Return the page of line coverage; `why` has the reasons, keyed by file."""
     missed = {row["file"].removeprefix("host/"): row["lines"] - row["met"] for row in (*rtl, *host)}
     plot = _draw_most("code-coverage", "lines that no quick test executes", missed)
     missing = [row for row in rtl if row["missing"]] + [row for row in host if row["missing"] and row["file"] in why]
@@ -153,7 +155,7 @@ def page(
 
 
 def toggles_page(origin: Mapping[str, str], rtl: list[dict[str, Any]], why: Mapping[str, str]) -> Page:
-    """Return the page of bits that toggle; `why` has the reasons by file."""
+    """Return the page of toggle coverage; `why` has the reasons, keyed by file."""
     rows = [{**row, "still": row["toggles"] - row["toggled"], "why": why.get(row["file"], "")} for row in rtl]
     least = sorted((row for row in rows if row["still"]), key=lambda row: -row["still"])
     plot = _draw_most("toggles", "toggles that no bench sees", {row["file"]: row["still"] for row in least})
@@ -164,30 +166,29 @@ def toggles_page(origin: Mapping[str, str], rtl: list[dict[str, Any]], why: Mapp
 
 
 def _draw_most(name: str, heading: str, counts: Mapping[str, int]) -> Plot:
-    """Draw a bar for each of the files that have the largest counts."""
     files = sorted(counts, key=lambda file: -counts[file])[:BARS]
     return draw_bar_charts(name, files, {heading: [float(counts[file]) for file in files]})
 
 
 def reasons(top: Path, path: Path = HOLES, toggles: bool = False) -> dict[str, str]:
-    """Return the reasons for holes (`toggles`: for idle bits) by file. Raises InputError for a file that is missing."""
+    """Return the reasons for holes (`toggles`: for idle bits), keyed by file. Raises InputError for a missing file."""
     read = toml.read(Holes, toml.load(path, "holes"), str(path))
     name, holes = ("still", read.still) if toggles else ("hole", read.hole)
     for number, hole in enumerate(holes):
         for file in hole.files:
             if not (top / file).is_file():
-                raise input_error(f"{path}: {name}[{number}].files", f"there is no file {file}", "name its new path")
+                raise input_error(f"{path}: {name}[{number}].files", f"there is no file {file}", "give its new path")
     return {file: hole.why for hole in holes for file in hole.files}
 
 
 def check_reasons(files: Iterable[str], why: Mapping[str, str], name: str) -> None:
-    """Raise InputError when files with holes, or with bits that never toggle, have no reason."""
+    """Raise InputError if files with lines or bits that tests do not reach have no reason."""
     if unexplained := ", ".join(file for file in files if file not in why):
         raise input_error(str(HOLES), f"no reason is given for the holes in {unexplained}", f"add a {name} or a test")
 
 
 def measure(folder: Path, jobs: int, toggles: bool) -> None:
-    """Run the quick tests with counters into an emptied folder; raise LippmannError when a test fails."""
+    """Run the quick tests with counters into an emptied folder; raise LippmannError if a test fails."""
     shutil.rmtree(folder, ignore_errors=True)
     (folder / "rtl").mkdir(parents=True)
     tests = [sys.executable, "-m", "pytest", "-q", "-n", str(jobs), "--dist", "loadfile", "--no-loadscope-reorder"]
@@ -205,9 +206,9 @@ def measure(folder: Path, jobs: int, toggles: bool) -> None:
 
 @program
 def main(
-    jobs: int = option("Processes of the tests.", 2, click.IntRange(1)),
-    toggles: bool = option("Count the toggles of the RTL's bits instead: an hour, and tens of GB.", False),
-    keep: bool = option("Read what the last run counted; run no test.", False),
+    jobs: int = option("Number of processes that run tests.", 2, click.IntRange(1)),
+    toggles: bool = option("Count toggles of RTL bits instead of lines (an hour, tens of GB).", False),
+    keep: bool = option("Run no test; use the counts of the last run.", False),
     report: str = MAINTAINERS_REPORT,
 ) -> None:
     """Measure which lines the quick tests execute, or which bits these tests toggle, and write the page.
@@ -219,7 +220,7 @@ def main(
     if not keep:
         measure(folder, jobs, toggles)
     if not (folder / "rtl").exists() or not (toggles or (folder / "host.json").exists()):
-        raise InputError(f"{folder}: the folder has no earlier measurement; omit --keep")
+        raise InputError(f"{folder}: there are no counts of an earlier run; omit --keep")
     why = reasons(top, toggles=toggles)
     rtl = rtl_rows(read_rtl(sorted((folder / "rtl").glob("*.dat")), top))
     if toggles:

@@ -1,4 +1,4 @@
-"""Renders scenes in other tools' formats, made from the shipped scenes, on a display (`tools.bench content`)."""
+"""Converts shipped scenes to other tools' formats, and renders them on a display (`tools.bench content`)."""
 
 from __future__ import annotations
 
@@ -32,22 +32,22 @@ from tools.bench import MeasurementRun, measurement
 from tools.report_plots import contact_sheet, make_page
 
 Y00 = 0.5 / np.sqrt(np.pi)
-#: Splats of the knot: their number, their two radii and thickness in mm, and the logit of the opacity.
+#: Splats of the knot: number, two radii and thickness in mm, logit of the opacity.
 SPLATS, SPLAT_MM, LOGIT = 12_000, (0.7, 0.7, 0.15), 4.0
-#: Displays of the measurement and of the gallery, and number of columns of the gallery's quilt.
+#: Display of the measurement, display of the gallery, and number of columns of the gallery's quilt.
 DISPLAY, GALLERY, COLUMNS = "vga-square", "paper-square", 8
-#: Numbers of compared views, across and upwards.
+#: Numbers of views, across and upwards, in each folder of views.
 VIEWS = ((4, 1), (8, 1), (16, 1), (32, 1), (64, 1), (8, 5), (16, 9))
-#: x and y of the eyes, mm, and the eyes' distance from the display.
+#: Position (x, y) of each eye, mm.
 EYES_MM = {"middle": (0.0, 0.0), "beside": (22.0, 0.0), "above": (0.0, 22.0), "corner": (22.0, 22.0)}
 EYE_MM, EYE_SAMPLES, SAMPLES = 600.0, 64, 16
-#: Scale of the fish on the small display, in mm per unit.
+#: Scale of the fish on the measurement's small display, mm per unit.
 SCALE = 0.25
 
 
 @dataclass(frozen=True)
 class Surface:
-    """A mesh with points (N, 3), normals (N, 3), texture coordinates (N, 2), faces, and the texture's file."""
+    """A mesh: points (N, 3), normals (N, 3), texture coordinates (N, 2), faces (M, 3), and the texture's file."""
 
     points: Any
     normals: Any
@@ -57,7 +57,7 @@ class Surface:
 
     @classmethod
     def read(cls, mesh: Path, texture: Path) -> Surface:
-        """Read a PLY file by means of Mitsuba; the texture's v axis points down."""
+        """Read a PLY file with Mitsuba; the v axis of the texture coordinates points down."""
         parameters = mitsuba().traverse(mitsuba().load_dict({"type": "ply", "filename": str(mesh)}))
         points, normals, uv = (
             np.array(parameters[f"vertex_{name}"], np.float64).reshape(-1, size)
@@ -66,7 +66,7 @@ class Surface:
         return cls(points, normals, uv, np.array(parameters["faces"]).reshape(-1, 3), texture)
 
     def colours(self) -> Any:
-        """Return the texture's colours at the points (N, 3), sRGB, 0 to 255."""
+        """Return the texture's sRGB colours at the points, (N, 3), 0 to 255."""
         from PIL import Image
 
         with Image.open(self.texture) as image:
@@ -77,7 +77,7 @@ class Surface:
 
 
 def write_meshes(surface: Surface, folder: Path) -> list[Path]:
-    """Write a surface as GLB, OBJ, PLY with coloured vertices, and STL, by trimesh; return the paths."""
+    """Write a surface with trimesh as GLB, OBJ, PLY (with vertex colours) and STL; return the paths."""
     import trimesh
     from PIL import Image
     from trimesh.visual import TextureVisuals
@@ -94,21 +94,23 @@ def write_meshes(surface: Surface, folder: Path) -> list[Path]:
         trimesh.Scene(mesh(visual=visual)).export(folder / f"knot.{suffix}")
     painted = mesh(vertex_colors=surface.colours())
     painted.export(folder / "knot.ply", vertex_normal=True)
-    painted.apply_transform(trimesh.transformations.rotation_matrix(np.pi / 2, (1, 0, 0)))  # z up, as in workshops
+    # STL has z up, as in CAD.
+    painted.apply_transform(trimesh.transformations.rotation_matrix(np.pi / 2, (1, 0, 0)))
     painted.export(folder / "knot.stl")
     return [folder / f"knot.{suffix}" for suffix in ("glb", "obj", "ply", "stl")]
 
 
 def write_splats(surface: Surface, path: Path, seed: int) -> Path:
-    """Write flat splats on a surface, with y downwards, as programs that train splats write them."""
+    """Write flat splats on a surface, with y downwards as in files of splat trainers; return the path."""
     random = np.random.default_rng(seed)
     points = random.choice(len(surface.points), min(SPLATS, len(surface.points)), replace=False)
-    # The shortest rotation from the z axis to the normal, as a quaternion.
+    # Compute the shortest rotation from the z axis to the normal, as a quaternion.
     x, y, z = surface.normals[points].T
     turn = np.stack([1.0 + z, -y, x, np.zeros_like(x)], axis=1)
     turn[z < -1.0 + 1e-9] = (0.0, 1.0, 0.0, 0.0)
     turn /= np.linalg.norm(turn, axis=1, keepdims=True)
-    down = np.array([1.0, -1.0, -1.0])  # rotated about x
+    # Rotate by 180 degrees about x.
+    down = np.array([1.0, -1.0, -1.0])
     turn = np.stack([-turn[:, 1], turn[:, 0], -turn[:, 3], turn[:, 2]], axis=1)
     columns = {
         **dict(zip("xyz", (surface.points[points] * down).T, strict=True)),
@@ -125,7 +127,7 @@ def write_splats(surface: Surface, path: Path, seed: int) -> Path:
 def write_views(
     scene: Scene, display: Display, folder: Path, across: int, down: int = 1, width: int = 480, seed: int = 0
 ) -> Path:
-    """Write the views of a scene from the display's viewing zone, and views.json; return the folder."""
+    """Write views of a scene from eyes in the display's viewing zone, and views.json; return the folder."""
     window = whole_window(display, width)
     view = scene_viewer(scene, window, Settings(samples=16, seed=seed))
     folder.mkdir()
@@ -138,7 +140,7 @@ def write_views(
 
 
 def write_depth_picture(scene: Scene, display: Display, folder: Path, width: int = 960, seed: int = 0) -> Path:
-    """Write the view of a scene by an eye on the display's axis, and its depths; return the file that names both."""
+    """Write an on-axis eye's view of a scene and the view's depths; return the file that names the two files."""
     from PIL import Image
 
     eye = (0.0, 0.0, viewing_distance(display))
@@ -157,7 +159,7 @@ def write_depth_picture(scene: Scene, display: Display, folder: Path, width: int
 
 
 def measure(folder: Path, scratch: Path, seed: int) -> Iterator[dict[str, Any]]:
-    """Yield each eye's PSNR (dB) against the fish, for views of the fish and for its picture with depths."""
+    """Yield each eye's PSNR (dB) against the fish scene, for folders of views of the fish and for its depth picture."""
     display = load_display(folder / f"displays/{DISPLAY}.toml")
     scene = load_scene(folder / "fish/fish.xml", Placement(SCALE))
     truth = _views(scene, display, seed)
@@ -175,7 +177,6 @@ def measure(folder: Path, scratch: Path, seed: int) -> Iterator[dict[str, Any]]:
 
 
 def _views(scene: Scene, display: Display, seed: int) -> dict[str, Radiance]:
-    """Return each eye's view of a scene on a display."""
     options = RenderOptions(model="exact", settings=Settings(SAMPLES, seed=seed))
     image = render_picture(Job(scene, display, options).plan())
     window = whole_window(display)
@@ -191,7 +192,7 @@ def _placed(path: Path, display: Display) -> Scene:
 
 
 def gallery(folder: Path, scratch: Path, seed: int) -> tuple[list[Radiance], list[str]]:
-    """Return an eye's views of each kind of content, and the captions."""
+    """Return an eye's view of a display with each kind of content, and the captions."""
     display = load_display(folder / f"displays/{GALLERY}.toml")
     knot = Surface.read(folder / "knot/knot.ply", folder / "knot/skin.png")
     fish = load_scene(folder / "fish/fish.xml")
@@ -211,7 +212,7 @@ def gallery(folder: Path, scratch: Path, seed: int) -> tuple[list[Radiance], lis
 
 @measurement(page="content")
 def content(bench: MeasurementRun) -> tuple[Mapping[str, Any], Page]:
-    """Compare eyes' views of folders of views and of depth pictures with the scene; show each kind of content.
+    """Compare views of folders of views and of depth pictures with views of the scene; show all kinds of content.
 
     Example: python -m tools.bench content
     """
@@ -223,6 +224,6 @@ def content(bench: MeasurementRun) -> tuple[Mapping[str, Any], Page]:
 
 
 def content_page(origin: Mapping[str, str], rows: Rows, views: tuple[list[Radiance], list[str]] | None = None) -> Page:
-    """Return the page of `tools.bench content`; `views` are the pictures of the page's sheet, and their captions."""
+    """Return the page of `tools.bench content`; `views` has the pictures of the contact sheet, and their captions."""
     context = {"rows": rows, "display": DISPLAY, "gallery": GALLERY, "samples": SAMPLES, "eye_mm": round(EYE_MM)}
     return make_page("content", origin, contact_sheet("content", views, 4, 2), {"content": rows}, context)

@@ -1,22 +1,22 @@
 """Lists and checks the clock crossings of a netlist: `python -m tools.crossings NETLIST.json`.
 
-The netlist is yosys' JSON after `synth_ecp5`, flattened. From every input that a clock samples, the check follows the
-logic back to the registers, memories and pins that drive this input. Two clocks are one domain only if they are one
-net. A valid crossing has one of the kinds below. The check recognises a kind by its structure, and by the names of the
+The netlist is yosys' flattened JSON after `synth_ecp5`. From every input that a clock samples, the check follows the
+logic back to the registers, memories and pins that drive the input. Two clocks are one domain only if they are one net.
+A valid crossing is of one of the kinds below. The check recognises a kind by its structure, and by the names of the
 registers in lipp_bit_sync and lipp_reset_sync:
 
 | kind | rule |
 |---|---|
-| bit | A register, or a pin, drives the first register of a lipp_bit_sync with no logic between: no glitch is sampled. The registers of the row share one clock and read only each other; only the second register reads the first. |
+| bit | A register, or a pin, drives the first register of a lipp_bit_sync with no logic between them, so no glitch is sampled. The chain's registers share one clock and read only each other; only the second register reads the first. |
 | pulse | lipp_pulse_sync's level and its acknowledgement each cross as a bit. |
 | Gray | The bits of a pointer of lipp_async_fifo: registers of one clock and one enable. The logic before these registers changes exactly one bit at each step, over the complete period. Each bit passes its own lipp_bit_sync. |
 | memory | The content of lipp_async_fifo's memory is sampled under an enable that depends on all bits of the written pointer, synchronised to the reader's clock, and is written under an enable that depends on the synchronised read pointer. |
-| held | lipp_tmds_serialiser's symbols: each is sampled by a register behind one table, which a select register of the sampling clock controls. The select register is high only in a clock that is counted from a synchronised bit (`i_turn`), which changes with the symbols. The symbols are stable in this clock because the ratio of the clocks is five to one. |
-| reset | An asynchronous reset is driven by a register of the same clock as the registers that it resets. Only the rows of lipp_reset_sync, whose first register reads a constant, may have another reset. |
+| held | lipp_tmds_serialiser's symbols: each is sampled by a register behind one lookup table, which a select register of the sampling clock controls. The select register is high only in a cycle that is counted from a synchronised bit (`i_turn`), which changes with the symbols. The symbols are stable in this cycle, because the clocks' ratio is five to one. |
+| reset | An asynchronous reset is driven by a register of the same clock as the registers that it resets. Only the registers of lipp_reset_sync, whose first register reads a constant, may have another reset. |
 
-The check refuses: bits of one register that cross through several lipp_bit_syncs side by side; two bits of one clock
-that meet again in one register's logic, since they may arrive in different clocks; and pins that a register samples
-directly, unless `--timed` names them (pins with a separate clock, such as a memory chip's).
+The check refuses bits of one register that cross through several lipp_bit_syncs, and separately crossing bits of one
+clock that meet in the logic before a register, because these bits may arrive in different clock cycles. The check also
+refuses pins that a register samples directly, unless `--timed` names them (such as a memory chip's data pins).
 """  # noqa: E501
 
 from __future__ import annotations
@@ -38,10 +38,10 @@ from lippmann.errors import LippmannError
 from tools.gates import Bit, Netlist, Pin, Register, Sampled, read_netlist
 from tools.program import program
 
-#: Maximum number of bits of a pointer, because the check tries the pointer's complete period.
+#: Maximum number of bits of a FIFO's pointer, because the check tries its complete period.
 MAX_POINTER_BITS = 14
-#: Part of the message about bits that cross separately.
-_SIDE_BY_SIDE = "they may arrive in different clocks; take a lipp_async_fifo"
+#: End of the messages about bits that cross separately.
+_SIDE_BY_SIDE = "they may arrive in different clocks; use a lipp_async_fifo"
 
 
 class CrossingError(LippmannError):
@@ -51,7 +51,7 @@ class CrossingError(LippmannError):
 
 
 class Crossing(NamedTuple):
-    """A group of crossing bits: both clocks' names, the crossing's kind, its place in the RTL, the number of bits."""
+    """A group of crossing bits: names of both clocks, kind of the crossing, instance in the RTL, number of bits."""
 
     source: str
     target: str
@@ -62,7 +62,7 @@ class Crossing(NamedTuple):
 
 @dataclass
 class Row:
-    """The registers of a lipp_bit_sync or a lipp_reset_sync, from the first to the last: cells and outputs."""
+    """The register chain of a lipp_bit_sync or a lipp_reset_sync: cells and outputs, from the first to the last."""
 
     place: str
     cells: list[str]
@@ -72,12 +72,12 @@ class Row:
 
     @property
     def last(self) -> Bit:
-        """The output of the last register."""
+        """The output of the chain's last register."""
         return self.outputs[-1]
 
 
 class Check:
-    """The check of a netlist: its `crossings`, a line for each `wrong` one. Pins that match `timed` are accepted."""
+    """The check of a netlist: lists valid `crossings`, and a line for each `wrong` one; accepts the pins in `timed`."""
 
     def __init__(self, netlist: Netlist, timed: Sequence[str] = ()) -> None:
         self.net, self.timed = netlist, timed
@@ -88,7 +88,7 @@ class Check:
         rows = [self._row(name, bits) for name, bits in sorted(netlist.synchronisers.items())]
         self.firsts = {row.cells[0]: row for row in rows if row is not None and not row.is_reset}
         self.of_reset = {cell for row in rows if row is not None and row.is_reset for cell in row.cells}
-        #: The rows of each pointer, keyed by FIFO and direction, then by bit.
+        #: The register chains of each pointer, keyed by FIFO and direction, then by bit.
         self.pointers: dict[tuple[str, str], dict[int, Row]] = {}
         for row in self.firsts.values():
             pointer = _pointer(row)
@@ -112,7 +112,7 @@ class Check:
                 groups[*clocks, "memory", _place(name)] = 1
             else:
                 what = f"the memory {name} is written by {clocks[0]} and read by {clocks[1]}"
-                self._is_wrong(f"{what}; only a lipp_async_fifo's pointers may rule that")
+                self._is_wrong(f"{what}; use a lipp_async_fifo")
         for row in self.firsts.values():
             self._check_row(row)
         for (fifo, side), rows in sorted(self.pointers.items()):
@@ -126,7 +126,7 @@ class Check:
         return self
 
     def report(self) -> None:
-        """Print the crossings; raise CrossingError when one is wrong."""
+        """Print all crossings; raise CrossingError if one is wrong."""
         for one in self.crossings:
             click.echo(f"{one.source} -> {one.target}: {one.kind}, {one.bits} at {one.place}")
         for line in self.wrong[1:20]:
@@ -139,37 +139,37 @@ class Check:
         self.wrong.append(line)
 
     def _row(self, name: str, bits: Sequence[Bit]) -> Row | None:
-        """Return a synchroniser's row of registers; return None and add a line to `wrong` if it is not one."""
+        """Return a synchroniser's chain of registers; for an invalid chain, add a line to `wrong` and return None."""
         place = name.rpartition(".")[0]
         registers = [*filter(None, map(self.net.register, bits))]
         if len(registers) != len(bits) or len(bits) < 2:
-            self._is_wrong(f"{name}: a synchroniser of {len(registers)} registers of {len(bits)}; it needs two or more")
+            self._is_wrong(f"{name}: {len(registers)} registers of {len(bits)} bits; a synchroniser needs two or more")
             return None
         clocks = {register.clock for register in registers}
         if len(clocks) != 1:
-            self._is_wrong(f"{name}: its registers have {len(clocks)} clocks; they must share one")
+            self._is_wrong(f"{name}: its registers have {len(clocks)} clocks; use one clock")
             return None
         is_reset = isinstance(registers[0].data, str) and registers[0].cell.choice("SRMODE") == "ASYNC"
         if any(register.data != before for register, before in zip(registers[1:], bits, strict=False)):
-            self._is_wrong(f"{name}: logic between its registers; each must read the one before")
+            self._is_wrong(f"{name}: logic between its registers; connect each to the one before")
         if any(register.cell.choice("CEMUX") not in ("1", "") for register in registers):
-            self._is_wrong(f"{name}: its registers have an enable; they must take a bit with each clock")
+            self._is_wrong(f"{name}: its registers have an enable; remove the enable")
         return Row(place, [register.name for register in registers], list(bits), clocks.pop(), is_reset)
 
     def _check_row(self, row: Row) -> None:
-        """Check that a row samples no glitch, and that no other logic reads the row's registers before the last one."""
+        """Check that a chain samples no glitch, and that nothing else reads its registers before the last."""
         for k, bit in enumerate(row.outputs[:-1]):
             others = [pin for pin in self.net.readers.get(bit, []) if pin != Pin(row.cells[k + 1], "DI")]
             if others or bit in self.net.outputs:
                 where = others[0].cell if others else "a port"
-                self._is_wrong(f"{row.place}: its register {k} is read by {where}; only the next one may read it")
+                self._is_wrong(f"{row.place}: its register {k} is read by {where}; only the next register may read it")
         source = self.net.straight(self.net.cells[row.cells[0]].bit("DI"))
         if self.net.register(source) is None and self.net.before(source)[0]:
             where = f"logic before its first register, at {self.net.name(source)}"
             self._is_wrong(f"{row.place}: {where}: a glitch may be sampled")
 
     def _check_arrays(self) -> None:
-        """Refuse synchronisers side by side, whose bits may arrive in different clocks."""
+        """Refuse arrays of bit synchronisers, whose bits may arrive in different clocks."""
         arrays: dict[str, list[Row]] = {}
         for row in self.firsts.values():
             if self._source(row) is not None and (_pointer(row) or ("", "", 0))[:2] not in self.pointers:
@@ -179,7 +179,7 @@ class Check:
                 self._is_wrong(f"{place}: {len(rows)} bits side by side through bit synchronisers: {_SIDE_BY_SIDE}")
 
     def _check_meetings(self) -> None:
-        """Refuse bits of one clock that cross separately and meet in the logic before a register."""
+        """Refuse bits of one clock that cross separately, then meet in the logic before a register."""
         lone = {
             row.cells[-1]: (row, source.clock)
             for row in self.firsts.values()
@@ -196,11 +196,10 @@ class Check:
                     self._is_wrong(f"{both} bring bits of one clock that meet before {pin.cell}: {_SIDE_BY_SIDE}")
 
     def _source(self, row: Row) -> Register | None:
-        """Return the register that a row of the table reads."""
         return self.net.register(self.net.straight(self.net.cells[row.cells[0]].bit("DI")))
 
     def _crossing(self, one: Sampled) -> Iterator[tuple[str, str, str, str]]:
-        """Yield the crossings to an input: both clocks' names, the kind, and the place in the RTL."""
+        """Yield the crossings that end at an input: names of both clocks, kind, instance in the RTL."""
         target, cell = self.net.name(one.clock), one.pin.cell
         row = self.firsts.get(cell) if one.pin.port == "DI" else None
         for source in self.net.sources([one.bit]):
@@ -228,7 +227,7 @@ class Check:
                 self._is_wrong(f"{source.name} ({name}) reaches {where} without a synchroniser")
 
     def _is_pulse(self, row: Row) -> bool:
-        """Return whether a row is one of a lipp_pulse_sync's two rows, which answer each other."""
+        """Return whether a chain synchronises a lipp_pulse_sync's level or acknowledgement."""
         place, _, name = row.place.rpartition(".")
         rows = {other.place: other for other in self.firsts.values()}
         there, back = rows.get(f"{place}.i_there"), rows.get(f"{place}.i_back")
@@ -249,24 +248,24 @@ class Check:
             return
         controls = {register.control for register in registers}
         if len(controls) != 1 or len({row.clock for row in rows.values()}) != 1:
-            self._is_wrong(f"{where} is of registers with more than one clock or enable")
+            self._is_wrong(f"{where} has registers with more than one clock or enable")
             return
         wrong = self._gray([register.cell.bit("Q") for register in registers], controls.pop())
         if wrong:
             self._is_wrong(f"{where} {wrong}")
 
     def _gray(self, outputs: list[Bit], control: tuple[Bit, str, Bit]) -> str:
-        """Step registers through their complete period; return the reason why they are not a Gray counter, or ""."""
+        """Step registers through their complete period; return why they are not a Gray counter, or ""."""
         if len(outputs) > MAX_POINTER_BITS:
             return f"has more than {MAX_POINTER_BITS} bits"
-        # The registers on which the next state depends, all with the same clock and enable.
+        # Collect the registers on which the next state depends; all must have one clock and enable.
         state: dict[Bit, Register] = {}
         todo = list(outputs)
         while todo:
             bit = todo.pop()
             register = self.net.register(bit)
             if register is None or register.control != control:
-                return f"depends on {self.net.name(bit)}, which steps apart from it"
+                return f"depends on {self.net.name(bit)}, which has another clock or enable"
             if bit not in state:
                 state[bit] = register
                 todo += self.net.ends([register.data])
@@ -275,7 +274,7 @@ class Check:
         for step in range(1 << len(outputs)):
             word = tuple(values[bit] for bit in outputs)
             if word in words:
-                return f"comes back after {step} steps"
+                return f"repeats a value after {step} steps"
             words.add(word)
             evaluated = dict(values)
             try:
@@ -288,18 +287,18 @@ class Check:
         return ""
 
     def _samples_fifo(self, one: Sampled, memory: str) -> bool:
-        """Return whether a register samples a FIFO's memory under an enable."""
+        """Return whether a register samples a FIFO's memory under a valid enable."""
         cell = self.net.cells[one.pin.cell]
         enabled = one.pin.port == "DI" and cell.choice("CEMUX") in ("CE", "INV")
         return enabled and self._is_read_of_fifo(memory, one.clock, cell.bit("CE"))
 
     def _is_read_of_fifo(self, memory: str, clock: Bit, enable: Bit) -> bool:
-        """Return whether a FIFO's pointers control its memory's read enable, by a clock, and its write enable."""
+        """Return whether a FIFO's pointers control its memory's read enable (of `clock`) and its write enable."""
         fifo = _place(memory)
         written, read = self.pointers.get((fifo, "written"), {}), self.pointers.get((fifo, "read"), {})
         if not written or not read or any(row.clock != clock for row in written.values()):
             return False
-        # The writer's enable depends on a register that compares with the read pointer.
+        # The write enable depends on the read pointer, directly or through a register.
         cell = self.net.cells[memory]
         wide = cell.kind == "DP16KD" and cell.bit("WEA") == "1"
         inner = self.net.ends([cell.bit("WRE" if cell.kind != "DP16KD" else "ADA0" if wide else "WEA")])
@@ -307,7 +306,6 @@ class Check:
         return self._depends([enable], written.values()) and self._depends([*inner, *writer], read.values())
 
     def _depends(self, bits: Iterable[Bit], rows: Iterable[Row]) -> bool:
-        """Return whether logic depends on the last registers of all rows."""
         return {row.last for row in rows} <= self.net.ends(bits).keys()
 
     def _serialiser(self, one: Sampled, source: str) -> str | None:
@@ -329,7 +327,7 @@ class Check:
         return None
 
     def _counted_from(self, bit: Bit, clock: Bit) -> str | None:
-        """Return the path of the `i_turn` on which a register depends through registers of its own clock."""
+        """Return the instance whose `i_turn` a register depends on through registers of one clock, or None."""
         turns = {row.last: row.place for row in self.firsts.values() if row.place.endswith("i_turn")}
         todo, visited = [bit], {bit}
         while todo:
@@ -344,7 +342,7 @@ class Check:
         return None
 
     def _resets(self) -> Iterator[tuple[str, str, str, str]]:
-        """Check the asynchronous resets; yield clocks, kind and place in the RTL for each register that is reset."""
+        """Check the asynchronous resets; yield clocks, kind and reset net for each register that is reset."""
         for one in self.net.asynchronous_resets():
             bit = self.net.straight(one.bit)
             if isinstance(bit, str):
@@ -356,29 +354,28 @@ class Check:
                 what = "logic" if self.net.before(bit)[0] else "another clock" if register is not None else "a pin"
                 where = f"{self.net.described(one.pin.cell)} ({target})"
                 name = self.net.name(bit)
-                self._is_wrong(f"{where} is reset by {name}, {what}; take a lipp_reset_sync's reset")
+                self._is_wrong(f"{where} is reset by {name}, {what}; use a lipp_reset_sync's reset")
             yield "pin" if clock is None else self.net.name(clock), target, "reset", self.net.name(bit)
 
     def _check_clocks(self) -> None:
-        """Refuse clocks that are made by logic."""
+        """Refuse clocks that are outputs of logic."""
         for one in self.net.sampled():
             if isinstance(one.clock, int) and self.net.before(one.clock)[0]:
                 self._is_wrong(f"the clock {self.net.name(one.clock)} of {one.pin.cell} is made by logic")
 
 
 def _pointer(row: Row) -> tuple[str, str, int] | None:
-    """Return the FIFO, the direction and the bit of a row that is named as a FIFO's pointer."""
+    """Return a pointer's FIFO, direction and bit if the chain has a FIFO pointer's name, else None."""
     name = re.fullmatch(r"(?:(.*)\.)?gen_bit\[(\d+)\]\.i_(written|read)", row.place)
     return (name[1] or "", name[3], int(name[2])) if name else None
 
 
 def _place(memory: str) -> str:
-    """Return the FIFO to which a memory's cell belongs by its name."""
     return re.sub(r"\.words\..*", "", memory)
 
 
 def _depends_on(table: int, ports: Sequence[str], choice: str, value: int) -> bool:
-    """Return whether a table of four inputs depends on some ports while the select port has a value."""
+    """Return whether a four-input table depends on `ports` while the port `choice` has a value."""
     places = {port: 1 << k for k, port in enumerate("ABCD")}
     mask = sum(places[port] for port in ports)
     outputs: dict[int, set[int]] = {}
@@ -396,12 +393,12 @@ def check(netlist: Netlist, timed: Sequence[str] = ()) -> Check:
 @program
 def main(
     netlist: Path = argument(),
-    top: str | None = option("Module of the netlist.  [default: its top]", None),
+    top: str | None = option("Module to check.  [default: the netlist's top]", None),
     timed: tuple[str, ...] = option(
-        "Pins that registers may sample, such as 'sdram_d*'.", (), str, multiple=True, metavar="PATTERN"
+        "Pins that registers may sample directly, such as 'sdram_d*'.", (), str, multiple=True, metavar="PATTERN"
     ),
 ) -> None:
-    """List the clock crossings of a netlist; exit with code 4 when one uses no synchroniser of the project.
+    """List a netlist's clock crossings; exit with code 4 if a crossing uses no synchroniser of the project.
 
     Example: python -m tools.crossings build/netlist.json --timed 'sdram_d*'
     """

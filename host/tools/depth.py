@@ -1,12 +1,12 @@
-"""Measures the depths that the founding paper's set-ups show, from the parallax of a moving eye (`tools.bench depth`).
+"""Measures the depths at which an eye sees objects in the founding paper's set-ups (`tools.bench depth`).
 
 For each object of the fish scene, a soft bright mark on the axis at the object's depth is captured and displayed. An
-eye at distance E moves along x; the centre of the mark in the eye's view then moves by -z / (E - z) per mm for depth z,
-so the slope of a fitted line gives the depth.
+eye at the distance E moves along x. If the mark has the depth z, its centre in the eye's view moves by -z / (E - z) per
+mm of this motion, so the slope of a fitted line gives the depth.
 
 The first eye sees through the lenslets' centres and stays near the axis, as the lens equations assume. The second eye
-sees through complete, exact lenslets. If the gap is not their focal length, this view's rays fill much of the imaging
-lens, whose spherical aberration adds an error. The third eye sees through the centres and moves farther.
+sees through complete lenslets, with exact rays. If the gap is not the focal length, the second eye's rays fill much of
+the imaging lens, whose spherical aberration adds an error. The third eye sees through the centres and moves farther.
 """
 
 from __future__ import annotations
@@ -34,22 +34,22 @@ from lippmann.scenes.scene import Scene, load_scene
 from tools.bench import MeasurementRun, measurement
 from tools.report_plots import contact_sheet, make_page
 
-#: Depths of the fish scene's objects in the scene's frame, mm: the middle of the fish, and the stems.
+#: Depths, in the scene's frame, mm, of the fish scene's objects: the middle of the fish, and the stems.
 OBJECTS = {"fish": 6.0, "stem 1": -20.0, "stem 2": -45.0, "stem 3": -70.0, "stem 4": -100.0, "stem 5": -115.0}
 SETUPS = ("fig8a", "fig8b", "fig8c", "fig8d")
 EYE_DISTANCE_MM = 600.0
-#: x of the eyes, mm: near the axis, so that rays pass the middle of the imaging lens; and as wide as viewers move.
+#: x of the eyes, mm: near the axis, so that rays pass the middle of the imaging lens; then as far as viewers move.
 EYES_MM, WIDE_EYES_MM = np.linspace(-5.0, 5.0, 9), np.linspace(-30.0, 30.0, 9)
-#: The part of the display that shows a mark, in lenslets, and the number of pixels across a lenslet: an integer, so
-#: that rotation is exact, and larger than the print's, where a small move of the eye shifts the view by a pixel or two.
+#: Size of the displayed strip, lenslets; pixels across a lenslet: an integer, so that rotation is exact, and larger
+#: than the paper's, with which a small move of the eye would shift the view by a pixel or two.
 STRIP, PIXELS = (25, 1), 240
-#: Start of the rays to all marks, mm before the object's centre: one plane, so that one compiled program renders them.
+#: Depth, mm, of the plane where rays to all marks start; with one plane, one compiled program renders all marks.
 NEAR_MM = 100.0
-#: Standard deviation of a mark's image, mm (no aliasing in 1 mm lenslets); the mark's edge in deviations; its texels.
+#: A mark: standard deviation of its image, mm (1 mm lenslets do not alias it), half width in deviations, texels across.
 MARK_MM, MARK_SIGMAS, MARK_TEXELS = 0.8, 3.5, 256
-#: Maximum error of a depth, as a fraction of its magnitude.
+#: Maximum error of a measured depth, as a fraction of the theoretical depth.
 SHARE = 0.05
-#: x of the eyes for the views of the fish, mm.
+#: x, mm, of the eyes whose views of the fish the page shows.
 VIEW_EYES_MM = (-10.0, 10.0)
 
 #: A moving eye: the lens model of its view, and its positions along x, mm.
@@ -60,13 +60,13 @@ WIDE: Look = ("pinhole", WIDE_EYES_MM)
 
 
 def judged(row: dict[str, Any]) -> dict[str, Any]:
-    """Add the errors, per cent, of the near and the wide eye; `kept` is whether the near one is within `SHARE`."""
+    """Add the errors, per cent, of the first and third eye, and `kept`: whether the first error is within `SHARE`."""
     error, wide = (100.0 * (row[key] / row["theory_mm"] - 1.0) for key in ("centres_mm", "wide_mm"))
     return {**row, "error_percent": error, "wide_error_percent": wide, "kept": abs(error) <= 100.0 * SHARE}
 
 
 def mark_scene(setup: Setup, z_mm: float) -> Scene:
-    """Return a scene of a soft mark on the axis, facing the lens, at a depth below NEAR_MM in the object's frame."""
+    """Return a scene of a soft mark that faces the lens on the axis, at a depth below NEAR_MM in the object's frame."""
     mi = mitsuba()
     x = (np.arange(MARK_TEXELS) + 0.5) * (2.0 / MARK_TEXELS) - 1.0
     profile = np.exp(-0.5 * (MARK_SIGMAS * x) ** 2).astype(np.float32)
@@ -84,7 +84,7 @@ def mark_scene(setup: Setup, z_mm: float) -> Scene:
 def measure_depths(
     setup: Setup, z_mm: float, rotated: bool, looks: tuple[Look, ...] = (CENTRES,), seed: int = 0
 ) -> list[float]:
-    """Return the depth, mm in front of the display, at which each eye sees a point captured on the axis at `z_mm`."""
+    """Return the depth, mm in front of the display, at which each eye sees a mark captured at `z_mm` on the axis."""
     settings = Settings(integrator="direct", seed=seed)
     picture = capture(mark_scene(setup, z_mm), setup, settings, rotated).radiance
     display = setup.display
@@ -103,7 +103,7 @@ def measure_depths(
 
 
 def strip_of(setup: Setup) -> Setup:
-    """Return the set-up with a strip of its display and finer pixels."""
+    """Return the set-up with only a strip of its display, with finer pixels."""
     width_px, height_px = (count * PIXELS for count in STRIP)
     pitch_mm = setup.display.array.pitches_mm[0] / PIXELS
     panel = replace(setup.display.panel, width_px=width_px, height_px=height_px, pixel_pitch_mm=pitch_mm)
@@ -111,7 +111,7 @@ def strip_of(setup: Setup) -> Setup:
 
 
 def measure(folder: Path, seed: int) -> Iterator[dict[str, Any]]:
-    """Yield the depths of every object in every set-up, with rotated elemental images and as captured."""
+    """Yield the depths of every object in every set-up, with elemental images rotated and as captured."""
     for name in SETUPS:
         setup = strip_of(load_setup(folder / f"setups/{name}.toml"))
         placement = setup.subject.placement
@@ -126,14 +126,15 @@ def measure(folder: Path, seed: int) -> Iterator[dict[str, Any]]:
 
 
 def fish_views(folder: Path, seed: int) -> tuple[list[Radiance], list[str]]:
-    """Return two eyes' views of the fish in every set-up, and in the first one without rotation, and the captions."""
+    """Return two eyes' views of the fish in every set-up (and in the first set-up without rotation), and captions."""
     path = folder / "fish/fish.xml"
     views, captions = [], []
     for name, rotated in (*((name, True) for name in SETUPS), ("fig8a", False)):
         setup = load_setup(folder / f"setups/{name}.toml")
         scene = load_scene(path, placement_beside(path).then(setup.subject.placement))
         picture = capture(scene, setup, Settings(samples=2, seed=seed), rotated).radiance
-        window = whole_window(setup.display)  # one pixel for each lenslet
+        # The window has one pixel per lenslet.
+        window = whole_window(setup.display)
         for x in VIEW_EYES_MM:
             views.append(observe(picture, setup.display, Eye((x, 0.0, EYE_DISTANCE_MM)), window, 64).radiance)
             suffix = "" if rotated else ", not rotated"
@@ -143,7 +144,7 @@ def fish_views(folder: Path, seed: int) -> tuple[list[Radiance], list[str]]:
 
 @measurement(page="depth")
 def depth(bench: MeasurementRun) -> tuple[Mapping[str, Any], Page]:
-    """Compare the depths that the founding paper's set-ups show with the lens equations.
+    """Compare the depths that an eye sees in the founding paper's set-ups with the lens equations.
 
     Example: python -m tools.bench depth
     """
@@ -153,7 +154,7 @@ def depth(bench: MeasurementRun) -> tuple[Mapping[str, Any], Page]:
 
 
 def depth_page(origin: Mapping[str, str], rows: Rows, views: tuple[list[Radiance], list[str]] | None = None) -> Page:
-    """Return the page of `tools.bench depth`; `views` are the pictures and captions of the page's sheet."""
+    """Return the page of `tools.bench depth`; `views` has the pictures and captions of the contact sheet."""
     sheet = contact_sheet("depth", views, 2)
     moved = [{**row, "shift": row["wide_mm"] - row["theory_mm"]} for row in rows]
     setups = []

@@ -1,4 +1,4 @@
-"""Measures the error of the twin against golden, over easy and adversarial sets of rays (`tools.bench fixed`)."""
+"""Measures the twin's error against golden, over frames and adversarial sets of rays (`tools.bench fixed`)."""
 
 from __future__ import annotations
 
@@ -24,40 +24,40 @@ from lippmann.optics.system import System
 
 from tools.named_builds import Named
 
-#: Number of rays of each adversarial set, and of the error budget.
+#: Number of rays in each adversarial set, and number of rays for the error budget.
 ADVERSARIAL, BUDGET = 200_000, 200_000
-#: Maximum number of pixels of a fully traced panel; rays in the sample of a larger panel; rays traced at once.
+#: Maximum pixels of a completely traced panel; rays in the sample of a larger panel; rays traced at once.
 WHOLE, SAMPLE, CHUNK = 2400 * 2400, 2_000_000, 250_000
-#: Displacements that are tried to find an edge, in units of the stated error.
+#: Displacements of a ray that are tried to find an edge, in units of the stated error.
 REACHES = tuple(2.0**k for k in range(-6, 7))
 
 
 class Comparison(NamedTuple):
-    """A comparison of N rays of the twin with golden's: the twin's rays, and arrays (N,)."""
+    """The comparison of N rays of the twin with golden's rays: the twin's rays, and arrays (N,)."""
 
     twin: Rays
-    #: Angle between the directions, microradian, and its weight min(1, 2 cos theta_t); theta_t is the angle between
-    #: exit ray and last face's normal, by golden.
+    #: Angle between the directions, microradian, and the angle's weight min(1, 2 cos theta_t), where theta_t is the
+    #: angle of golden's exit ray to the normal of the last face.
     turn_urad: Floats
     weight: Floats
-    #: Distance between the exit points, lens-local, nm.
+    #: Distance between the lens-local exit points, nm.
     shift_nm: Floats
-    #: Rays that leave through the same lenslet with the same status in both engines.
+    #: Whether a ray leaves through the same lenslet, with the same status, in both engines.
     alive: Bools
-    #: Rays whose status differs, and rays whose first or last lenslet differs.
+    #: Whether a ray's status differs, and whether its first or last lenslet differs.
     status_differs: Bools
     lenslet_differs: Bools
-    #: Rays too oblique for the words: the twin misses them, and they are not compared.
+    #: Whether a ray is too oblique for the words: the twin reports a miss, and the ray is not compared.
     refused: Bools
 
 
 def stated_nm(fraction_bits: int) -> float:
-    """Return the exit point's stated error, nm: 2 nm for the widest build, doubled for each bit less."""
+    """Return the stated error of exit points, nm: 2 nm for the widest build, and twice as much for each bit less."""
     return float(2 ** (1 + WIDEST - fraction_bits))
 
 
 def compare(display: Display, build: Build, words: Words) -> Comparison:
-    """Trace rays with the twin and with golden, and compare them."""
+    """Trace rays with the twin and with golden, and return the comparison."""
     model, f = build.model, build.fraction_bits
     config = configuration(display, build, model)
     pixel = pixels_of_words(display, words.u, words.v)
@@ -81,7 +81,7 @@ def compare(display: Display, build: Build, words: Words) -> Comparison:
 
 
 def exit_cosine(display: Display, rays: Rays, domes: bool) -> Floats:
-    """Return the cosine between exit rays and the last face's normal, (N,)."""
+    """Return the cosines (N,) of exit rays to the last face's normal."""
     if not domes or display.array.plano_side == "viewer":
         return np.abs(rays.direction[:, 2])
     normal = rays.local_mm / display.array.radius_mm + (0.0, 0.0, 1.0)
@@ -89,13 +89,13 @@ def exit_cosine(display: Display, rays: Rays, domes: bool) -> Floats:
 
 
 def measure(variant: Named, display: Display, rays_of: str, chunks: Iterator[Words]) -> dict[str, Any]:
-    """Measure a row of the report over chunks of a set of rays.
+    """Measure a set of rays, given in chunks; return the set's row.
 
     `refused` rays were not compared. The errors of direction (microradian; `weighted`: times min(1, 2 cos theta_t)) and
-    exit point (nm) include the rays that leave through one lenslet in both engines; `status_differs` and
-    `lenslet_differs` count the other rays. `lost` rays are missed in the twin because they would meet more domes than
-    the build tries. `edge_nm` is the largest distance of the remaining rays from the edge where golden's fate changes
-    to the twin's. `kept` is whether the errors are within the configuration's promise (None if it has no promise).
+    exit point (nm) are those of rays that leave through one lenslet in both engines; `status_differs` and
+    `lenslet_differs` count other rays. `lost` rays are missed in the twin because they would meet more domes than the
+    build tries. `edge_nm` is the largest distance of other differing rays from the edge where golden's fate changes to
+    the twin's. `kept` is whether the errors are within the configuration's promise (None: it has no promise).
     """
     parts = [_chunk(variant.build, display, words) for words in chunks]
     row = {key: (max if key in MAXIMA else sum)(part[key] for part in parts) for key in parts[0]}
@@ -113,12 +113,12 @@ def measure(variant: Named, display: Display, rays_of: str, chunks: Iterator[Wor
     return {**keys, "rays_of": rays_of, **row, **promise}
 
 
-#: Columns of `measure` that are combined by their maximum over several sets of rays, not by their sum.
+#: Columns of `measure` whose values for several sets of rays are combined by maximum, not by sum.
 MAXIMA = ("max_direction_urad", "max_weighted_urad", "max_point_nm", "edge_nm")
 
 
 def _chunk(build: Build, display: Display, words: Words) -> dict[str, Any]:
-    """Return the columns of `measure` for one chunk, with sums of squares instead of root mean squares."""
+    """Return the columns of `measure` for one chunk of rays, with sums of squares instead of root mean squares."""
     result = compare(display, build, words)
     turn, shift, weight = (column[result.alive] for column in (result.turn_urad, result.shift_nm, result.weight))
     differs = np.flatnonzero(result.status_differs | result.lenslet_differs)
@@ -138,12 +138,12 @@ def _chunk(build: Build, display: Display, words: Words) -> dict[str, Any]:
 
 
 def rows_of(rays: Rays, rows: Ints) -> Rays:
-    """Select rays by their indices."""
+    """Return the rays with the given indices."""
     return Rays(*(getattr(rays, column.name)[rows] for column in dataclasses.fields(rays)))
 
 
 def sets_of(build: Build, display: Display, seed: int) -> dict[str, Iterator[Words]]:
-    """Return the sets of rays: the frame (or a sample, above `WHOLE` pixels), and adversarial rays."""
+    """Return sets of rays: all pixels of the frame (above `WHOLE` pixels, a sample), and adversarial rays."""
     is_small = display.panel.width_px * display.panel.height_px <= WHOLE
     count = min(ADVERSARIAL, WHOLE)
     sets = {
@@ -157,7 +157,7 @@ def sets_of(build: Build, display: Display, seed: int) -> dict[str, Iterator[Wor
 
 
 class Words(NamedTuple):
-    """Rays in the pipeline's words, (N,) each: pixels (u, v), and aperture points (a, b), 0 for chief rays."""
+    """N rays in the pipeline's words: pixels (u, v) and aperture points (a, b), which are 0 for chief rays."""
 
     u: Ints
     v: Ints
@@ -166,7 +166,7 @@ class Words(NamedTuple):
 
 
 def frame_words(display: Display, build: Build, seed: int, max_pixels: int) -> Iterator[Words]:
-    """Yield words of all pixel centres in chunks, or of `SAMPLE` random centres if there are more than `max_pixels`."""
+    """Yield chunks of words of all pixel centres or, above `max_pixels` pixels, of `SAMPLE` random centres."""
     random = np.random.default_rng(seed)
     panel = display.panel
     count = panel.width_px * panel.height_px
@@ -181,7 +181,7 @@ def frame_words(display: Display, build: Build, seed: int, max_pixels: int) -> I
 
 
 def edge_words(display: Display, build: Build, seed: int, count: int) -> Words:
-    """Return pixels within 1/16 pixel of edges and vertices of cells, with aims near edges and vertices."""
+    """Return rays from pixels within 1/16 pixel of edges and vertices of cells, with aims near edges and vertices."""
     random = np.random.default_rng(seed)
     lenslets, _ = located(display, pixels_of_words(display, *random_pixels(display, random, count)))
     edge, aimed = (ray_sets.edge_points(display, random, count, vertices=0.25) for _ in range(2))
@@ -196,7 +196,7 @@ def edge_words(display: Display, build: Build, seed: int, count: int) -> Words:
 
 
 def wide_words(display: Display, build: Build, seed: int, count: int) -> Words:
-    """Return random pixels with aims up to one and a half pitches away."""
+    """Return rays from random pixels, with aims up to one and a half pitches away."""
     random = np.random.default_rng(seed)
     reach = 3 << (build.fraction_bits - 1)
     a, b = random.integers(-reach, reach + 1, (2, count))
@@ -204,7 +204,7 @@ def wide_words(display: Display, build: Build, seed: int, count: int) -> Words:
 
 
 def boundary_words(display: Display, build: Build, seed: int, count: int) -> Words:
-    """Return pairs of rays, one word of the aim apart, around a change of golden's fate, found by bisection."""
+    """Find changes of golden's fate by bisection; return pairs of rays around them, whose aims are one unit apart."""
     random = np.random.default_rng(seed)
     reach = 3 << (build.fraction_bits - 1)
     u, v = random_pixels(display, random, count)
@@ -224,20 +224,20 @@ def boundary_words(display: Display, build: Build, seed: int, count: int) -> Wor
 
 
 def random_pixels(display: Display, random: np.random.Generator, count: int) -> tuple[Ints, Ints]:
-    """Return words of random pixels."""
+    """Return the words (u, v) of random pixels."""
     return words_of_pixels(display, ray_sets.random_pixels(display, random, count))
 
 
 def cell_aims(display: Display, build: Build, random: np.random.Generator, count: int) -> tuple[Ints, Ints]:
-    """Return words of random points of a cell; zeros for chief rays."""
+    """Return words of random points of a cell, or zeros for a build without aims."""
     points = ray_sets.random_aims(display, random, count) if build.aims else np.zeros((count, 2))
     return words_of_aims(display, points, build.fraction_bits)
 
 
 def too_slanted(display: Display, build: Build, words: Words) -> ray_sets.Bools:
-    """Return which rays exceed the words, and are missed by definition (rtl/optics/lipp_aim.sv).
+    """Return which rays are too oblique for the words, so that the twin misses them (rtl/optics/lipp_aim.sv).
 
-    These rays start 2 pitches or rows or more from the aim (without `converge`), or from their lenslet's centre.
+    Such rays start 2 pitches or rows or more from the aimed lenslet's centre or, without `converge`, from the aim.
     """
     if not build.aims:
         return np.zeros(len(words.u), np.bool_)
@@ -248,28 +248,28 @@ def too_slanted(display: Display, build: Build, words: Words) -> ray_sets.Bools:
     centre = np.stack(lattice.centre(i, j), axis=1)
     if build.converge:
         aim = centre
-    # The word on the boundary may have either fate.
+    # A ray on the boundary may have either fate.
     limit = (2.0 - np.ldexp(1.0, 2 - build.fraction_bits)) * np.array([array.pitches_mm[0], array.row_pitch_mm])
     apart = centre - start
     beyond = np.abs(apart - np.outer(apart[:, 1], (array.shear, 0.0))) >= limit
-    # After the step `shear` the words have four times the range, and points are measured along upright axes.
+    # After the step `shear`, words have four times the range, and points are measured along perpendicular axes.
     upright = 4.0 * limit if build.shear else limit
     return np.asarray((beyond | (np.abs(apart) >= upright) | (np.abs(aim - start) >= upright)).any(axis=1))
 
 
 def aims_of(display: Display, build: Build, words: Words) -> Floats | None:
-    """Return the aperture points of words, (N, 2), mm; None for a build without aims."""
+    """Return the aperture points of words, (N, 2), mm, or None for a build without aims."""
     return aims_of_words(display, words.a, words.b, build.fraction_bits) if build.aims else None
 
 
 def fates(display: Display, model: Model, pixel: Floats, aims: Floats | None) -> Ints:
-    """Return golden's fates of rays, (N, 5): status, exit lenslet (i, j), start lenslet (i, j)."""
+    """Return the fates of rays in golden, (N, 5): status, exit lenslet (i, j), start lenslet (i, j)."""
     rays = trace(display, pixel, aims, model)
     return np.column_stack([rays.status, rays.lenslet, golden_start(display, pixel)]).astype(np.int64)
 
 
 def twin_start(display: Display, build: Build, u: Ints, v: Ints) -> tuple[Ints, Ints]:
-    """Return the lenslet whose cell contains a pixel in the twin."""
+    """Return the lenslets (i, j) whose cells contain pixels, as the twin computes them."""
     c, f = configuration(display, build, build.model), build.fraction_bits
     x, _ = pixel_to_lattice(u, v, c.x_from_u, c.x_from_v, c.x_offset, f)
     y, _ = pixel_to_lattice(u, v, c.y_from_u, c.y_from_v, c.y_offset, f)
@@ -278,19 +278,19 @@ def twin_start(display: Display, build: Build, u: Ints, v: Ints) -> tuple[Ints, 
 
 
 def golden_start(display: Display, pixel: Floats) -> Ints:
-    """Return the lenslet whose cell contains a pixel in golden, (N, 2)."""
+    """Return the lenslets (N, 2) whose cells contain pixels, as golden computes them."""
     return located(display, pixel)[0].astype(np.int64)
 
 
 def edge_distance_nm(
     display: Display, build: Build, words: Words, twin: Rays, stated: float, model: Model | None = None
 ) -> Floats:
-    """Return the distances, nm (N,), of rays from the edge where golden's fate changes to the twin's.
+    """Return the distances (N,), nm, of rays from the edge where golden's fate changes to the twin's.
 
     Each ray is moved on the panel, at the aperture, or both, in eight directions, until golden's fate equals the
-    twin's: across a cell's edge, or the critical angle. Golden misses almost no ray, so a ray that is missed in the
-    twin is moved until golden's fate changes in any way. The distance is infinite if the largest displacement changes
-    no fate. `model` is the build's by default.
+    twin's. The edge is a cell's edge or the critical angle. Golden misses almost no ray, so a ray that the twin misses
+    is moved until golden's fate changes in any way. The distance is infinite if no displacement changes the fate.
+    `model` is the build's model by default.
     """
     pixel = pixels_of_words(display, words.u, words.v)
     aims = aims_of(display, build, words)
@@ -306,7 +306,7 @@ def edge_distance_nm(
         for angle in turn:
             unit = np.array([np.cos(angle), np.sin(angle)])
             for on_panel, at_aim in ways:
-                # Rows of pixels are numbered downwards.
+                # Pixel rows are numbered downwards.
                 moved = pixel + on_panel * step_mm / np.array(display.panel.pitches_mm) * unit * (1.0, -1.0)
                 fate = fates(display, model, moved, None if aims is None else aims + at_aim * step_mm * unit)
                 same = np.where(lost, (fate != own).any(axis=1), (fate == theirs).all(axis=1))

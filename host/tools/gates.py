@@ -1,4 +1,4 @@
-"""Reads a netlist of ECP5's cells as a graph, from yosys' flattened JSON after `synth_ecp5`."""
+"""Reads a netlist of ECP5 cells as a graph, from yosys' flattened JSON after `synth_ecp5`."""
 
 from __future__ import annotations
 
@@ -14,10 +14,10 @@ from typing import Any, NamedTuple
 
 from lippmann.errors import InputError, LippmannError, input_error, reason
 
-#: A net's number, or a constant: "0", "1", "x" or "z".
+#: A bit: its number in yosys' JSON, or a constant "0", "1", "x" or "z".
 Bit = int | str
 
-#: The inputs on which each output of an unclocked cell depends.
+#: The inputs on which an unclocked cell's outputs depend, keyed by cell type and output.
 _CARRY = ("CIN", "A0", "B0", "C0", "D0")
 COMBINATIONAL: Mapping[str, Mapping[str, tuple[str, ...]]] = {
     "LUT4": {"Z": ("A", "B", "C", "D")},
@@ -26,18 +26,18 @@ COMBINATIONAL: Mapping[str, Mapping[str, tuple[str, ...]]] = {
     "CCU2C": {"S0": _CARRY, **dict.fromkeys(("S1", "COUT"), (*_CARRY, "A1", "B1", "C1", "D1"))},
     "INV": {"Z": ("A",)},
 }
-#: Cell types that pass a clock on, such as buffers.
+#: Cell types that buffer a clock, with their input and output.
 CLOCK_BUFFERS = {"DCCA": ("CLKI", "CLKO")}
-#: Cell types whose outputs are clocks, and the outputs of these cells that are levels.
+#: Cell types whose outputs are clocks, with those outputs that are levels instead.
 CLOCK_SOURCES = {"EHXPLLL": {"LOCK", "INTLOCK", "REFCLK"}, "OSCG": set[str]()}
-#: Cell types at pins, and their port at the pin.
+#: Cell types at the chip's pins, with their port at the pin.
 PINS = {"BB": "B", "TRELLIS_IO": "B", "IB": "I", "OB": "O", "OBZ": "O"}
-#: Cell types that send two bits per clock: their ports of the clock, of the bits, and of the asynchronous reset.
+#: Cell types that output two bits per clock: ports of clock, bits and asynchronous reset.
 OUTPUT_CELLS = {"ODDRX1F": ("SCLK", ("D0", "D1"), "RST")}
 
 
 class Pin(NamedTuple):
-    """A pin of a cell: a port and the index `place` of a bit."""
+    """A pin of a cell: one bit of a port, with the index `place`."""
 
     cell: str
     port: str
@@ -46,28 +46,29 @@ class Pin(NamedTuple):
 
 @dataclass(frozen=True)
 class Cell:
-    """An instance with its type, its parameters as yosys writes them, and the bits at each port."""
+    """A cell instance: type, parameters as yosys writes them, and the bits at each port."""
 
     kind: str
     parameters: Mapping[str, str]
     connections: Mapping[str, list[Bit]]
-    source: str = ""  # file and line of the RTL, where yosys tells it
+    # File and line in the RTL, if yosys reports them.
+    source: str = ""
 
     def bit(self, port: str) -> Bit:
-        """Return the bit at a one-bit port; "0" if unconnected."""
+        """Return the bit at a one-bit port, or "0" if unconnected."""
         return self.connections.get(port, ["0"])[0]
 
     def choice(self, name: str) -> str:
-        """Return a parameter that is a text, or ""."""
+        """Return a text parameter, or "" if the cell lacks it."""
         return self.parameters.get(name, "").strip()
 
     def number(self, name: str) -> int:
-        """Return a parameter that is a binary number, or 0."""
+        """Return a binary parameter, or 0 if the cell lacks it."""
         return int(self.parameters.get(name, "0"), 2)
 
 
 class Register(NamedTuple):
-    """A flip-flop with its name, cell and clock, and the bit that the flip-flop samples."""
+    """A flip-flop: its name, cell and clock, and the bit `data` that it samples."""
 
     name: str
     cell: Cell
@@ -81,7 +82,7 @@ class Register(NamedTuple):
 
 
 class Sampled(NamedTuple):
-    """An input that a clock samples."""
+    """A sampled input: its pin, bit and clock."""
 
     pin: Pin
     bit: Bit
@@ -89,7 +90,7 @@ class Sampled(NamedTuple):
 
 
 class Source(NamedTuple):
-    """A source of the logic before a bit: a register, a memory's content (`memory`), or a level without a `clock`."""
+    """A source of logic: a register, the content of a memory (`memory`), or a level (`clock` is None)."""
 
     name: str
     clock: Bit | None
@@ -98,10 +99,10 @@ class Source(NamedTuple):
 
 
 class Netlist:
-    """A flat netlist, in which a bit has one driver and any number of readers."""
+    """A flat netlist. Each bit has one driver and any number of readers."""
 
     def __init__(self, module: Mapping[str, Any]) -> None:
-        """Read yosys' module; raise LippmannError for a cell type that this module does not know."""
+        """Read a module of yosys' JSON; raise LippmannError for a cell type unknown to gates.py."""
         self.cells = {
             name: Cell(cell["type"], cell["parameters"], cell["connections"], _source(cell.get("attributes", {})))
             for name, cell in module["cells"].items()
@@ -144,19 +145,19 @@ class Netlist:
         return bit
 
     def name(self, bit: Bit | None) -> str:
-        """Return a bit's shortest name in the sources, or else the place of its register in the sources."""
+        """Return a bit's shortest name in the RTL, or the cell that drives an unnamed bit."""
         name = self.names.get(bit, str(bit)) if bit is not None else "pin"
         if not _is_made(name) or bit not in self.driver:
             return name
         return self.described(self.driver[bit].cell)
 
     def described(self, cell: str) -> str:
-        """Return a cell's name, or its place in the sources if yosys composed the name."""
+        """Return a cell's name or, if yosys composed the name, the cell's type and line in the RTL."""
         source = self.cells[cell].source
         return f"{self.cells[cell].kind} of {source}" if source and _is_made(cell) else cell
 
     def sampled(self) -> Iterator[Sampled]:
-        """Yield the inputs that are sampled by clocks, except asynchronous resets."""
+        """Yield the inputs that clocks sample, except asynchronous resets."""
         for name, cell in self.cells.items():
             for port, clock in _clocks_of_inputs(cell).items():
                 where = self.clock(clock)
@@ -164,7 +165,7 @@ class Netlist:
                     yield Sampled(Pin(name, port, index), bit, where)
 
     def block_memories(self) -> Iterator[tuple[str, Bit, Bit]]:
-        """Yield the block memories that are written by one clock and read by another clock, with both clocks."""
+        """Yield the names of block memories whose write and read clocks differ, with both clocks."""
         for name, cell in self.cells.items():
             if cell.kind == "DP16KD":
                 clocks = self.clock(cell.bit("CLKA")), self.clock(cell.bit("CLKB"))
@@ -172,7 +173,7 @@ class Netlist:
                     yield name, *clocks
 
     def asynchronous_resets(self) -> Iterator[Sampled]:
-        """Yield the asynchronous resets, each with the clock of the registers that it resets."""
+        """Yield all inputs of asynchronous resets, each with the clock of the reset cell."""
         for name, cell in self.cells.items():
             if cell.kind == "TRELLIS_FF" and cell.choice("SRMODE") == "ASYNC":
                 yield Sampled(Pin(name, "LSR"), cell.bit("LSR"), self.clock(cell.bit("CLK")))
@@ -189,7 +190,7 @@ class Netlist:
         return Register(pin.cell, cell, self.clock(cell.bit("CLK")), cell.bit("DI"))
 
     def before(self, bit: Bit) -> tuple[list[Bit], list[Source]]:
-        """Return the bits on which a bit directly depends, and its sources; a constant has neither."""
+        """Return the inputs of the logic that drives a bit, and the sources that drive the bit."""
         if not isinstance(bit, int):
             return [], []
         pin = self.driver.get(bit)
@@ -210,7 +211,7 @@ class Netlist:
         elif cell.kind == "TRELLIS_DPR16X4":
             inner = list(cell.connections["RAD"])
             sources = [Source(pin.cell, self.clock(cell.bit("WCK")), pin.cell, memory=True)]
-        elif (clock := _clock_of_output(cell, pin.port)) is None:  # a multiplier without registers
+        elif (clock := _clock_of_output(cell, pin.port)) is None:  # a multiplier that uses no registers
             inner = [one for port, bits in cell.connections.items() if re.match(r"[AB]\d", port) for one in bits]
         else:
             sources = [Source(self.name(bit), self.clock(clock), pin.cell)]
@@ -218,16 +219,16 @@ class Netlist:
 
     @cached_property
     def _order(self) -> list[Bit]:
-        """The bits that cells read or drive, each after the bits on which it depends."""
+        """All bits that cells read or drive, each after the bits on which it depends."""
         graph = {bit: self.before(bit)[0] for bit in (*self.driver, *self.readers)}
         try:
             return list(TopologicalSorter(graph).static_order())
         except CycleError as error:
             loop = self.name(error.args[1][0])
-            raise LippmannError(f"the netlist has a loop of logic at {loop}; break the loop by a register") from None
+            raise LippmannError(f"the netlist has a loop of logic at {loop}; break the loop with a register") from None
 
     def collect(self, value: Callable[[Source], Bit | None]) -> dict[Bit, frozenset[Bit | None]]:
-        """Return a value computed from the sources before each bit that a cell reads or drives."""
+        """Return the set of `value(source)` for the sources before each bit, keyed by bit."""
         values: dict[Bit, frozenset[Bit | None]] = {}
         for bit in self._order:
             inner, sources = self.before(bit)
@@ -236,11 +237,11 @@ class Netlist:
 
     @cached_property
     def clocks(self) -> dict[Bit, frozenset[Bit | None]]:
-        """The clocks of the sources before each bit that a cell reads or drives; None for pins and other levels."""
+        """The clocks of the sources before each bit that a cell reads or drives; None for levels such as pins."""
         return self.collect(lambda source: source.clock)
 
     def ends(self, bits: Iterable[Bit]) -> dict[Bit, list[Source]]:
-        """Return the bits at which the logic before some bits begins, with these bits' sources."""
+        """Return the bits at which the logic before some bits begins, each with its sources."""
         ends: dict[Bit, list[Source]] = {}
         visited: set[Bit] = set()
         todo = list(bits)
@@ -255,11 +256,11 @@ class Netlist:
         return ends
 
     def sources(self, bits: Iterable[Bit]) -> list[Source]:
-        """Return all sources before some bits."""
+        """Return all sources of the logic before some bits."""
         return list(dict.fromkeys(chain.from_iterable(self.ends(bits).values())))
 
     def straight(self, bit: Bit) -> Bit:
-        """Return the bit that a bit equals or inverts, because a lookup table of one input has no glitch."""
+        """Return the bit before inverters and one-input lookup tables, which cause no glitches."""
         while True:
             pin = self.driver.get(bit)
             if pin is None or self.cells[pin.cell].kind not in ("LUT4", "INV"):
@@ -270,7 +271,7 @@ class Netlist:
             bit = inner.pop()
 
     def value(self, bit: Bit, values: dict[Bit, int]) -> int:
-        """Return the value of a bit of logic; `values` has the sources' values. Raises KeyError if one is missing."""
+        """Evaluate a bit of logic from `values` of the sources; raise KeyError if a source has no value."""
         if isinstance(bit, str):
             return int(bit == "1")
         if bit not in values:
@@ -284,7 +285,7 @@ class Netlist:
 
 
 def read_netlist(path: Path, top: str | None = None) -> Netlist:
-    """Read yosys' netlist; `top` chooses between modules with cells. Raises InputError if this is not one."""
+    """Read yosys' netlist; `top` names the module if several have cells. Raises InputError for an invalid file."""
     try:
         content = json.loads(path.read_text())
     except (OSError, ValueError) as error:
@@ -296,36 +297,34 @@ def read_netlist(path: Path, top: str | None = None) -> Netlist:
         tops = [name for name in names if name == top or (top is None and "top" in marks[name])]
         tops = names if top is None and len(names) == 1 else tops
         if len(tops) != 1:
-            raise input_error(str(path), f"the netlist has {', '.join(names) or 'no module'}", "choose one with --top")
+            raise input_error(str(path), f"the netlist has {', '.join(names) or 'no module'}", "choose with --top")
         return Netlist(modules[tops[0]])
     except (AttributeError, IndexError, KeyError, TypeError, ValueError):
-        raise input_error(str(path), "this is not a netlist of yosys", "write one with synth_ecp5 -json") from None
+        raise input_error(str(path), "this is not a netlist of yosys", "write it with synth_ecp5 -json") from None
 
 
 def _indexed(name: str, bits: list[Bit]) -> list[tuple[str, Bit]]:
-    """Return the name of each bit of a port or net."""
     return [(name if len(bits) == 1 else f"{name}[{index}]", bit) for index, bit in enumerate(bits)]
 
 
 def _is_made(name: str) -> bool:
-    """Return whether yosys composed a name from the names of cells."""
+    """Return whether yosys composed a name, which the RTL does not have."""
     return bool(re.search(r"_(TRELLIS|LUT4|CCU2C|PFUMX|L6MUX|MULT18|DP16KD|DPR16|WAD|RAD|DI|DO)", name)) or "$" in name
 
 
 def _rank(name: str) -> tuple[bool, bool, int]:
-    """Return the sort key of a bit's names: names of the sources first, then short names first."""
+    """Return the sort key of a bit's names: the RTL's names first, then short names first."""
     return _is_made(name), "." in name and "_q" not in name, len(name)
 
 
 def _source(attributes: Mapping[str, str]) -> str:
-    """Return the first place in the RTL that a cell names."""
+    """Return the first file and line of the RTL in a cell's attributes."""
     places = attributes.get("src", "").split("|")
     first = next((place for place in places if not place.startswith("/share/")), "")
     return re.sub(r"^(.*?:\d+).*", r"\1", first.rpartition("/")[2])
 
 
 def _evaluated(cell: Cell, output: str, values: Mapping[str, int]) -> int:
-    """Return the value of an output of a logic cell."""
     if cell.kind == "INV":
         return 1 - values["A"]
     if cell.kind == "LUT4":
@@ -347,13 +346,13 @@ def _evaluated(cell: Cell, output: str, values: Mapping[str, int]) -> int:
 
 
 def _clock_of_rank(cell: Cell, rank: str) -> Bit | None:
-    """Return the clock of one stage of a multiplier's registers, or None."""
+    """Return the clock of a multiplier's register stage, or None if it is not used."""
     name = cell.choice(f"REG_{rank}_CLK")
     return None if name in ("", "NONE") else cell.bit(name)
 
 
 def _clocks_of_inputs(cell: Cell) -> dict[str, Bit]:
-    """Return a cell's inputs that are sampled by clocks, with these clocks."""
+    """Return the clocks at which a cell's inputs are sampled, keyed by port."""
     ports = cell.connections
     if cell.kind == "TRELLIS_FF":
         used = ["DI", "CE"] if cell.choice("CEMUX") in ("CE", "INV") else ["DI"]
@@ -364,11 +363,11 @@ def _clocks_of_inputs(cell: Cell) -> dict[str, Bit]:
         return dict.fromkeys(("DI", "WAD", "WRE"), cell.bit("WCK"))
     if cell.kind == "DP16KD":
         sides = {port: side[1] for port in ports if (side := re.fullmatch(r"(?:DI|AD|O?CE|WE|RST|CS)([AB])\d*", port))}
-        # Words of 36 bits are written through both halves by the clock of port A.
+        # With 36-bit words, the clock of port A samples the data of both ports.
         by_a = {port for port, side in sides.items() if side == "A" or (port[:3] == "DIB" and _is_wide(cell))}
         return {port: cell.bit("CLKA" if port in by_a else "CLKB") for port in sides}
     if cell.kind == "MULT18X18D":
-        # An operand's first register is at the input, in the middle, or at the product.
+        # Of a multiplier's registers (inputs, middle, product), the first one samples an operand.
         later = _clock_of_rank(cell, "PIPELINE") or _clock_of_rank(cell, "OUTPUT")
         clocks = {letter: _clock_of_rank(cell, f"INPUT{letter}") or later for letter in "AB"}
         return {port: clock for port in ports if re.match(r"[AB]\d", port) and (clock := clocks[port[0]]) is not None}
@@ -383,7 +382,7 @@ def _is_wide(cell: Cell) -> bool:
 
 
 def _clock_of_output(cell: Cell, port: str) -> Bit | None:
-    """Return the clock at which an output changes; None for a multiplier without registers."""
+    """Return the clock at which an output changes, or None for a multiplier that uses no registers."""
     if cell.kind == "TRELLIS_FF":
         return cell.bit("CLK")
     if cell.kind == "DP16KD":

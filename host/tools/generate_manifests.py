@@ -1,4 +1,4 @@
-"""Writes the lists of the RTL's files for other tools, from rtl/sources.toml (`make manifests`)."""
+"""Writes lists of the RTL's files for other tools, from rtl/sources.toml (`make manifests`)."""
 
 from __future__ import annotations
 
@@ -13,12 +13,12 @@ from tools.generate_registers import render_template
 from tools.program import program
 
 _BY = "Generated from rtl/sources.toml by `make manifests`; do not edit."
-#: File of ports of a device's cells, in the device's folder, for tools without a cell library (yosys with slang).
+#: File in a device's folder with the ports of its cells, for tools without a cell library (yosys with slang).
 BLACK_BOXES = "black_boxes.v"
 
 
 def manifests(top: Path) -> dict[Path, str]:
-    """Return each manifest's text by its path; raise LippmannError when rtl/sources.toml does not name every file."""
+    """Return the manifests' texts, keyed by path; raise LippmannError if rtl/sources.toml does not name every file."""
     devices = rtl_folders(top, devices=True)
     replaced = {path.name for cells in devices.values() for path in cells}
     shared, generic = (

@@ -1,6 +1,6 @@
-"""Writes RTL, host data and documentation from the single definition rtl/registers.rdl (`make registers`)."""
+"""Writes RTL, host data and documentation of the registers from rtl/registers.rdl (`make registers`)."""
 
-# This module does not import lippmann.fixed.registers: a missing or invalid data file must not stop its generator.
+# Do not import lippmann.fixed.registers here: its data file, which this module writes, may be missing or invalid.
 
 from __future__ import annotations
 
@@ -29,13 +29,15 @@ _SPDX = "// SPDX-License-Identifier: Apache-2.0\n"
 
 
 class _Map(NamedTuple):
-    """An address map of the definition, and the files that are made from it."""
+    """An address map of registers.rdl, and the files that are made from it."""
 
     name: str
-    rtl_map: str  # the part of the map that becomes SystemVerilog
-    data: str  # in DATA
-    page: str  # in PAGES; also the name of its template
-    base: int  # its address on the board
+    # The inner map that becomes SystemVerilog.
+    rtl_map: str
+    data: str  # file in DATA
+    # Name of the file in PAGES, and of its template.
+    page: str
+    base: int  # the map's first address on the board
 
 
 _MAPS = (
@@ -44,12 +46,12 @@ _MAPS = (
     _Map("scene_block", "scene_registers", "scene.json", "scene-registers.md", 0x400),
 )
 
-#: A register or a field in the form that lippmann.fixed.registers reads, without default values.
+#: A register or a field as lippmann.fixed.registers reads it; keys with default values are left out.
 _Entry = dict[str, Any]
 
 
 def generate(top: Path, into: Path) -> list[Path]:
-    """Write all files of the definition in `top` into `into`; return the paths. Raises InputError if it is invalid."""
+    """Write all files of the definition in `top` into `into`; return the paths; raise InputError if it is invalid."""
     try:
         from peakrdl_regblock.udps import ALL_UDPS  # type: ignore[import-untyped]
         from systemrdl.compiler import RDLCompiler
@@ -79,7 +81,7 @@ def generate(top: Path, into: Path) -> list[Path]:
                 for entry in range(register.get("entries", 1))
             }
     except RDLCompileError:
-        raise InputError(f"{SOURCE} is invalid: see the messages above") from None
+        raise InputError(f"{SOURCE} is invalid; correct the errors listed above") from None
     firsts = sorted(at for at in writable if at - 4 not in writable)
     lasts = sorted(at for at in writable if at + 4 not in writable)
     ranges = [f"[11'h{first:03X}:11'h{last:03X}]" for first, last in zip(firsts, lasts, strict=True)]
@@ -92,7 +94,7 @@ def generate(top: Path, into: Path) -> list[Path]:
 
 
 def _rtl(root: Any) -> dict[Path, str]:
-    """Return the register block, an APB4 completer, and its package."""
+    """Return a map's register block, which is an APB4 completer, and its package."""
     from peakrdl_regblock import RegblockExporter  # type: ignore[import-untyped]
     from peakrdl_regblock.cpuif.apb4 import APB4_Cpuif_flattened  # type: ignore[import-untyped]
 
@@ -116,11 +118,11 @@ def _rtl(root: Any) -> dict[Path, str]:
 
 
 def _registered_decode(block: str) -> str:
-    """Return PeakRDL's register block with a register behind its address decoder.
+    """Return PeakRDL's register block with registers added behind its address decoder.
 
-    The decoder drives the enables of all fields across the device; without the register this path limits the clock. An
-    access takes one clock more; address and data are stable until the access is answered. A strobe's register is set
-    for writes only, since reads do not use the strobe; the data are masked in the same clock.
+    The decoder drives the enables of all fields across the device; without the registers, this path limits the clock.
+    An access takes one clock more; address and data are stable until the access is answered. A strobe is registered for
+    writes only, because reads do not use it. Write data are masked in the same clock.
     """
     before, decode, after = re.split("    // (?:Address Decode|Field logic)\n", block)
     decode, counts = re.subn(r"(decoded_reg_strb\S* |decoded_err )= ", r"\1<= ", decode)
@@ -156,7 +158,7 @@ def _registered_decode(block: str) -> str:
 
 
 def _registers(node: Any, group: str = "", title: str = "") -> Iterator[tuple[str, _Entry]]:
-    """Yield name and entry of each register and memory in an address map or a group."""
+    """Yield the name and entry of each register and memory in an address map or a group."""
     from systemrdl.node import AddrmapNode, MemNode, RegfileNode
 
     for child in node.children(unroll=True):
@@ -186,9 +188,9 @@ def _access(readable: bool, writable: bool) -> str:
 def _field(node: Any, access: str) -> _Entry:
     description = node.get_property("desc")
     if not description:
-        raise InputError(f"{SOURCE}: field {node.get_path()} has no description (desc)")
+        raise InputError(f"{SOURCE}: field {node.get_path()} has no description; add desc")
     if _access(node.is_sw_readable, node.is_sw_writable) != access:
-        raise InputError(f"{SOURCE}: field {node.get_path()} differs in access from its register, which has {access}")
+        raise InputError(f"{SOURCE}: field {node.get_path()} must have its register's access, {access}")
     names = [(member.value, member.name) for member in node.get_property("encode") or ()]
     if names:
         description += f" {', '.join(f'{value} {name}' for value, name in names)}."
@@ -215,7 +217,7 @@ def render_template(template: str, **names: Any) -> str:
 
 @program
 def main(folder: Path | None = argument(default=None)) -> None:
-    """Write every file that is made from rtl/registers.rdl into the checkout, or into FOLDER with the same paths.
+    """Write every file that is made from rtl/registers.rdl into the checkout, or with the same paths into FOLDER.
 
     Example: python -m tools.generate_registers
     """

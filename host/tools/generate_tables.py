@@ -1,7 +1,7 @@
-"""Writes the code's declarations into the documentation: key tables and JSON Schemas of TOML files, points, promises.
+"""Writes tables from the code into the documentation: keys of TOML files, JSON Schemas, coverage points, promises.
 
-`make docs-tables` fills pages: with keys between `<!-- keys: FILE TABLE -->` and `<!-- end of keys -->`, with the
-coverage points between `<!-- points -->` and `<!-- end of points -->`, and in this way with hard cases and promises.
+`make docs-tables` writes tables of keys between `<!-- keys: FILE TABLE -->` and `<!-- end of keys -->` in pages, and
+coverage points between `<!-- points -->` and `<!-- end of points -->`. Hard cases and promises have such marks too.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ FILE = Path("docs/promises.toml")
 
 
 def generate(top: Path) -> dict[Path, str]:
-    """Return the text of every schema and of every page with filled tables, keyed by the path in the checkout."""
+    """Return the texts of all schemas, and of all pages that have tables, keyed by the path in the checkout."""
     texts = {SCHEMAS / f"{kind}.json": json.dumps(schema_of(kind), indent=2) + "\n" for kind in FILES}
     texts |= {COMMAND_PAGES / f"{name}.md": command_page(name) for name in COMMANDS}
     lists: dict[str, Callable[[], str]] = {"cases": _cases, "points": _points, "promises": partial(promises_table, top)}
@@ -49,7 +49,7 @@ def generate(top: Path) -> dict[Path, str]:
 
 
 def command_page(name: str) -> str:
-    """Return the page of a command: help and options of the command and of its sub-commands."""
+    """Return a command's page: help and options of the command and of its sub-commands."""
     top = click.Context(cli, info_name="lippmann", **cli.context_settings)
     command = cli.get_command(top, name)
     assert command is not None
@@ -64,7 +64,7 @@ def command_page(name: str) -> str:
 
 
 def _help(command: click.Command, context: click.Context) -> Iterator[str]:
-    """Yield the paragraphs of a command's help, with its example as code, and the table of its options."""
+    """Yield the paragraphs of a command's help, the example as code, and the table of the options."""
     for paragraph in inspect.cleandoc(command.help or "").split("\n\n"):
         text = " ".join(paragraph.split())
         example = text.removeprefix("Example: ")
@@ -76,24 +76,22 @@ def _help(command: click.Command, context: click.Context) -> Iterator[str]:
 
 
 def _cases() -> str:
-    """Return the table of the hard cases that `lippmann vectors` writes."""
     rows = (f"| `{name}` | {(inspect.getdoc(case) or '').splitlines()[0]} |\n" for name, case in CASES.items())
     return f"| case | rays or displays |\n|---|---|\n{''.join(rows)}"
 
 
 def _points() -> str:
-    """Return the table of the coverage points of `lippmann regress`."""
     beyond = {name: f"no: {why}" for name, why in BEYOND_WORDS.items()}
     rows = (f"| `{name}` | {meaning} | {beyond.get(name, '')} |\n" for name, meaning in POINTS.items())
     return f"| point | met by | in words |\n|---|---|---|\n{''.join(rows)}"
 
 
 def _filled(place: re.Match[str]) -> str:
-    """Return a marked part of a page with its table, in which keys that replace each other are neighbours."""
+    """Return a marked part of a page with its table of keys; alternative keys are in adjacent rows."""
     kind, name = place[2], place[3]
     schemas = dict(tables(schema_of(kind))) if kind in FILES else {}
     if name not in schemas:
-        raise input_error(place[1].strip(), "no such table", f"choose from {', '.join(filter(None, schemas))}")
+        raise input_error(place[1].strip(), "there is no such table", f"choose from {', '.join(filter(None, schemas))}")
     properties, required = schemas[name]["properties"], schemas[name].get("required", ())
     groups = {group[0]: group for group, _ in rivals(schemas[name])}
     replaced = {key for group in groups.values() for key in group[1:]}
@@ -101,7 +99,7 @@ def _filled(place: re.Match[str]) -> str:
     for word in (word for first in properties if first not in replaced for word in groups.get(first, [first])):
         node = properties[word]
         if not name and ("properties" in node or "properties" in (node.get("items") or {})):
-            continue  # it has a table of its own
+            continue  # this key has a separate table
         default = node.get("x-default", _toml(node.get("default", "")))
         if word in required:
             default = "*required*"
@@ -113,7 +111,7 @@ def _filled(place: re.Match[str]) -> str:
 
 
 def _value(node: Schema) -> str:
-    """Return the text of a key's allowed values, without bounds that only prevent overflow."""
+    """Return words for a key's allowed values; bounds that only prevent overflow are left out."""
     if "anyOf" in node:
         return " or ".join(_value(option) for option in node["anyOf"])
     if "enum" in node:
@@ -143,25 +141,25 @@ def _toml(value: object) -> str:
 @documented
 @dataclass(frozen=True, kw_only=True)
 class Promise:
-    """A promise that a page makes to users, and the tests that hold it."""
+    """A promise that a page makes to users, and the tests that check it."""
 
-    page: Annotated[str, key("the page, from the top of the checkout")]
-    words: Annotated[str, key("words that the page has; line ends are spaces")]
-    kept_by: Annotated[tuple[str, ...], key("files that keep it: modules, RTL")]
-    tests: Annotated[tuple[str, ...], key("tests that hold it, `FILE::NAME`")]
-    points: Annotated[tuple[str, ...], key("coverage points that judged rays meet for it")] = ()
+    page: Annotated[str, key("the page's path in the checkout")]
+    words: Annotated[str, key("words of the page, with spaces for line ends")]
+    kept_by: Annotated[tuple[str, ...], key("files that fulfil the promise: modules, RTL")]
+    tests: Annotated[tuple[str, ...], key("tests that check the promise, `FILE::NAME`")]
+    points: Annotated[tuple[str, ...], key("coverage points that rays of these tests meet")] = ()
 
 
 @documented
 @dataclass(frozen=True, kw_only=True)
 class Promises:
-    """The file of promises."""
+    """The content of promises.toml."""
 
     promise: Annotated[tuple[Promise, ...], key("")]
 
 
 def promises_table(top: Path) -> str:
-    """Return the table of all promises; raise InputError if a page, quote, file, test or point is missing."""
+    """Return the table of promises; raise InputError if a page, its words, a file, a test or a point is missing."""
     path = top / FILE
     promises = toml.read(Promises, toml.load(path, "promises"), str(path)).promise
     rows = ["| promise | kept by | held by |\n|---|---|---|\n"]
@@ -178,7 +176,7 @@ def promises_table(top: Path) -> str:
 def _check(top: Path, promise: Promise, where: str) -> None:
     for file in (promise.page, *promise.kept_by, *(test.partition("::")[0] for test in promise.tests)):
         if not (top / file).is_file():
-            raise input_error(where, f"there is no file {file}", "write its current path")
+            raise input_error(where, f"there is no file {file}", "give its current path")
     if promise.words not in " ".join((top / promise.page).read_text().split()):
         raise input_error(f"{where}.words", f"{promise.page} does not say '{promise.words}'", "quote its current words")
     for test in promise.tests:
@@ -199,7 +197,7 @@ def _from_page(file: str) -> str:
 
 @program
 def main() -> None:
-    """Write key tables and JSON Schemas into the checkout.
+    """Write the documentation's tables and JSON Schemas into the checkout.
 
     Example: python -m tools.generate_tables
     """

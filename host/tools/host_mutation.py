@@ -1,8 +1,8 @@
-"""Puts faults into the host's Python one at a time and counts how many the quick tests catch (`make mutation-host`).
+"""Puts faults into the host's Python, one at a time, and counts those that quick tests catch (`make mutation-host`).
 
-A fault swaps an operator, changes a number, a sign or a comparison, negates a condition, swaps two arguments or drops a
-statement, in a copy of the checkout; docstrings, annotations, decorators and texts of errors are not changed. Tests of
-tests/host that execute the line in their own process run up to the first failure, then the tests of `LAST`.
+In a copy of the checkout, a fault changes an operator, a number or a sign, negates a condition, exchanges two arguments
+or removes a statement, but not in docstrings, annotations, decorators or error messages. The tests of tests/host that
+execute the line in their own process run first, up to a failure, then the tests in `LAST`.
 """
 
 from __future__ import annotations
@@ -26,18 +26,18 @@ from tools.mutation_runner import FEW, Fault, Scratch, Trial, read_equivalent_fa
 from tools.program import program
 
 PACKAGE = Path("host/lippmann")
-#: Areas of the package, which get equal numbers of faults.
+#: Areas (folders) of the package; each gets the same number of faults.
 AREAS = ("display", "optics", "fixed", "board", "rendering")
-#: Tests that run last, by room: they simulate the RTL.
+#: Tests that simulate the RTL and run last, keyed by area.
 LAST = {"fixed": ("tests/rtl/test_batch.py", "tests/rtl/raster"), "board": ("tests/system",)}
-#: The tests that run first (without the tests of this program), and the options that record their coverage.
+#: Arguments of pytest: the tests that run first (not this program's), and options that record coverage.
 TESTS = ("tests/host", "--ignore=tests/host/test_host_mutation.py")
 MEASURED = ("--cov=host/lippmann", "--cov-context=test", "--cov-report=", "-p", "no:cacheprovider")
 
 #: Faults that no test can detect, because the results do not change.
 SAME = read_equivalent_faults("host")
 
-#: Operators, each with the wrong operator that replaces it.
+#: Operators, each with its text and the wrong operator that replaces it.
 SWAPS: dict[type[ast.AST], tuple[str, str]] = {
     ast.Add: ("+", "-"), ast.Sub: ("-", "+"), ast.Mult: ("*", "/"), ast.Div: ("/", "*"), ast.FloorDiv: ("//", "*"),
     ast.Mod: ("%", "*"), ast.Pow: ("**", "*"), ast.LShift: ("<<", ">>"), ast.RShift: (">>", "<<"),
@@ -47,12 +47,12 @@ SWAPS: dict[type[ast.AST], tuple[str, str]] = {
     ast.In: ("in", "not in"), ast.NotIn: ("not in", "in"),
 }  # fmt: skip
 
-#: An edit: begin and end in a file, and the new text.
+#: An edit: begin and end position in a file, and the new text.
 Edit = tuple[int, int, str]
 
 
 def faults_of(path: Path, file: str) -> list[Fault]:
-    """Return every fault of a Python file (`file` in the report); a few faults change nothing or are invalid Python."""
+    """Return all faults for a Python file, named `file` in reports; a few change nothing or are invalid."""
     source, faults = path.read_text(), []
     tree = ast.parse(source)
     for begin, end, new in sorted(set(_edits(source, ASTText(source, tree).get_text_range, tree))):
@@ -63,7 +63,7 @@ def faults_of(path: Path, file: str) -> list[Fault]:
 
 
 def differs(fault: Fault, text: str) -> bool:
-    """Return whether a file's text with a fault is a different, valid Python program."""
+    """Return whether a fault turns a file's text into a different and valid Python program."""
     try:
         return ast.dump(ast.parse(fault.changed(text))) != ast.dump(ast.parse(text))
     except SyntaxError:
@@ -71,7 +71,7 @@ def differs(fault: Fault, text: str) -> bool:
 
 
 def _edits(source: str, span: Callable[[ast.AST], tuple[int, int]], node: ast.AST) -> Iterator[Edit]:
-    """Yield the edits of a node and of the nodes below it; `span` returns a node's begin and end in the file."""
+    """Yield the edits for a syntax node and the nodes below it; `span` returns a node's begin and end position."""
 
     def text(part: ast.AST) -> str:
         return source[slice(*span(part))]
@@ -105,7 +105,7 @@ def _edits(source: str, span: Callable[[ast.AST], tuple[int, int]], node: ast.AS
 
 
 def _operators(node: ast.AST) -> Iterable[tuple[ast.AST, ast.AST, ast.AST]]:
-    """Return a node's own operators, each with the operands beside it."""
+    """Return a node's operators, each between its left and right operands."""
     match node:
         case ast.BinOp(left=before, op=op, right=after) | ast.AugAssign(target=before, op=op, value=after):
             return [(before, op, after)]
@@ -121,9 +121,10 @@ def _is_cast(node: ast.Call) -> bool:
 
 
 def _below(node: ast.AST) -> Iterable[ast.AST]:
-    """Return a node's children that may get faults: no annotations, decorators, or texts of errors."""
+    """Return a node's children that may get faults: not annotations, decorators and error messages."""
     match node:
-        case ast.Raise() | ast.JoinedStr() | ast.AnnAssign(value=None):  # 3.11 does not place the parts of f-strings
+        # Python 3.11 gives no positions in f-strings.
+        case ast.Raise() | ast.JoinedStr() | ast.AnnAssign(value=None):
             return ()
         case ast.AnnAssign(value=ast.AST() as value):
             return (value,)
@@ -140,15 +141,15 @@ def _below(node: ast.AST) -> Iterable[ast.AST]:
 
 
 class Reach:
-    """The tests that execute each line of the package, recorded in one run without a fault."""
+    """The tests that execute each line of the package, as recorded in one run without faults."""
 
     def __init__(self, scratch: Scratch) -> None:
-        log("running the tests once, to see which of them execute each line")
+        log("running the tests once, to record which tests execute each line")
         scratch.run([*MEASURED, *TESTS], scratch.jobs)
         self._data = coverage.CoverageData(str(scratch.folder / ".coverage"))
         self._data.read()
         self._folder = scratch.folder
-        # A test that executes few lines of the package is quick, and most specific to these lines.
+        # Count each test's lines; tests of few lines are quick and specific, and run first.
         self._lines = Counter(
             test
             for file in self._data.measured_files()
@@ -157,7 +158,7 @@ class Reach:
         )
 
     def tests(self, fault: Fault) -> list[str]:
-        """Return the tests that execute a fault's line or, if the line runs only at import, any line of its file."""
+        """Return the tests that execute a fault's line or, if the line runs only at import, any line of the file."""
         contexts = self._data.contexts_by_lineno(str(self._folder / fault.file))
         lines = range(fault.line, fault.line + fault.was.count("\n") + 1)
         tests = {_test_of(context) for line in lines for context in contexts.get(line, ())} - {""}
@@ -169,19 +170,18 @@ _reach = cache(Reach)
 
 
 def _test_of(context: str) -> str:
-    """Return the test in a coverage context such as "tests/host/test_glass.py::test_index|run"."""
+    """Return the test's name from a coverage context such as "tests/host/test_glass.py::test_index|run"."""
     return context.rpartition("|")[0]
 
 
 def _last(file: str) -> list[str]:
-    """Return the tests of a file that simulate the RTL."""
     area, stem = Path(file).relative_to(PACKAGE).parts[0], Path(file).stem
     own = [f"tests/rtl/{stem}"] if area == "fixed" and (repository() / f"tests/rtl/{stem}").is_dir() else []
     return [*own, *LAST.get(area, ())]
 
 
 def fate(fault: Fault, scratch: Scratch) -> str:
-    """Return a fault's fate: 'caught' with the failed test, 'survived', or 'refused' if the fault changes nothing."""
+    """Return a fault's fate: "caught by" a test, "survived", or "refused" if the fault is no valid change."""
     if not differs(fault, (scratch.folder / fault.file).read_text()):
         return "refused"
     near = _reach(scratch).tests(fault)
@@ -189,7 +189,7 @@ def fate(fault: Fault, scratch: Scratch) -> str:
 
 
 def groups(top: Path) -> dict[str, list[Fault]]:
-    """Return the faults of each area."""
+    """Return all faults, keyed by area."""
     files = [path.relative_to(top) for path in sorted((top / PACKAGE).rglob("*.py"))]
     return {
         area: [fault for file in files if file.parts[2] == area for fault in faults_of(top / file, str(file))]
@@ -202,7 +202,7 @@ def main(
     count: int = option("Number of faults.", 60, click.IntRange(1)),
     trial: Trial = Trial,  # type: ignore[assignment]
 ) -> None:
-    """Put faults into the host's Python and report how many the quick tests catch.
+    """Put faults into the host's Python code, and report how many faults the quick tests catch.
 
     Example: python -m tools.host_mutation --count 5 --report out
     """

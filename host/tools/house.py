@@ -1,7 +1,7 @@
 """Checks the code's structure: `python -m tools.house`, a part of `make lint`.
 
-The program compares sizes, `Any` and refused names with the bounds of house.toml, and checks the rooms' names, files
-and chain of imports, and the RTL's lines and names. import-linter checks the import layers.
+The program compares sizes, uses of `Any` and refused names with house.toml's bounds. It checks names, files and import
+chain of the package's rooms (folders), and the RTL's lines and names. import-linter checks the import layers.
 """
 
 from __future__ import annotations
@@ -27,20 +27,20 @@ FUNCTIONS = ast.FunctionDef | ast.AsyncFunctionDef
 
 @dataclass
 class Sizes:
-    """The counts of a folder's Python files."""
+    """The sizes of a folder's Python files."""
 
     counts: Counter[str] = field(default_factory=Counter)
-    #: A text "file:line name, lines" for each of the `long_functions` and `refused_names`.
+    #: A text such as "file:line name" for each finding, keyed by `long_functions` or `refused_names`.
     places: dict[str, list[str]] = field(default_factory=lambda: defaultdict(list))
 
     @property
     def mean_line(self) -> float:
-        """Characters a line."""
+        """The mean number of characters per line."""
         return self.counts["characters"] / max(self.counts["lines"], 1)
 
     @property
     def comment_share(self) -> float:
-        """Comments a line."""
+        """The mean number of comments per line."""
         return self.counts["comments"] / max(self.counts["lines"], 1)
 
 
@@ -68,7 +68,7 @@ def measure_sizes(folder: Path, function_lines: int, refused: frozenset[str]) ->
 
 
 def bound_name(node: ast.AST) -> str | None:
-    """Return the name that a node defines, of a function, class, parameter or variable."""
+    """Return the name of the function, class, parameter or variable that a node defines, else None."""
     if isinstance(node, FUNCTIONS | ast.ClassDef):
         return node.name
     if isinstance(node, ast.arg):
@@ -77,18 +77,18 @@ def bound_name(node: ast.AST) -> str | None:
 
 
 def compare_sizes(name: str, sizes: Sizes, bounds: Mapping[str, int]) -> Iterator[str]:
-    """Yield a line for each count of a folder that is over its bound."""
+    """Yield a message for each count of a folder that exceeds its bound."""
     for key, bound in bounds.items():
         places = sizes.places[key]
         count = sizes.counts[key] or len(places)
         if count > bound:
             what = key.replace("_", " ")
-            yield f"{name}: {count} {what}, at most {bound}: remove code, or say why not in {BOUNDS.name}"
+            yield f"{name}: {count} {what}, at most {bound}: remove code, or raise the bound in {BOUNDS.name}"
             yield from (f"  {place}" for place in places)
 
 
 def check_style(sizes: Sizes, style: Mapping[str, float]) -> Iterator[str]:
-    """Yield a line if the package became denser: longer lines, or fewer comments."""
+    """Yield a message if the package's lines are too long, or its comments too few."""
     if sizes.mean_line > style["mean_line"]:
         yield f"package: {sizes.mean_line:.2f} characters a line, at most {style['mean_line']}"
     if sizes.comment_share < style["comment_share"]:
@@ -96,24 +96,25 @@ def check_style(sizes: Sizes, style: Mapping[str, float]) -> Iterator[str]:
 
 
 def check_rooms(package: Path, rooms: Mapping[str, Any]) -> Iterator[str]:
-    """Yield a line for each folder, file outside of the rooms, or file name that is not allowed."""
+    """Yield a message for each folder, file outside the rooms, or repeated file name that is not allowed."""
     loose = {path.stem for path in package.glob("*.py")}
     for name in sorted(loose ^ set(rooms["loose"])):
-        yield f"{name}.py: loose files of the package are {', '.join(rooms['loose'])}"
+        yield f"{name}.py: the package's files outside rooms must be {', '.join(rooms['loose'])}"
     folders = {path.parent.relative_to(package).as_posix() for path in package.rglob("*.py")} - {"."}
     for folder in sorted(folders ^ set(rooms["names"])):
-        yield f"{folder}: the rooms are {', '.join(rooms['names'])}, without folders of Python inside"
+        yield f"{folder}: the rooms are {', '.join(rooms['names'])}, without Python folders inside"
     places = defaultdict(list)
     for path in sorted(package.rglob("*.py")):
         if path.stem != "__init__" and path.parent != package:
             places[path.stem].append(path.parent.name)
     for stem, folders_of in sorted(places.items()):
-        if len(set(folders_of) - {"cli"}) > 1:  # a command's file has the command's name
-            yield f"{stem}.py stands in the rooms {' and '.join(folders_of)}: give one of them another name"
+        # Files in cli have the names of their commands.
+        if len(set(folders_of) - {"cli"}) > 1:
+            yield f"{stem}.py is in the rooms {' and '.join(folders_of)}: rename one of these files"
 
 
 def room_imports(package: Path) -> dict[str, set[str]]:
-    """Return the rooms that each room imports, without imports for annotations only."""
+    """Return the rooms that each room imports; imports for annotations only do not count."""
     rooms: dict[str, set[str]] = defaultdict(set)
     for path in package.rglob("*.py"):
         room = path.relative_to(package).parts[0].removesuffix(".py")
@@ -130,7 +131,7 @@ def room_imports(package: Path) -> dict[str, set[str]]:
 
 
 def longest_chain(imports: Mapping[str, set[str]], names: frozenset[str]) -> list[str]:
-    """Return the longest chain of rooms, each importing the next, without loose files."""
+    """Return the longest chain of rooms, each importing the next; files outside rooms do not count."""
 
     @cache
     def chain(room: str) -> list[str]:
@@ -141,9 +142,10 @@ def longest_chain(imports: Mapping[str, set[str]], names: frozenset[str]) -> lis
 
 
 def check_rtl(top: Path, columns: int, refused: frozenset[str]) -> Iterator[str]:
-    """Yield a line for each line of hand-written RTL that is too long, or that has a refused name."""
+    """Yield a message for each line of hand-written RTL that is too long or that has a refused name."""
     for path in sorted(path for folder in ("rtl", "sim") for path in (top / folder).rglob("*.sv")):
-        if path.parent.name == "registers":  # generated
+        # Skip generated RTL.
+        if path.parent.name == "registers":
             continue
         for number, line in enumerate(path.read_text().splitlines(), 1):
             place = f"{path.relative_to(top)}:{number}"
@@ -154,7 +156,7 @@ def check_rtl(top: Path, columns: int, refused: frozenset[str]) -> Iterator[str]
 
 
 def check_house(top: Path, bounds: Mapping[str, Any]) -> list[str]:
-    """Return the violations in a checkout, one line each."""
+    """Return the violations in a checkout, one message each."""
     style, refused = bounds["style"], frozenset(bounds["names"]["refused"])
     folders = {"package": top / "host/lippmann", "tools": top / "host/tools", "tests": top / "tests"}
     sizes = {name: measure_sizes(folder, style["function_lines"], refused) for name, folder in folders.items()}

@@ -1,4 +1,4 @@
-"""Compares eyes' views of drawn layers, and of a streamed frame, with the full render (`tools.bench layers`)."""
+"""Compares eyes' views of drawn layers, and of a streamed frame, with a full render (`tools.bench layers`)."""
 
 from __future__ import annotations
 
@@ -34,23 +34,23 @@ from scipy.ndimage import binary_erosion
 from tools.bench import MeasurementRun, measurement
 from tools.report_plots import draw_lines, make_page
 
-#: Files of the scenes, and the shapes that become a separate layer; then the displays.
+#: Scenes, each with its file and the shapes that become a separate layer (None: no separate layer).
 SCENES: dict[str, tuple[str, str | None]] = {
     "fish": ("fish", None), "fish apart": ("fish", "fish-*"), "chart": ("chart", None),
 }  # fmt: skip
 DISPLAYS = ("vga-square", "vga-hex")
-#: Scale of the scenes on these small displays, in mm per unit.
+#: Scale of the scenes on the small `DISPLAYS`, mm per unit.
 SCALE = 0.25
 #: Samples per texel, as in `lippmann layers`, and rays per pixel of a view.
 TEXEL_SAMPLES, VIEW_SAMPLES = 16, 16
-#: Light from behind, as a fraction of a view's pixel, above which the pixel is a hole.
+#: Fraction of light from behind the layers above which a view's pixel counts as a hole.
 HOLE = 0.01
-#: Baud rate of the serial line, and number of its bits per byte.
+#: Baud rate of the serial line, and number of bits on the line per byte.
 BAUD, BITS_A_BYTE = 3_000_000, 10
 
 
 def measure(folder: Path, seed: int) -> Iterator[dict[str, Any]]:
-    """Measure every scene on every display (see `measure_scene`)."""
+    """Yield the rows of every scene on every display (see `measure_scene`)."""
     for display_name in DISPLAYS:
         display = load_display(folder / f"displays/{display_name}.toml")
         for name, (file, apart) in SCENES.items():
@@ -70,12 +70,12 @@ def measure_scene(
     parts: Sequence[Scene] | None = None,
     settings: Settings | None = None,
 ) -> Iterator[dict[str, Any]]:
-    """Measure a streamed frame of a scene, then the scene's layers for each number and filter.
+    """Measure a streamed frame of a scene, then its layers for each number of layers and filter.
 
-    `parts` are the scene that is cut by depths and a separate layer; None: the complete scene is cut by depths. `drawn`
-    is "streamed" or a filter; `line_bytes` are the bytes of the first picture, `frame_bytes` those of each further
-    picture, in which a layer moves. `layer_count.row_of` describes the other columns; a streamed frame
-    has None where they do not apply.
+    `parts` has the scene to cut by depths and the separate layer; None: cut the complete scene by depths. `drawn` is
+    "streamed" or a filter. `line_bytes` is the first picture's size; `frame_bytes` is the size of each further picture,
+    in which a layer moves. `lippmann.layers.layer_count.row_of` describes the other columns; they are None for a
+    streamed frame if they do not apply.
     """
     settings = Settings(TEXEL_SAMPLES, seed=seed) if settings is None else settings
     cut_by_depth, apart = (scene, None) if parts is None else parts
@@ -87,14 +87,15 @@ def measure_scene(
         **dict.fromkeys(("load_bytes", "block_rams", "multipliers")), "line_bytes": size, "frame_bytes": size,
         "holes_percent": None,
     }  # fmt: skip
-    # The last word of a layer contains brightness and visibility, which do not change when the layer moves.
+    # A move does not write a layer's last word, which has brightness and visibility.
     move = len(packed(Kind.WRITE, 0, ADDRESS.pack(0) + bytes(4 * (LAYER_WORDS - 1))))
     for count in counts:
         if count == 1 and apart is not None:
             continue
         cut = cut_scene(cut_by_depth, display, count, slot, settings, apart)
         if len(cut.stack.layers) < count:
-            break  # the scene has no more depths
+            # The scene cannot be cut into more layers.
+            break
         for filter in FILTERS:
             views_db = decibels(draw_golden(display, cut.stack, filter, lines=lines), display, full)
             yield {
@@ -105,12 +106,12 @@ def measure_scene(
 
 
 def line_seconds(count: int) -> float:
-    """Return the time, s, of a number of bytes on a line at `BAUD`."""
+    """Return the time, s, that `count` bytes take on a line at `BAUD`."""
     return count * BITS_A_BYTE / BAUD
 
 
 def tile_bytes(frame: Any) -> int:
-    """Return the bytes on the line of a frame (height, width, 3) uint8, each tile in its shortest coding."""
+    """Return the number of bytes that stream a frame, (height, width, 3) uint8, each tile in its shortest coding."""
     grid = TileGrid(frame.shape[1], frame.shape[0])
     tiles = (code_tile(grid.cut(frame, tile)) for tile in range(grid.count))
     return sum(
@@ -120,7 +121,7 @@ def tile_bytes(frame: Any) -> int:
 
 
 def block_bytes(stack: LayerStack, slot: tuple[int, int]) -> int:
-    """Return the bytes on the line that load a stack's textures and palettes into slots."""
+    """Return the number of bytes that load the textures and palettes of a stack into slots."""
     build = SceneBuild(len(stack.layers), None, *slot)
     contents = (slot_bytes(layer, build).tobytes() for layer in stack.layers)
     return sum(
@@ -133,12 +134,12 @@ def block_bytes(stack: LayerStack, slot: tuple[int, int]) -> int:
 def hole_percent(
     scene: Scene, cut: Cut, display: Display, lines: Sequence[ExitLines], filter: Filter, settings: Settings
 ) -> float:
-    """Return the percentage of the pixels in the moving eye's views that show a hole.
+    """Return the percentage of pixels that show a hole, over the views of a moving eye.
 
-    A hole shows light from behind the first k layers, although every ray of the scene in the pixel and around it meets
-    a surface of the first k slabs. The surroundings of a pixel reach as far as layers displace surfaces for the eye,
-    plus a view's pixel. With a layer that was cut separately, whose slab overlaps
-    others, only light from behind all layers shows a hole.
+    A pixel shows a hole if light comes from behind the first k layers, although every ray of the scene in the pixel and
+    its surroundings meets a surface of the first k slabs. The surroundings are as wide as layers displace surfaces for
+    the eye, plus one pixel. With a separate layer, whose slab overlaps others, only light from behind all layers shows
+    a hole.
     """
     reach, window = reach_of(display), whole_window(display)
     half = 0.5 * window.width_mm, 0.5 * window.height_mm
@@ -170,7 +171,7 @@ def hole_percent(
 
 @measurement(page="layers")
 def layers(bench: MeasurementRun) -> tuple[Mapping[str, Any], Page]:
-    """Compare the eye's view of drawn layers and of a streamed frame with the full render.
+    """Compare eyes' views of drawn layers, and of a streamed frame, with a full render.
 
     Example: python -m tools.bench layers
     """
@@ -200,7 +201,7 @@ def layers_page(origin: Mapping[str, str], rows: Rows) -> Page:
 
 
 def draw_layers(rows: Rows) -> Plot:
-    """Draw the PSNR of layers against their number and block RAMs, and the streamed frame's PSNR, for each scene."""
+    """Draw each scene's PSNR with layers against the numbers of layers and block RAMs, and with a streamed frame."""
     scenes = groups(rows, "scene")
     picture, axes = make_axes(2, len(scenes), (4.4, 3.2))
     for across, scene in enumerate(scenes):

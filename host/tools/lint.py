@@ -1,4 +1,4 @@
-"""Lints every RTL module alone with Verilator: `python -m tools.lint`, a part of `make lint`."""
+"""Lints every RTL module separately with Verilator: `python -m tools.lint`, a part of `make lint`."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from tools.program import program
 
 
 def folder_of_modules() -> dict[str, str]:
-    """Return the folders of the hand-written modules of rtl/, keyed by the module names without prefix."""
+    """Return the folders of the hand-written modules in rtl/, keyed by module name without the prefix."""
     paths = (path for path in rtl_sources(repository()) if path.parent.name != "registers")
     return {path.stem.removeprefix(PREFIX): path.parent.name for path in paths if not path.stem.endswith("_pkg")}
 
@@ -26,7 +26,7 @@ def folder_of_modules() -> dict[str, str]:
 def elaborated(
     module: str, files: Sequence[Path], *options: str, parameters: Mapping[str, int | str], timeout: float | None = None
 ) -> subprocess.CompletedProcess[str]:
-    """Elaborate a module with Verilator; `files` begin with the packages, the time-out is in seconds."""
+    """Elaborate a module with Verilator, and return the finished run; `files` must begin with the packages."""
     command = ["verilator_bin", "--lint-only", *options, "--top-module", module]
     command += [*(f"-G{name}={value}" for name, value in parameters.items()), *map(str, files)]
     environment = verilator_environment()
@@ -34,7 +34,7 @@ def elaborated(
 
 
 def lint(module: str, parameters: Mapping[str, int | str] | None = None) -> subprocess.CompletedProcess[str]:
-    """Elaborate a module alone, with all warnings, from files of its folder and lower folders, within a minute."""
+    """Elaborate a module with all warnings from the files of its own folder and of the folders below it."""
     top = repository()
     sources: list[Path] = []
     for folder_files in rtl_folders(top).values():
@@ -47,7 +47,7 @@ def lint(module: str, parameters: Mapping[str, int | str] | None = None) -> subp
 
 
 def lint_board(board: FpgaBoard) -> subprocess.CompletedProcess[str]:
-    """Elaborate the top of an FPGA board with all warnings; of the vendor's cells only the ports are read."""
+    """Elaborate an FPGA board's top module with all warnings; the vendor's cells are black boxes."""
     top = repository()
     own = {path.stem: path for folder in board.folders for path in sorted(folder.glob("*.sv"))}
     settings = [top / "rtl" / folder / "lint.vlt" for folder in ("registers", "ecp5")]
@@ -57,7 +57,7 @@ def lint_board(board: FpgaBoard) -> subprocess.CompletedProcess[str]:
 
 @program
 def main() -> None:
-    """Lint every module and every FPGA board with default parameters; exit with code 1 when Verilator warns.
+    """Lint every module and every FPGA board with default parameters; exit with code 1 if Verilator warns.
 
     Example: python -m tools.lint
     """
@@ -70,5 +70,5 @@ def main() -> None:
             bad.append(name)
             click.echo(run.stderr, err=True)
     good = f"{len(modules)} RTL modules and {len(boards)} boards: no warning"
-    log(f"{', '.join(bad)}: mend the warnings above" if bad else good)
+    log(f"{', '.join(bad)}: correct the warnings above" if bad else good)
     sys.exit(bool(bad))

@@ -1,4 +1,4 @@
-"""Writes docs/generated/measured.md from the rows that `tools.bench NAME --report docs/generated` writes."""
+"""Makes docs/generated/measured.md from the rows that `tools.bench NAME --report docs/generated` writes."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from tools.report_plots import make_page
 
 #: The file of place-and-route figures that `make synth` writes.
 SYNTHESIS = "docs/generated/reports/synthesis.csv"
-#: Measurements of `docs/generated/measured.md`.
+#: Names of the measurements that docs/generated/measured.md shows.
 MEASURED = (
     *("trace", "render", "render-avx512", "stages", "stages-avx512", "stages-cuda", "live", "live-cuda"),
     *("rtl", "view", "animate", "observe"),
@@ -22,14 +22,14 @@ MEASURED = (
 
 
 def measured_name(name: str, device: str) -> str:
-    """Return the name of a measurement's file, which depends on the device, and for some measurements on AVX-512."""
+    """Return the name of a measurement's file, which depends on the device and, for some measurements, on AVX-512."""
     if device == "cuda":
         return f"{name}-cuda"
     return f"{name}-avx512" if has_avx512() and f"{name}-avx512" in MEASURED else name
 
 
 def measured_page(folder: Path) -> Page:
-    """Return the page made from the rows in FOLDER/measured; raise InputError when a file cannot be read."""
+    """Return the page made from the rows in `folder`/measured; raise InputError if a file cannot be read."""
     rows: dict[str, Rows] = dict.fromkeys(MEASURED, ())
     origins = {}
     for name in MEASURED:
@@ -42,7 +42,7 @@ def measured_page(folder: Path) -> Page:
 
 
 def _ratios(render: Rows) -> list[dict[str, Any]]:
-    """Return the ratios of `tools.bench render`: one row per kind and integrator, one column per scene."""
+    """Return the ratios in the rows of `tools.bench render`: a row per kind and integrator, a column per scene."""
     kinds = {
         "against Mitsuba's perspective": ("rate relative to Mitsuba's own perspective camera", "rate_ratio"),
         "10,404 lenslets against 121": ("time with 10,404 lenslets over time with 121, same panel", "ratio"),

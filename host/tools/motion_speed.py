@@ -1,4 +1,4 @@
-"""Times pictures of a rotating scene (`tools.bench live`), and films with two workers (`tools.bench animate`)."""
+"""Times pictures of a rotating scene (`tools.bench live`), and films by two workers (`tools.bench animate`)."""
 
 from __future__ import annotations
 
@@ -22,17 +22,17 @@ from lippmann.scenes.scene import Scene, load_scene
 
 from tools.renderer_speed import gpu_name
 
-#: Displays for each device, the models, and the number of steps of a rotation.
+#: `tools.bench live`: displays, keyed by device; lens models; number of steps of a rotation.
 DISPLAYS = {"llvm": ("vga-square",), "cuda": ("vga-square", "uhd-4k")}
 MODELS: tuple[Model, ...] = ("pinhole", "exact")
 STEPS = 72
 WORKERS = 2
-#: Display and scale of the film, and number of rendered frames.
+#: Cases of `tools.bench animate`: display, film's scale, number of frames.
 CASES = (("vga-square", 0.25, 24), ("paper-square", 1.0, 4))
 
 
 def measure_live(scenes: Path, seed: int) -> Iterator[dict[str, Any]]:
-    """Yield rows for each display and model: with a ray per pixel, and with a ray per block of pixels, as in live."""
+    """Yield rows for each display and model: with a ray per pixel, and with a ray per block as in `lippmann live`."""
     device = current_device()
     scene = load_scene(scenes / "fish/fish.xml")
     for name in DISPLAYS[device]:
@@ -47,29 +47,29 @@ def measure_live(scenes: Path, seed: int) -> Iterator[dict[str, Any]]:
 
 
 def _turn(picture: LivePicture, scene: Scene) -> dict[str, float]:
-    """Rotate the scene once about the vertical axis; return frames per second, and the slowest frame's seconds."""
+    """Rotate the scene once about the vertical axis; return frames per second and the slowest frame's seconds."""
     hand = Hand(scene.placement, picture.middle_mm, drag_mm=1.0)
     times = []
     for _ in range(STEPS):
         hand.turn(360.0 / STEPS)
         began = time.perf_counter()
         picture.quick(hand.placement())
-        picture.values  # noqa: B018 - made on asking
+        picture.values  # noqa: B018 - computed when read
         times.append(time.perf_counter() - began)
     return {"frames_per_second": 1.0 / float(np.median(times)), "slowest_seconds": max(times)}
 
 
 def _refine(picture: LivePicture) -> float:
-    """Return the seconds until a picture at rest has all samples, when each pass is shown."""
+    """Return the seconds until a still picture has all samples, if each pass is shown."""
     began = time.perf_counter()
     while picture.samples < MAX_SAMPLES:
         picture.finer(lambda: False)
-        picture.values  # noqa: B018 - made on asking
+        picture.values  # noqa: B018 - computed when read
     return time.perf_counter() - began
 
 
 def measure_animate(scenes: Path, seed: int) -> Iterator[dict[str, Any]]:
-    """Time the shipped film in one process and with the workers, after compilation; CPU seconds count all threads."""
+    """Time the shipped film in one process and with workers, after compilation; CPU seconds are of all threads."""
     from distributed import Client
 
     film = load_film(scenes / "films/swim.toml")
@@ -101,12 +101,11 @@ def measure_animate(scenes: Path, seed: int) -> Iterator[dict[str, Any]]:
 
 
 def _cpu_seconds(client: Any) -> float:
-    """Return the processor time that this process and the workers have used so far."""
     return time.process_time() + float(sum(client.run(time.process_time).values()))
 
 
 def _warm(device: str, plan: FramePlan) -> None:
-    """Render a frame on a worker, so that its programs are compiled."""
+    """Render a frame on a worker, so that the worker's programs are compiled."""
     from lippmann.base.variant import start_mitsuba
 
     start_mitsuba(device)

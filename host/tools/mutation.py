@@ -1,9 +1,9 @@
-"""Puts faults into the RTL one at a time and counts how many faults the tests catch (`make mutation`).
+"""Puts faults into the RTL, one at a time, and counts the faults that tests catch (`make mutation`).
 
-A fault changes one operator, condition, choice or bit of a number in a line of a hand-written module, in a copy of the
-checkout; lines without hardware are not changed. The tests of the module, tests/rtl/<module>, run first (for a package,
-the tests of its folder's modules), then the tests of larger designs. A fault is caught when a test fails that passes
-without the fault.
+In a copy of the checkout, a fault changes one operator, condition, choice or bit of a number in a line of a
+hand-written module. Lines that describe no hardware are not changed. The module's own tests, tests/rtl/<module>, run
+first (for a package, the tests of the modules in its folder), then the tests of larger designs. A fault is caught if a
+test fails with it and passes without it.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from tools.mutation_runner import Fault, Scratch, Trial, read_equivalent_faults,
 from tools.program import program
 
 SOURCES = Path("rtl")
-#: The tests that run last, by folder: tests of larger designs, which are compared with the twin or get random requests.
+#: Tests that run last, keyed by the module's folder: larger designs are compared with the twin or get random requests.
 BATCH = ["tests/rtl/test_batch.py"]
 BOARD = ["tests/system/test_random_requests.py", "tests/system/test_board_requests.py"]
 LAST = {
@@ -31,7 +31,7 @@ LAST = {
     "optics": [*BATCH, "tests/rtl/optics_block", "tests/rtl/test_conditioning_registers.py"],
     "scene": ["tests/rtl/scene", "tests/rtl/scene_block", *BOARD],
 }
-#: Modules that are tested as parts of another module, and packages.
+#: Modules and packages without own tests, each with the module whose tests cover it.
 WITHIN = {
     **dict.fromkeys(("request_reader", "request_order", "register_access", "ray_access"), "dispatcher"),
     **dict.fromkeys(("table_reader", "reply_builder"), "dispatcher"),
@@ -59,7 +59,7 @@ SWAPS = {
     " * ": " + ",
     " < ": " <= ",
     " >= ": " > ",
-    " <= ": None,  # nearly always an assignment
+    " <= ": None,  # usually an assignment
     " == ": " != ",
     " != ": " == ",
     " && ": " || ",
@@ -73,14 +73,14 @@ SWAPS = {
 
 
 def _flipped(match: re.Match[str]) -> str:
-    """Return a sized number with its lowest bit flipped. The number is decimal, binary, or has all bits equal."""
+    """Return a Verilog literal ('d, 'b, '0 or '1) with its lowest bit flipped."""
     for head, digits in ((match[1], match[2]), (match[3], match[4])):
         if head:
             return f"{head}{digits[:-1]}{int(digits[-1]) ^ 1}" if head.endswith("b") else f"{head}{int(digits) ^ 1}"
     return f"'{int(match[5]) ^ 1}"
 
 
-#: Pattern of a change in a line, and the replacement text (None: no change).
+#: Patterns of code that faults change, with functions that return the replacement (None: no change).
 CHANGES: tuple[tuple[str, Callable[[re.Match[str]], str | None]], ...] = (
     ("|".join(re.escape(operator) for operator in sorted(SWAPS, key=len, reverse=True)), lambda m: SWAPS[m[0]]),
     (r"\bif \((?=\w+\))", lambda m: f"{m[0]}!"),
@@ -89,7 +89,7 @@ CHANGES: tuple[tuple[str, Callable[[re.Match[str]], str | None]], ...] = (
     (r"(?<![\w'.$])(\d+)(?![\w'.])", lambda m: str(int(m[0]) ^ 1)),
     (r"(\d+'s?d)(\d+)|(\d+'b)([01]+)|'([01])(?!\d)", _flipped),
 )
-#: Lines without hardware, and declarations: a wider word gives the same hardware, a narrower word does not elaborate.
+#: Lines that get no faults: no hardware, or declarations (wider words change nothing, narrower ones do not elaborate).
 NO_HARDWARE = re.compile(
     r"unused|\$fatal|gen_illegal|^\s*\(\*"
     r"|^\s*(//|import|module|endmodule|parameter|package|input|output|localparam int|logic|typedef)\b"
@@ -97,12 +97,12 @@ NO_HARDWARE = re.compile(
 
 
 def faults_of(path: Path) -> list[Fault]:
-    """Return every fault of a file: one fault for each operator, condition, choice and number (its lowest bit)."""
+    """Return all faults for a file: one for each operator, condition, choice and number (its lowest bit)."""
     faults: list[Fault] = []
     illegal = False
     lines = path.read_text().splitlines()
     for number, (text, following) in enumerate(zip(lines, [*lines[1:], ""], strict=True), 1):
-        # An elaboration check reaches from its condition, possibly a line before the block's name, to the `end`.
+        # An elaboration check extends from its condition, which may be a line before the block's name, to `end`.
         begins = "gen_illegal" in text or ("gen_illegal" in following and text.lstrip().startswith("if ("))
         illegal = begins or (illegal and "end" not in text)
         code = text.split("//")[0]
@@ -118,7 +118,7 @@ def faults_of(path: Path) -> list[Fault]:
 
 
 def fate(fault: Fault, scratch: Scratch) -> str:
-    """Return a fault's fate: 'caught' with the failed test, 'survived', or 'refused' if it does not elaborate."""
+    """Return a fault's fate: "caught by" a test, "survived", or "refused" if the module no longer elaborates."""
     path = Path(fault.file)
     module = path.stem.removeprefix(PREFIX)
     top = PREFIX + WITHIN.get(module, module)
@@ -128,7 +128,8 @@ def fate(fault: Fault, scratch: Scratch) -> str:
             return "refused"
     near = f"tests/rtl/{WITHIN.get(module, module)}"
     stages = [[near]] if (scratch.folder / near).is_dir() else []
-    if module.endswith("_pkg"):  # the modules of the package's folder use it
+    # Modules in the package's folder use the package.
+    if module.endswith("_pkg"):
         users = (f"tests/rtl/{user.stem.removeprefix(PREFIX)}" for user in sorted(path.parent.glob("*.sv")))
         stages.append([user for user in users if (scratch.folder / user).is_dir()])
     return scratch.fate(fault, [*stages, LAST.get(path.parent.name, BOARD)])
@@ -139,11 +140,12 @@ def main(
     count: int = option("Number of faults.", 120, click.IntRange(1)),
     trial: Trial = Trial,  # type: ignore[assignment]
 ) -> None:
-    """Put faults into the RTL and report how many the quick tests catch.
+    """Put faults into the RTL, and report how many faults the quick tests catch.
 
     Example: python -m tools.mutation --count 20 --report out
     """
-    verilator_environment()  # a missing tool must not count as a caught fault
+    # Stop here without Verilator, or every fault would seem caught.
+    verilator_environment()
     own = [path for path in rtl_sources(repository()) if path.parent.name != "registers"]
     groups = {path.stem.removeprefix(PREFIX): faults_of(path) for path in own}
     report_faults("mutation", groups, fate, SAME, count, trial)

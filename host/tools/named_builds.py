@@ -1,4 +1,4 @@
-"""The builds of the RTL that have a name in the project's reports."""
+"""Defines the configurations of the RTL that have names in the project's reports."""
 
 from __future__ import annotations
 
@@ -9,16 +9,16 @@ from lippmann.display.description import Display, Grid, load_display
 from lippmann.fixed.build import Build
 from lippmann.fixed.words import COMPACT, WIDEST
 
-#: Names of the shipped displays (scenes/displays) for each grid.
+#: Names of shipped displays (scenes/displays), keyed by grid.
 DISPLAYS: dict[Grid, tuple[str, ...]] = {"square": ("paper-square", "uhd-8k"), "hex": ("paper-hex", "uhd-4k")}
 
-#: Viewing distance, mm, of the displays for builds with `converge`.
+#: Viewing distance, mm, of displays that are adapted for builds with `converge`.
 EYE_MM = 600.0
 
 
 @dataclass(frozen=True)
 class Named:
-    """A named build, and bounds of its errors: of the direction times min(1, 2 cos theta_t), and of the exit point."""
+    """A named build, and bounds of its errors: direction error times min(1, 2 cos theta_t), and exit point's error."""
 
     name: str
     build: Build
@@ -26,7 +26,7 @@ class Named:
     promise_nm: float | None = None
 
     def displays(self, scenes: Path) -> list[Display]:
-        """Return the shipped displays of the build's grid, adapted so that the build traces them."""
+        """Return the shipped displays of the build's grid, adapted so that the build can trace them."""
         displays = [load_display(scenes / "displays" / f"{name}.toml") for name in DISPLAYS[self.build.grid]]
         if self.build.converge:
             displays = [replace(one, name=f"{one.name}, near eye", viewing_distance_mm=EYE_MM) for one in displays]
@@ -36,7 +36,7 @@ class Named:
 
 
 def turned_over(display: Display) -> Display:
-    """Return the display with the array's plano side to the viewer, at least a focal length from the panel."""
+    """Return the display with the array's plano side to the viewer, and a gap of at least a focal length."""
     array = replace(display.array, plano_side="viewer")
     gap = max(display.gap_mm, array.focal_length_mm)
     return replace(display, name=f"{display.name}, turned over", array=array, gap_mm=gap)
@@ -63,5 +63,5 @@ _NAMED = (
     *(Named(f"square-{f}", Build(f, "square")) for f in (18, 20, 21, 22)),
     Named("pinhole-compact", Build(COMPACT, "square", "pinhole")),
 )
-#: The named configurations, by name.
+#: The named configurations, keyed by name.
 CONFIGURATIONS = {one.name: one for one in _NAMED}

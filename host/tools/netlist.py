@@ -1,9 +1,9 @@
-"""Simulates a board's netlist against its RTL: `python -m tools.netlist`.
+"""Compares the simulations of a board's netlist and of its RTL: `python -m tools.netlist`.
 
-yosys makes the netlist of ECP5's cells, the input of place-and-route; Verilator simulates it. Netlist and RTL get the
-same packets: every request of the protocol, a streamed frame, and a drawn scene. Every reply and every pixel of both
-must be equal. With --board the netlist is that of a bitstream with its pins: pixels are decoded from DVI's symbols,
-which must be valid by the standard, and a model of the SDRAM chip checks the data sheet's rules.
+yosys makes the netlist of ECP5 cells, which place-and-route reads; Verilator simulates this netlist. Netlist and RTL
+get the same packets: every request of the protocol, a streamed frame, and a drawn scene. Every reply and every pixel of
+both must be equal. With --board, the netlist is that of a bitstream, including its pins. Pixels are then decoded from
+DVI symbols, which must be valid by the standard, and a model of the SDRAM chip checks the data sheet's rules.
 """
 
 from __future__ import annotations
@@ -54,35 +54,35 @@ from tools.flow import SYNTHESIS, SYNTHESISER, Source, run_tool
 from tools.gates import read_netlist
 from tools.program import program
 
-#: Time limit of a reply and of a frame, s, because a netlist is simulated at some thousand clocks per second.
+#: Time limit for a reply or a frame, s; a netlist is simulated at only some thousand clocks per second.
 PATIENCE_S = 1800.0
-#: Number of requests sent ahead of the replies, and number of a layer's texel rows (few bytes, for a slow line).
+#: Maximum number of requests without a reply, and number of a layer's texel rows (few, because the line is slow).
 AHEAD, ROWS = 4, 16
-#: yosys' commands that replace ECP5's cells by yosys' models, and make one module of single bits. yosys has no models
-#: of block memories, multipliers, PLLs and DDR outputs, only their ports, and no third state of a pin.
+#: yosys' commands that replace ECP5 cells by models, and flatten the design to one module of single bits. yosys has no
+#: models of block memories, multipliers, PLLs and DDR outputs, only their ports; its pin models have no third state.
 CELLS = (
     "delete =$paramod*; read_verilog -lib -overwrite +/ecp5/cells_bb.v; "
     "read_verilog -overwrite -nowb -DNO_INCLUDES +/ecp5/cells_sim.v; blackbox TRELLIS_IO"
 )
 FLAT = "proc; opt -full; flatten; splitnets; opt_clean -purge; rename -hide"
-#: The simulated ULX3S (sim/netlist/ulx3s_pins.sv), and the outputs of its PLL with their dividers.
+#: The simulated ULX3S board (sim/netlist/ulx3s_pins.sv), and the outputs of its PLL, each with its divider.
 PINS_TOP = "ulx3s_pins"
 PLL_PORTS = {"pll_clkop": "BackDiv", "pll_clkos": "ShiftDiv", "pll_clkos2": "SystemDiv", "pll_clkos3": "MemoryDiv"}
-#: Top module, video and memory grade of the boards whose pins sim/netlist/ simulates.
+#: Top module, video output and memory grade of the boards whose pins sim/netlist/ can simulate.
 SIMULATED = ("lipp_ulx3s", "dvi", "Grade75")
-#: The scene build of the virtual board, with few texels to load.
+#: The virtual board's scene build, which has few texels to load.
 SCENE = SceneBuild(layers=2, slots=2, width=64, height=32)
 
-#: Minima and maxima of a correct board's counters (None: no limit). The virtual board also has the counters of
-#: `VIRTUAL`, a board with pins those of `PINS`. The reset at the end of a run breaks the video timing, and truncates a
-#: frame unless it comes between two frames.
+#: Minimum and maximum (None: no limit) of each counter of a correct board. The virtual board also has the counters in
+#: `VIRTUAL`, a board with pins those in `PINS`. The reset at a run's end breaks the video timing, and may truncate a
+#: frame.
 COUNTED = {
     "clocks": (1, None), "seconds": (0, None), "processor_seconds": (0, None), "bytes_in": (1, None),
     "bytes_out": (1, None), "frames": (1, None), "broken_frames": (0, 1), "bytes_lost": (0, 0),
 }  # fmt: skip
 VIRTUAL = {"memory_violations": (0, 0)}
-#: The serialiser aligns with the first symbol after power-up, which may truncate a symbol. The disparity of a channel
-#: since the last control symbol is at most 8 by the standard. `led` shows the last request, and is not checked.
+#: The serialiser aligns with the first symbol after power-up, and may truncate a symbol. By the standard, a channel's
+#: disparity since the last control symbol is at most 8. `led` shows the last request, and has no limit.
 PINS = {
     "symbol_slips": (0, 1), "bad_symbols": (0, 0), "illegal_symbols": (0, 0), "largest_disparity": (1, 8),
     "timing_breaks": (1, 1), "sdram_reads": (1, None), "sdram_writes": (1, None), "sdram_violations": (0, 0),
@@ -100,7 +100,7 @@ class NetlistError(LippmannError):
 
 
 def synthesised(source: Source, name: str) -> Path:
-    """Return the netlist of a design as yosys' JSON, from the cache if it contains the netlist."""
+    """Return the path of a design's netlist (yosys' JSON), which is cached."""
 
     def make(path: Path) -> None:
         flow.synthesise(source, path, build_folder() / "netlist" / "yosys.log")
@@ -110,7 +110,7 @@ def synthesised(source: Source, name: str) -> Path:
 
 
 def simulated(netlist: Path, top: str) -> list[Path]:
-    """Return the files of a netlist for Verilator: models of the netlist's blocks, and the netlist as Verilog."""
+    """Return the files with which Verilator simulates a netlist: models of its blocks, and the netlist as Verilog."""
 
     def make(path: Path) -> None:
         source, written = (str(one.relative_to(repository())) for one in (netlist, path))
@@ -123,7 +123,7 @@ def simulated(netlist: Path, top: str) -> list[Path]:
 
 @dataclass(frozen=True)
 class Program:
-    """A board's program, and the program's options for `virtual_board.start`."""
+    """The simulation program of a board, and its options for `virtual_board.running`."""
 
     path: Path
     options: Mapping[str, Any] = field(default_factory=dict)
@@ -131,7 +131,7 @@ class Program:
 
 @dataclass(frozen=True)
 class Boards:
-    """A board as RTL and as a netlist: display, scene and optics, both programs, and yosys' JSON of `top`."""
+    """A board as RTL and as netlist: display, builds of scene and optics, both programs, and the netlist of `top`."""
 
     display: Display
     scene: SceneBuild | None
@@ -144,7 +144,7 @@ class Boards:
 
     @classmethod
     def virtual(cls, display: Display, scene: SceneBuild | None, memory: virtual_board.Memory) -> Boards:
-        """Return the virtual board on a byte line, with its frames in block RAM or in an SDRAM."""
+        """Return the virtual board on a byte line; it stores frames in block RAM or in an SDRAM."""
         top = f"lipp_board_with_{'sdram' if memory == 'sdram' else 'store'}"
         build = virtual_board.board_build(display, scene)
         parameters = virtual_board.board_parameters(display, build, True, virtual_board.CLOCK_HZ, scene, memory)
@@ -153,12 +153,12 @@ class Boards:
         rtl = Program(virtual_board.compiled(display, build, True, scene=scene))
         files = simulated(netlist, top)
         program = virtual_board.compiled(display, build, True, scene=scene, memory=memory, netlist=files)
-        # The check treats all pins as timed, because the simulation changes them with the clock.
+        # The crossing check accepts all pins, because the simulation changes them with the clock.
         return cls(display, scene, build, rtl, Program(program), netlist, top, ("*",))
 
     @classmethod
     def of_bitstream(cls, design: Plan) -> Boards:
-        """Return a board with the parts at its pins: PLL, serial line, SDRAM chip and DVI socket."""
+        """Return a bitstream's board with the parts at its pins: PLL, serial line, SDRAM chip and DVI socket."""
         netlist = synthesised(design.source, design.name)
         options = {"baud": design.board.baud, "clock_hz": round(design.pll.clocks_mhz["system"] * 1_000_000)}
         program, rtl = Program(on_pins(design, netlist), options), Program(on_pins(design), options)
@@ -167,7 +167,7 @@ class Boards:
 
 
 def on_pins(design: Plan, netlist: Path | None = None) -> Path:
-    """Return the program of a bitstream's netlist or RTL, with the parts around the FPGA on the board."""
+    """Return the program that simulates a bitstream's netlist (None: its RTL) and the parts around the FPGA."""
     files, parameters, options = pins_source(design, netlist)
     panel, divider = design.display.panel, design.pll.parameters
     clocks = (f"X({port}, {divider[role]})" for port, role in PLL_PORTS.items())
@@ -191,7 +191,7 @@ def on_pins(design: Plan, netlist: Path | None = None) -> Path:
 
 
 def pins_source(design: Plan, netlist: Path | None) -> tuple[list[Path], dict[str, str | int], list[str]]:
-    """Return the files, the top module's parameters and Verilator's options for `on_pins`."""
+    """Return what Verilator needs for `on_pins`: files, parameters of the top module, and options."""
     top = repository()
     wrapper = top / "sim" / "netlist" / "ulx3s_pins.sv"
     options = [*UNCHECKED, "-Wno-lint", "-Wno-style", "-Wno-PINMISSING", "--pins-inout-enables"]
@@ -207,7 +207,7 @@ def pins_source(design: Plan, netlist: Path | None) -> tuple[list[Path], dict[st
 
 
 class Reply(NamedTuple):
-    """A request and its reply, as status and remaining body."""
+    """A request (kind, body), and its reply (status, rest of the body)."""
 
     kind: int
     request: bytes
@@ -216,20 +216,20 @@ class Reply(NamedTuple):
 
 
 class Patient(Board):
-    """A slow board, to which each request is sent once; `replies` has the board's replies from request 0 on."""
+    """A slow board, to which each request is sent only once; `replies` has all replies in order."""
 
     def __init__(self, line: Line, patience_s: float = PATIENCE_S) -> None:
         self.replies: list[Reply] = []
         super().__init__(line, patience_s)
 
     def call(self, kind: int, body: bytes = b"", seq: int | None = None, keep: bool = True) -> Reply:
-        """Send a request, and wait for its reply."""
+        """Send a request, and return its reply."""
         seq = self.next_seq() if seq is None else seq
         self.line.send(packed(kind, seq, body), self.patience_s)
         return self._take(kind, seq, body, keep)
 
     def call_all(self, kind: int, bodies: Iterable[bytes]) -> None:
-        """Send requests, up to `AHEAD` before their replies, which arrive in the order of the requests."""
+        """Send requests, up to `AHEAD` of them without a reply; replies arrive in the requests' order."""
         ahead: deque[tuple[int, bytes]] = deque()
         for body in bodies:
             if len(ahead) == AHEAD:
@@ -251,13 +251,14 @@ class Patient(Board):
 
     def request(self, kind: Kind, body: bytes, work_s: float = 0.0, seq: int | None = None) -> tuple[int, bytes]:
         """Send a request once, and wait for its reply."""
-        reply = self.call(kind, body, seq, keep=kind != Kind.HELLO)  # a HELLO has a nonce
+        # Do not keep the reply to a HELLO, because it has a nonce.
+        reply = self.call(kind, body, seq, keep=kind != Kind.HELLO)
         return reply.status, reply.body
 
 
 @dataclass(frozen=True)
 class Run:
-    """The result of a run: the board's replies, the frames that its panel showed, and its counters."""
+    """The result of a board's run: the replies, the frames that the panel showed, and the counters."""
 
     replies: list[Reply]
     frames: list[bytes]
@@ -265,7 +266,7 @@ class Run:
 
 
 def run_board(boards: Boards, program: Program, picture: Pixels, stack: LayerStack | None, drawn: bytes | None) -> Run:
-    """Send every request to a board, stream a picture, and draw a stack of layers with the expected pixels `drawn`."""
+    """Send every request to a board, stream a picture, and draw a stack, whose expected pixels are `drawn`."""
     display = boards.display
     with tempfile.TemporaryDirectory() as work:
         folder = Path(work)
@@ -292,12 +293,12 @@ def _wait_for(folder: Path, frame: bytes) -> None:
     until = time.monotonic() + PATIENCE_S
     while not any(path.read_bytes() == frame for path in folder.glob("frame-*.rgb")):
         if time.monotonic() > until:
-            raise NetlistError(f"a frame is not shown within {PATIENCE_S:g} s; look at the frames in {folder}")
+            raise NetlistError(f"a frame did not appear within {PATIENCE_S:g} s; look at the frames in {folder}")
         time.sleep(0.05)
 
 
 def _ask_registers(link: Patient, display: Display) -> None:
-    """Read the registers that do not change by themselves, and write the optics' registers."""
+    """Read all registers that the board does not change by itself, and write the optics' registers."""
     link.call(Kind.READ, struct.pack("<HB", 0, 1))
     for base, last in ((OPTICS_BASE, 0x1C0), (SCENE_BASE, 0x40)):
         if base == OPTICS_BASE or link.info.version == 3:
@@ -314,7 +315,7 @@ def _ask_registers(link: Patient, display: Display) -> None:
 
 
 def _ask_rays(link: Patient, display: Display) -> None:
-    """Trace rays from all parts of the panel, sign the rays of a window, and abort."""
+    """Request a trace of rays from all over the panel, the signature of a window's rays, and an abort."""
     rng = np.random.default_rng(3)
     panel = display.panel
     rays = np.zeros((64, 4), "<i4")
@@ -329,7 +330,7 @@ def _ask_rays(link: Patient, display: Display) -> None:
 
 
 def _stream(link: Patient, picture: Pixels) -> None:
-    """Send and show a picture in tiles of every coding; then the same with copied tiles."""
+    """Send and show a picture in tiles of every coding, then again with all tiles copied."""
     grid, epoch = link.info.grid, link.info.epoch
     for turn in range(2):
         tiles = [grid.cut(picture, tile) for tile in range(grid.count)]
@@ -343,7 +344,6 @@ def _stream(link: Patient, picture: Pixels) -> None:
 
 
 def _ask_wrongly(link: Patient) -> None:
-    """Send requests that a board refuses, each for a different reason."""
     link.call(Kind.HELLO, struct.pack("<BI", 9, 1))
     link.call(0x6F, b"?")
     link.call(Kind.READ, b"\0")
@@ -355,7 +355,7 @@ def _ask_wrongly(link: Patient) -> None:
 
 
 def _draw(link: Patient, display: Display, stack: LayerStack) -> None:
-    """Load a stack of layers, and draw it."""
+    """Load a stack of layers, and switch drawing on."""
     scene = SceneBoard(link)
     contents = {CURVE_SLOT: build_curve_table(display).tobytes()}
     contents |= {slot: slot_bytes(layer, scene.build).tobytes() for slot, layer in enumerate(stack.layers)}
@@ -366,19 +366,19 @@ def _draw(link: Patient, display: Display, stack: LayerStack) -> None:
         answer = link.call(Kind.BLOCKS, BLOCKS_REQUEST.pack(slot, 0, len(blocks))).body[2:]
         crcs = [zlib.crc32(part) if any(part) else 0 for part in blocks]
         if answer != struct.pack(f"<{len(blocks)}I", *crcs):
-            raise NetlistError(f"the blocks of slot {slot} arrived with wrong CRCs; check lipp_slot_loader")
+            raise NetlistError(f"the board reports wrong CRCs for the blocks of slot {slot}; check lipp_slot_loader")
     scene.prepare(display, stack)
     link.write(SCENE_BASE + SCENE_REGISTERS["source"].address, [1])
 
 
 def small(display: Display, width: int, height: int) -> Display:
-    """Return a display with another size of panel."""
+    """Return the display with another panel size."""
     panel = replace(display.panel, width_px=width, height_px=height)
     return replace(display, name=f"{display.name} {width} x {height}", panel=panel)
 
 
 def picture_for(display: Display, seed: int = 1) -> Pixels:
-    """Return a picture for every coding: tiles of one colour, some of gradients, few of noise."""
+    """Return a picture that needs every coding: most tiles have one colour, some a gradient, a few noise."""
     rng = np.random.default_rng(seed)
     height, width = display.panel.height_px, display.panel.width_px
     picture = np.zeros((height, width, 3), np.uint8)
@@ -394,7 +394,7 @@ def picture_for(display: Display, seed: int = 1) -> Pixels:
 
 
 def stack_for(display: Display, build: SceneBuild, seed: int = 1) -> LayerStack:
-    """Return layers behind and in front of the panel, with `ROWS` rows of texels, so that they load quickly."""
+    """Return layers behind and in front of the panel, with only `ROWS` rows of texels, so that they load quickly."""
     rng = np.random.default_rng(seed)
     size = np.array([display.panel.width_mm, display.panel.height_mm])
     layers = []
@@ -410,7 +410,7 @@ def stack_for(display: Display, build: SceneBuild, seed: int = 1) -> LayerStack:
 
 
 class Comparison(NamedTuple):
-    """Numbers of pixels of the netlist's frames, of differing pixels, of replies, and of kinds of requests."""
+    """Counts of a comparison: compared pixels, differing pixels, replies, and kinds of requests."""
 
     pixels: int
     differ: int
@@ -419,7 +419,7 @@ class Comparison(NamedTuple):
 
 
 def compare(boards: Boards) -> tuple[Comparison, Run, Run]:
-    """Run and compare the netlist, the RTL and the twin; raise NetlistError for the first reply that differs."""
+    """Run netlist and RTL; compare them with each other and the twin; raise NetlistError if a reply differs."""
     display, scene = boards.display, boards.scene
     picture = picture_for(display)
     stack = None if scene is None else stack_for(display, scene)
@@ -428,9 +428,9 @@ def compare(boards: Boards) -> tuple[Comparison, Run, Run]:
     for one, other in zip(netlist.replies, rtl.replies, strict=False):
         if one != other:
             what = f"request {one.kind:02x} {one.request[:8].hex()} is answered {one.status} {one.body[:16].hex()}"
-            raise NetlistError(f"{what}, by the RTL {other.status} {other.body[:16].hex()}")
+            raise NetlistError(f"{what} by the netlist, {other.status} {other.body[:16].hex()} by the RTL")
     if len(netlist.replies) != len(rtl.replies):
-        raise NetlistError(f"{len(netlist.replies)} requests are answered, but {len(rtl.replies)} by the RTL")
+        raise NetlistError(f"the netlist answers {len(netlist.replies)} requests, but the RTL {len(rtl.replies)}")
     differ = pixels = 0
     others = [np.frombuffer(frame, np.uint8).reshape(-1, 3) for frame in rtl.frames]
     for frame in netlist.frames:
@@ -439,38 +439,39 @@ def compare(boards: Boards) -> tuple[Comparison, Run, Run]:
         pixels += len(values)
     missing = len(set(rtl.frames) - set(netlist.frames))
     if missing:
-        raise NetlistError(f"{missing} frames of the RTL are not shown by the netlist")
+        raise NetlistError(f"the netlist does not show {missing} frames that the RTL shows")
     kinds = len({reply.kind for reply in netlist.replies})
     return Comparison(pixels, differ, len(netlist.replies), kinds), netlist, rtl
 
 
 def wrong_counts(counts: Mapping[str, Any]) -> list[str]:
-    """Return a line for each counter of a run that exceeds its limits, is missing, or has no limits."""
+    """Return a message for each counter of a run that exceeds its limits, is missing, or has no limits."""
     limits = COUNTED | (PINS if PINS.keys() & counts.keys() else VIRTUAL)
     wrong = [f"{name} is not counted" for name in limits if name not in counts]
     for name, value in counts.items():
         if name not in limits:
-            wrong.append(f"{name} is {value}, and nothing judges it")
+            wrong.append(f"{name} is {value}; add its limits to netlist.py")
             continue
         number = sum(value.values()) if isinstance(value, Mapping) else value
         low, high = limits[name]
         if number < low or (high is not None and number > high):
             right = f"at least {low}" if high is None else high if low == high else f"{low} to {high}"
-            wrong.append(f"{name} is {value}, on a right board {right}")
+            wrong.append(f"{name} is {value}, on a correct board {right}")
     return wrong
 
 
 @program
 def main(
     board: str | None = option("Board of a bitstream, such as ulx3s.  [default: the virtual board]", None),
-    memory: virtual_board.Memory | None = option("Frames, without --board.  [default: sdram]", None),
+    memory: virtual_board.Memory | None = option("Frame memory of the virtual board.  [default: sdram]", None),
     path: str = option("Display file.", "scenes/displays/vga-square.toml", flag="--display"),
-    size: tuple[int, int] | None = option("Another size of the panel, pixels.", None, click.IntRange(8), nargs=2),
-    layers: int = option("Layers of a bitstream.", 4, click.IntRange(0, 8)),
+    size: tuple[int, int] | None = option("Other size of the panel, pixels.", None, click.IntRange(8), nargs=2),
+    layers: int = option("Number of layers of a bitstream.", 4, click.IntRange(0, 8)),
 ) -> None:
-    """Synthesise a board, simulate its netlist beside its RTL, compare replies and pixels; exit with 4 on a difference.
+    """Synthesise a board, simulate its netlist and its RTL, and compare replies and pixels.
 
-    The counters of both boards are checked too, such as violations of the SDRAM's data sheet and illegal DVI symbols.
+    Counters are checked too, such as violations of the SDRAM's data sheet. The program exits with code 4 on a
+    difference.
 
     Example: python -m tools.netlist --board ulx3s
     """
@@ -478,7 +479,7 @@ def main(
         raise input_error("--memory", f"{board} stores frames in its SDRAM", "omit --memory or --board")
     fpga = None if board is None else fpga_board(board)
     if fpga is not None and (own := (fpga.top, fpga.video, fpga.memory.grade)) != SIMULATED:
-        what = f"it has {', '.join(own)}; simulated are {', '.join(SIMULATED)}"
+        what = f"it has {', '.join(own)}; simulation needs {', '.join(SIMULATED)}"
         raise input_error(f"--board {board}", what, "choose ulx3s, or omit --board")
     display = load_display(path)
     display = small(display, *size) if size else display
@@ -493,8 +494,8 @@ def main(
     for name, run in (("netlist", netlist), ("RTL", rtl)):
         wrong += [f"{name}: {one}" for one in wrong_counts(run.counts)]
         clocks, seconds = float(run.counts["clocks"]), float(run.counts["processor_seconds"])
-        click.echo(f"{name}: {clocks:.0f} clocks, {clocks / seconds:.0f} a second of the processor")
-    click.echo(f"{result.replies} replies to {result.kinds} kinds of requests are the RTL's")
+        click.echo(f"{name}: {clocks:.0f} clocks, {clocks / seconds:.0f} per CPU second")
+    click.echo(f"{result.replies} replies to {result.kinds} kinds of requests equal the RTL's")
     click.echo(f"{result.pixels} pixels compared, {result.differ} differ")
     if wrong:
         raise NetlistError("; ".join(wrong))

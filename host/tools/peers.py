@@ -1,8 +1,8 @@
-"""Compares Lippmann with POV-Ray: picture and time of one scene through the same optics (`tools.bench peers`).
+"""Compares Lippmann's and POV-Ray's pictures and times of one scene through the same optics (`tools.bench peers`).
 
-The pictures have one ray through each pixel's centre. The times are those of a scene with five lights, anti-aliased by
-POV-Ray with threshold 0.3, and by Lippmann to the same noise. Noise is the rms difference, in 8-bit sRGB levels, from a
-picture of many samples.
+The pictures have one ray per pixel, through its centre. The times are for a scene with five lights, anti-aliased by
+POV-Ray with threshold 0.3, and by Lippmann to the same noise: the rms difference from a picture of many samples, in
+8-bit sRGB levels.
 """
 
 from __future__ import annotations
@@ -47,18 +47,18 @@ from tools.report_plots import make_page
 from tools.seed import ANTIALIAS, SETUPS, fastest, load_for, with_window
 from tools.shading_speed import every_strip, rows_of_strips
 
-#: Side of the windows whose pictures are compared, px, and side of the timed window, px.
+#: Sides, px, of the windows whose pictures are compared, and of the timed window.
 PICTURE_PX, TIME_PX = 600, 2400
-#: Number of samples of the reference picture for the noise, and candidate numbers of samples.
+#: Samples per pixel of the noise's reference picture; numbers of samples per pixel that are tried.
 REFERENCE_SAMPLES = 256
 TRIED_SAMPLES = (1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 12, 16, 24, 32)
-#: Differences up to this 8-bit level do not count.
+#: Differences up to this level (8-bit sRGB) do not count.
 THRESHOLD = 2.0
-#: Noise is measured in every sixteenth strip of eight rows.
+#: Noise is measured in one of every sixteen strips of eight rows.
 EVERY_STRIP, STRIP_ROWS = 16, 8
-#: Distances, px, and number of directions of the displaced rays that find outlines near a ray.
+#: Distances, px, and number of directions, by which rays are displaced to find outlines near a ray.
 OUTLINE_PX, OUTLINE_DIRECTIONS = (0.1, 0.25, 0.5), 16
-#: Side of the part of the pictures that the page shows, px, and the difference that is white on the page's maps.
+#: Side, px, of the part of the pictures that the page shows, and the difference that is white in its maps.
 SHOWN_PX, MAP_WHITE = 300, 32.0
 #: Number of repeats of each timing of a complete process.
 WHOLE_ROUNDS = 3
@@ -68,11 +68,11 @@ Mask = npt.NDArray[np.bool_]
 
 
 def shifted(source: RaySource, shift_px: tuple[float, float]) -> RaySource:
-    """Return a picture whose rays pass through points displaced from the points of its samples."""
+    """Return the picture's rays, displaced by `shift_px`."""
     mi = mitsuba()
     import drjit as dr
 
-    # An opaque value, because a literal would be compiled into a new program each time.
+    # The shifts are opaque, because each literal would compile a new program.
     du, dv = (dr.opaque(mi.Float, shift) for shift in shift_px)
 
     def lines(b: Any, u: Any, v: Any, square: Any) -> Lines:
@@ -82,7 +82,7 @@ def shifted(source: RaySource, shift_px: tuple[float, float]) -> RaySource:
 
 
 def around(scene: Scene, source: RaySource, distances_px: Sequence[float] = OUTLINE_PX) -> npt.NDArray[np.float32]:
-    """Render rays displaced from the pixel centres; return (distances, directions, height, width, 3)."""
+    """Render rays displaced from the pixel centres; return radiance (distances, directions, height, width, 3)."""
 
     def render(distance: float, direction: int) -> Radiance:
         angle = math.tau * direction / OUTLINE_DIRECTIONS
@@ -95,13 +95,13 @@ def around(scene: Scene, source: RaySource, distances_px: Sequence[float] = OUTL
 def compare(
     theirs: Radiance, ours: Radiance, surroundings: npt.NDArray[np.float32], setup: Setup
 ) -> tuple[dict[str, Any], npt.NDArray[np.float32]]:
-    """Return the row of differences between POV-Ray's picture and ours, and the map of differences.
+    """Compare POV-Ray's picture with ours; return the row of differences and the map of differences.
 
-    `surroundings` is the result of `around` for our picture. Differences are the maximum over the three colours, in
-    8-bit sRGB levels. The fraction `differing` of all pixels exceeds THRESHOLD. Fractions of these pixels are:
-    `displaced`, each value within the other picture's values one pixel around; `outlines`, POV-Ray's value within ours
-    0.1 px around, and `near_outlines`, 0.5 px around; `seams`, within a pixel of a lenslet's edge, or with a lost ray.
-    The fraction `unexplained` of all pixels differs for none of these reasons.
+    `surroundings` is the result of `around` for our picture. A difference is the maximum over the colours, in 8-bit
+    sRGB levels. `differing` is the fraction of pixels above THRESHOLD. Fractions of the differing pixels are:
+    `displaced`, if both values are within the other picture's values up to a pixel away; `outlines`, if POV-Ray's value
+    is within ours up to 0.1 px away; `near_outlines`, up to 0.5 px; `seams`, within a pixel of a lenslet's edge, or
+    with a lost ray. `unexplained` is the fraction of all pixels that differ for none of these reasons.
     """
     a, b = (255.0 * encode(picture, "srgb") for picture in (theirs, ours))
     difference = np.abs(a - b).max(axis=-1)
@@ -123,13 +123,12 @@ def compare(
 
 
 def _among_neighbours(a: Radiance, b: Radiance) -> Mask:
-    """Return which values of a lie, to THRESHOLD, within the range of b's values up to one pixel away."""
+    """Return which values of `a` are, within THRESHOLD, in the range of b's values up to one pixel away."""
     low, high = (extreme(b, (3, 3, 1), mode="nearest") for extreme in (ndimage.minimum_filter, ndimage.maximum_filter))
     return _within(a, low, high)
 
 
 def _within(a: Radiance, low: Radiance, high: Radiance) -> Mask:
-    """Return which colours lie, to THRESHOLD, in a range."""
     return np.asarray(((a >= low - THRESHOLD) & (a <= high + THRESHOLD)).all(axis=-1))
 
 
@@ -148,7 +147,7 @@ def near_seams(setup: Setup) -> Mask:
 
 
 class Pair(NamedTuple):
-    """The row of differences, POV-Ray's picture and ours, and the map of 8-bit differences, (height, width)."""
+    """Two compared pictures: row of differences, POV-Ray's picture, ours, map of 8-bit differences (height, width)."""
 
     row: Mapping[str, Any]
     theirs: Radiance
@@ -157,7 +156,7 @@ class Pair(NamedTuple):
 
 
 def compare_pictures(scenes: Path, work: Path) -> list[Pair]:
-    """Render the diffuse scene with both programs, for each grid."""
+    """Render the diffuse scene with both programs for each grid; compare the pictures."""
     pairs = []
     for grid, name in SETUPS.items():
         setup = load_setup(scenes / f"setups/{name}.toml")
@@ -172,12 +171,12 @@ def compare_pictures(scenes: Path, work: Path) -> list[Pair]:
 
 
 def noise_of(picture: Radiance, reference: Radiance) -> float:
-    """Return the root mean square difference, in 8-bit sRGB levels."""
+    """Return the rms difference from the reference, in 8-bit sRGB levels."""
     return float(255.0 * np.sqrt(np.mean((encode(picture, "srgb") - encode(reference, "srgb")) ** 2)))
 
 
 def samples_for(scene: Scene, setup: Setup, theirs: Radiance) -> tuple[int, float, float]:
-    """Return the minimum number of samples with no more noise than POV-Ray's, and the noise of both programs."""
+    """Return the fewest samples with at most POV-Ray's noise, then POV-Ray's noise and ours."""
 
     def rows(samples: int, seed: int) -> Radiance:
         source = every_strip(capture_source(setup), EVERY_STRIP, STRIP_ROWS)
@@ -193,11 +192,11 @@ def samples_for(scene: Scene, setup: Setup, theirs: Radiance) -> tuple[int, floa
 
 
 def compare_times(scenes: Path, work: Path) -> dict[str, Any]:
-    """Time both programs at equal noise on the scene of five lights, 2400 x 2400 pixels through lenslets of 1 mm.
+    """Time both programs at equal noise on the scene with five lights, 2400 x 2400 pixels behind lenslets of 1 mm.
 
     `povray` is POV-Ray's run; `seconds` (wall clock), `cpu_seconds` (of all threads) and `samples` per pixel are
-    Lippmann's. `whole` contains median wall-clock times of complete processes; `ratio` is POV-Ray's CPU seconds divided
-    by ours.
+    Lippmann's. `whole` has the median wall-clock times of complete processes; `ratio` is of CPU seconds, POV-Ray's to
+    Lippmann's.
     """
     setup = load_setup(scenes / f"setups/{SETUPS['square']}.toml")
     setup = with_window(setup, TIME_PX, 1.0)
@@ -214,7 +213,7 @@ def compare_times(scenes: Path, work: Path) -> dict[str, Any]:
 
 
 def _processes(scenes: Path, exported: Exported, samples: int) -> dict[str, Callable[[], float]]:
-    """Return functions, each of which runs a complete process and returns the process's seconds."""
+    """Return functions that run a complete process and return its seconds."""
     setup, scene = scenes / f"setups/{SETUPS['square']}.toml", scenes / "seed/full.xml"
     words = [sys.executable, "-m", "lippmann", "capture", str(scene), "--setup", str(setup), "--samples", str(samples)]
 
@@ -230,7 +229,7 @@ def _processes(scenes: Path, exported: Exported, samples: int) -> dict[str, Call
 
 
 def draw_pair(pair: Pair) -> Plot:
-    """Draw the middle parts of both pictures and of the map of their differences, side by side."""
+    """Draw the middle parts of both pictures and of their map of differences side by side."""
     height, width = pair.where.shape
     side = min(SHOWN_PX, height, width)
     middle = (slice((height - side) // 2, (height + side) // 2), slice((width - side) // 2, (width + side) // 2))
@@ -243,7 +242,7 @@ def draw_pair(pair: Pair) -> Plot:
 
 
 def page(origin: Mapping[str, str], pairs: Sequence[Pair], times: Mapping[str, Any]) -> Page:
-    """Return the page."""
+    """Return the page about POV-Ray."""
     rows = [pair.row for pair in pairs]
     context = {"rows": rows, "times": times, "constants": sys.modules[__name__]}
     return make_page("peers", origin, [draw_pair(pair) for pair in pairs], {"peers": rows}, context)
@@ -251,7 +250,7 @@ def page(origin: Mapping[str, str], pairs: Sequence[Pair], times: Mapping[str, A
 
 @measurement(page="peers")
 def peers(bench: MeasurementRun) -> tuple[Mapping[str, Any], Page]:
-    """Compare Lippmann's picture and time with POV-Ray's; POV-Ray's pictures are cached in out/peers.
+    """Compare Lippmann's pictures and times with POV-Ray's. POV-Ray's pictures are cached in out/peers.
 
     Example: python -m tools.bench peers
     """

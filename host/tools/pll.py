@@ -1,9 +1,9 @@
-"""Computes dividers of an ECP5's PLL (EHXPLLL) for a panel's clocks: system (a pixel per clock), shift and memory.
+"""Computes the dividers of an ECP5's PLL (EHXPLLL) for a board's clocks: system (a pixel per clock), shift, memory.
 
     VCO = oscillator / input_div * back_div
 
-Each output is the VCO frequency divided by the output's divider; the output of back_div is fed back. The limits, in
-MHz, are those of the data sheet of ECP5 and ECP5-5G (FPGA-DS-02012).
+Each output has the VCO's frequency divided by the output's divider; the output of back_div is fed back. The limits, in
+MHz, are those of the ECP5 and ECP5-5G data sheet (FPGA-DS-02012).
 """
 
 from __future__ import annotations
@@ -14,23 +14,23 @@ from fractions import Fraction
 
 from lippmann.errors import InputError, input_error
 
-#: A minimum and a maximum frequency, MHz.
+#: Minimum and maximum of a frequency, MHz.
 Span = tuple[Fraction, Fraction]
 INPUT_MHZ = (8, 400)
 PHASE_DETECTOR_MHZ = (10, 400)
 VCO_MHZ = (Fraction(400), Fraction(800))
-#: Maximum of each divider; the minimum is 1.
+#: Maximum of every divider; the minimum is 1.
 MAX_DIVIDER = 128
-#: Maximum relative error of a pixel clock. Monitors accept this error, and the phase detector's limit allows no finer
-#: steps from 25 MHz: 1280 x 720 gets 75 MHz, not 74.25 (+1.0 %), 640 x 480 gets 25 MHz, not the 25.2 of 60 Hz.
+#: Maximum relative error of a pixel clock. Monitors accept this error. With a 25 MHz oscillator, the phase detector's
+#: limit allows no finer steps: 1280 x 720 gets 75 MHz, not 74.25 (+1.0 %); 640 x 480 gets 25 MHz, not 25.2.
 TOLERANCE = Fraction(11, 1000)
-#: Number of shift clocks per pixel: ten bits on each pair of DVI wires, with two bits per clock.
+#: Shift clocks per pixel: a DVI pair sends ten bits per pixel, two per clock.
 SHIFT_CLOCKS = 5
 
 
 @dataclass(frozen=True)
 class Pll:
-    """A PLL's dividers."""
+    """A PLL's oscillator and dividers."""
 
     oscillator_mhz: Fraction
     input_div: int
@@ -41,18 +41,18 @@ class Pll:
 
     @property
     def vco_mhz(self) -> Fraction:
-        """Frequency, MHz, of the internal oscillator."""
+        """The VCO's frequency, MHz."""
         return self.oscillator_mhz / self.input_div * self.back_div
 
     @property
     def clocks_mhz(self) -> dict[str, Fraction]:
-        """Frequencies, MHz, of the outputs."""
+        """The outputs' frequencies, MHz, keyed by clock."""
         names = ("shift", "system", "memory")
         return {name: self.vco_mhz / getattr(self, f"{name}_div") for name in names}
 
     @property
     def parameters(self) -> dict[str, int]:
-        """The RTL's parameters."""
+        """The dividers as RTL parameters."""
         return {
             "InputDiv": self.input_div, "BackDiv": self.back_div,
             "ShiftDiv": self.shift_div, "SystemDiv": self.system_div, "MemoryDiv": self.memory_div,
@@ -67,10 +67,10 @@ def solve(
     dvi: bool = True,
     fastest_mhz: Fraction | None = None,
 ) -> Pll:
-    """Return dividers with a pixel clock within `TOLERANCE` of `pixel_mhz`, at most `fastest_mhz`.
+    """Return dividers that give a pixel clock within `TOLERANCE` of `pixel_mhz` and at most `fastest_mhz`.
 
-    The best dividers have the fastest memory clock within `memory_mhz`, then the fastest phase detector (it has minimum
-    jitter), then the nearest pixel clock. `dvi` needs `SHIFT_CLOCKS` per pixel. Raises InputError if none exist.
+    The best dividers have the fastest memory clock within `memory_mhz`, then the fastest phase detector (for minimum
+    jitter), then the nearest pixel clock. With `dvi`, a shift clock is added. Raises InputError if no dividers fit.
     """
     if not INPUT_MHZ[0] <= oscillator_mhz <= INPUT_MHZ[1]:
         what = f"an oscillator of {float(oscillator_mhz):g} MHz cannot drive the PLL"
@@ -78,7 +78,7 @@ def solve(
     fastest = pixel_mhz * (1 + TOLERANCE) if fastest_mhz is None else min(pixel_mhz * (1 + TOLERANCE), fastest_mhz)
     candidates = list(_candidates((pixel_mhz * (1 - TOLERANCE), fastest), oscillator_mhz, memory_mhz, dvi))
     if not candidates:
-        clocks = "beside one of {:.0f} to {:.0f} MHz".format(*map(float, memory_mhz))
+        clocks = "with a memory clock of {:.0f} to {:.0f} MHz".format(*map(float, memory_mhz))
         what = f"the PLL has no pixel clock within {float(TOLERANCE):.1%} {clocks}"
         raise input_error(f"{float(pixel_mhz):.3f} MHz", what, "choose another panel size")
 
@@ -106,7 +106,7 @@ def _candidates(pixel_mhz: Span, oscillator_mhz: Fraction, memory_mhz: Span, dvi
 
 
 def panel_pixel_mhz(width: int, height: int, timing: tuple[int, ...], rate_hz: int = 60) -> Fraction:
-    """Return the pixel clock, MHz, of a panel with the porches and syncs of `virtual_board.TIMING`; sizes in pixels."""
+    """Return a panel's pixel clock, MHz; `timing` has porches and syncs in pixels, in the order of `TIMING`."""
     h_front, h_sync, h_back, v_front, v_sync, v_back = timing[:6]
     total = (width + h_front + h_sync + h_back) * (height + v_front + v_sync + v_back)
     return Fraction(total * rate_hz, 1_000_000)

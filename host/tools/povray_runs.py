@@ -26,7 +26,7 @@ from lippmann.scenes.scene import Scene
 
 @dataclass(frozen=True)
 class Run:
-    """The cost of a POV-Ray run including parsing: wall-clock seconds, and processor seconds of all threads."""
+    """The cost of a POV-Ray run including parsing: wall-clock seconds, and CPU seconds of all threads."""
 
     command: str
     seconds: float
@@ -34,7 +34,7 @@ class Run:
 
 
 def run_povray(ini: Path, *options: str) -> Run:
-    """Render an .ini file with additional options; raise InputError with POV-Ray's first error."""
+    """Render an .ini file with additional options; raise InputError with POV-Ray's first error if it fails."""
     command = [str(POVRAY.path()), ini.name, *options]
     before, started = resource.getrusage(resource.RUSAGE_CHILDREN), time.perf_counter()
     result = run_program(command, folder=ini.parent)
@@ -42,7 +42,7 @@ def run_povray(ini: Path, *options: str) -> Run:
     after = resource.getrusage(resource.RUSAGE_CHILDREN)
     if result.returncode != 0:
         errors = [line.strip() for line in result.stderr.splitlines() if "error" in line.lower()]
-        first = errors[0] if errors else "it ended without a message"
+        first = errors[0] if errors else "it printed no error"
         raise input_error(str(ini), f"POV-Ray refuses the file ({first})", "export it again")
     cpu = after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
     return Run(" ".join(["povray", ini.name, *options]), seconds, cpu)
@@ -55,7 +55,7 @@ def render_folder(exported: Exported, *options: str) -> tuple[npt.NDArray[np.flo
 
 
 def render_folder_once(exported: Exported, *options: str) -> tuple[npt.NDArray[np.float32], Run]:
-    """Render an exported folder, or return its cached result for the same files and options."""
+    """Return the result of `render_folder`, from the cache if files and options are the same."""
     content = hashlib.sha256(" ".join(options).encode())
     for name in exported.files:
         content.update((exported.ini.parent / name).read_bytes())
@@ -70,7 +70,7 @@ def render_folder_once(exported: Exported, *options: str) -> tuple[npt.NDArray[n
 
 
 def export_view(scene: Scene, eye_mm: Triple, window: Window, folder: Path) -> Exported:
-    """Write an eye's view of the scene through a window in z = 0, without a display."""
+    """Write a scene for POV-Ray as an eye sees it through a window in z = 0, without a display."""
     x, y, z = eye_mm
     camera = pinhole(eye_mm, (-x, -y, -z), window.width_mm, window.height_mm)
     return write_folder(scene, View(camera, window.width_px, window.height_px), folder)

@@ -1,4 +1,4 @@
-"""The common frame of the programs that `python -m tools.NAME` runs."""
+"""Makes the commands of the programs that `python -m tools.NAME` runs."""
 
 from __future__ import annotations
 
@@ -10,13 +10,13 @@ import click
 from lippmann.cli import run
 from lippmann.cli.frame import JSON, make_command, option
 
-#: The --report option of programs that write a page for readers of the documentation, or for maintainers.
-REPORT: Any = option("Folder of the page.", "docs/generated/reports")
-MAINTAINERS_REPORT: Any = option("Folder of the page.", "build/reports")
+#: The option --report of programs that write a page: for the documentation, and for maintainers.
+REPORT: Any = option("Folder for the page.", "docs/generated/reports")
+MAINTAINERS_REPORT: Any = option("Folder for the page.", "build/reports")
 
 
 def program(main: Callable[..., Any]) -> click.Command:
-    """Make a command without --json from a function, and run it if its module is the program. Call this at the end."""
+    """Make a command without --json from a module's last function, and run it if the module is the program."""
     command = make_command(main.__name__)(main)
     command.params.remove(JSON)
     if main.__module__ == "__main__":

@@ -27,19 +27,19 @@ from lippmann.rendering.sampling import Aperture
 from lippmann.simulation.harness import ray_harness, rtl_pipeline, rtl_scene
 from lippmann.simulation.virtual_board import board_build
 
-#: The plan, models and apertures of `tools.bench trace`.
+#: The plan of `tools.bench trace`, and its models and apertures.
 TRACE_PLAN = Plan(displays=("paper-square", "paper-hex", "uhd-8k"), timed_rays=200_000, digits_rays=0)
 TRACED: tuple[tuple[Model, Aperture], ...] = (*((model, "chief") for model in MODELS), ("exact", "full"))
-#: Columns of the errors, and those of `measure_rays`.
+#: Columns of fast's errors, each with its column of `measure_rays`.
 ERRORS = {"max_direction_urad": "own_max_urad", "rms_direction_urad": "own_rms_urad", "max_origin_nm": "own_max_nm"}
-#: Rays per run, runs of `bench rtl` (the fastest counts), and frames that the board scans out.
+#: `tools.bench rtl`: rays per run, runs per build (the fastest counts), frames that the board draws.
 RAYS, RUNS, FRAMES = 1_000_000, 3, 10
-#: The board's panel, and a larger panel for drawing without a board, where loading the textures takes little time.
+#: Display of the drawing board, and a larger display for drawing without a board, where textures load quickly.
 BOARD_DISPLAY, DISPLAY = "vga-square", "paper-square"
 
 
 def measure_trace(scenes: Path, seed: int, plan: Plan = TRACE_PLAN) -> Iterator[dict[str, Any]]:
-    """Yield the rates of golden and fast on the plan's displays, and fast's errors over `compared` rays."""
+    """Yield rows with the rates of golden and fast on the plan's displays, and fast's errors over `compared` rays."""
     for display in plan.load_displays(scenes):
         for model, aperture in TRACED:
             golden, fast = measure_rays(display, aperture, (0.0, 0.0), [model], ["golden", "fast"], plan, seed)
@@ -52,7 +52,7 @@ def measure_trace(scenes: Path, seed: int, plan: Plan = TRACE_PLAN) -> Iterator[
 
 
 def measure_rtl(scenes: Path, seed: int) -> Iterator[dict[str, Any]]:
-    """Yield the rates of exact builds of two word lengths, with cross terms in logic or multipliers, and of drawing."""
+    """Yield the rates of exact builds (two word lengths, cross terms in logic or in multipliers), then of drawing."""
     for name in ("paper-square", "paper-hex"):
         display = load_display(scenes / f"displays/{name}.toml")
         for bits, cells in itertools.product((WIDEST, COMPACT), (False, True)):
@@ -70,7 +70,7 @@ def measure_rtl(scenes: Path, seed: int) -> Iterator[dict[str, Any]]:
 
 
 def board(display: Display, stack: LayerStack, build: SceneBuild, frames: int) -> dict[str, Any]:
-    """Draw frames on a virtual board, compare the last one with the twin's, and count all frames' pixels and clocks."""
+    """Draw frames on a virtual board, compare the last frame with the twin's; return the row."""
     with capturing(display, build) as captured:
         scene = SceneBoard(captured.board)
         textures = {slot: slot_bytes(layer, build).tobytes() for slot, layer in enumerate(stack.layers)}
@@ -88,10 +88,11 @@ def board(display: Display, stack: LayerStack, build: SceneBuild, frames: int) -
 
 
 def rendered(display: Display, stack: LayerStack, build: SceneBuild, threads: int) -> dict[str, Any]:
-    """Draw a panel as `render --engine rtl` does, and compare every pixel with the twin's."""
+    """Draw a panel as `render --engine rtl` does, compare all pixels with the twin's; return the row."""
     optics = Build.of(display, "exact", COMPACT, aims=False)
     drawn = partial(draw, display, optics, stack, build, pipeline=rtl_pipeline, shade=rtl_scene, threads=threads)
-    drawn()  # compiled, and the textures are loaded
+    # The first run compiles, and loads the textures.
+    drawn()
     started, used = time.perf_counter(), time.process_time()
     picture = drawn()
     times = (time.perf_counter() - started, time.process_time() - used)
@@ -102,7 +103,7 @@ def rendered(display: Display, stack: LayerStack, build: SceneBuild, threads: in
 def _row(
     display: Display, simulated: str, threads: int, pixels: int, times: Sequence[float], clocks: int | None, differ: Any
 ) -> dict[str, Any]:
-    """Return the row of pixels that were simulated in `times` (wall-clock seconds, processor seconds)."""
+    """Return the row of a simulation that drew `pixels` in `times` (wall-clock seconds, CPU seconds)."""
     names = ("pixels_per_second", "pixels_per_processor_second")
     rates = {name: pixels / seconds for name, seconds in zip(names, times, strict=True)}
     row = {"display": display.name, "simulated": simulated, "processors": threads, "pixels": pixels, **rates}

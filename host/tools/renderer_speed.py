@@ -1,4 +1,4 @@
-"""Measures the renderer's noise, growth, stages, and rate against Mitsuba's camera (`tools.bench render`, `stages`)."""
+"""Measures the renderer's noise, growth with size, stages and rate (`tools.bench render`, `tools.bench stages`)."""
 
 from __future__ import annotations
 
@@ -40,28 +40,28 @@ if TYPE_CHECKING:
 
 #: A function that returns its duration in seconds.
 Work = Callable[[], float]
-#: An integrator's result for its samples: light, validity, and further values.
+#: The result of an integrator's method `sample`: light, validity, further values.
 Light = tuple[Any, Any, list[Any]]
 
 INTEGRATORS = ("lights", "direct", "path")
 REFERENCE = "path"
-#: Number of triangles while the number of lights grows, and number of lights while the number of triangles grows.
+#: Number of triangles in scenes with varied lights; number of lights in scenes with varied triangles.
 TRIANGLES, LIGHTS = 20_000, 2
-#: Repeats of `tools.bench render`, and the distance, mm, of its perspective camera, whose field covers the display.
+#: Repeats in `tools.bench render`; distance, mm, of its perspective camera, whose field of view covers the display.
 ROUNDS, CAMERA_MM = 3, 600.0
-#: Displays and samples per pixel of renders in a separate process, and of stages; a GPU has larger ones.
+#: Displays and samples per pixel: of renders in a separate process, and of measured stages on a CPU and on a GPU.
 SEPARATE = (("paper-square", 4), ("paper-hex", 4), ("uhd-4k", 1), ("uhd-8k", 1))
 CPU_RENDERS = (("paper-square", 4), ("uhd-4k", 1))
 GPU_RENDERS = (*CPU_RENDERS, ("uhd-4k", 16))
-#: Integrators, each with one more stage, keyed by the stage's name.
+#: Integrators, keyed by the last stage that they compute.
 STAGES = {"optics": "nothing", "camera": "first_hit", "shading": "unshadowed", "shadows": "lights"}
-#: Results of a render process: its times in order, and the results that `tools.bench render` reports.
+#: Keys of a render's JSON: the times of the process in order, and the results that `tools.bench render` reports.
 PROCESS = ("start_seconds", "load_seconds", "prepare_seconds", "seconds", "write_seconds")
 RENDER_KEYS = ("seconds", "prepare_seconds", "samples_per_second", "peak_memory_mb")
 
 
 def gpu_name() -> str:
-    """Return the GPUs' names from nvidia-smi; "" without it."""
+    """Return the GPUs' names from nvidia-smi, or "" if it is missing."""
     program = shutil.which("nvidia-smi")
     if program is None:
         return ""
@@ -71,7 +71,7 @@ def gpu_name() -> str:
 
 
 def timed(scene: Scene, display: Display, settings: Settings, pictures: list[Radiance] | None = None) -> Work:
-    """Return a function that renders with the next seed, appends to `pictures`, and returns the seconds."""
+    """Return a function that renders with a new seed at each call, appends to `pictures`, and returns the seconds."""
     seeds = itertools.count(settings.seed)
 
     def render() -> float:
@@ -84,13 +84,13 @@ def timed(scene: Scene, display: Display, settings: Settings, pictures: list[Rad
 
 
 def noise_levels(one: Radiance, other: Radiance) -> float:
-    """Return a pixel's standard deviation in 8-bit sRGB levels; the difference of two renders doubles the variance."""
+    """Return a pixel's noise (standard deviation, 8-bit sRGB levels) from two renders with different seeds."""
     apart = 255.0 * (encode(one, "srgb").astype(np.float64) - encode(other, "srgb"))
     return float(np.sqrt((apart**2).mean() / 2.0))
 
 
 def measure_noise(scenes: Path, plan: Plan, seed: int) -> Figures:
-    """Render the plan's scene with each integrator and number of samples, with a new seed in each round."""
+    """Measure each integrator's noise for each number of samples, with a new seed in each round."""
     logger.info("renderer: noise ...")
     scene = load_scene(scenes / f"{plan.scene}/{plan.scene}.xml")
     display = middle(load_display(scenes / "displays/paper-square.toml"), plan.noise_px)
@@ -113,19 +113,19 @@ def measure_noise(scenes: Path, plan: Plan, seed: int) -> Figures:
 
 
 def resized(display: Display, across: int) -> Display:
-    """Return the display with `across` pixels over the unchanged width in mm."""
+    """Return the display with `across` pixel columns on a panel of unchanged width, mm."""
     return replace(display, panel=display.panel.with_columns(across))
 
 
 def with_pitch(array: Array, pitch_mm: float) -> Array:
-    """Return an array of lenslets of unchanged shape, scaled to another pitch."""
+    """Return the array with its lenslets scaled to another pitch."""
     factor = pitch_mm / array.pitches_mm[0]
     radius_mm, thickness_mm = array.radius_mm * factor, array.thickness_mm * factor
     return replace(array, pitch_mm=array.pitch_of(pitch_mm), radius_mm=radius_mm, thickness_mm=thickness_mm)
 
 
 def with_lenslets_across(display: Display, across: int) -> Display:
-    """Return the display with `across` lenslets of unchanged shape over the unchanged width in mm."""
+    """Return the display with lenslets scaled so that `across` of them span the unchanged width, mm."""
     array = with_pitch(display.array, display.panel.width_mm / (across - 0.4))
     return replace(display, array=array, gap_mm=display.gap_mm * array.pitches_mm[0] / display.array.pitches_mm[0])
 
@@ -158,7 +158,7 @@ def waves(triangles: int, lights: int) -> Scene:
 
 
 def measure_growth(scenes: Path, plan: Plan, seed: int) -> Figures:
-    """Time renders of growing size; the renders of one kind of growth take turns."""
+    """Time renders for each kind of growing size; renders of one kind are timed in turn."""
     path = scenes / f"{plan.scene}/{plan.scene}.xml"
     scene, display = load_scene(path), load_display(scenes / "displays/paper-square.toml")
     small = resized(display, plan.growth_px)
@@ -194,12 +194,12 @@ def measure_growth(scenes: Path, plan: Plan, seed: int) -> Figures:
 
 
 def exponent(sizes: Sequence[float], values: Sequence[float]) -> float | None:
-    """Return the exponent with which values grow with the size, fitted to logarithms; None for one size."""
+    """Return the exponent of growth with size, from a fit to logarithms, or None for a single size."""
     return float(np.polyfit(np.log(sizes), np.log(values), 1)[0]) if len(sizes) > 1 else None
 
 
 def powers_of(growth: Figures) -> dict[str, float]:
-    """Return the exponent with which the render time grows, for each kind of size."""
+    """Return the exponents of growth of the render time, keyed by kind of size."""
     kinds = groups(growth.rows, "with")
     powers = {rows[0]["with"]: exponent(values(rows, "size"), values(rows, "relative")) for rows in kinds}
     return {name: power for name, power in powers.items() if power is not None}
@@ -210,7 +210,6 @@ def _pixels(display: Display) -> int:
 
 
 def _with_threads(count: int, work: Work) -> Work:
-    """Return a function that runs the work with a number of threads."""
     import drjit as dr
 
     def limited() -> float:
@@ -225,7 +224,7 @@ def _with_threads(count: int, work: Work) -> Work:
 
 
 def _memory(device: str, scene: Path, displays: Sequence[Display], rounds: int) -> dict[int, Measured]:
-    """Return the peak memory (MB) of renders, keyed by number of pixels; each has a process, two run at once."""
+    """Return the peak memory (MB) of renders in separate processes, two at once, keyed by number of pixels."""
 
     def peak(display: Display) -> float:
         with TemporaryDirectory() as folder:
@@ -241,7 +240,7 @@ def _memory(device: str, scene: Path, displays: Sequence[Display], rounds: int) 
 def separately(
     device: str, scene: Path, display: Path, samples: int, keys: Sequence[str] = RENDER_KEYS
 ) -> dict[str, Any]:
-    """Render with the exact model by the command line; return some results. Raises LippmannError on failure."""
+    """Render with the exact model in a new process; return the results `keys`. Raises LippmannError on failure."""
     with TemporaryDirectory() as folder:
         words = ["render", str(scene), "--display", str(display), "--model", "exact", "--samples", str(samples)]
         words += ["--device", device, "-o", f"{folder}/out.exr", "--json"]
@@ -254,14 +253,14 @@ def separately(
 
 
 def compared(**works: Work) -> tuple[dict[str, float], list[float]]:
-    """Time two functions in turn; return both medians, and the ratio of the first to the second in each round."""
+    """Time two functions in turn; return both median times, and each round's ratio of the first to the second."""
     times = in_turn(works, ROUNDS)
     ratios = [a / b for a, b in zip(*times.values(), strict=True)]
     return {name: float(np.median(seconds)) for name, seconds in times.items()}, ratios
 
 
 def lenslet_growth(scene: Scene, display: Display, settings: Settings) -> dict[str, float]:
-    """Time a window behind the display's lenslets (102 x 102 on paper-square) and behind 11 x 11 lenslets."""
+    """Time renders of a display with its lenslets (102 x 102 on paper-square), and with 11 x 11 lenslets."""
     seconds, ratios = compared(
         seconds_10404_lenslets=timed(scene, display, settings),
         seconds_121_lenslets=timed(scene, with_lenslets_across(display, 11), settings),
@@ -270,7 +269,7 @@ def lenslet_growth(scene: Scene, display: Display, settings: Settings) -> dict[s
 
 
 def against_perspective(scene: Scene, display: Display, settings: Settings) -> dict[str, float]:
-    """Time an integral render against Mitsuba's perspective sensor, with equal settings and number of pixels."""
+    """Time an integral render against Mitsuba's perspective sensor, with equal settings and numbers of pixels."""
     mi = mitsuba()
     import drjit as dr
 
@@ -293,13 +292,13 @@ def against_perspective(scene: Scene, display: Display, settings: Settings) -> d
         dr.sync_thread()
         return time.perf_counter() - started
 
-    plain()  # compiles
+    plain()  # compiles the program
     seconds, ratios = compared(perspective_seconds=plain, integral_seconds=timed(scene, display, settings))
     return {**seconds, "rate_ratio": float(np.median(ratios))}
 
 
 def measure(scenes: Path, seed: int) -> Iterator[dict[str, Any]]:
-    """Yield the rows of `tools.bench render`; each round has its own seed."""
+    """Yield the rows of `tools.bench render`. Each round has a different seed."""
     for name, samples in SEPARATE:
         path = scenes / f"displays/{name}.toml"
         row = separately(current_device(), scenes / "fish/fish.xml", path, samples)
@@ -321,7 +320,7 @@ def _label(display: str, samples: int) -> str:
 
 
 def register_stages() -> None:
-    """Register integrators that end early: after the optics, after the primary rays' hits, or before shadows."""
+    """Register integrators that stop early: after the optics, after the primary rays' hits, or before shadow rays."""
     mi = mitsuba()
     import drjit as dr
 
@@ -329,7 +328,7 @@ def register_stages() -> None:
 
     class Nothing(base):  # type: ignore[misc]
         def sample(self, scene: Any, sampler: Any, ray: Any, medium: Any = None, active: Any = True) -> Light:
-            # The result uses every part of the ray, so that the compiler keeps all optics.
+            # Use every part of the ray in the result, so that the compiler removes no optics.
             return mi.Spectrum(ray.d.x + ray.d.y + ray.d.z + ray.o.x + ray.o.y), active, []
 
     class FirstHit(base):  # type: ignore[misc]
@@ -352,7 +351,7 @@ def register_stages() -> None:
 
 
 def stages(scene: Scene, display: Display, settings: Settings) -> dict[str, float]:
-    """Time renders, each with one more stage, in turn, without compilation; `shared` uses the irradiance cache."""
+    """Time renders with one more stage each, in turn, after compilation; `shared` uses the irradiance cache."""
     register_stages()
     each = replace(settings, shading="each")
     works = {stage: timed(scene, display, replace(each, integrator=integrator)) for stage, integrator in STAGES.items()}
@@ -375,15 +374,15 @@ def measure_stages(scenes: Path, seed: int) -> Iterator[dict[str, Any]]:
         yield {"what": _label(name, samples), "gpu": gpu, **within, **process}
 
 
-#: Labels of the sizes whose label differs from the name in the rows.
+#: Axis labels of sizes, where they differ from the name in the rows.
 GROWTH = {"triangles": "primitives (triangles)", "samples": "samples a pixel"}
 
 
 def draw_renderer(data: Figures) -> Plot:
-    """Draw the render time against noise, and against PSNR."""
+    """Draw noise and PSNR against the render time."""
     picture, axes = make_axes(1, 2)
     for axis, key in zip(axes[0], ("noise", "psnr_db"), strict=True):
-        # A picture without random numbers has no noise, and so no position on the logarithmic axis.
+        # A picture without noise has no position on a logarithmic axis.
         draw_lines(axis, [row for row in data.rows if row[key].median > 0.0], "integrator", "seconds", key)
     axes[0][0].set(xscale="log", yscale="log", xlabel="seconds", ylabel="noise, levels of 255")
     axes[0][1].set(xscale="log", xlabel="seconds", ylabel=f"PSNR against {REFERENCE}, dB")
@@ -391,7 +390,7 @@ def draw_renderer(data: Figures) -> Plot:
 
 
 def draw_growth(data: Figures) -> Plot:
-    """Draw the render time against each size, and memory against the number of pixels."""
+    """Draw render time against each size, and peak memory against the number of pixels."""
     picture, axes = make_axes(2, 4, (3.2, 2.8))
     free = iter(axes.ravel())
     for rows in groups(data.rows, "with"):
@@ -402,7 +401,7 @@ def draw_growth(data: Figures) -> Plot:
         axis.plot(sizes, times, "o-", color=COLOURS[0])
         axis.plot(sizes, ideal, "--", color="grey", linewidth=1)
         middle = float(np.exp(np.log(times).mean()))
-        # The axis spans at least a decade, so that noise does not look like growth.
+        # Let the axis span at least a decade, so that noise does not look like growth.
         limits = (min(0.7 * times.min(), middle / 3.2), max(1.4 * times.max(), middle * 3.2))
         axis.set(xscale="log", yscale="log", ylabel="seconds", ylim=limits)
         _mark_sizes(axis, sizes, GROWTH.get(name, name))
@@ -417,14 +416,13 @@ def draw_growth(data: Figures) -> Plot:
 
 
 def _mark_sizes(axis: Axes, sizes: Sequence[float], label: str) -> None:
-    """Put axis ticks at the measured sizes only."""
     axis.set_xlabel(label)
     axis.set_xticks(sizes, [size_label(size) for size in sizes], fontsize=8)
     axis.set_xticks([], minor=True)
 
 
 def size_label(size: float) -> str:
-    """Return a size with three digits and a prefix such as k, so that labels do not overlap."""
+    """Return a size with three digits and a unit prefix such as k, so that labels do not overlap."""
     from matplotlib.ticker import EngFormatter
 
     return str(EngFormatter(sep="")(float(f"{size:.3g}")))

@@ -1,4 +1,4 @@
-"""The pages and plots of the reports about Lippmann itself."""
+"""Makes the pages and plots of the tools' reports."""
 
 from __future__ import annotations
 
@@ -27,12 +27,12 @@ def make_page(
     tables: Mapping[str, Rows] | None = None,
     context: Row | None = None,
 ) -> Page:
-    """Return a page that a template of the tools renders."""
+    """Return a page that is rendered from the tools' template `name`."""
     return Page(name, origin, plots, tables or {}, context or {}, TEMPLATES)
 
 
 def draw_bars(axis: Axes, labels: Sequence[str], lengths: Sequence[float], **options: Any) -> None:
-    """Draw a horizontal bar for each label, the first on top."""
+    """Draw a horizontal bar for each label, with the first label on top."""
     place = np.arange(len(labels))
     axis.barh(place, lengths, **options)
     axis.set_yticks(place, labels, fontsize=8)
@@ -40,7 +40,7 @@ def draw_bars(axis: Axes, labels: Sequence[str], lengths: Sequence[float], **opt
 
 
 def draw_lines(axis: Axes, rows: Rows, by: str, x: str, y: str) -> None:
-    """Draw y against x of the rows that have a y, with a line for each value of the column `by`."""
+    """Draw column y against column x for rows that have a y, with a line for each value of column `by`."""
     for mark, colour, group in zip(MARKS, COLOURS, groups(rows, by), strict=False):
         points = [row for row in group if row[y] is not None]
         if points:
@@ -49,7 +49,7 @@ def draw_lines(axis: Axes, rows: Rows, by: str, x: str, y: str) -> None:
 
 
 def draw_bar_charts(name: str, labels: Sequence[str], charts: Mapping[str, Sequence[float]], **options: Any) -> Plot:
-    """Draw bar charts side by side, keyed by heading, with common labels; `options` are options of the axes."""
+    """Draw charts, keyed by heading, side by side with common labels; `options` are axes properties."""
     picture, axes = make_axes(1, len(charts), (5.2, 0.9 + 0.22 * len(labels)))
     for across, (heading, lengths) in enumerate(charts.items()):
         draw_bars(axes[0][across], labels if across == 0 else [""] * len(labels), lengths, color=COLOURS[0])
@@ -58,7 +58,7 @@ def draw_bar_charts(name: str, labels: Sequence[str], charts: Mapping[str, Seque
 
 
 def contact_sheet(name: str, views: tuple[list[Radiance], list[str]] | None, across: int, times: int = 3) -> list[Plot]:
-    """Return the contact sheet of magnified views with captions; [] without views."""
+    """Return a contact sheet of magnified views with captions, or [] if `views` is None."""
     if views is None:
         return []
     large = [np.kron(view, np.ones((times, times, 1), np.float32)) for view in views[0]]

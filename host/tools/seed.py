@@ -1,8 +1,8 @@
-"""Repeats the founding paper's benchmark (figure 9) with Lippmann and POV-Ray on equal files (`tools.bench seed`).
+"""Repeats the founding paper's benchmark (figure 9) with Lippmann and POV-Ray on the same files (`tools.bench seed`).
 
-The benchmark shows t_R = t_SR / T (paper, equation 6) against the number of lenslets in the window. T is the tracer's
-own time for the base scene: 720 x 720 pixels, 2 lights, 2 stems, anti-aliased with threshold 0.3, no optics. Times are
-CPU seconds of all threads: POV-Ray's time with parsing, Lippmann's time without loading and compiling.
+The benchmark shows t_R = t_SR / T (paper, equation 6) against the number of lenslets in the window: a picture's time
+over the same program's time for the base scene (720 x 720 pixels, 2 lights, 2 stems, anti-aliased with threshold 0.3,
+no optics). Times are CPU seconds of all threads: POV-Ray's with parsing, Lippmann's without loading and compiling.
 """
 
 from __future__ import annotations
@@ -36,41 +36,41 @@ from tools.povray_runs import Run, export_view, render_folder
 from tools.renderer_speed import with_pitch
 from tools.report_plots import make_page
 
-#: Set-ups of the sweep, keyed by the array's grid. The array stands 6 cm towards the imaging lens (paper, figure 8 a).
+#: Set-ups of the sweep, keyed by grid; the array is displaced 6 cm towards the imaging lens (paper, figure 8 a).
 SETUPS = {"square": "fig8a", "hex": "hex"}
-#: Number of samples per pixel with no more noise than POV-Ray's anti-aliasing of threshold 0.3 (4 suffice, by `bench
-#: peers`), and number of renders of each picture without anti-aliasing, of which the fastest counts.
+#: Samples per pixel with no more noise than POV-Ray's anti-aliasing with threshold 0.3 (4 suffice in `bench peers`);
+#: number of renders of each picture without anti-aliasing, of which the fastest counts.
 SAMPLES, ROUNDS = 8, 2
 ANTIALIAS = ("+WT2", "+A0.3")
 EYE_MM = (0.0, 0.0, 600.0)
 
 
 class Sweep(NamedTuple):
-    """The sizes of the benchmark: windows (px, at 600 dpi), lenslet pitches (mm) and grids."""
+    """The sizes of the benchmark: windows (px at 600 dpi), lenslet pitches (mm) and grids."""
 
     windows_px: tuple[int, ...] = (720, 1200, 1800, 2400, 3600)
     pitches_mm: tuple[float, ...] = (1.0, 2.0, 4.0, 9.0)
     grids: tuple[str, ...] = tuple(SETUPS)
-    #: The largest window that Lippmann renders with anti-aliasing, and the largest that POV-Ray renders.
+    #: Largest window that Lippmann renders with anti-aliasing, and largest window that POV-Ray renders, px.
     antialiased_px: int = 2400
     povray_px: int = 720
     #: Side of the base scene's picture, px.
     base_px: int = 720
 
 
-#: `--quick`, for tests. Windows up to this size give no valid figures, because most of the time is start-up.
+#: The sizes with `--quick`, for tests. Such small windows give no valid figures: start-up takes most of the time.
 QUICK = Sweep((48,), (1.0,), ("square",), povray_px=48, base_px=96)
 
 
 def with_window(setup: Setup, width_px: int, pitch_mm: float) -> Setup:
-    """Return a set-up with another number of pixels of unchanged size, behind lenslets scaled to a pitch."""
+    """Return the set-up with `width_px` x `width_px` pixels of unchanged pitch, behind lenslets scaled to a pitch."""
     panel = dataclasses.replace(setup.display.panel, width_px=width_px, height_px=width_px)
     display = dataclasses.replace(setup.display, panel=panel, array=with_pitch(setup.display.array, pitch_mm))
     return dataclasses.replace(setup, display=display, array=with_pitch(setup.array, pitch_mm))
 
 
 def lenslets_in(display: Display) -> int:
-    """Return the number of lenslets in the window: N = ceil(25.4 w / (p D))^2 (paper, equation 5)."""
+    """Return the number of lenslets of a window: ceil(25.4 w / (p D))^2 for w px, D dpi (paper, equation 5)."""
     array, panel = display.array, display.panel
     dpi_x, dpi_y = (MM_PER_INCH / pitch for pitch in panel.pitches_mm)
     across = math.ceil(MM_PER_INCH * panel.width_px / (array.pitches_mm[0] * dpi_x) - 1e-9)
@@ -79,19 +79,19 @@ def lenslets_in(display: Display) -> int:
 
 
 def load_for(path: Path, setup: Setup) -> Scene:
-    """Load a scene and place it in front of a set-up."""
+    """Load a scene, and place it in front of a set-up's lens."""
     return load_scene(path, placement_beside(path).then(setup.subject.placement))
 
 
 def fastest(scene: Scene, source: RaySource, samples: int, rounds: int = 1) -> Rendered:
-    """Return the shortest time of `rounds` renders, without compilation."""
+    """Render `rounds` times, and return the render with the shortest CPU time."""
     renders = (render_rays(scene, source, Settings(samples=samples)) for _ in range(rounds))
     return min(renders, key=lambda rendered: rendered.cpu_seconds)
 
 
 def bench_seed(scenes: Path, work: Path, sweep: Sweep) -> Iterator[dict[str, Any]]:
-    """Measure Lippmann's and POV-Ray's times, with files in `work`; the first two rows are for the base scene."""
-    # These rows give the times T of the base scene through the window of the paper's display, 2400 px at 600 dpi.
+    """Yield rows of Lippmann's and POV-Ray's times, first for the base scene; files are written into `work`."""
+    # Measure the times T of the base scene through the window of the paper's display, 2400 px at 600 dpi.
     side_mm = 2400 * MM_PER_INCH / 600.0
     window = Window(side_mm, side_mm, sweep.base_px, sweep.base_px)
     scene = load_scene(scenes / "seed/base.xml")
@@ -104,7 +104,7 @@ def bench_seed(scenes: Path, work: Path, sweep: Sweep) -> Iterator[dict[str, Any
     for width, grid, pitch in itertools.product(sweep.windows_px, sweep.grids, sweep.pitches_mm):
         setup = with_window(load_setup(scenes / f"setups/{SETUPS[grid]}.toml"), width, pitch)
         scene = load_for(scenes / "seed/full.xml", setup)
-        # Anti-aliasing takes several times as long, so only the ends of the curves have it.
+        # Anti-aliasing takes several times as long, so only the smallest and the largest pitch have it.
         looks = (False, True) if pitch in (min(sweep.pitches_mm), max(sweep.pitches_mm)) else (False,)
         for antialias in looks if width <= sweep.antialiased_px else (False,):
             samples, rounds = (SAMPLES, 1) if antialias else (1, ROUNDS)
@@ -125,7 +125,7 @@ def _row(
     run: Rendered | Run,
     base: Mapping[str, float],
 ) -> dict[str, Any]:
-    """Return the row of a square picture, which shows the base scene without a display; `relative` is t_R."""
+    """Return the row of a square picture, of the base scene if `display` is None; `relative` is t_R."""
     array, lenslets = (None, 0) if display is None else (display.array, lenslets_in(display))
     row = {"tracer": tracer, "grid": "none" if array is None else array.grid, "window_px": width_px}
     row |= {"pitch_mm": None if array is None else array.pitches_mm[0], "lenslets": lenslets, "antialias": antialias}
@@ -134,17 +134,18 @@ def _row(
 
 
 def findings(rows: Rows) -> dict[str, Any]:
-    """Return ratios of CPU times over the sweep, for Lippmann and, with the prefix `povray_`, for POV-Ray.
+    """Return ratios of CPU times in the sweep, for Lippmann and, with the prefix `povray_`, for POV-Ray.
 
-    `growth` for each window (px) is the time of the slowest pitch divided by that of the fastest, for a square array
-    without anti-aliasing. `hex_share` is the median ratio of hexagonal to square arrays, less 1; `plain_share` is the
-    ratio without to with anti-aliasing, less 1. A ratio is None where nothing was measured.
+    `growth`, keyed by window (px), is the slowest pitch's time divided by the fastest pitch's, for square arrays
+    without anti-aliasing. `hex_share` is the median ratio of times with hexagonal to times with square arrays, minus 1.
+    `plain_share` is the median ratio of times without to times with anti-aliasing, minus 1. A ratio is None if no pair
+    was measured.
     """
     keys = ("tracer", "grid", "window_px", "pitch_mm", "antialias")
     times = {tuple(row[key] for key in keys): row["cpu_seconds"] for row in rows}
 
     def share(tracer: str, **changed: Any) -> float | None:
-        """Return the ratios of the rows' times to those of rows that differ only in `changed`."""
+        """Return the median ratio, minus 1, of rows' times to those of rows that differ only in `changed`."""
         pairs = [[tuple(one[key] for key in keys) for one in (row, {**row, **changed})] for row in rows]
         pairs = [pair for pair in pairs if pair[0][0] == tracer]
         shares = [times[one] / times[other] - 1.0 for one, other in pairs if one != other and other in times]
@@ -161,7 +162,7 @@ def findings(rows: Rows) -> dict[str, Any]:
 
 
 def plot(rows: Rows) -> Plot:
-    """Draw t_R against the number of lenslets for each window and tracer; lines of hexagonal arrays are dashed."""
+    """Draw t_R against the number of lenslets for each window and program; hexagonal arrays have dashed lines."""
     picture, axes = make_axes(1, 2, (5.5, 4.5))
     windows = sorted({row["window_px"] for row in rows if row["grid"] != "none"})
     for axis, antialias in zip(axes[0], (False, True), strict=True):
@@ -180,7 +181,7 @@ def plot(rows: Rows) -> Plot:
 
 
 def page(origin: Mapping[str, str], rows: Rows, trial: bool = False) -> Page:
-    """Return the page; `trial` adds the note that its windows are too small for valid figures."""
+    """Return the page; `trial` adds a note that the windows are too small for valid figures."""
     ratios = findings(rows)
     ours, theirs = where(rows, grid="none")
     windows = sorted(ratios["growth"])
@@ -193,7 +194,7 @@ def page(origin: Mapping[str, str], rows: Rows, trial: bool = False) -> Page:
 @measurement(page="seed")
 def seed(
     bench: MeasurementRun,
-    quick: bool = option("A trial: the windows are too small to measure anything.", False),
+    quick: bool = option("Use tiny windows, for a trial; the figures are not valid.", False),
 ) -> tuple[Mapping[str, Any], Page]:
     """Repeat the founding paper's benchmark with Lippmann and with POV-Ray.
 

@@ -1,4 +1,4 @@
-"""Compares shading methods by time and error, and the possible gain of adaptive samples (`tools.bench shading`)."""
+"""Measures time and error of shading methods, and the possible gain by adaptive sampling (`tools.bench shading`)."""
 
 from __future__ import annotations
 
@@ -39,27 +39,27 @@ from scipy.ndimage import uniform_filter
 from tools.bench import MeasurementRun, measurement
 from tools.report_plots import contact_sheet, draw_lines, make_page
 
-#: Display, numbers of lamps, and numbers of samples per pixel.
+#: The measured display, numbers of lamps, and numbers of samples per pixel.
 DISPLAY, LAMPS, SAMPLES = "paper-square", (1, 2, 5, 20), (1, 2, 4, 8)
-#: Number of samples of the reference, and the distance between its compared rows.
+#: Samples per pixel of the reference; one of every `EVERY_ROW` pixel rows is compared.
 REFERENCE_SAMPLES, EVERY_ROW = 64, 16
-#: The lamps' circle: radius and distance in front of the display, mm, and the lamps' total power.
+#: The circle of lamps: radius and distance in front of the display, mm; total power of the lamps.
 RADIUS_MM, HEIGHT_MM, POWER = 1000.0, 850.0, 1.2e7
-#: Scenes whose pictures with the irradiance cache are compared, the set-up of the captured scenes, and samples.
+#: Scenes, captured scenes and their set-up with which the irradiance cache is compared; samples per pixel.
 SCENES, CAPTURED, SETUP, COMPARED_SAMPLES = ("fish", "chart", "knot"), ("diffuse", "full"), "fig8a", 4
 MAP_GAIN = 50.0
-#: Settings of the adaptive distribution: the side of the rendered middle of the display, px; samples per pixel of a
-#: pilot picture, which is a pixel's minimum; number of pilots for the true error; samples of a finer picture, which
-#: shows how fast the error falls, and of the reference; samples of the pictures whose noise must be reached.
+#: Adaptive sampling: side of the rendered middle of the display, px; samples per pixel of a pilot picture, the minimum
+#: for each pixel; number of pilots for the true error; samples of a finer picture, which shows how fast the error
+#: falls; samples of the reference; samples of the uniform pictures whose noise must be reached.
 SIDE_PX, PILOT, PICTURES, FINE, REFERENCE, EVEN_SAMPLES = 480, 2, 16, 16, 256, (4, 8, 16)
 Field = npt.NDArray[np.float64]
 
 
 class Decoupled(CachedProgram):
-    """A shading method that computes light once for each surface met by a pixel's samples, at the first sample."""
+    """A shading method that computes light once for each surface that a pixel's samples meet, at the first sample."""
 
     def light_of(self, place: Place, cached: Any) -> Any:
-        """Return the light at the pixel's first sample on one side of one shape."""
+        """Return each sample's light: that of the pixel's first sample on the same side of the same shape."""
         dr, mi = drjit(), mitsuba()
         shape = dr.gather(mi.UInt32, self.cache.lattices.shape, place.lattice, cached)
         surface = dr.select(cached, 2 * shape + dr.select(place.back, mi.UInt32(1), mi.UInt32(0)), NONE)
@@ -76,7 +76,7 @@ class Decoupled(CachedProgram):
         return dr.gather(mi.Color3f, light, first, cached)
 
 
-#: The shading methods, each with its option and program.
+#: The shading methods, each with its option `shading` and its program.
 WAYS: dict[str, tuple[Shading, type[CachedProgram]]] = {
     "each": ("each", CachedProgram),
     "decoupled": ("shared", Decoupled),
@@ -85,7 +85,7 @@ WAYS: dict[str, tuple[Shading, type[CachedProgram]]] = {
 
 
 def with_lamps(path: Path, lamps: int, scratch: Path) -> Path:
-    """Write a scene file with point lamps on a circle, of constant total power; return its path."""
+    """Write a copy of a scene, lit only by point lamps of constant total power on a circle; return its path."""
     tree = Xml.parse(path)
     root = tree.getroot()
     for lamp in root.findall("emitter"):
@@ -103,11 +103,11 @@ def with_lamps(path: Path, lamps: int, scratch: Path) -> Path:
 
 
 def curves(scenes: Path, scratch: Path, seed: int) -> Iterator[dict[str, Any]]:
-    """Yield rows of `lamps`, `way`, `samples`, `seconds` without compilation, `panel_db` against the reference."""
+    """Yield rows of time and error: `way` is the method, `seconds` exclude compilation, `panel_db` is the PSNR."""
     display, fish = load_display(scenes / f"displays/{DISPLAY}.toml"), scenes / "fish/fish.xml"
     for lamps in LAMPS:
         scene = load_scene(with_lamps(fish, lamps, scratch), placement_beside(fish))
-        # Rows of the picture that each ray's own light makes.
+        # The reference has the rows of `every_strip`, with light computed per ray.
         settings = Settings(REFERENCE_SAMPLES, seed=seed + 1, shading="each")
         source = every_strip(display_source(display, "exact", REFERENCE_SAMPLES, "chief", "fast", None), EVERY_ROW)
         reference = render_rays(scene, source, settings).radiance
@@ -118,7 +118,6 @@ def curves(scenes: Path, scratch: Path, seed: int) -> Iterator[dict[str, Any]]:
 
 
 def _drawn(scene: Scene, display: Display, settings: Settings, name: str) -> tuple[float, Radiance]:
-    """Return the seconds of a picture with one shading method, and the picture."""
     shading, program = WAYS[name]
     source = display_source(display, "exact", settings.samples, "chief", "fast", None)
     with patch.object(renderer, "CachedProgram", program):
@@ -127,7 +126,7 @@ def _drawn(scene: Scene, display: Display, settings: Settings, name: str) -> tup
 
 
 def likeness(scenes: Path, seed: int) -> Iterator[dict[str, Any]]:
-    """Yield the PSNR of pictures and views with the irradiance cache against each ray's light; `auto`: its shading."""
+    """Yield the PSNR of pictures and views with the irradiance cache; `auto` is the shading that auto chose."""
     for name in (*SCENES, *CAPTURED):
         (each, shared, auto), display = _drawn_scene(scenes, name, seed, ("each", "shared", "auto"))
         panel_db = psnr_db(shared.radiance, each.radiance)
@@ -136,7 +135,7 @@ def likeness(scenes: Path, seed: int) -> Iterator[dict[str, Any]]:
 
 
 def error_map(scenes: Path, seed: int) -> tuple[list[Radiance], list[str]]:
-    """Return an eye's views of the fish with each ray's light and with the cache, their difference, and captions."""
+    """Return an eye's view of the fish without and with the irradiance cache, the views' difference, and captions."""
     drawn, display = _drawn_scene(scenes, SCENES[0], seed, ("each", "shared"))
     views = [_view(one.radiance, display) for one in drawn]
     difference = np.abs(views[1] - views[0]) * np.float32(MAP_GAIN)
@@ -144,7 +143,7 @@ def error_map(scenes: Path, seed: int) -> tuple[list[Radiance], list[str]]:
 
 
 def _drawn_scene(scenes: Path, name: str, seed: int, shadings: Sequence[Shading]) -> tuple[list[Rendered], Display]:
-    """Return a scene's pictures with each shading, and the display of these pictures."""
+    """Return a scene's pictures with each shading, and the display that shows them."""
     ways = [Settings(COMPARED_SAMPLES, seed=seed, shading=shading) for shading in shadings]
     if name in CAPTURED:
         setup = load_setup(scenes / f"setups/{SETUP}.toml")
@@ -161,12 +160,12 @@ def _view(picture: Radiance, display: Display) -> Radiance:
 
 
 def samples_saved(scenes: Path, seed: int) -> Iterator[dict[str, Any]]:
-    """Yield the factors by which samples could be reduced at the same noise, when they are distributed by the noise.
+    """Yield the factors by which samples could be reduced at equal noise, if they were distributed by the noise.
 
     A pixel of n samples has the mean squared error v / n^p, with one p (`power`) for the picture: 1 for random samples,
-    more for even ones. The minimum number of samples for a mean error has n proportional to v^(1 / (1 + p)) (Lagrange),
-    but each pixel needs a few samples before its noise is known. The error is known for each `pixel`, for each `tile`,
-    or is `found` from two pilot pictures, averaged over neighbours, with all pilot samples counted.
+    more for evenly spread samples. For a given mean error, n proportional to v^(1 / (1 + p)) needs the fewest samples
+    (Lagrange), but each pixel needs a few samples before v is known. v is known for each `pixel` or `tile`, or is
+    `found` from two pilot pictures, averaged over neighbours, whose samples count too.
     """
     display = middle(load_display(scenes / f"displays/{DISPLAY}.toml"), SIDE_PX)
     for name in SCENES:
@@ -180,7 +179,7 @@ def samples_saved(scenes: Path, seed: int) -> Iterator[dict[str, Any]]:
         rows, columns = (length // TILE_PX for length in true.shape)
         means = true.reshape(rows, TILE_PX, columns, TILE_PX).mean(axis=(1, 3))
         tiles = np.kron(means, np.ones((TILE_PX, TILE_PX)))
-        # Rounding can make running sums slightly negative.
+        # Rounding can make the filter's running sums slightly negative.
         pilots = np.maximum(uniform_filter(_apart(pictures[0], pictures[1]), 3, mode="nearest"), 0.0)
         guesses = {"pixel": (true, PILOT), "tile": (tiles, PILOT), "found": (pilots, 2 * PILOT)}
         for samples in EVEN_SAMPLES:
@@ -190,7 +189,7 @@ def samples_saved(scenes: Path, seed: int) -> Iterator[dict[str, Any]]:
 
 
 def samples_needed(true: Field, guess: Field, samples: float, least: float, power: float) -> float:
-    """Return the mean samples (`least` or more), distributed by a guess, with the error of uniform `samples`."""
+    """Return the mean number of samples, distributed by `guess`, with the error of uniform `samples`."""
     target, share = true.mean() / samples**power, guess ** (1.0 / (1.0 + power))
 
     def numbers(factor: float) -> Field:
@@ -204,7 +203,8 @@ def samples_needed(true: Field, guess: Field, samples: float, least: float, powe
     low, high = 0.0, 1.0
     while error(high) > target:
         high *= 2.0
-        if high > 1e12:  # the guess is 0 where there is noise: only more samples for all pixels help
+        # The guess is 0 at noisy pixels: only uniform samples help.
+        if high > 1e12:
             return samples
     for _ in range(60):
         factor = 0.5 * (low + high)
@@ -213,19 +213,18 @@ def samples_needed(true: Field, guess: Field, samples: float, least: float, powe
 
 
 def _encoded(scene: Scene, display: Display, seed: int, samples: int) -> Field:
-    # No owners are given, so that one noise law holds for pilots and for pictures of many samples.
+    # Set no `owner`, so that pilots and pictures of many samples follow the same noise law.
     source = replace(display_source(display, "exact", samples), owner=None)
     rendered = render_rays(scene, source, Settings(samples, seed=seed, shading="each"))
     return encode(rendered.radiance, "srgb").astype(np.float64)
 
 
 def _apart(one: Field, other: Field) -> Field:
-    """Return the squared difference of each pixel, summed over all colours."""
     return np.asarray(((one - other) ** 2).sum(axis=-1))
 
 
 def every_strip(source: RaySource, every: int, rows: int = 1) -> RaySource:
-    """Return a part of a picture: one strip of `rows` rows in each group of `every` strips (`rows_of_strips`)."""
+    """Return the part of a picture that has one strip of `rows` rows from each group of `every` strips."""
     mi = mitsuba()
 
     def moved(b: Any, v: Any) -> tuple[Any, Any]:
@@ -242,23 +241,23 @@ def every_strip(source: RaySource, every: int, rows: int = 1) -> RaySource:
 
     def owner(b: Any, u: Any, v: Any) -> Any:
         strip, v = moved(b, v)
-        # The strip's number prevents pixels of two strips from sharing samples.
+        # The strip's number prevents pixels of different strips from sharing samples.
         return owner_of(b, u, v) + mi.UInt32(mi.Int32(strip)) * 0x9E3779B1
 
     return replace(source, height_px=height, lines=lines, owner=owner)
 
 
 def rows_of_strips(height_px: int, every: int, rows: int = 1) -> npt.NDArray[np.int64]:
-    """Return the picture's rows in `every_strip`, starting in the middle of the first group of strips."""
+    """Return the indices of the rows that `every_strip` takes from a picture of `height_px` rows."""
     strips = np.arange(height_px // (every * rows)) * every + every // 2
     return np.asarray((strips[:, None] * rows + np.arange(rows)).ravel())
 
 
 @measurement(page="shading")
 def shading(bench: MeasurementRun) -> tuple[Mapping[str, Any], Page]:
-    """Measure time against error of light by each ray, by a pixel's surfaces, or shared between lenslets.
+    """Measure time and error of light computed per ray, per surface of a pixel, or shared between lenslets.
 
-    The program also measures how many samples an adaptive distribution could save.
+    The program also measures how many samples adaptive sampling could save.
 
     Example: python -m tools.bench shading
     """
@@ -274,14 +273,14 @@ def shading(bench: MeasurementRun) -> tuple[Mapping[str, Any], Page]:
 def shading_page(
     origin: Mapping[str, str], tables: Mapping[str, Rows], views: tuple[list[Radiance], list[str]] | None = None
 ) -> Page:
-    """Return the page of `tools.bench shading`; `views` are the pictures and captions of the page's sheet."""
+    """Return the page of `tools.bench shading`; `views` has the pictures and captions of the contact sheet."""
     drawn = [draw_shading(tables["shading"]), *contact_sheet("shading-map", views, 3)]
     context = {"rows": tables["shading"], "pairs": tables["shading-likeness"], "saved": tables["shading-adaptive"]}
     return make_page("shading", origin, drawn, tables, {**context, "constants": sys.modules[__name__]})
 
 
 def draw_shading(rows: Rows) -> Plot:
-    """Draw the error of the shading methods against their time, for each number of lamps."""
+    """Draw the PSNR of the shading methods against their time, for each number of lamps."""
     kinds = groups(rows, "lamps")
     picture, axes = make_axes(1, len(kinds), (3.4, 3.2))
     for axis, kind in zip(axes[0], kinds, strict=True):

@@ -1,4 +1,4 @@
-"""Simulates a bench to test calibrations: cameras that see a complete panel, disturbances that no model describes."""
+"""Simulates a bench to test calibrations: disturbances outside the model, and cameras that see a complete panel."""
 
 from __future__ import annotations
 
@@ -15,11 +15,11 @@ from lippmann.optics.system import System
 from lippmann.optics.trace import trace_to_panel
 from scipy import ndimage
 
-#: Period, in lenslets, of the pattern of hidden lenslets, across and down.
+#: Period, lenslets, across and down, of the pattern of hidden lenslets.
 DUST_PERIOD = 1024
-#: Number of patches of a reflection; radius of a patch and of the bright spot as fractions of the picture's width.
+#: Number of patches in a reflection; radius of a patch and of the bright spot as fractions of the photograph's width.
 PATCHES, PATCH, SPOT = 6, 0.2, 0.02
-#: Fraction of the picture's width or height that `framed` fills with the panel.
+#: Fraction of the photograph's width or height that the panel fills after `framed`.
 FILL = 0.9
 
 
@@ -27,12 +27,11 @@ FILL = 0.9
 class Disturbances(Bench):
     """Disturbances of a display on a bench, and of its photographs. By default there are no disturbances.
 
-    `bow_mm` is the array's additional distance from the panel at the panel's corners, quadratic in the distance from
-    its middle. `dead_pixels`, `hidden_lenslets` (dust) and `outliers` (camera pixels with arbitrary values) are
-    fractions. `reflection` and `bright_spot` are the light of a lamp's diffuse reflection and mirror image, as
-    fractions of white. `blur_px` is the standard deviation of a Gaussian blur. `moved_mm` moves the camera before the
-    second half of the photographs. `seed` chooses the display's pixels and lenslets, the same for each position of the
-    camera.
+    `bow_mm` is the bowed array's additional distance from the panel at the corners, quadratic in the distance from the
+    middle. `dead_pixels`, `hidden_lenslets` (dust) and `outliers` (camera pixels with arbitrary values) are fractions.
+    `reflection` and `bright_spot` are the light of a lamp's diffuse reflection and mirror image, as fractions of white.
+    `blur_px` is the standard deviation of a Gaussian blur. `moved_mm` moves the camera before the second half of the
+    photographs. `seed` chooses dead pixels and hidden lenslets, the same for all camera positions.
     """
 
     bow_mm: float = 0.0
@@ -46,11 +45,11 @@ class Disturbances(Bench):
     seed: int = 0
 
     def project(self, display: Display, camera: Camera, samples: int, seed: int) -> Projection:
-        """Return the camera's projection of the display, with its bowed array and hidden lenslets."""
+        """Return the camera's projection of the display with a bowed array and hidden lenslets."""
         return trace_projection(display, camera, samples, seed, disturbed(display, self))
 
     def move(self, camera: Camera) -> Camera:
-        """Return the camera of the second half of the photographs."""
+        """Return the camera for the second half of the photographs."""
         x, y, z = np.add(camera.position_mm, self.moved_mm).tolist()
         aim = np.add(camera.look_at_mm, self.moved_mm).tolist()
         return replace(camera, position_mm=(x, y, z), look_at_mm=(aim[0], aim[1], aim[2]))
@@ -58,7 +57,7 @@ class Disturbances(Bench):
     def photograph(
         self, projection: Projection, light: Light, sensor: Sensor, gain: float, seed: int, rng: np.random.Generator
     ) -> CameraValues:
-        """Return the camera's values, with dead pixels, reflections, a blur, and outliers."""
+        """Return a photograph's values, with dead pixels, reflections, a blur and outliers."""
         dead = np.random.default_rng((self.seed, 0xDEAD)).random(light.shape[:2]) < self.dead_pixels
         picture = projection.photograph(np.where(dead if light.ndim == 2 else dead[..., None], np.float32(0.0), light))
         added = reflected(picture.shape[:2], self.reflection, self.bright_spot, seed)
@@ -69,14 +68,14 @@ class Disturbances(Bench):
         values = sensor.values(picture, gain, rng)
         if self.outliers == 0.0:
             return values
-        # All photographs have the same dead camera pixels.
+        # All photographs have outliers at the same camera pixels.
         outliers = np.random.default_rng((seed, 0x0DD)).random(values.shape[:2]) < self.outliers
         noise = rng.integers(0, np.iinfo(values.dtype).max, values.shape, values.dtype, endpoint=True)
         return np.where(outliers if values.ndim == 2 else outliers[..., None], noise, values)
 
 
 def disturbed(display: Display, disturbances: Disturbances, engine: Engine = "fast") -> Tracer:
-    """Return the tracer through the bowed array with hidden lenslets."""
+    """Return a tracer of rays through the bowed array with hidden lenslets."""
     deeper = display.misaligned(gap_mm=1.0)
     front = System.of(display).last_face_mm
 
@@ -100,7 +99,7 @@ def disturbed(display: Display, disturbances: Disturbances, engine: Engine = "fa
 
 
 def bow_height(display: Display, bow_mm: float, place_mm: Floats) -> Floats:
-    """Return a bowed array's height at points (N, 2), which are mm from the panel's centre."""
+    """Return a bowed array's additional height, mm, at points (N, 2), mm from the panel's centre."""
     reach = math.hypot(0.5 * display.panel.width_mm, 0.5 * display.panel.height_mm)
     return np.asarray(bow_mm * (place_mm**2).sum(axis=1) / reach**2)
 
@@ -113,7 +112,7 @@ def hidden(lenslet: Indices, share: float, seed: int) -> npt.NDArray[np.bool_]:
 
 
 def reflected(shape: tuple[int, int], reflection: float, bright_spot: float, seed: int) -> Light:
-    """Return the light of a lamp in each photograph, (height, width): smooth patches and a bright spot."""
+    """Return the light, (height, width), that a lamp adds to each photograph: smooth patches and a bright spot."""
     rng = np.random.default_rng((seed, 0x1A3B))
     height, width = shape
     v, u = np.mgrid[0:height, 0:width].astype(np.float32)
@@ -130,13 +129,13 @@ def reflected(shape: tuple[int, int], reflection: float, bright_spot: float, see
 
 
 def corners_mm(display: Display) -> Floats:
-    """Return the corners of the panel's outline in the lenslets' plane, (4, 3)."""
+    """Return the corners, (4, 3), of the panel's outline in the plane z = 0."""
     x, y = 0.5 * display.panel.width_mm, 0.5 * display.panel.height_mm
     return np.array([(-x, -y, 0.0), (x, -y, 0.0), (x, y, 0.0), (-x, y, 0.0)])
 
 
 def framed(camera: Camera, display: Display, fill: float = FILL) -> Camera:
-    """Return the camera with the focal length at which the panel fills a given fraction of the picture."""
+    """Return the camera with the focal length at which the panel fills the fraction `fill` of the photograph."""
     ideal = replace(camera, focal_px=1.0, principal_px=(0.0, 0.0), k1=0.0, k2=0.0)
     reach = np.abs(ideal.project(corners_mm(display))).max(axis=0)
     half = np.array([0.5 * camera.width_px, 0.5 * camera.height_px])

@@ -1,7 +1,7 @@
-"""Traces a camera's projection of a display of glass solids by POV-Ray, independently of our tracer.
+"""Traces a camera's projection of a display with POV-Ray, independently of our tracer; lenslets are glass solids.
 
-Colours of the panel encode the indices of its pixels, so that one trace serves the photographs of all patterns. The
-camera is a pinhole; to simulate a pupil, the pinhole takes several positions, one for each sample of a pixel.
+The panel's colours encode the indices of its pixels, so that one trace serves the photographs of all patterns. The
+camera is a pinhole. To simulate a pupil, the pinhole has another position for each sample of a pixel.
 """
 
 from __future__ import annotations
@@ -29,9 +29,9 @@ from tools.povray_runs import run_povray
 
 Words = npt.NDArray[np.uint16]
 TOP = 65535
-#: Minimum distance from the panel to the array, mm, at which POV-Ray separates the surfaces.
+#: Minimum distance, mm, of panel and array at which POV-Ray distinguishes the surfaces.
 LEAST_GAP_MM = 1e-3
-#: Angle between neighbours of a spiral that fills a disc evenly; maximum rotation of a grid of rays; both in radians.
+#: Angle between successive points of a spiral that fills a disc evenly, and maximum rotation of a grid, radians.
 GOLDEN_ANGLE, TURN = np.pi * (3.0 - np.sqrt(5.0)), 0.1
 HEADER = "#version 3.7;\nglobal_settings {{ assumed_gamma 1.0 max_trace_level {levels} adc_bailout 0 }}\n"
 INI = """Input_File_Name={name}.pov
@@ -49,7 +49,7 @@ Pause_When_Done=off
 
 @dataclass(frozen=True)
 class Rays:
-    """A grid of rays, one per pixel: position in the pixel (0 to 1), rotation (radians), point of the unit pupil."""
+    """A grid of one ray per pixel: position in the pixel (0 to 1), rotation (radians), point in the unit pupil."""
 
     shift: tuple[float, float] = (0.5, 0.5)
     turn: float = 0.0
@@ -57,16 +57,16 @@ class Rays:
 
 
 class SolidsBench(Bench):
-    """A bench whose projections POV-Ray traces, with `samples` x `samples` rays per pixel.
+    """A bench whose projections POV-Ray traces with `samples` x `samples` rays per pixel.
 
-    The camera needs a `blur_px` of 0.4 or more, since regular grids alias. Raises InputError for sub-pixels.
+    The camera needs a `blur_px` of 0.4 or more, because regular grids alias. Raises InputError for sub-pixels.
     """
 
     def __init__(self, samples: int = 3, seed: int = 0) -> None:
         self.samples, self.rng = samples, np.random.default_rng((seed, 0x907))
 
     def project(self, display: Display, camera: Camera, samples: int = 0, seed: int = 0) -> Projection:
-        """Return the camera's projection of the display, by the bench's own samples and random numbers."""
+        """Return the camera's projection of the display; the bench's samples and seed replace `samples` and `seed`."""
         pixels, places, lights = [], [], []
         with tempfile.TemporaryDirectory() as folder:
             write_model(display, Path(folder))
@@ -86,11 +86,11 @@ class SolidsBench(Bench):
 
 
 def write_model(display: Display, folder: Path) -> None:
-    """Write `model.inc`: the lenslets as solids, and the panel that shows `panel.png`."""
+    """Write the display's model, `model.inc`: lenslets as solids, and a panel that shows `panel.png`."""
     array, panel = display.array, display.panel
     if panel.subpixels != "none":
         what = f"display '{display.name}' has colour sub-pixels"
-        raise InputError(f"{what}; POV-Ray's panel has no sub-pixels: set subpixels to none")
+        raise InputError(f"{what}, which the POV-Ray model does not have; set subpixels to none")
     plano_to_panel = array.plano_side == "panel"
     depth = max(display.gap_mm, LEAST_GAP_MM) + (array.thickness_mm if plano_to_panel else 0.0)
     picture = block(
@@ -106,10 +106,10 @@ def write_model(display: Display, folder: Path) -> None:
 
 
 def render(folder: Path, camera: Camera, grid: Rays = Rays()) -> tuple[Words, Floats, Floats]:
-    """Render a folder's model; return the picture's values (N, 3) and their positions (pixels) in the camera's."""
+    """Render a folder's model; return the rays' values (N, 3), and their positions u, v (N,) in the photograph, px."""
     slopes = camera.slopes(*camera.border())
     c, s = math.cos(grid.turn), math.sin(grid.turn)
-    # Coordinates of the field's corners along the axes of the rotated grid.
+    # Compute the field's corners along the axes of the rotated grid.
     x, y = (axis.ravel() for axis in np.meshgrid(*((slope.min(), slope.max()) for slope in slopes)))
     along, across = c * x + s * y, c * y - s * x
     step = 1.0 / camera.focal_px
@@ -136,7 +136,7 @@ def render(folder: Path, camera: Camera, grid: Rays = Rays()) -> tuple[Words, Fl
 
 
 def numbered(panel: Panel) -> Words:
-    """Return the 16-bit picture whose red and green encode a panel's columns and rows; its blue is the maximum."""
+    """Return a 16-bit picture: red encodes the panel's columns, green its rows; blue is the maximum."""
     picture = np.full((panel.height_px, panel.width_px, 3), TOP, np.uint16)
     picture[..., 0] = _steps(panel.width_px) * np.arange(1, panel.width_px + 1)
     picture[..., 1] = (_steps(panel.height_px) * np.arange(1, panel.height_px + 1))[:, None]
@@ -144,19 +144,19 @@ def numbered(panel: Panel) -> Words:
 
 
 def numbers(values: Words, panel: Panel) -> tuple[Floats, Any]:
-    """Return the centres of the pixels (N, 2) that values (N, 3) of `numbered` encode, and which values are lit."""
+    """Decode values (N, 3) of `numbered`; return the centres of the panel's pixels (N, 2), and which values are lit."""
     steps = np.array([_steps(panel.width_px), _steps(panel.height_px)])
-    # The first pixel is encoded as 1.
+    # `numbered` encodes the first pixel as one step.
     return np.rint(values[:, :2] / steps) - 0.5, values[:, 2] > TOP // 2
 
 
 def _steps(count: int) -> int:
-    """Return the difference between the values of neighbouring pixels, which is larger than any rounding error."""
+    """Return the difference between the values of neighbouring pixels; it exceeds any rounding error."""
     return TOP // (count + 1)
 
 
 def write_picture(path: Path, values: Words) -> None:
-    """Write 16-bit values (height, width, 3) as a PNG file without a colour space."""
+    """Write 16-bit values (height, width, 3) as a PNG file that names no colour space."""
     cv2.imwrite(str(path), values[..., ::-1])
 
 
@@ -168,9 +168,9 @@ def read_picture(path: Path) -> Words:
 
 
 def _spread(samples: int, rng: np.random.Generator) -> Iterator[Rays]:
-    """Yield samples x samples grids of rays, each with its own part of the pixel and its own rotation.
+    """Yield `samples` x `samples` grids of rays, each with its own part of the pixel and its own rotation.
 
-    In the pupil, the grids' points form a spiral (H. Vogel, 1979), centred so that they do not displace the camera.
+    The grids' points in the pupil form a spiral (H. Vogel, 1979), centred so that they do not displace the camera.
     """
     count = samples * samples
     row, column = np.divmod(np.arange(count), samples)

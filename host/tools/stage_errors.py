@@ -1,8 +1,8 @@
-"""Computes the error budget of the fixed-point pipeline by step, and makes the page of `tools.bench fixed`.
+"""Computes the error budget of the fixed-point pipeline's steps, and makes the page of `tools.bench fixed`.
 
-A hybrid run computes the first steps in integers and the other steps in float64. One more step in integers moves the
-exit ray; this movement is the step's share. The shares of all steps and of the rounded configuration add up exactly to
-the twin's error.
+A hybrid run computes the first steps in integers, and the other steps in float64. With one more step in integers, the
+exit ray moves; this movement is the error of that step. The errors of all steps and of the rounded configuration add up
+exactly to the twin's error.
 """
 
 from __future__ import annotations
@@ -54,12 +54,11 @@ from tools.report_plots import draw_bar_charts, draw_bars, make_page
 if TYPE_CHECKING:
     from tools.full_report import Plan
 
-#: The registers and the ray between two steps, keyed by the names of the twin's parameters. Values are words or
-#: numbers.
+#: Registers and ray between two steps, as words or numbers, keyed by the twin's parameter names.
 State = dict[str, Any]
 Steps = Mapping[str, Callable[..., Any]]
 
-#: Number of the words' fraction bits beyond F, without the bits of `_EXTRA`. All other names are integers.
+#: Number of a word's fraction bits beyond F, without those of `_EXTRA`, keyed by name. Other values are integers.
 _FRACTIONS = {
     **dict.fromkeys(("slope_x", "slope_y", "slope_aim_x", "slope_aim_y", "point_x", "point_y"), 0),
     **dict.fromkeys(("point_aim_x", "point_aim_y", "cx", "cy", "rx", "g", "lean", "index", "index_square"), 0),
@@ -68,12 +67,12 @@ _FRACTIONS = {
     **dict.fromkeys(("ex", "ey", "ez", "dx", "dy", "dz", "out_x", "out_y", "out_dx", "out_dy", "out_dz"), 1),
     **{"depth_rest": 3, "s": 3, "share": 11, "offset_x": 2, "offset_y": 2},
 }
-#: Number of further fraction bits of words, in units of `Build.extra`.
+#: Number of a word's further fraction bits, in units of `Build.extra`.
 _EXTRA = {
     **dict.fromkeys(("slope_x", "slope_y", "slope_aim_x", "slope_aim_y", "mx", "my", "ex", "ey", "ez", "dx", "dy"), 1),
     "dz": 3,
 }
-#: Names in the state for the values that the steps return.
+#: Names in the state of the values that a step returns, keyed by step.
 _ADDED = {
     **dict.fromkeys(("lenslet_square", "lenslet_hex"), ("i", "j", "x", "y")),
     "aim": ("i", "j", "x", "y", "a", "b"),
@@ -89,7 +88,7 @@ _ADDED = {
 
 
 def steps_of(build: Build) -> list[str]:
-    """Return the steps of an exact build in the order in which a ray takes them."""
+    """Return the names of an exact build's steps, in the order in which a ray takes them."""
     return [
         *("pixel_to_lattice", f"lenslet_{build.grid}", *["aim"] * build.aims, *["converge"] * build.converge),
         *(*["shear"] * build.shear, "blend", "unit_slope"),
@@ -100,10 +99,10 @@ def steps_of(build: Build) -> list[str]:
 def hybrids(
     build: Build, config: Configuration, words: Words, first: int = 0
 ) -> Iterator[tuple[Floats, Floats, Floats]]:
-    """Yield exit points (radii from the vertex), directions, lenslets: `first` steps in integers, then one more."""
+    """Yield exit points (in radii), directions, lenslets: `first` steps in integers, then one more each time."""
     state: State = {"grid": build.grid, "f": build.fraction_bits, "upward": not build.viewer, **words._asdict()}
     state |= dataclasses.asdict(config)
-    # The names equal those of the twin's parameters.
+    # Give the registers the names of the twin's parameters.
     state |= {"extra": build.extra, "shear": build.shear}
     state |= {"half": config.cell_half, "half_y": config.cell_half_y, "rise": config.cell_rise}
     state |= {"cx": config.cell_pitch_x, "cy": config.cell_pitch_y, "rx": config.shear_row}
@@ -118,7 +117,7 @@ def hybrids(
 
 
 def _finished(build: Build, state: State, steps: list[str]) -> tuple[Floats, Floats, Floats]:
-    """Compute the remaining steps in float64; return the exit rays in the form that `hybrids` yields."""
+    """Compute the remaining steps in float64; return the exit rays as `hybrids` yields them."""
     state = dict(state)
     for name, beyond in _FRACTIONS.items():
         if name in state:
@@ -135,7 +134,7 @@ def _finished(build: Build, state: State, steps: list[str]) -> tuple[Floats, Flo
 
 
 def _take(name: str, steps: Steps, state: State, build: Build) -> None:
-    """Compute a step with the twin's functions or the float64 functions, and add its results to the state."""
+    """Compute a step with the functions `steps` (TWIN or FLOAT), and add its results to the state."""
 
     def call(name: str) -> Any:
         results = steps[name](*(state[parameter] for parameter in inspect.signature(steps[name]).parameters))
@@ -163,7 +162,7 @@ def _take(name: str, steps: Steps, state: State, build: Build) -> None:
             more = extra_bits(build.fraction_bits) if steps is TWIN else 0
             state |= {f"d{axis}": state[f"e{axis}"] * (1 << more * n) for axis, n in zip("xyz", (1, 1, 3), strict=True)}
         state["met"] = call("meet_dome")
-        # The loop tries as many further domes as the build tries.
+        # Try the same number of further domes as the build.
         for _ in range(build.max_cell_steps):
             call("cell_step")
             call("move_lenslet")
@@ -177,7 +176,7 @@ def _take(name: str, steps: Steps, state: State, build: Build) -> None:
 
 
 def _pixel_to_lattice(u: Ints, v: Ints, from_u: int, from_v: int, offset: int, f: int) -> tuple[Floats]:
-    # The offset's word contains the half unit that rounds to F bits.
+    # Remove half a unit of the last bit, which the offset contains for rounding.
     half = 1 << (OFFSET_FRACTION - 1 - f)
     return (np.ldexp(np.float64(u * from_u + v * from_v + offset - half), -OFFSET_FRACTION),)
 
@@ -274,17 +273,17 @@ def _leave_flat(
     return nx + path * dx, ny + path * dy, index * dx, index * dy, dz
 
 
-#: The steps' functions, keyed by the names that `ray_pipeline` uses: the twin's functions, and the float64 functions.
+#: The steps' functions, keyed by their names in `ray_pipeline`: the twin's, and float64 functions.
 TWIN: Steps = dict(vars(ray_pipeline))
 FLOAT: Steps = {name: globals()[f"_{name}"] for name in ("pixel_to_lattice", "shear", "blend", *_ADDED)}
 
 
 def draw_budget(data: Figures) -> Plot:
-    """Draw each step's share of the RTL's error, with one column per configuration."""
+    """Draw each step's part of the RTL's error, with a column per configuration."""
     columns = groups(data.rows, "configuration")
     picture, axes = make_axes(2, len(columns), (3.4, 3.0))
     for across, rows in enumerate(columns):
-        # All columns share the labels of the first column: the steps' names without the grid.
+        # Only the first column has labels: the steps' names without the grid.
         steps = [row["step"].removesuffix("_square").removesuffix("_hex") if across == 0 else "" for row in rows]
         colours = [*[COLOURS[0]] * (len(rows) - 1), COLOURS[6]]
         for axis, key, unit in zip(axes[:, across], ("rms_urad", "rms_nm"), ("microradian", "nm"), strict=True):
@@ -294,7 +293,7 @@ def draw_budget(data: Figures) -> Plot:
 
 
 QUANTITIES = (("direction", "urad"), ("point", "nm"))
-#: Columns of the budget in the report, each with the column of `budget` that it shows.
+#: The report's columns of the budget, each with the column of `budget` that it shows.
 BUDGETED = {
     **{f"{kind}_{unit}": f"{kind}_{of}_{unit}" for of, unit in QUANTITIES for kind in ("max", "rms")},
     **{f"left_max_{unit}": f"left_max_{of}_{unit}" for of, unit in QUANTITIES},
@@ -302,10 +301,11 @@ BUDGETED = {
 
 
 def budget(variant: Named, display: Display, seed: int, count: int = BUDGET) -> list[dict[str, Any]]:
-    """Return each step's share of an exact configuration's error, over random pixels (and aims in the cell).
+    """Return how much each step adds to an exact configuration's error, for rays of random pixels and aims.
 
-    The rows are in the order of the ray's steps, from the rounding of the configuration's words to the total. A row has
-    the distance by which the step moves the ray, and under `left_` the error that would remain if the step were exact.
+    The first row is for the rounding of the configuration's words; the rows of the steps follow, then the total. A row
+    has the distance by which its step moves the ray and, in columns `left_...`, the error that remains if the step is
+    exact.
     """
     build = variant.build
     random = np.random.default_rng(seed)
@@ -315,7 +315,7 @@ def budget(variant: Named, display: Display, seed: int, count: int = BUDGET) -> 
     pixel = pixels_of_words(display, words.u, words.v)
     golden = trace(display, pixel, aims_of(display, build, words), build.model)
     turn_back = System.of(display).frame.turn_back
-    # Points in nm and directions in microradian, of golden and of each hybrid run.
+    # Directions in microradian and points in nm: first of golden, then of the hybrid runs.
     runs = [
         np.stack([np.column_stack([*turn_back(*v.T[:2]), v[:, 2]]) * 1e6 for v in (golden.direction, golden.local_mm)])
     ]
@@ -342,7 +342,7 @@ def budget(variant: Named, display: Display, seed: int, count: int = BUDGET) -> 
 
 
 def measure_budget(scenes: Path, plan: Plan, seed: int) -> Figures:
-    """Measure the error budget of each configuration of the plan, on the founding paper's display of that grid."""
+    """Measure the error budget of the plan's configurations, each on the founding paper's display of its grid."""
     rows = []
     for name in plan.budget:
         logger.info("error budget: %s ...", name)
@@ -357,10 +357,10 @@ def measure_budget(scenes: Path, plan: Plan, seed: int) -> Figures:
 def fixed(
     bench: MeasurementRun,
     configuration: tuple[str, ...] = option(
-        "Measure only this; may be repeated.", (), Choice([*CONFIGURATIONS]), multiple=True, metavar="NAME"
+        "Configuration to measure; may be repeated.", (), Choice([*CONFIGURATIONS]), multiple=True, metavar="NAME"
     ),
 ) -> tuple[Mapping[str, Any], Page]:
-    """Measure the error of the fixed-point pipeline against golden, and the share of each step.
+    """Measure the fixed-point pipeline's error against golden, and each step's part of this error.
 
     Example: python -m tools.bench fixed --configuration widest-square
     """

@@ -1,7 +1,7 @@
-"""Places and routes the named configurations for an ECP5-85: `python -m tools.synthesis` (`make synth`).
+"""Places and routes the named configurations for an ECP5-85 (`python -m tools.synthesis`, `make synth`).
 
 Each configuration is placed as the module `ray_stream`; some are also placed as the block with registers, and as the
-complete board at two panel sizes. Results are cached in build/synth/ by a hash of their inputs.
+complete board with two panel sizes. Results are cached in build/synth/, keyed by a hash of the inputs.
 """
 
 from __future__ import annotations
@@ -37,18 +37,18 @@ from tools.named_builds import CONFIGURATIONS, Named
 from tools.program import REPORT, program
 from tools.report_plots import draw_bar_charts, make_page
 
-#: nextpnr's target clock, MHz, is unreachable, so that nextpnr does not stop early.
+#: Target clock for nextpnr, MHz, which it cannot reach, so that it does not stop early.
 WANTED_MHZ = 200
 DEVICE = ("--85k", "--speed", "6", "--package", "CABGA381", "--lpf-allow-unconstrained", "--timing-allow-fail")
-#: Maximum number of pixels of each display over which errors are measured.
+#: Maximum number of pixels per display for which errors are measured.
 SAMPLE_PIXELS = 2_000_000
-#: Registers of sim/synth/probe_top.sv and probe.sv, which keep their names in the netlist.
+#: Names, in the netlist, of the registers of sim/synth/probe_top.sv and probe.sv.
 PROBE = ("reset_q", "config_q", "ray_q", "apply_q", "valid_q", "ready_q", "in_q", "out_q", "fold_q", "bit_q", "bit_o")
 
 
 @dataclass(frozen=True)
 class Design:
-    """A design: a configuration in a probe of sim/synth, the board's panel in pixels, and the build of the drawing."""
+    """A design: a configuration, its top in sim/synth, a board's panel (pixels), a drawing's build."""
 
     variant: Named
     top: str = "probe_top"
@@ -57,14 +57,14 @@ class Design:
 
     @property
     def name(self) -> str:
-        """The configuration's name after `block`, `board` and the panel, or `scene` and the filter."""
+        """The name: `block`, `board` and panel, or `scene` and filter, then the configuration's name."""
         parts = [] if self.panel is None else ["x".join(map(str, self.panel))]
         parts += [] if self.scene is None else ["bilinear" if self.scene.bilinear else "nearest"]
         return "-".join([*self.top.split("_")[1:], *parts, self.variant.name]).removeprefix("top-")
 
     @property
     def parameters(self) -> dict[str, str | int]:
-        """The top's parameters."""
+        """The parameters of the top module."""
         drawing = {} if self.scene is None else scene_parameters(self.scene, self.variant.build.fraction_bits)
         if self.top == "probe_scene":
             return drawing
@@ -76,12 +76,12 @@ class Design:
         return build | dict(zip(names, numbers, strict=True)) | scene
 
 
-#: Panels and configurations of the placed boards. The configurations are also placed as a block, with and without the
-#: adapters of rtl/bus.
+#: Panels and configurations of the boards that are placed. The configurations are placed as blocks too, with and
+#: without rtl/bus.
 PANELS = ((640, 480), (1280, 720))
 WHOLE = [CONFIGURATIONS[name] for name in ("compact-square", "widest-square")]
 BOARDS = [Design(variant, "probe_board", panel) for panel in PANELS for variant in WHOLE]
-#: The drawing with four layers of 256 x 192 texels, alone and on a board.
+#: The drawing of four layers of 256 x 192 texels, without a board and on a board.
 SCENES = [
     Design(WHOLE[0], top, panel, SceneBuild(4, bilinear=bilinear))
     for top, panel in (("probe_scene", None), ("probe_board", PANELS[1]))
@@ -92,7 +92,7 @@ DESIGNS = {design.name: design for design in (*map(Design, CONFIGURATIONS.values
 
 
 def sources(top: Path, probe: str = "probe_top") -> list[Path]:
-    """Return the files of a probe, packages first, with ECP5's cells."""
+    """Return the files of a probe, packages first, including ECP5's cells."""
     return flow.ecp5_files(probe, top / "sim" / "synth")
 
 
@@ -102,7 +102,7 @@ def source(design: Design) -> Source:
 
 
 def place(design: Design, seeds: Sequence[int]) -> list[dict[str, Any]]:
-    """Synthesise, place and route a design with each seed, unless cached; return rows with the probe's cells too."""
+    """Synthesise, place and route a design with each seed, unless cached; return the rows."""
     read = source(design)
     folder = flow.work_folder("synth", design.name, (design.parameters, WANTED_MHZ, DEVICE), read.files)
     results = {seed: folder / f"seed-{seed}.json" for seed in seeds}
@@ -122,7 +122,7 @@ def place(design: Design, seeds: Sequence[int]) -> list[dict[str, Any]]:
 
 
 def _route(design: Design, netlist: Path, written: int, seed: int, folder: Path) -> dict[str, Any]:
-    """Place and route a netlist with a seed; return its row without the name and the probe's registers."""
+    """Place and route a netlist; return the row, without the name and the probe's registers."""
     started = time.perf_counter()
     options = [*DEVICE, "--freq", str(WANTED_MHZ)]
     report, record = folder / f"report-{seed}.json", folder / f"nextpnr-{seed}.log"
@@ -133,7 +133,7 @@ def _route(design: Design, netlist: Path, written: int, seed: int, folder: Path)
 
 
 def stages(variant: Named) -> int:
-    """Return a configuration's latency in clocks, as the RTL prints it at elaboration."""
+    """Return a configuration's latency in clocks, which the RTL prints at elaboration."""
     top = repository()
     packages = ("math/lipp_math_pkg.sv", "optics/lipp_optics_pkg.sv")
     files = [*(top / "rtl" / path for path in packages), top / "sim" / "synth" / "latency.sv"]
@@ -145,7 +145,6 @@ def stages(variant: Named) -> int:
 
 
 def _probe_registers(netlist: dict[str, Any], top: str) -> int:
-    """Count the flip-flops of the probe itself."""
     module = netlist["modules"][top]
     names = [name for name in module["netnames"] if name.removeprefix("i_probe.") in PROBE]
     own = {bit for name in names for bit in module["netnames"][name]["bits"]}
@@ -154,7 +153,7 @@ def _probe_registers(netlist: dict[str, Any], top: str) -> int:
 
 
 def _slowest(report: dict[str, Any]) -> str:
-    """Return the ends of the slowest path between registers, and the path's delays, ns, keyed by kind."""
+    """Describe the slowest path between registers: its ends, and its delays in logic and routing, ns."""
     for path in report["critical_paths"]:
         if path["from"] == path["to"]:
             steps = path["path"]
@@ -166,7 +165,7 @@ def _slowest(report: dict[str, Any]) -> str:
 
 
 def _place_of(cell: str) -> str:
-    """Return the instances around a cell, without common instances and yosys' suffixes."""
+    """Return a cell's instance path without the parts common to all paths, and without yosys' suffixes."""
     name = re.split(r"_(?:TRELLIS|LUT4|CCU2C|PFUMX|L6MUX|MULT18|DP16KD)", cell)[0]
     parts = [part for part in name.split(".") if not part.startswith("gen_")]
     return ".".join(part.removeprefix("i_") for part in parts if part not in {"i_board", "i_lenslet", "i_pipeline"})
@@ -176,7 +175,7 @@ ERRORS = ("max_direction_urad", "rms_direction_urad", "max_point_nm", "rms_point
 
 
 def page(origin: Mapping[str, str], rows: Rows, boards: Rows) -> Page:
-    """Return the page of the configurations, and of blocks and boards."""
+    """Return the page of the placed configurations, blocks and boards."""
     charts = columns(rows or boards, {"clock, MHz": "mhz", "LUT": "lut"})
     plot = draw_bar_charts("synthesis", values(rows or boards, "configuration"), charts)
     tables = {"synthesis": rows, "synthesis-board": boards}
@@ -188,12 +187,12 @@ def page(origin: Mapping[str, str], rows: Rows, boards: Rows) -> Page:
 def main(
     names: tuple[str, ...] = argument("[NAMES]...", (), Choice([*DESIGNS]), nargs=-1),
     seeds: tuple[int, ...] = option(
-        "nextpnr's seed. Each seed given is a row.  [default: 1; for blocks, boards and drawings 1, 2 and 3]",
+        "nextpnr's seed; may be repeated. [default: 1; for blocks, boards and drawings 1, 2 and 3]",
         (), click.IntRange(0), "--seed", multiple=True,
     ),
     report: str = REPORT,
 ) -> None:  # fmt: skip
-    """Place and route designs (all by default), and write the report.
+    """Place and route designs (by default all designs), and write the report.
 
     Example: python -m tools.synthesis compact-square board-640x480-compact-square --report out
     """
@@ -225,4 +224,5 @@ def main(
     if rows or boards:
         page(origin, rows, boards).write(Path(report))
     if rows and in_docs:
-        measured_page(repository() / "docs/generated").write(repository() / "docs/generated")  # it shows these rows
+        # Refresh measured.md, which shows these rows.
+        measured_page(repository() / "docs/generated").write(repository() / "docs/generated")

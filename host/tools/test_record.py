@@ -1,4 +1,4 @@
-"""Writes the page of the last `make test-full` from pytest's results (`make test-record`)."""
+"""Writes the page about the last `make test-full` from pytest's results (`make test-record`)."""
 
 from __future__ import annotations
 
@@ -16,12 +16,12 @@ from lippmann.errors import InputError
 from tools.program import MAINTAINERS_REPORT, program
 from tools.report_plots import draw_bar_charts, make_page
 
-#: Number of bars.
+#: Number of test files in the charts.
 BARS = 20
 
 
 def page(origin: Mapping[str, str], suite: ElementTree.Element) -> Page:
-    """Return the page of a test suite, with failures and the time of each file."""
+    """Return the page of a test run, with failed tests and each file's time."""
     files: dict[str, dict[str, float]] = {}
     failed = []
     for case in suite.iter("testcase"):
@@ -46,7 +46,7 @@ def page(origin: Mapping[str, str], suite: ElementTree.Element) -> Page:
 
 @program
 def main(results: Path = argument(), report: str = MAINTAINERS_REPORT) -> None:
-    """Write the page of a run of the tests, from pytest's JUnit XML.
+    """Write the page about a run of the tests, from pytest's JUnit XML.
 
     Example: python -m tools.test_record build/test-full.xml --report out
     """

@@ -1,4 +1,4 @@
-"""Measures the PSNR of views through the lenslets against a perspective render (`tools.bench observe`)."""
+"""Measures the PSNR of eyes' views through lenslets against perspective renders (`tools.bench observe`)."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from lippmann.rendering.sampling import Window
 from lippmann.scenes.placement import Placement
 from lippmann.scenes.scene import Scene, load_scene
 
-#: Eyes at a reading distance, mm, within the viewing angle of the shipped displays; then eyes in desktop-hex's zone.
+#: Eye positions, mm, at reading distance: within the paper's displays' viewing angle, and in desktop-hex's zone.
 EYES = ((0.0, 0.0, 600.0), (-30.0, 0.0, 600.0), (30.0, 0.0, 600.0), (0.0, 25.0, 600.0), (20.0, -20.0, 600.0))
 ZONE_EYES = ((0.0, 0.0, 600.0), (-40.0, 0.0, 600.0), (40.0, 0.0, 600.0))
 VIEW_SAMPLES = 64
@@ -29,20 +29,20 @@ Mask = npt.NDArray[np.bool_]
 
 
 def smooth_part(scene_path: Path, eye: tuple[float, float, float], window: Window) -> Mask:
-    """Return the view's pixels that show only the object "smooth" of the placement file, without two border pixels."""
+    """Return which pixels show only the object "smooth" of the placement file, at least two pixels from its edge."""
     objects = tomllib.loads(scene_path.with_suffix(".toml").read_text()).get("object", [])
     mask = np.zeros((window.height_px, window.width_px), np.bool_)
     for smooth in (entry for entry in objects if entry["name"] == "smooth"):
         mask = _covered(smooth, eye, window, grow_px=-2.0)
         for entry in objects:
-            # Objects in front may hide the smooth object.
+            # Exclude objects in front, which may hide the smooth object.
             if entry["centre_mm"][2] > smooth["centre_mm"][2]:
                 mask &= ~_covered(entry, eye, window, grow_px=2.0)
     return mask
 
 
 def _covered(entry: dict[str, Any], eye: tuple[float, float, float], window: Window, grow_px: float) -> Mask:
-    """Return the pixels in the bounding box of an object's projection on z = 0, extended by `grow_px`."""
+    """Return which pixels are in the bounding box of an object's projection on z = 0, extended by `grow_px`."""
     x, y, z = entry["centre_mm"]
     width, height = entry["size_mm"] if "size_mm" in entry else (2.0 * entry["radius_mm"],) * 2
     scale = eye[2] / (eye[2] - z)
@@ -55,7 +55,7 @@ def _covered(entry: dict[str, Any], eye: tuple[float, float, float], window: Win
 
 
 def measure(scenes: Path, seed: int, samples: int = 16) -> Iterator[dict[str, Any]]:
-    """Yield the PSNR of eyes' views against perspective renders, for the paper's displays and a large display."""
+    """Yield rows with the PSNR of eyes' views, for the founding paper's displays and for a large display."""
     settings = Settings(samples=samples, seed=seed)
     for name in ("chart", "fish"):
         scene = load_scene(scenes / f"{name}/{name}.xml")
@@ -77,7 +77,7 @@ def measure(scenes: Path, seed: int, samples: int = 16) -> Iterator[dict[str, An
 def _compared(
     scene: Scene, display: Display, eyes: tuple[tuple[float, float, float], ...], settings: Settings
 ) -> Iterator[tuple[dict[str, Any], Radiance, Radiance]]:
-    """Yield each eye's row, its view through the lenslets, and the direct render."""
+    """Yield each eye's row, the eye's view through the lenslets, and the perspective render."""
     image = render_integral(scene, display, "exact", settings).radiance
     window = whole_window(display)
     for eye in eyes:

@@ -19,11 +19,11 @@ from tools.browser import browser_page
 if TYPE_CHECKING:
     from playwright.sync_api import Page
 
-#: The size of the browser's window, and the seconds over which frames are counted.
+#: Size of the browser's window, and time, s, over which frames are counted.
 WIDTH_PX, HEIGHT_PX = 800, 600
 COUNT_S = 5.0
 
-#: Seconds from the start of the navigation to the first view on the canvas; reading a pixel waits for this view.
+#: Script that returns the seconds from navigation to the first view; reading a pixel waits for it.
 OPENED = """
 lippmann.viewer.then((viewer) => new Promise((done) => requestAnimationFrame(() => {
   const gl = viewer.renderer.gl;
@@ -31,7 +31,7 @@ lippmann.viewer.then((viewer) => new Promise((done) => requestAnimationFrame(() 
   done(performance.now() / 1000);
 })))
 """
-#: Number of frames, seconds and the canvas' size while the eye moves from side to side.
+#: Script that moves the eye, and returns the number of frames, the seconds and the canvas' size.
 COUNTED = """
 (seconds) => lippmann.viewer.then((viewer) => new Promise((done) => {
   const sway = document.getElementById("sway");
@@ -50,7 +50,7 @@ COUNTED = """
 
 
 def measure(scenes: Path, seed: int) -> Iterator[dict[str, Any]]:
-    """Measure pages that show the fish and incompressible noise on the founding paper's displays."""
+    """Yield rows of pages that show the fish, or incompressible noise, on the founding paper's displays."""
     scene = load_scene(scenes / "fish/fish.xml")
     for name in ("paper-square", "paper-hex"):
         display = load_display(scenes / f"displays/{name}.toml")
@@ -65,7 +65,7 @@ def measure(scenes: Path, seed: int) -> Iterator[dict[str, Any]]:
 
 
 def _measured(html: bytes) -> dict[str, Any]:
-    """Return a page's size, seconds until its first view, and frame rates at the normal layout and in full window."""
+    """Return a page's size, the seconds until its first view, and frame rates in normal layout and full window."""
     with tempfile.TemporaryDirectory() as folder, browser_page(WIDTH_PX, HEIGHT_PX) as page:
         file = Path(folder) / "page.html"
         file.write_bytes(html)
@@ -73,7 +73,8 @@ def _measured(html: bytes) -> dict[str, Any]:
         opened = page.evaluate(OPENED)
         frames, seconds, *page_px = page.evaluate(COUNTED, COUNT_S)
         page.evaluate("document.getElementById('fill').click()")
-        page.evaluate(COUNTED, 1.0)  # until the frame rate is steady
+        # Wait until the frame rate is steady.
+        page.evaluate(COUNTED, 1.0)
         before = _processor_seconds(page)
         full_frames, full_seconds, *full_px = page.evaluate(COUNTED, COUNT_S)
         used = _processor_seconds(page) - before
@@ -84,7 +85,6 @@ def _measured(html: bytes) -> dict[str, Any]:
 
 
 def _processor_seconds(page: Page) -> float:
-    """Return the processor seconds of the browser's running processes."""
     browser = page.context.browser
     assert browser is not None
     processes = browser.new_browser_cdp_session().send("SystemInfo.getProcessInfo")["processInfo"]

@@ -44,7 +44,7 @@ def refused(capsys, *arguments):
 @pytest.mark.parametrize(
     ("board", "size", "said"),
     [
-        ("ulx3s", (641, 480), "641 pixels wide; the SDRAM needs an even width"),
+        ("ulx3s", (641, 480), "641 pixels wide; choose an even width for the SDRAM"),
         ("ulx3s", (1920, 1080), "742.5 MHz for DVI's bits, ulx3s has 375 at most"),
         ("ulx3s", (3840, 2160), "two frames take 47.5 MiB, the SDRAM of ulx3s has 32"),
         ("ulx3s", (1280, 960), "MHz for DVI's bits, ulx3s has 375 at most"),
@@ -72,7 +72,7 @@ def test_a_panel_for_which_the_memory_is_too_slow(tmp_path, monkeypatch):
     board = fpga_board("ulx3s")
     assert bitstream.plan(board, display).pll.memory_div == 6
     slow = replace(board, limits=replace(board.limits, memory_mhz=97.0))
-    with pytest.raises(InputError, match=r"takes 96% of the SDRAM's clocks in a line, 90% are there"):
+    with pytest.raises(InputError, match=r"takes 96% of the SDRAM's clocks in a line, at most 90% are available"):
         bitstream.plan(slow, display)
 
 
@@ -85,7 +85,7 @@ def test_other_bad_input(tmp_path, capsys):
     assert "nothing is drawn" in refused(capsys, "--layers", "0", "--bilinear")
     assert "no such file" in refused(capsys, "--display", tmp_path / "none.toml")
     vga = TOP / "scenes/displays/vga-square.toml"
-    assert "two files would be ulx3s-vga-square.bit" in refused(capsys, "--display", vga, "--display", vga)
+    assert "two bitstreams would be ulx3s-vga-square.bit" in refused(capsys, "--display", vga, "--display", vga)
 
 
 @pytest.fixture
@@ -178,10 +178,10 @@ def test_boards_in_a_circle(folder):
     [
         ({"top": "nosuch"}, "its folder has no nosuch.sv"),
         ({"constraints": ["none.lpf"]}, "there is no file none.lpf"),
-        ({"constraints": []}, "board.toml: constraints: is empty; name pin files (.lpf)"),
-        ({"constraints": [str(TOP / "rtl/board/ulx3s/ulx3s.lpf")]}, "ulx3s.lpf is no path from its folder into the"),
-        ({"constraints": ["ulx3s.lpf", "../../../../mine.lpf"]}, "../../../../mine.lpf is no path from its folder"),
-        ({"constraints": ["gpdi.lpf"]}, "oscillator_mhz: 25 MHz, and no file of pins has a FREQUENCY PORT; give"),
+        ({"constraints": []}, "board.toml: constraints: is empty; list pin files (.lpf)"),
+        ({"constraints": [str(TOP / "rtl/board/ulx3s/ulx3s.lpf")]}, "ulx3s.lpf is not a relative path to a file of"),
+        ({"constraints": ["ulx3s.lpf", "../../../../mine.lpf"]}, "../../../../mine.lpf is not a relative path to"),
+        ({"constraints": ["gpdi.lpf"]}, "oscillator_mhz: 25 MHz, and no pin file has a FREQUENCY PORT; give"),
         ({"oscillator_mhz": 48.0}, 'oscillator_mhz: 48 MHz, and FREQUENCY PORT "clk_25mhz" of ulx3s.lpf is 25 MHz; '),
         ({"fpga": {"device": "85f"}}, "fpga.device: '85f' is not a device of nextpnr; choose from 12k, 25k, 45k, "),
         ({"memory": {"grade": "Nonsense"}}, "memory.grade: 'Nonsense' is not a memory grade; choose from Grade75, "),
@@ -252,10 +252,10 @@ def test_the_last_figure_of_each_clock_counts():
         ("83.25 MHz (PASS", "74.10 MHz (FAIL", "system 74.1 of 75.0 MHz"),
         ("400.00 MHz (PASS", "371.00 MHz (FAIL", "shift 371.0 of 375.0 MHz"),
         ("PASS at 125.00", "PASS at 12.00", "memory_clk_o is constrained to 12 MHz, and the memory clock is 125 MHz"),
-        ("PASS at 125.00", "PASS at 12.00", "nothing of the memory clock"),
+        ("PASS at 125.00", "PASS at 12.00", "reports no memory clock"),
         (": 3.27 ns", ": 5.40 ns", "symbols take 5.40 of 5.33 ns"),
         ("posedge $glbnet$i_clocks.shift_clk_o : 3.27 ns", "", "symbols take an unknown time"),
-        ("Max frequency for clock 'clk_25mhz", "clock 'clk_25mhz", "nothing of the oscillator clock"),
+        ("Max frequency for clock 'clk_25mhz", "clock 'clk_25mhz", "reports no oscillator clock"),
     ],
 )
 def test_what_is_not_met_is_told(old, new, missed):

@@ -117,7 +117,7 @@ def test_a_netlist_without_attributes_is_checked(tmp_path):
 def test_what_is_no_netlist_is_told_in_one_line(tmp_path, modules):
     path = tmp_path / "netlist.json"
     path.write_text(json.dumps({"modules": modules}))
-    said = f"lippmann: {path}: this is not a netlist of yosys; write one with synth_ecp5 -json"
+    said = f"lippmann: {path}: this is not a netlist of yosys; write it with synth_ecp5 -json"
     assert called(tmp_path, "crossings", path) == (2, [], [said])
 
 
@@ -126,7 +126,7 @@ def test_what_is_no_netlist_is_told_in_one_line(tmp_path, modules):
     [
         (
             ("--board", "ulx3s_lcd"),
-            "--board ulx3s_lcd: it has lipp_ulx3s_lcd, parallel, Grade75; simulated are lipp_",
+            "--board ulx3s_lcd: it has lipp_ulx3s_lcd, parallel, Grade75; simulation needs lipp_",
         ),
         (("--board", "ulx3s", "--memory", "block"), "--memory: ulx3s stores frames in its SDRAM; omit --memory"),
         (("--board", "ulx3"), "ulx3: no such board; did you mean ulx3s?"),

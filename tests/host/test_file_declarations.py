@@ -66,9 +66,9 @@ points = ["tie"]
     ("old", "new", "said"),
     [
         ("nothing is lost", "nothing was lost", r"words: docs/page.md does not say 'nothing was lost'; quote its"),
-        ("docs/page.md", "docs/old.md", r"there is no file docs/old.md; write its"),
-        ("kept.sv", "old.sv", r"there is no file rtl/old.sv; write its"),
-        ("test_page.py", "test_old.py", r"there is no file tests/test_old.py; write its"),
+        ("docs/page.md", "docs/old.md", r"there is no file docs/old.md; give its"),
+        ("kept.sv", "old.sv", r"there is no file rtl/old.sv; give its"),
+        ("test_page.py", "test_old.py", r"there is no file tests/test_old.py; give its"),
         ("::test_nothing_is_lost", "::test_nothing_is_los", r"has no test 'test_nothing_is_los'; did you mean"),
         ('["tie"]', '["ties"]', r"points: there is no coverage point 'ties'; did you mean tie"),
     ],

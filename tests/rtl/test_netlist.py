@@ -99,9 +99,9 @@ def test_a_wrong_count_is_named(name, value):
     """Nor does a count go unjudged because its name has changed at one end."""
     assert wrong_counts(RIGHT) == []
     (told,) = wrong_counts(RIGHT | {name: value})
-    assert told.startswith(f"{name} is {value}, on a right board ")
+    assert told.startswith(f"{name} is {value}, on a correct board ")
     others = {key: count for key, count in RIGHT.items() if key != name}
-    unknown = f"{name}_too is {value}, and nothing judges it"
+    unknown = f"{name}_too is {value}; add its limits to netlist.py"
     assert wrong_counts(others | {f"{name}_too": value}) == [f"{name} is not counted", unknown]
 
 

@@ -29,7 +29,7 @@ GLASS, LENSLET, IMAGE, RAY = "#56b4e9", "#0072b2", "#d55e00", "#e69f00"
 CLOSE = 4.0
 #: Number of lenslet marks across the drawn panel.
 MARKS = 30.0
-#: Maximum number of pixels across a close-up that shows pixels.
+#: Maximum number of pixels across a close-up that shows its pixels.
 MAX_PIXELS = 150
 #: Eye distances in the drawing of zones, in viewing distances.
 HEIGHTS = np.linspace(0.2, 3.0, 15)
@@ -160,7 +160,7 @@ def _draw_close(axis: Axes, display: Display, system: System, place: Floats) -> 
     corners = np.array(system.lattice.corners + system.lattice.corners[:1]).T
     x, y = system.frame.turn(*corners)
     centres = np.stack(_lenslets(system, place, 2 * int(CLOSE)), axis=1)
-    # Draw the lenslets that are partly visible, or whose elemental images are.
+    # Draw lenslets if they or their elemental images are partly visible.
     far = reach + pitch + np.abs(place).max() * display.convergence
     for cx, cy in centres[(np.abs(centres - place) < far).all(axis=1)].tolist():
         axis.plot(cx + x, cy + y, color=LENSLET)

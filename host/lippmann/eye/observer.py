@@ -1,8 +1,8 @@
 """Computes an eye's view, through the real lenslets, of a panel that shows an integral image.
 
 Rays are traced against the light: from the eye through the view's window (plane z = 0)
-and the lenslets to a pixel or sub-pixel of the panel. Crosstalk means that a ray ends
-at a pixel of a neighbour of its lenslet.
+and the lenslets to a pixel or sub-pixel of the panel. Crosstalk means that a ray
+through a lenslet ends at a neighbour's pixel.
 """
 
 from __future__ import annotations
@@ -216,7 +216,7 @@ def eye_rays(
     if eye.pupil_mm > 0.0:
         p, q = points_in_square(pixel, sample, seed)
         disk = mi.warp.square_to_uniform_disk_concentric(mi.Point2f(p, q))
-        # Rays to a pixel meet in focus, on the line from the pupil's centre.
+        # A pixel's rays meet in focus, on the line from the pupil's centre.
         reach = (ez - focus) / ez
         fx, fy = ex + (x - ex) * reach, ey + (y - ey) * reach
         ex = ex + b.double(disk.x) * radius

@@ -39,7 +39,7 @@ class PageServer(ThreadingHTTPServer):
             super().__init__((LOOPBACK, tcp_port), _Handler)
         except OSError as error:
             what = f"cannot be opened ({error.strerror})"
-            raise input_error(f"--tcp-port {tcp_port}", what, "choose another port, or 0 for any") from None
+            raise input_error(f"--tcp-port {tcp_port}", what, "choose another port, or 0 for any free port") from None
         port = self.server_address[1]
         self.url = f"http://{LOOPBACK}:{port}{self.path}"
         self.hosts = [f"{host}:{port}" for host in (LOOPBACK, "localhost")]

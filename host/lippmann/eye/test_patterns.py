@@ -37,7 +37,7 @@ Kind = Literal["lens-centres", "cells", "view-numbers", "single-lens", "white-fo
 ON_BOARD: tuple[Kind, ...] = ("single-lens", "lens-centres", "view-numbers", "checker", "ramp")
 #: Side of the checker's tiles, pixels; a board uses the same value.
 TILE = 32
-#: Maximum distance, pixels, of a lenslet's centre in a pixel: 1/2 plus rounding.
+#: Half width, pixels, of a pixel that holds a lenslet's centre: 1/2 plus rounding.
 IN_PIXEL = 17 / 32
 BAND_ROWS = 64
 #: Panel values from 0 to 1 in an array that broadcasts to (rows, columns, 3).
@@ -58,7 +58,7 @@ class Places(NamedTuple):
 
 @dataclass(frozen=True)
 class Pixels:
-    """Pixels of a display at columns (1, N) and rows (M, 1), `lens` and `fraction_bits` as in `draw`."""
+    """Pixels of a display at columns (1, N) and rows (M, 1), with `lens` and `fraction_bits` of `draw`."""
 
     display: Display
     column: npt.NDArray[np.int64]
@@ -126,9 +126,9 @@ def ramp(at: Pixels) -> Values:
 
 
 def ramps(at: Pixels) -> Values:
-    """Return four bands, from the top grey, red, green and blue; each starts black at the left.
+    """Return bands of grey, red, green and blue from the top; each starts black at the left.
 
-    Each band shows all levels of the panel, or one per column of a narrower panel.
+    Each band has all levels of the panel, or one level per column if columns are fewer.
     """
     panel = at.display.panel
     columns, top = panel.width_px, (1 << panel.bits) - 1

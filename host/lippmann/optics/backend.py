@@ -39,7 +39,7 @@ class Backend:
     where: Operation
 
     def loop(self, active: Operation, body: Trace, state: State) -> State:
-        """Repeat `state = body(*state)` for the elements for which `active(*state)` is true, until none is."""
+        """Repeat `state = body(*state)` for elements where `active(*state)` is true, until it is nowhere true."""
         raise NotImplementedError
 
     def refine(self, mask: Arr, trace: Trace, inputs: State, coarse: State) -> State:
@@ -73,7 +73,7 @@ class DrJitBackend(Backend):
     """The Dr.Jit backend, on the CPU ("llvm") or a GPU ("cuda"), in float32, or in float64 if `precise`."""
 
     def __init__(self, device: str = "llvm", precise: bool = False) -> None:
-        import drjit as dr  # imported here: the golden engine must run without it
+        import drjit as dr  # golden must run without Dr.Jit
 
         module = getattr(dr, device).ad
         self._dr, self._device, self._precise = dr, device, precise

@@ -69,7 +69,7 @@ def refract_flat(b: Backend, ray: Ray, ratio: float) -> tuple[Ray, Arr]:
 
 
 def _redirect(b: Backend, ray: Ray, direction: State, square: Arr) -> tuple[Ray, Arr]:
-    """Return rays with the new directions where `square` is positive, and `square`."""
+    """Return rays, with new directions where `square` is positive, and `square` itself."""
     pairs = zip(ray[3:], direction, strict=True)
     return Ray(*ray[:3], *(b.where(square <= 0.0, old, new) for old, new in pairs)), square
 
@@ -218,8 +218,8 @@ def _blocked(b: Backend, dome: Dome, ray: Ray, suspect: Arr, plane: float, up: f
     """Return which rays are blocked before the height `plane`, upward (`up` = 1) or downward (-1).
 
     A ray that reaches the plane in its own cell is not blocked; a ray that moves away
-    from the plane is. Other rays step from cell to cell until `meets(steps, ray, t at
-    the cell's entry, t at its exit, t at the plane)` is true.
+    from the plane is blocked. Other rays step from cell to cell until `meets(steps,
+    ray, t at the cell's entry, t at its exit, t at the plane)` is true.
     """
     away = up * ray.dz <= 0.0
     t_plane = (plane - ray.z) / (up * b.maximum(up * ray.dz, 1e-30))

@@ -143,7 +143,7 @@ def on_panel(display: Display, pixels: Floats) -> Floats:
 
 def corners_mm(array: Array) -> Floats:
     """Return a cell's corners, counter-clockwise, (4, 2) or (6, 2) mm from its centre."""
-    # `Lattice.corners` rounds differently; docs/reference/stream.md quotes these rays.
+    # Keep this rounding, because docs/reference/stream.md quotes the rays.
     angles = np.radians([45, 135, 225, 315] if array.grid == "square" else [30, 90, 150, 210, 270, 330])
     x, y = (pitch / math.sqrt(2.0 if array.grid == "square" else 3.0) for pitch in array.pitches_mm)
     return np.stack(Lattice.of(array).sheared(x * np.cos(angles), y * np.sin(angles)), axis=1)
@@ -166,7 +166,7 @@ def model_error_px(display: Display, truth: Rays, rays: Rays, depth_range_mm: Pa
     slope = np.subtract(*(direction[:, :2] / direction[:, 2:] for _, direction in lines))
     worst = 0.0
     far, near = depth_range_mm
-    # Beyond `kink`, a view's pixel is wider than a lenslet; a kink or an end is worst.
+    # Past `kink`, pixels are wider than lenslets; the maximum is at a kink or an end.
     kink = display.array.finest_mm * display.aperture_distance_mm / min(display.panel.pitches_mm)
     for z in (far, near, *(z for z in (-kink, kink) if far < z < near)):
         apart = float(np.linalg.norm(place + z * slope, axis=1).max())

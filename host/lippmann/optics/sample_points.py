@@ -82,7 +82,7 @@ def square_to_cell(b: Backend, s: Arr, t: Arr, lattice: Lattice) -> Point:
     px, py = lattice.pitches_mm
     if lattice.grid == "square":
         return lattice.sheared((s - 0.5) * px, (t - 0.5) * py)
-    # Three rhombi around its centre fill a hexagon, each between two corner vectors.
+    # Three rhombi around the centre fill a hexagon, each between two corner vectors.
     corners = lattice.corners[::2]
     rhombus = b.minimum(b.floor(3.0 * s), 2.0)
     s = 3.0 * s - rhombus

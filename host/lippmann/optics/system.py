@@ -101,7 +101,7 @@ class Convergence:
         return x - (x - self.axis_x) * self.share, y - (y - self.axis_y) * self.share
 
     def within_cell(self, x: Arr, y: Arr, cx: Arr, cy: Arr) -> Point:
-        """Do as `towards_eye`, with both points relative to the lenslet's centre (cx, cy)."""
+        """Return the point of `towards_eye`, with both points measured from the lenslet's centre (cx, cy)."""
         if self.share == 0.0:
             return x, y
         shrink = 1.0 - self.share
@@ -120,7 +120,8 @@ class System:
     """The optical system of a display.
 
     `concave` means a capture's plano-concave lenslets, flat towards the panel and
-    `thickness_mm` thick at the vertex. Only `exact` traces them, from the panel.
+    `thickness_mm` thick at the vertex. For them, `exact` must trace rays, from the
+    panel.
     """
 
     frame: PanelFrame
@@ -160,13 +161,13 @@ class System:
         return 0.0 if self.plano_to_panel else self.thickness_mm
 
     def locate(self, b: Backend, u: Arr, v: Arr) -> tuple[Arr, Arr, Arr, Arr]:
-        """Return pixels' lenslets (i, j), and pixels from the lenslets' centres along the array's axes, mm."""
+        """Return pixels' lenslets (i, j), and positions from the lenslets' centres along the array's axes, mm."""
         x, y = self.frame.array_from_panel(*self.frame.panel_from_pixel(u, v))
         i, j, qx, qy = self.lattice.locate(b, *self.convergence.towards_eye(x, y))
         if self.convergence.share == 0.0:
             return i, j, qx, qy
         cx, cy = self.lattice.centre(i, j)
-        return i, j, x - cx, y - cy  # to invert q would magnify its rounding error by 1 / (1 - s)
+        return i, j, x - cx, y - cy  # inverting q would magnify q's rounding error by 1 / (1 - s)
 
     def through_mount(self, b: Backend, status: Arr, passed: Point, own: Point | None = None) -> Arr:
         """Return `status`, but BLOCKED for rays whose passed lenslet or pixel's lenslet is absent."""
@@ -199,7 +200,7 @@ class Exit(NamedTuple):
 class Landing(NamedTuple):
     """The point where a ray meets the panel plane, local to the passed lenslet, in the array's axes, mm.
 
-    The status ignores whether the point belongs to that lenslet (crosstalk).
+    `status` ignores whether the point belongs to the passed lenslet (crosstalk).
     """
 
     x: Arr

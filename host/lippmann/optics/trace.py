@@ -18,7 +18,7 @@ from lippmann.optics.models import leave_panel, reach_panel
 from lippmann.optics.rays import ENGINES, MODELS, Engine, Floats, Hits, Model, Rays, Status, gets_through
 from lippmann.optics.system import System
 
-#: Maximum distance of rays from the array's centre, lenslets; indices have 32 bits.
+#: Maximum distance of rays from the array's centre in lenslets, for 32-bit indices.
 FARTHEST_LENSLETS = 1 << 28
 #: Minimum |dz| of a ray that reaches the array; a smaller |dz| may be 0 in float32.
 FLATTEST = 1e-30
@@ -68,7 +68,7 @@ def pixels_from_rays(
     safe_z = b.where(heads_there, dz, -1.0)
     t = b.where(heads_there, (z - oz) / safe_z, 0.0)
     x, y = frame.array_from_panel(ox + t * dx, oy + t * dy)
-    # A ray that meets the array's plane too far out has missed; its point becomes 0.
+    # A ray that meets the array's plane too far out has missed; set its point to 0.
     farthest = FARTHEST_LENSLETS * min(system.lattice.pitches_mm)
     heads_there = heads_there & (b.maximum(b.absolute(x), b.absolute(y)) < farthest)
     x, y = b.where(heads_there, x, 0.0), b.where(heads_there, y, 0.0)

@@ -31,11 +31,11 @@ TOO_FAR = f"eye: is farther away than {FARTHEST_EYE_MM:g} mm; give its position 
 SHARE_RAYS = 1 << 13
 #: Numbers of lenslets, across and down the panel, that are tested for crosstalk.
 LENSLETS = (5, 3)
-#: Tested points of a cell: fraction of the distance and of the height of the rim.
+#: Tested points: fraction of the way to a cell's rim, fraction of the rim's height.
 POINTS = ((0.6, 0.0), (0.95, 0.0), (0.95, 1.0), (0.99, 0.0), (0.99, 1.0))
-#: Range, in paraxial half widths, and number of bisections of the search for a zone.
+#: Search for a zone's end: range in paraxial half widths, number of bisections.
 FARTHEST, BISECTIONS = 2.0, 11
-#: Factor on a length, and maximum number of steps, in the search for a better display.
+#: Search for a better display: factor on a length, maximum number of steps.
 FACTOR, STEPS = 1.1, 24
 #: Minimum width of a better display's zone, as a fraction of one lenslet's zone.
 WORTH = 0.25
@@ -56,7 +56,7 @@ def viewing_distance(display: Display) -> float:
 
 
 def middle_eye(display: Display, distance_mm: float) -> tuple[float, float, float]:
-    """Return the position, mm, at a distance, of the eye that sees opposite panel sides equally."""
+    """Return the position, mm, from which an eye at a distance sees opposite panel sides equally."""
     share = 0.0 if display.viewing_distance_mm is None else distance_mm / display.viewing_distance_mm
     return share * display.viewing_axis_mm[0], share * display.viewing_axis_mm[1], distance_mm
 
@@ -90,7 +90,7 @@ def sees_all(display: Display, eyes_mm: Floats) -> npt.NDArray[np.bool_]:
     across, down = (np.linspace(-0.5, 0.5, count) for count in LENSLETS)
     grid = np.stack(np.meshgrid(across * panel.width_mm, down * panel.height_mm), axis=-1).reshape(-1, 2)
     # Find the lenslets through which each eye sees the grid's points. The panel's edges
-    # are ignored: crosstalk beyond an edge also appears in the next lenslet inside.
+    # are ignored: crosstalk beyond an edge also appears in the last lenslet inside.
     lift = display.aperture_distance_mm / eyes_mm[:, None, 2:]
     x, y = np.moveaxis((grid + lift * eyes_mm[:, None, :2]) / (1.0 + lift), -1, 0)
     place = system.lattice.nearest_within(*system.frame.array_from_panel(x, y))
@@ -133,7 +133,7 @@ def half_width(display: Display) -> float:
 
 
 def remedy(display: Display) -> str:
-    """Return the first tried change that gives a zone without crosstalk."""
+    """Return advice: the first tried change that gives a zone without crosstalk."""
     old = _Change(
         display.gap_mm, display.viewing_distance_mm, display.array.focal_length_mm, display.array.pitches_mm[0]
     )

@@ -413,6 +413,6 @@ def test_the_command_tells_of_each_module_that_is_not_clean(monkeypatch):
     result = CliRunner().invoke(main)
     assert result.exit_code == 1
     assert result.stderr.splitlines() == [
-        "%Warning-WIDTH: aim.sv", "%Warning-WIDTH: ring.sv", "aim, ring: mend the warnings above",
+        "%Warning-WIDTH: aim.sv", "%Warning-WIDTH: ring.sv", "aim, ring: correct the warnings above",
     ]  # fmt: skip
     assert "-m tools.lint\n" in (TOP / "Makefile").read_text()
