@@ -62,7 +62,7 @@ _HOMES = {
 
 
 class _Missing:
-    """A public name whose library is missing; any use of it raises the error."""
+    """Placeholder for a public name; any use raises the error of its missing library."""
 
     def __init__(self, error: MissingLibraryError) -> None:
         self._error = error
@@ -75,7 +75,7 @@ class _Missing:
 
 
 def __getattr__(name: str) -> Any:
-    """Import a public name at its first use, so that the command line starts quickly."""
+    """Import a public name at its first use, so that commands start quickly."""
     for home, names in _HOMES.items():
         if name in names:
             try:

@@ -1,4 +1,4 @@
-"""Runs `lippmann` or `python -m lippmann`; Ctrl-C and SIGTERM end the program with one line."""
+"""Entry point of `lippmann`; after Ctrl-C or SIGTERM, it prints one line and exits."""
 
 from __future__ import annotations
 
@@ -20,21 +20,21 @@ def main(arguments: list[str] | None = None) -> None:
         print("lippmann: interrupted; nothing half-written is left", file=sys.stderr)
         code = interrupts.exit_code()
     if interrupts.received:
-        # A library whose loading was interrupted may crash when Python closes it.
+        # A library may crash at Python's shutdown if its loading was interrupted.
         interrupts.leave(code)
-    interrupts.ignore()  # the work is done
+    interrupts.ignore()  # the command has ended
     sys.exit(code)
 
 
 def program() -> None:
-    """Run `main`, then end the process at once; closing its libraries takes time."""
+    """Run `main`, then exit without unloading the libraries, which takes time."""
     try:
         main()
     except SystemExit as end:
         # Running threads, debuggers and profilers need Python's normal shutdown.
         has_tracer = sys.gettrace() is not None or sys.getprofile() is not None
         if isinstance(end.code, int) and threading.active_count() == 1 and not has_tracer:
-            atexit._run_exitfuncs()  # removes temporary folders
+            atexit._run_exitfuncs()  # this removes temporary folders
             interrupts.leave(end.code)
         raise
 

@@ -1,4 +1,4 @@
-"""The public Python functions, which the command line calls too.
+"""Public Python functions; the command line calls them too.
 
 Each function sets Mitsuba's variant for its device, then restores the user's variant.
 """
@@ -47,22 +47,22 @@ from lippmann.scenes.scene import Scene, check_scene_file
 from lippmann.scenes.scene import load_scene as load_scene_file
 
 VIEW_PX = 600
-#: Maximum percentage of lost rays in a capture without a warning.
+#: Percentage of lost rays above which a capture warns.
 WARNING_PERCENT = 1.0
 PAGE_SUFFIXES = (".html", ".htm")
 
 
 def load_scene(path: str | Path, placement: Placement | None = None, device: str = "auto") -> Scene:
-    """Read a scene for several calls of `render`, `capture` or `view`; refuse an invalid file.
+    """Load a scene for several calls of `render`, `capture` or `view`; refuse an invalid file.
 
     Parameters
     ----------
     path
-        Mitsuba XML, or another tool's file (`lippmann.scenes.formats`).
+        Mitsuba XML, or a file of another tool (see `lippmann.scenes.formats`).
     placement
-        Position of the scene relative to the display. `None` uses the file beside the
-        scene. Without such a file, a scene unit is 1 mm, and a render arranges another
-        tool's scene for its display.
+        Position of the scene relative to the display. `None` reads the placement file
+        in the scene's folder. If that file is missing, a scene unit is 1 mm, and
+        `render` automatically places a scene of another tool.
     device
         See `render`.
     """
@@ -93,30 +93,30 @@ def render(
     workers: int | None = None,
     scheduler: str | None = None,
 ) -> IntegralImage:
-    """Render the integral image of a scene for a display; the logger "lippmann" reports the choices of "auto" (INFO).
+    """Render the integral image of a scene for a display; the logger "lippmann" reports what "auto" chose.
 
-    Raises InputError for an invalid file or value or an image that exceeds the memory
-    limit, DeviceError if the scheduler or all workers are lost, and MissingLibraryError
-    if Mitsuba, Dask or a tool of the engine is missing.
+    Raises InputError for an invalid file or value, and for an image that exceeds the
+    memory limit. Raises DeviceError if the scheduler or all workers are lost. Raises
+    MissingLibraryError if Mitsuba, Dask or a tool of the engine is missing.
 
     Parameters
     ----------
     scene, display, placement
-        A scene's path and placement (see `load_scene`), a result of `load_scene`, a
-        `mitsuba.Scene`, or a dictionary for `mitsuba.load_dict`; a display or its file.
+        Scene: a path with a placement (see `load_scene`), a result of `load_scene`, a
+        `mitsuba.Scene`, or a dictionary for `mitsuba.load_dict`. Display: see `draw`.
     samples, aperture, integrator, max_depth, seed, memory_mb, shading
         See `lippmann.rendering.options.Settings`.
     model, tolerance, engine, fraction_bits
         See `lippmann.rendering.options.RenderOptions`.
     arrange
         "fit" scales and moves the scene into the display's depth range. "camera" puts
-        the eye at the camera of the scene's file. `None` uses the placement.
+        the eye at the camera of the scene's file. `None` uses `placement`.
     device, progress
         The device is "llvm" (CPU), "cuda" (GPU) or "auto". The function `progress` is
         called with (finished rows, all rows).
     kept
-        Folder for finished bands, with which an interrupted render continues. Another
-        render removes the bands.
+        Folder that stores finished bands, so that an interrupted render can continue.
+        A different render removes the stored bands.
     workers, scheduler
         Number of local processes, or a Dask scheduler's address ("tcp://127.0.0.1:8786").
     """
@@ -153,10 +153,10 @@ def draw(
     workers: int | None = None,
     scheduler: str | None = None,
 ) -> IntegralImage:
-    """Draw layers for a display, by the method of an FPGA without a frame memory.
+    """Draw layers for a display by the method of an FPGA that has no frame memory.
 
-    Twin and rtl round the light to panel values; golden's light is rounded only in a
-    PNG. Raises InputError for invalid files or values, and layers at or behind the eyes.
+    The engines twin and rtl round light to panel values; golden does not. Raises
+    InputError for an invalid file or value, and for layers at or behind the eyes.
 
     Parameters
     ----------
@@ -166,8 +166,8 @@ def draw(
     filter, samples
         Texture filter, "nearest" or "bilinear", and 1, 2 or 4 samples per pixel.
     model, engine, fraction_bits
-        Lens model, and engine "golden" (float64), "twin" (the RTL's integers) or "rtl"
-        (a simulation). Word length of twin's and rtl's optics, or `None` for the maximum.
+        Lens model. Engine: "golden" (float64), "twin" (the RTL's integers) or "rtl" (a
+        simulation of the RTL). Fraction bits of twin and rtl; `None` means the maximum.
     kept, workers, scheduler
         See `render`.
     """
@@ -193,9 +193,9 @@ def capture(
     progress: Progress | None = None,
     shading: Shading = "auto",
 ) -> IntegralImage:
-    """Render the image that an imaging lens, a microlens array and a camera capture of a scene.
+    """Render a scene as captured by an imaging lens, a microlens array and a camera.
 
-    The result is for the set-up's display; `measured` contains `vignetting_percent` and
+    The image is for the set-up's display; `measured` contains `vignetting_percent` and
     `array_loss_percent`. Raises InputError for an invalid file or value, a scene that
     cannot be captured, or an image that exceeds the memory limit.
 
@@ -211,15 +211,15 @@ def capture(
         Whether each elemental image is rotated by 180 degrees, which makes the depth on
         the display correct. `None` means yes, except for concave lenslets.
     aperture
-        Rays of a pickup pass the whole lenslet with "full" (default), and only the
-        lenslet's centre with "chief".
+        "full" (default): rays of a pickup pass the whole lenslet. "chief": rays pass
+        only the lenslet's centre.
     device, progress
         See `render`.
     """
     check_progress(progress)
     built = setup if isinstance(setup, Setup) else load_setup(setup)
     if aperture is not None and not isinstance(built.pickup, Pickup):
-        raise InputError("aperture is for a [pickup] only, because a camera has a pinhole; leave it out")
+        raise InputError("aperture applies only to a [pickup], as a camera has a pinhole; leave it out")
     if rotate is not None:
         check_flags(rotate=rotate)
     rotated = not built.concave if rotate is None else rotate
@@ -241,10 +241,10 @@ def capture(
 def _losses(lens_percent: float, array_percent: float) -> dict[str, float]:
     if lens_percent > WARNING_PERCENT:
         text = f"the lens's aperture cuts off {lens_percent:.1f} % of the rays (black in the image)"
-        warn_user(f"{text}; a larger lens.aperture_mm lets them in")
+        warn_user(f"{text}; increase lens.aperture_mm")
     if array_percent > WARNING_PERCENT:
         text = f"{array_percent:.1f} % of the rays are lost in the array (black in the image)"
-        warn_user(f"{text}: the lenslets' rims reflect them; a longer focal length lets them out")
+        warn_user(f"{text}: the lenslets' rims reflect these rays; use a longer focal length")
     return {"vignetting_percent": lens_percent, "array_loss_percent": array_percent}
 
 
@@ -263,7 +263,7 @@ def observe(
     seed: int = 0,
     device: str = "auto",
 ) -> View:
-    """Return an eye's view of a display that shows an image; raises InputError for an eye or value out of range.
+    """Return an eye's view of a displayed image; raises InputError for a value out of range.
 
     Parameters
     ----------
@@ -275,13 +275,12 @@ def observe(
     width_px, samples
         Width of the view, and number of rays per pixel of the view.
     display
-        The display as built, such as `image.display.misaligned(rotation_deg=0.1)`.
+        The display with its errors: `image.display.misaligned(rotation_deg=0.1)`.
         `None` means the image's display.
     window
         The part of the plane z = 0 in the view; `None` means the whole panel, `width_px` pixels wide.
     model, crosstalk, seed
-        Lens model, whether neighbouring elemental images are visible or black, and
-        random seed.
+        Lens model, crosstalk (`False` shows crosstalk as black), and random seed.
     device
         See `render`.
     """
@@ -309,7 +308,7 @@ def view(
     seed: int = 0,
     device: str = "auto",
 ) -> Path:
-    """Write the page that shows an image through its lenslets in any browser with WebGL 2; return its path.
+    """Write a page that shows an image through its lenslets (needs WebGL 2); return its path.
 
     Raises InputError if the page cannot be written or the scene is invalid.
 
@@ -320,7 +319,7 @@ def view(
     path
         Path of the page (.html). `None` writes a temporary file and opens a browser.
     scene
-        Mitsuba XML or a result of `load_scene`; the page shows direct views of it.
+        Scene for direct views on the page: Mitsuba XML or a result of `load_scene`.
     later, frames_per_second
         Further frames of a film that begins with `image`, and the film's frame rate.
     placement, arrange
@@ -358,7 +357,7 @@ def widget(
     seed: int = 0,
     device: str = "auto",
 ) -> Widget:
-    """Return the page that `view` writes as a widget for a notebook, `height_px` pixels high.
+    """Return a notebook widget, `height_px` pixels high, that contains the page of `view`.
 
     The parameters and errors are those of `view`.
     """
@@ -399,7 +398,7 @@ def view_page(
     device: str = "auto",
     progress: Progress | None = None,
 ) -> bytes:
-    """Return the page that `view` writes; `directs` are further direct views, already rendered."""
+    """Return the HTML page that `view` writes; `directs` are rendered direct views."""
     check_progress(progress)
     check_type("later", later, Sequence, "a list of lippmann.IntegralImage")
     for frame in (image, *later):
@@ -408,7 +407,7 @@ def view_page(
     if not 0.1 <= as_number(frames_per_second) < math.inf:
         raise InputError(f"frames_per_second {frames_per_second} is out of range; give 0.1 or more")
     if scene is None and (placement is not None or arrange is not None):
-        raise InputError("placement and arrange place a scene; give scene too, or leave them out")
+        raise InputError("placement and arrange need a scene; give scene too, or leave out both")
     check_device(device)
     seed = whole_number("seed", seed, 0, 2**32 - 1)
     if scene is not None:

@@ -1,4 +1,4 @@
-"""The four engines of `trace`: golden and fast use `optics.trace`; twin and rtl use `trace_fixed`."""
+"""Engines of `trace`: golden and fast use `optics.trace`; twin and rtl use `trace_fixed`."""
 
 from __future__ import annotations
 
@@ -17,9 +17,9 @@ from lippmann.fixed.words import WIDEST, Ints
 from lippmann.optics.rays import Engine, Floats, Model, Rays, check_fraction_bits
 from lippmann.optics.trace import check_engine_device, checked_rays, trace_optics
 
-#: Fixed-point words of pixels (u, v) and of aperture points (a, b), (N,) each.
+#: Fixed-point words (N,) of pixels (u, v) and of aperture points (a, b).
 Words = tuple[Ints, Ints, Ints, Ints]
-#: Traces the words of pixels and aperture points through a build.
+#: Function that traces the words of pixels and aperture points through an RTL build.
 Pipeline = Callable[[Ints, Ints, Ints, Ints, Configuration, Build], FixedRays]
 
 
@@ -34,29 +34,29 @@ def trace(
 ) -> Rays:
     """Trace rays from the panel through the lenslets.
 
-    Raises InputError for wrong shapes, values that are not finite or beyond
-    `FARTHEST_LENSLETS`, an unknown model, engine or device, or a display outside the
-    number formats of twin and rtl, and MissingLibraryError if an engine's library or
-    tool is missing.
+    Raises InputError for a wrong shape, a value that is not finite or beyond
+    `FARTHEST_LENSLETS`, an unknown model, engine or device, and a display outside the
+    number formats of twin and rtl. Raises MissingLibraryError if an engine's library
+    or tool is missing.
 
     Parameters
     ----------
     display, pixels
-        A display file or a result of `load_display`; (N, 2) pixel coordinates, which
-        may be outside the panel. The centre of pixel (c, r) is (c + 0.5, r + 0.5).
+        Display: a file or a result of `load_display`. Pixels: (N, 2) coordinates, also
+        outside the panel. The centre of pixel (c, r) is (c + 0.5, r + 0.5).
     aperture
-        (N, 2) points at which the rays aim, from the lenslet's centre, mm, array's
-        axes. `None` selects chief rays.
+        (N, 2) points at which the rays aim, mm, in the array's axes from the lenslet's
+        centre. `None` selects chief rays.
     model, engine
-        The model is "pinhole", "thin", "paraxial" or "exact"; the engine "golden",
+        The model is "pinhole", "thin", "paraxial" or "exact". The engine is "golden",
         "fast", "twin" (the RTL's integers) or "rtl" (a simulation of the RTL).
     device, fraction_bits
-        Fast uses the device "llvm" (CPU), "cuda" (GPU) or "auto" (the GPU if there is
-        one). Twin and rtl use F = 14 to 23 fraction bits, or the maximum for `None`.
+        The engine fast runs on "llvm" (CPU), "cuda" (GPU) or "auto" (a GPU if present).
+        Twin and rtl use 14 to 23 fraction bits; `None` means the maximum.
     """
     check_engine_device(engine, device)
     if engine in ("twin", "rtl"):
-        from lippmann.simulation.harness import rtl_pipeline  # imported here, so that a render starts faster
+        from lippmann.simulation.harness import rtl_pipeline  # late import for a fast start of renders
 
         display, pixel, points = checked_rays(display, pixels, aperture, model)
         pipeline = ray_pipeline if engine == "twin" else rtl_pipeline
@@ -77,7 +77,7 @@ def trace_fixed(
 ) -> Rays:
     """Trace rays through a fixed-point pipeline; the result's `pixel` is rounded to 1/16 pixel.
 
-    The parameters are those of `trace`. Raises InputError for values outside the formats.
+    The parameters are those of `trace`. Raises InputError for a value outside the number formats.
     """
     build = Build.of(display, model, fraction_bits, aperture is not None, max_cell_steps)
     words, registers = words_of_rays(display, build, model, pixels, aperture)
@@ -88,7 +88,10 @@ def trace_fixed(
 def words_of_rays(
     display: Display, build: Build, model: Model, pixels: Floats, aperture: Floats | None = None
 ) -> tuple[Words, Configuration]:
-    """Return the words u, v, a, b of rays, and the registers of a build; errors as in `trace_fixed`."""
+    """Convert rays to the words u, v, a, b and a build's registers.
+
+    Raises the errors of `trace_fixed`.
+    """
     reach = None if aperture is None or not len(aperture) else float(np.hypot(*aperture.T).max())
     registers = configuration(display, build, model, reach)
     u, v = words_of_pixels(display, pixels)

@@ -1,4 +1,4 @@
-"""Errors, and the exit code of each kind on the command line."""
+"""Error classes with their exit codes, and checks of arguments."""
 
 from __future__ import annotations
 
@@ -12,18 +12,18 @@ from numbers import Integral, Real
 from pathlib import Path
 from typing import Self
 
-#: Control characters, and characters that change the direction of writing.
+#: Control characters, and characters that change the text direction.
 CONTROLS = re.compile("[\\x00-\\x08\\x0b-\\x1f\\x7f-\\x9f\\u200e\\u200f\\u2028-\\u202e\\u2066-\\u2069\\ud800-\\udfff]")
 
 
 class LippmannError(Exception):
-    """Base class of the errors that a user can correct; one line gives place, fault and remedy."""
+    """Base class of errors that a user can correct; the message gives place, fault and remedy."""
 
     exit_code = 2
 
     @classmethod
     def at(cls, where: object, what: str, remedy: str) -> Self:
-        """Return the error `where: what; remedy` on one line."""
+        """Return the error with the one-line message `where: what; remedy`."""
         return cls(" ".join(f"{where}: {what}; {remedy}".split()))
 
 
@@ -34,7 +34,7 @@ class DeviceError(LippmannError):
 
 
 class NoBoardError(DeviceError):
-    """No board answers: no port, a lost connection, or no reply. Another attempt may succeed."""
+    """No board answers: no port, a lost connection, or no reply. A retry may succeed."""
 
 
 class InputError(LippmannError):
@@ -54,35 +54,32 @@ class NoSpaceError(LippmannError):
 
 
 class LippmannWarning(UserWarning):
-    """A warning of a valid but perhaps unwanted result; the command line shows it as "note: text".
-
-    Commands log their progress to `logging.getLogger("lippmann")` at level INFO.
-    """
+    """Warning that a valid result may be unwanted; the command line prints "note: text"."""
 
 
 def warn_user(text: str) -> None:
-    """Issue a LippmannWarning for the line of the user's program that called Lippmann."""
+    """Issue a LippmannWarning at the line of the user's program that called Lippmann."""
     level, frame = 1, sys._getframe()
     while frame.f_back is not None and frame.f_globals.get("__name__", "").partition(".")[0] == "lippmann":
         level, frame = level + 1, frame.f_back
     warnings.warn(text, LippmannWarning, stacklevel=level)
 
 
-#: Functions that return an error `where: what; remedy`.
+#: Functions that return an error with the message `where: what; remedy`.
 input_error, device_error, no_board_error = InputError.at, DeviceError.at, NoBoardError.at
 
 
 def reason(error: Exception) -> str:
-    """Return why a file could not be read, without errno and path."""
+    """Return the cause of a failed read as text, without errno and path."""
     if isinstance(error, UnicodeDecodeError):
         return "it is not text in UTF-8"
-    if "pickle" in str(error):  # numpy refuses Python objects
+    if "pickle" in str(error):  # numpy does not load Python objects
         return "it contains no array of numbers"
     return str((isinstance(error, OSError) and error.strerror) or error)
 
 
 def path_of(value: object, what: str) -> Path:
-    """Return an argument as a path; refuse other types. `what` is the kind of file."""
+    """Return an argument as a path; refuse other types. `what` names the kind of file."""
     if not isinstance(value, str | Path):
         raise InputError(f"{str(value)[:80]!r} is not {what}; give its path")
     if not str(value) or "\0" in str(value):
@@ -90,7 +87,7 @@ def path_of(value: object, what: str) -> Path:
     return Path(value)
 
 
-#: Modules that each extra of the package installs (pyproject.toml).
+#: Modules of each optional extra in pyproject.toml, keyed by extra.
 EXTRA_MODULES = {
     "render": ("mitsuba", "drjit", "OpenImageIO", "trimesh", "plyfile", "imageio_ffmpeg"),
     "board": ("serial", "cobs", "qoi"),
@@ -109,7 +106,7 @@ def to_install(extra: str = "") -> str:
 
 
 def missing_library(error: ImportError, extra: str = "") -> MissingLibraryError:
-    """Return the error for a missing library, with the command that installs it or an extra."""
+    """Return the error for a failed import, with the command that installs the library."""
     module = (error.name or "").partition(".")[0]
     extra = extra or "".join(name for name, modules in EXTRA_MODULES.items() if module in modules)
     what = f"{module} cannot be imported ({error})" if module else str(error)
@@ -126,7 +123,7 @@ def whole_number(name: str, value: object, low: int, high: int) -> int:
 
 
 def as_number(value: object) -> float:
-    """Return a real number as a float, and any other value as NaN."""
+    """Return a real number as a float; return NaN for any other value."""
     if not isinstance(value, Real) or isinstance(value, bool):
         return math.nan
     is_huge = isinstance(value, int) and value.bit_length() > 1023
@@ -134,13 +131,13 @@ def as_number(value: object) -> float:
 
 
 def check_type(name: str, value: object, kinds: type | tuple[type, ...], what: str) -> None:
-    """Refuse an argument that is not of the types `kinds`; `what` describes these types."""
+    """Refuse an argument whose type is not in `kinds`; `what` names these types."""
     if not isinstance(value, kinds):
         raise InputError(f"{name} must be {what}, not {str(value)[:80]!r}")
 
 
 def check_flags(**flags: object) -> None:
-    """Refuse arguments other than Python's and numpy's True and False."""
+    """Refuse each argument that is not a bool of Python or numpy."""
     for name, value in flags.items():
         if type(value).__name__ not in ("bool", "bool_"):
             raise InputError(f"{name} must be True or False, not {str(value)[:80]!r}")
@@ -160,7 +157,7 @@ def did_you_mean(name: str, choices: Iterable[str]) -> str:
 
 
 def likely_file(path: Path, suffixes: Iterable[str]) -> str:
-    """Return a remedy that names the most similar file in the folder, or "" if none is similar."""
+    """Return a remedy that names the most similar file in a folder, or "" if none is similar."""
     others = sorted(path.parent.glob("*"))
     files = {one.stem: one for one in others if one.suffix.lower() in suffixes and one.is_file()}
     matches = difflib.get_close_matches(path.stem, files, 1)
@@ -175,5 +172,5 @@ def not_there(path: Path, what: str = "file") -> str:
 
 
 def printable(text: str) -> str:
-    """Return a text for the terminal, with `CONTROLS` escaped."""
+    """Escape the `CONTROLS` in a text for the terminal."""
     return CONTROLS.sub(lambda match: match[0].encode("unicode_escape").decode(), text)

@@ -383,7 +383,7 @@ WRONG = [
     (lambda p: lp.view(p, "p.html", later=3), r"later must be a list of lippmann\.IntegralImage, not '3'"),
     (lambda p: lp.view(p, "p.html", title=3), "title must be text, not '3'"),
     (lambda p: lp.view(p, "p.html", seed="x"), "seed 'x' is not a whole number"),
-    (lambda p: lp.view(p, "p.html", arrange="fit"), "placement and arrange place a scene; give scene too"),
+    (lambda p: lp.view(p, "p.html", arrange="fit"), "placement and arrange need a scene; give scene too"),
     (lambda p: lp.sweep(p, [[1, 2], [3]], (0, 0, 600)), "start .* is not a position"),
     (lambda p: lp.observe(p, pupil_mm=10**400), "is not finite; give numbers in mm"),
     (lambda p: lp.trace(p.display, 10**400), "pixels is not an array of numbers"),

@@ -107,7 +107,7 @@ def board(folder, name, text):
 def test_a_wrong_board_file_is_named_and_hinders_no_other_board(folder):
     text = (folder / "ulx3s/board.toml").read_text()
     for changed, said in (
-        (text, 'name: "ulx3s" names another folder; write "mine"'),
+        (text, 'name: "ulx3s" is not the name of the folder; write "mine"'),
         (text.replace('"ulx3s"', '"mine"', 1).replace("speed = 6", "speed = 9"), "fpga.speed"),
         (text.replace('"ulx3s"', '"mine"', 1) + "\ncolour = 1\n", "colour"),
         ("name = ", "not TOML"),
@@ -147,12 +147,12 @@ def test_a_board_like_another_has_its_keys_its_pins_and_its_rtl(folder):
 @pytest.mark.parametrize(
     ("like", "said"),
     [
-        ('"nosuch"', 'mine/board.toml: like: "nosuch" is no board; choose from mine, ulx3s'),
-        ('"../../etc"', 'mine/board.toml: like: "../../etc" is no board; choose from'),
-        ('""', 'mine/board.toml: like: "" is no board'),
-        ("7", "mine/board.toml: like: 7 is no board"),
-        ('["ulx3s"]', 'mine/board.toml: like: ["ulx3s"] is no board'),
-        ('"mine"', "mine/board.toml: like: mine is like this board; end the circle"),
+        ('"nosuch"', 'mine/board.toml: like: "nosuch" is not a board; choose from mine, ulx3s'),
+        ('"../../etc"', 'mine/board.toml: like: "../../etc" is not a board; choose from'),
+        ('""', 'mine/board.toml: like: "" is not a board'),
+        ("7", "mine/board.toml: like: 7 is not a board"),
+        ('["ulx3s"]', 'mine/board.toml: like: ["ulx3s"] is not a board'),
+        ('"mine"', "mine/board.toml: like: mine already inherits from this board; remove a `like` key"),
     ],
 )
 def test_a_board_like_none(folder, like, said):
@@ -167,7 +167,7 @@ def test_boards_in_a_circle(folder):
     for name, other in zip(names, [*names[1:], "b3"], strict=True):
         board(folder, name, f'name = "{name}"\nlike = "{other}"\n')
     for name in names:
-        with pytest.raises(InputError, match=r"b\d+/board.toml: like: b\d+ is like this board; end the circle"):
+        with pytest.raises(InputError, match=r"b\d+/board.toml: like: b\d+ already inherits from this board; remove"):
             fpga_board(name)
     board(folder, "b11", 'name = "b11"\nlike = "ulx3s"\n')
     assert fpga_board("b0").folders == [*(folder / name for name in names), folder / "ulx3s"]

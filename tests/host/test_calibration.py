@@ -493,7 +493,7 @@ def test_check_draws_and_judges(case, tmp_path, capfd, refusal_of):
     assert run(["calibrate", "check", str(tmp_path / "d.toml"), "--photos", str(tmp_path)]) == 4
     aside = f"{eye},0,{eye}"
     line = refusal_of("calibrate", "check", tmp_path / "d.toml", "--eye", aside, "-o", tmp_path / "no")
-    assert ": the eye sees 0 % of the panel through the lenslets in front" in line
+    assert ": the eye sees only 0 % of the panel without crosstalk" in line
     assert not (tmp_path / "no").exists()
 
 

@@ -107,7 +107,7 @@ def test_rotation_is_what_no_rotate_leaves_out(place, capfd, mi):
         ("[0, 0, 180]", "[0, 0, 180]\noffset_mm = [0, 0, 702]", (), "camera.distance_mm: the scene's image reaches"),
         ("width_px = 400\nheight_px = 300", "width_px = 24\nheight_px = 24", (), "2.4 lenslets across the display"),
         ("", "", ("--display-out", "s.toml"), "s.toml: exists already"),
-        ("", "", ("--aperture", "chief"), "aperture is for a [pickup]"),
+        ("", "", ("--aperture", "chief"), "aperture applies only to a [pickup]"),
         ("", "", ("--memory-mb", "nan"), "'--memory-mb': 'nan' is not finite; give a number"),
         ("", "", ("-o", "out.jpg"), "unknown extension"),
         ("", "", ("--samples", "0"), "samples 0 is out of range"),
@@ -200,7 +200,7 @@ def test_the_same_again(place, capfd, mi):
     capture(capfd, "--display-out", "shows.toml", "--size", "200")
     assert (place / "shows.toml").read_bytes() == written
     _, err = capture(capfd, "--display-out", "shows.toml", "--size", "120", code=2)
-    assert "shows.toml: exists already and is not the display of this image; give another name" in err
+    assert "shows.toml: is another display's file; give another name" in err
     assert (place / "shows.toml").read_bytes() == written
 
 

@@ -176,7 +176,7 @@ def test_doctor_tells_why_a_port_cannot_be_used(capfd, monkeypatch):
             ("/dev/ttyNONE", 1, "no such port; plug"),
             (busy, 1, "the port is busy; close the other program"),
             ("gopher://there", 2, "is not a port"),
-            ("", 2, "an empty port"),
+            ("", 2, "the port is empty"),
         ):
             found, out, _ = lippmann(capfd, "doctor", "--port", url, "--json")
             result = json.loads(out)
@@ -675,7 +675,7 @@ def failing(error):
 @pytest.mark.parametrize(
     ("error", "said"),
     [
-        (PermissionError(13, "Permission denied", "a.exr"), "a.exr: you may not open it; change its permissions"),
+        (PermissionError(13, "Permission denied", "a.exr"), "a.exr: no permission to open it; change its permissions"),
         (IsADirectoryError(21, "Is a directory", "out"), "out: is a folder; name a file"),
         (NotADirectoryError(20, "Not a directory", "README.md/a.exr"), "README.md/a.exr: a part of the path is a file"),
     ],

@@ -243,9 +243,9 @@ def test_what_cannot_be_rendered_is_refused(place, capsys):
     (place / "film.toml").write_text(FILM.replace("three", "four"))
     refused("four.xml: no such scene")
     (place / "film.toml").write_text(FILM)
-    refused("--eye and --width belong to --view; give", "--view", place / "view.mp4")
+    refused("--view needs --eye, and --width needs both; give", "--view", place / "view.mp4")
     refused(".mkv", "--video", place / "panel.mp4")
-    refused("--eye and --width belong to --view; give", "--width", "50")
+    refused("--view needs --eye, and --width needs both; give", "--width", "50")
     (place / "film.toml").write_text(FILM + "frames_per_second = 51\n")
     refused("at most 50 frames a second", "--view", place / "view.gif", "--eye", "0,0,200")
     assert not (place / "out").exists() or not list((place / "out").iterdir()), "refused before any work"

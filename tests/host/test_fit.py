@@ -223,8 +223,8 @@ def test_each_of_the_three_is_said_by_itself_and_what_is_advised_suffices(capfd)
     out = capfd.readouterr().out
     assert "model pinhole: the cheapest" in out
     assert "RTL " in out
-    assert "samples: 1024 a pixel, the maximum, are not enough" in out
-    advised = out.split("they are enough for --tolerance ")[1].split()[0]
+    assert "samples: the maximum, 1024 per pixel, is not enough" in out
+    advised = out.split("it is enough for --tolerance ")[1].split()[0]
     assert run([*arguments, "--tolerance", advised, "--json"]) == 0
     assert 1 <= json.loads(capfd.readouterr().out)["samples"] <= 1024
     assert run([*arguments, "--tolerance", "0.01", "--json"]) == 0

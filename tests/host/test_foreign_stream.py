@@ -433,7 +433,7 @@ def test_a_cut_stream_says_so_in_every_file(kept, tracer, tmp_path):
     assert ("**Right**, in 2 sets" if judged else "Nothing was judged") in page
     assert len(list(suite_in(tmp_path / "j.xml"))) == judged + 1
     if not as_json:
-        assert b"nothing was judged" in done.stdout
+        assert b"no rays were checked" in done.stdout
         return
     told = json.loads(done.stdout)
     assert (told["exit_code"], told["hash"], told["right"], len(told["sets"])) == (2, None, False, judged)
@@ -588,13 +588,13 @@ def test_options_that_do_not_go_together(tmp_path, refusal_of):
         (["vectors", "--display", display], "no output; give a folder with -o, or --stream"),
         (["vectors", "--display", display, "--stream", "-o", folder], "leave out -o or --stream"),
         (["vectors", "--display", display, "--words", "-o", folder], "--words: needs --stream; add --stream"),
-        (["regress", "--stream", "--rays", "x.npz"], "--rays: the stream contains it"),
-        (["regress", "--stream", "--model", "exact"], "--model: the stream contains it"),
-        (["regress", "--stream", "--fraction-bits", "18"], "--fraction-bits: the stream contains it"),
-        (["regress", "--stream", "--report", ""], "--report': it is empty; name a folder"),
-        (["regress", "--stream", "--junit", ""], "--junit': it is empty; name a file"),
-        (["regress", "--stream", "--bounds", ""], "--bounds': it is empty; name a file"),
-        (["regress", "--rays", "x.npz"], "no rays; give --display and --rays, or --stream"),
+        (["regress", "--stream", "--rays", "x.npz"], "--rays: conflicts with --stream"),
+        (["regress", "--stream", "--model", "exact"], "--model: conflicts with --stream"),
+        (["regress", "--stream", "--fraction-bits", "18"], "--fraction-bits: conflicts with --stream"),
+        (["regress", "--stream", "--report", ""], "--report': the name is empty; name a folder"),
+        (["regress", "--stream", "--junit", ""], "--junit': the name is empty; name a file"),
+        (["regress", "--stream", "--bounds", ""], "--bounds': the name is empty; name a file"),
+        (["regress", "--rays", "x.npz"], "no rays to check; give --display and --rays, or --stream"),
         (["regress", "--stream", "--junit", str(tmp_path / "j.txt")], "j.txt"),
     ):
         assert said in refusal_of(*arguments)

@@ -265,7 +265,7 @@ def test_layers_that_no_board_can_draw_are_told(place, capfd):
     (place / "book/pictures.toml").write_text(pictures.replace("depth_mm = -20", "depth_mm = -900000"))
     assert run(CUT_BOOK) == 0
     err = capfd.readouterr().err
-    assert "note: no board can draw this: layer 'hill', register depth: -900000" in err.replace("-9e+05", "-900000")
+    assert "note: can draw these layers: layer 'hill', register depth: -900000" in err.replace("-9e+05", "-900000")
     assert run([*DRAW, "--samples", "1", "--engine", "twin"]) == 2
     assert "lippmann: out: layer 1, register depth" in capfd.readouterr().err
 
@@ -360,7 +360,7 @@ def test_bad_pictures_are_one_line(place, refusal_of, find, put, message):
 @pytest.mark.parametrize(
     ("words", "message"),
     [
-        ("layers book --scale 2", "pictures have fixed positions"),
+        ("layers book --scale 2", "positions are fixed"),
         ("layers cards.xml --slot 64", "'64' is not WIDTHxHEIGHT"),
         ("layers cards.xml --slot 60x64", "choose 32, 64, 128"),
         ("layers book --count 3", "its 2 pictures make 2 layers, not 3; "),

@@ -187,7 +187,7 @@ def test_abort_says_whether_a_frame_ran(capsys, source):
     with ModelBoard() as model:
         model.frame_requests = 1 << 30
         runs = source != "none"
-        told = "the frame was ended" if runs else "no frame ran"
+        told = "the frame was stopped" if runs else "no frame ran"
         for words, said in (
             (["--json"], f'{{"port": "{model.url}", "aborted": {str(runs).lower()}}}'),
             ([], f"{model.url}: {told}"),
@@ -211,7 +211,7 @@ def test_a_board_of_version_1_does_what_it_can():
             assert board.sign(100) == (4711, 0x12345678)
             board.write(0x200, [1])
             for ask in (board.abort, board.reset):
-                with refused(DeviceError, r"speaks version 1.*no (ABORT|RESET).*update the board"):
+                with refused(DeviceError, r"has protocol version 1.*no (ABORT|RESET).*update the board"):
                     ask()
 
 
@@ -368,12 +368,12 @@ def test_a_busy_port():
 @pytest.mark.parametrize(
     ("owner", "mode", "remedy"),
     [
-        ("dialout", 0o660, r"join the group that owns it: sudo usermod -aG dialout \$USER"),
+        ("dialout", 0o660, r"join the group that owns the port: sudo usermod -aG dialout \$USER"),
         ("dialout", 0o666, r"join the group"),
-        ("dialout", 0o640, r"give it to one of your groups, with a udev rule such as"),
-        ("dialout", 0o600, r"give it to one of your groups"),
-        ("root", 0o660, r"give it to one of your groups"),
-        (None, 0o660, r"give it to one of your groups"),
+        ("dialout", 0o640, r"give one of your groups access by a udev rule such as"),
+        ("dialout", 0o600, r"give one of your groups access"),
+        ("root", 0o660, r"give one of your groups access"),
+        (None, 0o660, r"give one of your groups access"),
     ],
 )
 def test_no_permission(monkeypatch, owner, mode, remedy):
@@ -393,7 +393,7 @@ def test_no_permission(monkeypatch, owner, mode, remedy):
 
 
 @pytest.mark.parametrize(
-    ("on_pty", "remedy"), [(False, "see whether the board runs: if so, the board keeps"), (True, "plug")]
+    ("on_pty", "remedy"), [(False, "check that the board runs; a running board keeps"), (True, "plug")]
 )
 def test_a_port_that_goes_away(on_pty, remedy):
     with ModelBoard(pty=on_pty) as model:
@@ -430,7 +430,7 @@ def test_search_by_answer():
         assert found == [one.url, two.url]
         assert [str(error).split(":")[0] for error in others] == [silent, NONE]
         assert find_board([silent, two.url], FAST_BAUD, 0.2) == two.url
-        for urls, says in (([one.url, two.url], "2 boards answer"), ([silent], "of 1 ports none answers"),
+        for urls, says in (([one.url, two.url], "2 boards answer"), ([silent], "none of 1 ports answers"),
                            ([], "no serial port")):  # fmt: skip
             with pytest.raises(DeviceError, match=f"{says}.*--port"):
                 find_board(urls, FAST_BAUD, 0.2)

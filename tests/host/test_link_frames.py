@@ -97,7 +97,7 @@ def test_what_a_file_does_not_name_is_supplied_or_logged(tmp_path, caplog):
     np.testing.assert_array_equal(linear, np.rint(np.rint(light * 63) * 255 / 63))
     assert logged() == []
     # No board tells its panel's tones.
-    unconfirmed = "made for linear and 8 bits; have the board's panel checked with --display FILE"
+    unconfirmed = "made for linear and 8 bits; check the board's panel with --display FILE"
     for panel, texts in ((None, [unconfirmed]), (panel_of("linear", 8), [])):
         frame = load_frame(tmp_path / "old.png", HELLO, None, panel)
         np.testing.assert_array_equal(frame, np.rint(light * 255))

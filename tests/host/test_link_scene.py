@@ -168,7 +168,7 @@ def test_slots_are_chosen_by_what_they_hold_and_what_is_shown(model):
         model.registers[0x428] = 1 << 16 | 1 << 31 | 1
         assert scene.free_slots(contents)[1] == 2
         model.registers[0x428] = 0b11111 << 16
-        with pytest.raises(DeviceError, match=r"4 textures need slots, and the board shows 5 of its 5; end the scene"):
+        with pytest.raises(DeviceError, match=r"4 textures need slots, but the board shows 5 of its 5 slots; end"):
             scene.free_slots(contents)
         with pytest.raises(DeviceError, match="refuses BLOCK: the slot is shown"):
             scene.load({0: contents[0]})
@@ -217,7 +217,7 @@ def test_contents_that_do_not_fit_are_refused(model, contents, says):
 def test_boards_that_do_not_draw():
     with ModelBoard(scene=SCENE) as model, Board.open(model.url, FAST_BAUD) as board:
         model.registers[0x400] ^= 1
-        with pytest.raises(DeviceError, match="unknown to this host"):
+        with pytest.raises(DeviceError, match="this host does not know the scene block"):
             SceneBoard(board)
 
 
@@ -228,8 +228,8 @@ def test_boards_that_do_not_draw():
         ("read 0x680", "0x680: the board has 4 layers"),
         ("read scene.layer_3_s0 9", "scene.layer_3_s0: the board has 4 layers"),
         ("write scene.layer_4_s0 1", "scene.layer_4_s0: the board has 4 layers"),
-        ("write scene.layer_0_look slot=9", "slot=9: the board has no slot 9; it has 5: give 0 to 4"),
-        ("write scene.layer_1_look 0x51", "0x51: the board has no slot 5; it has 5: give 0 to 4"),
+        ("write scene.layer_0_look slot=9", "slot=9: the board has no slot 9; give a slot from 0 to 4"),
+        ("write scene.layer_1_look 0x51", "0x51: the board has no slot 5; give a slot from 0 to 4"),
         ("write scene.layer_0_d 7 0xF0", "7 0xF0: the board has no slot 15"),
     ],
 )
@@ -244,7 +244,7 @@ def test_a_board_without_a_scene_says_so_by_name(refusal_of):
     with ModelBoard() as plain:
         for words in (["read", "scene.status"], ["write", "scene.source", "scene=1"]):
             line = refusal_of("board", *words, "--port", plain.url, code=1)
-            assert "draws no scenes; take a board that draws: lippmann board start --layers 4" in line
+            assert "draws no scenes; use a board that draws (lippmann board start --layers 4)" in line
 
 
 @pytest.fixture

@@ -270,7 +270,7 @@ def test_resume_after_a_replug(count, held, patient):
         image = noise(model)
         with Board.open(line.url, FAST_BAUD) as board:
             line.unplug_after(count)
-            with pytest.raises(DeviceError, match=r"connection is lost.*see whether the board runs"):
+            with pytest.raises(DeviceError, match=r"connection is lost.*check that the board runs"):
                 send_frame(board, image)
         with Board.open(line.url, FAST_BAUD) as board:
             assert np.count_nonzero(model.tables[1 - model.front]) == held

@@ -335,7 +335,7 @@ def test_the_command_plays_a_film(reel, capfd, refusal_of):
     told = json.loads(capfd.readouterr().out)
     assert told["frames"] > 3
     assert told["samples"] == 4
-    assert "--offset does not place a film" in refusal_of(*common, "--offset", "1,2,3")
+    assert "--offset cannot place a film" in refusal_of(*common, "--offset", "1,2,3")
     assert "leave one" in refusal_of(*common, "--fit", "--scale", "2")
 
 

@@ -75,7 +75,7 @@ COMMANDS = [
     ("Inspect tiny.toml", "Inspect", "Did you mean 'inspect'"),
     ("xyzzy", "No such command 'xyzzy'", "(see --help)"),
     ("board strat", "strat", "Did you mean 'start'"),
-    *((f"bench {word}", "lippmann bench: measurements of Lippmann itself are made in", "python -m tools.bench")
+    *((f"bench {word}", "lippmann bench: removed; to measure Lippmann itself, run", "python -m tools.bench")
       for word in ("rendr", "trace")),
     ("export pov", "pov", "Did you mean 'povray'"),
     (RENDER.replace("--display", "--dispaly"), "--dispaly", "Did you mean '--display'?"),
@@ -102,10 +102,10 @@ COMMANDS = [
     (OBSERVE.replace("image.exr", "other.exr"), "other.exr: was made for display 'paper-square'", "--force"),
     ("inspect ball.xml", "ball.xml", "give a display file (.toml)"),
     (RENDER.replace(" -o a.exr", ""), "'-o'", "--help"),
-    (OBSERVE.replace("0,0,600", "0,600"), "--eye", "give 3 finite numbers with commas"),
+    (OBSERVE.replace("0,0,600", "0,600"), "--eye", "give 3 finite numbers separated by commas"),
     (OBSERVE.replace("0,0,600", "1e300,0,600"), "eye: is farther away than 1e+09 mm", "such as 0,0,600"),
     (OBSERVE.replace("0,0,600", "0,0,-600"), "eye: z -600 mm is behind the display", "give z > 0"),
-    (f"{OBSERVE} --sweep -30", "--sweep", "give 2 finite numbers with commas"),
+    (f"{OBSERVE} --sweep -30", "--sweep", "give 2 finite numbers separated by commas"),
     (f"{OBSERVE.replace('.png', '.mp4')}", "v.mp4", "give --sweep X0,X1 too, or choose from .exr"),
     (f"{OBSERVE} --sweep 5,x", "'5,x' is not X0,X1", "give 2 finite numbers"),
     ("pattern lens-centers --display tiny.toml -o w.png", "lens-centers", "did you mean lens-centres?"),

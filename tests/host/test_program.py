@@ -84,7 +84,7 @@ def refused(capsys, code, *arguments):
     captured = capsys.readouterr()
     assert captured.out == ""
     *before, line = captured.err.splitlines()
-    assert all(": openFPGALoader writes it" in one for one in before)
+    assert all(": openFPGALoader loads this file" in one for one in before)
     if not os.path.exists("called.txt"):
         assert not before
     return line
@@ -118,10 +118,10 @@ def test_the_loader_is_called(place, capsys):
 def test_no_board_and_two_boards(place, monkeypatch, capsys):
     on_usb(place, monkeypatch)
     line = refused(capsys, 1, "board.bit")
-    none = "lippmann: ulx3s: no 'ULX3S FPGA 85K' is on USB; "
-    assert line.startswith(f"{none}there is 'FT231X USB UART' (DN0): if that is")
+    none = "lippmann: ulx3s: no adapter 'ULX3S FPGA 85K' is on USB; "
+    assert line.startswith(f"{none}if 'FT231X USB UART' (DN0) is the board")
     monkeypatch.setattr(program_module, "on_usb", lambda _: [])
-    assert refused(capsys, 1, "board.bit") == f"{none}connect its USB socket US1, and switch it on"
+    assert refused(capsys, 1, "board.bit") == f"{none}connect the board's USB socket US1, and switch the board on"
     monkeypatch.undo()
     monkeypatch.chdir(place)
     monkeypatch.setenv("PATH", str(place / "bin"), prepend=os.pathsep)
@@ -170,7 +170,7 @@ def test_a_flash_that_is_interrupted_is_said_to_be_half_written(place, monkeypat
 
     monkeypatch.setattr(program_module, "run_program", interrupted)
     assert run(["board", "program", "board.bit", "--flash"]) == 130
-    assert "ulx3s: write it again before you switch it off: its flash memory holds a part" in capsys.readouterr().err
+    assert "ulx3s: write the flash again before power-off: it contains only a part" in capsys.readouterr().err
 
 
 def test_where_usb_is_not_listed_the_loader_looks(place, monkeypatch, capsys):
@@ -191,7 +191,7 @@ def test_where_usb_is_not_listed_the_loader_looks(place, monkeypatch, capsys):
         ('echo "unable to claim usb device"; exit 1', "another program uses the board's adapter (unable to claim"),
         ("exit 7", "openFPGALoader failed (exit code 7); plug"),
         ('echo "JTAG init failed with: usb_open() failed: Permission denied"; exit 1', "sudo usermod -aG plugdev"),
-        ('echo "unable to open ftdi device: -4 (usb_open() failed)"; exit 1', "may not use the board"),
+        ('echo "unable to open ftdi device: -4 (usb_open() failed)"; exit 1', "no permission to use the board"),
         ('echo "Error: found 2 matching devices"; exit 1', "adapters of this kind are connected (Error: found 2"),
         ('echo "multiple devices found"; echo "Error: exit"; exit 1', "name one with --serial"),
         ('echo "Error: no matching devices"; exit 1', "openFPGALoader failed (Error: no matching devices); plug"),
@@ -206,19 +206,19 @@ def test_errors_of_the_loader(place, script, said, capsys):
     ("data", "options", "said"),
     [
         (b"PNG" * 100, (), "is not an ECP5 bitstream"),
-        (bits()[:-9], (), "is a bitstream whose end is missing"),
+        (bits()[:-9], (), "is a truncated bitstream"),
         (bits().replace(bytes(64), bytes(32)), (), "is damaged"),
         (bits() * 2, (), "is damaged"),
         (bits().replace(b"Lippmann", b"Lipqmann"), ("--board", "ulx3s"), "is damaged: its header text cannot be read"),
         (bits().replace(b"sha256=", b"sha255="), ("--board", "ulx3s"), "is damaged: its header text cannot be read"),
         (bits(idcode=0x41112043), (), "is for an LFE5U-45F, ulx3s has an LFE5U-85F"),
         (bits(idcode=0x12345678), (), "is for an 0x12345678, ulx3s has"),
-        (bits(""), (), "names no board; name it with --board"),
+        (bits(""), (), "names no board; name the board with --board"),
         (bits(), ("--board", "ulx3s_lcd"), "is for ulx3s, not ulx3s_lcd"),
         (bits(comment("arty", "x", IDENTITY, DESIGN, 1)), (), "arty: no such board"),
         (bits(), ("--board", "ulx3"), "did you mean ulx3s?"),
-        (bits(comment("ulx3s", "x", "0" * 16, DESIGN, 1)), ("--display", VGA), f"is for display {'0' * 16}"),
-        (bits(""), ("--board", "ulx3s", "--display", VGA), "is for display unknown"),
+        (bits(comment("ulx3s", "x", "0" * 16, DESIGN, 1)), ("--display", VGA), f"its display is {'0' * 16}"),
+        (bits(""), ("--board", "ulx3s", "--display", VGA), "its display is unknown"),
     ],
 )
 def test_a_wrong_file_is_not_loaded(place, data, options, said, capsys):

@@ -159,7 +159,7 @@ def test_runs_that_cannot_be_compared_with_are_refused(tmp_path, capsys):
 
     against = ("--against", str(tmp_path))
     said = refused("new", *against)
-    assert "contains no run of the report" in said
+    assert "contains no earlier report" in said
     assert "report-*.csv" in said
     (tmp_path / "report-growth.csv").write_text("# machine: one\nwith,size\npixels,3\n")
     assert "report-growth.csv: contains no measured values with their spread; remove it" in refused("new", *against)

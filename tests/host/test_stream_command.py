@@ -66,7 +66,7 @@ def test_a_lost_line_is_waited_for_and_the_frame_verified(picture, capsys, verif
         assert run(words) == 0
     out, err = capsys.readouterr()
     assert pulled
-    assert "looking for the board for 20 s" in err
+    assert "searching for the board for 20 s" in err
     frame = json.loads(out.splitlines()[-1])["frames"][0]
     assert (frame["tiles"], frame["rounds"], frame["verified"], frame["unchanged"]) == (70, 2, True, False)
     assert frame["sends"] == (70 if verifying else 70 - frame["skipped"] + frame["resends"])
@@ -83,7 +83,7 @@ def test_a_frame_behind_a_scene_is_stored_and_said_so(picture, capsys, shown):
         if shown:
             assert run([*words, "--verify"]) == 1
             err = capsys.readouterr().err
-            assert "cannot be verified there; end the scene first: lippmann board write scene.source scene=0" in err
+            assert "cannot be verified; end the scene first: lippmann board write scene.source scene=0" in err
             assert not model.tile_writes
         assert run([*words, "--json"]) == 0
         out, err = capsys.readouterr()
@@ -129,7 +129,7 @@ def test_a_board_that_refuses_is_not_asked_for_ever(kind, picture, capsys):
         assert run(["stream", path, "--port", model.url, "--resume", "600"]) == 1
     err = capsys.readouterr().err
     assert {"tile": "refuses TILE", "present": "8 times", "optics": "refuses PRESENT"}[kind] in err
-    assert "looking for the board" not in err
+    assert "searching for the board" not in err
     assert len(err.splitlines()) == 1
     assert model.executed[1] == 1 or kind == "present"
     assert model.shown == []
@@ -151,10 +151,10 @@ def test_a_board_that_falls_silent_at_the_same_place_is_not_asked_for_ever(pictu
         model.on_packet = lambda model, _: setattr(model, "mute", False)
         assert run(["stream", path, "--port", model.url, "--resume", "600"]) == 1
     *logs, end = capsys.readouterr().err.splitlines()
-    assert ["looking for the board" in log for log in logs] == [[True], [True, True, False]][version - 1]
+    assert ["searching for the board" in log for log in logs] == [[True], [True, True, False]][version - 1]
     assert version == 1 or "no tile arrives; resetting the board" in logs[2]
     assert "not answered" in end
-    assert ("without a new tile", "also after a reset")[version - 1] in end
+    assert ("no new tile in between", "also after a reset")[version - 1] in end
     assert set(model.tile_writes.values()) == {version}
     assert model.executed[RESET] == version - 1
     assert model.shown == []

@@ -214,12 +214,12 @@ def test_rays_are_those_of_the_twin(place, port):
         (("read", "nothing"), "nothing: no such register"),
         (("write", "nothing", 1), "nothing: no such register"),
         (("write", "clock", 1), "clock: can only be read"),
-        (("write", "display", 1 << 11), "2048: display has no field in some of these bits"),
+        (("write", "display", 1 << 11), "2048: sets bits outside the fields of display"),
         (("write", "display", "brightness=256"), "brightness=256: is out of range; give 0 to 255"),
         (("write", "display", "brightness=x"), "brightness=x: is not an integer"),
         (("write", "display", "colour=1"), "display has no field colour"),
         (("write", "display", "brightness=1", "brightness=2"), "a field is named twice"),
-        (("write", "display", "brightness=1", 2), "give words, or FIELD=VALUE"),
+        (("write", "display", "brightness=1", 2), "give either words, or FIELD=VALUE"),
         (("write", "display", "pattern=7"), "pattern=7: pattern 7 is not defined; choose from 0 off, 1 single_lens"),
         (("write", "display", 0x6FF), "1791: pattern 6 is not defined"),
         (("write", "--", "0x18", -1), "-1: is out of range"),
@@ -321,9 +321,9 @@ def test_what_ended_a_board_in_the_background_is_told(place, tmp_path):
         os.kill(board, signal.SIGKILL)
         wait_until(lambda pid=pid: not alive(pid))
     # The second start told of the first.
-    assert "the board before had ended: the virtual board failed (signal 9)" in err
+    assert "the previous board had ended: the virtual board failed (signal 9)" in err
     line = refused("board", "stop", "--ready", ready, code=1)
-    assert "had ended already: the virtual board failed (signal 9)" in line
+    assert "had already ended: the virtual board failed (signal 9)" in line
     assert "exit code 1" in line
 
 

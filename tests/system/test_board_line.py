@@ -79,7 +79,7 @@ def test_a_unix_socket_is_the_users_own(unix):
     with Board.open(unix.url) as board:
         assert board.read(0) == [0x4C495042]
     assert of_another_user(path) == "Permission denied"
-    with pytest.raises(NoBoardError, match=r"none\.sock: no board is there; start a board"):
+    with pytest.raises(NoBoardError, match=r"none\.sock: no board uses this socket; start your own board"):
         Board.open(f"unix://{path.with_name('none.sock')}")
 
 

@@ -355,5 +355,5 @@ def test_a_board_without_a_scene_says_so(tmp_path):
         with pytest.raises(InputError, match="no block of registers"):
             board.read(0x400)
         for kind in (Kind.BLOCK, Kind.BLOCKS):
-            with pytest.raises(DeviceError, match="does not know this request"):
+            with pytest.raises(DeviceError, match="does not know this type of request"):
                 board.ask(kind, bytes(3), 0)

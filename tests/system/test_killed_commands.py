@@ -179,7 +179,7 @@ def test_a_killed_start_of_a_board_is_no_hindrance(place):
         killed(words, rng, 1.1 * longest_s)
         process = started(stop)  # the board may run, or not, or have ended because nobody waits for it
         said = str(process.communicate())
-        assert process.returncode in (0, 2) or "the command that waited for this board was killed" in said, said
+        assert process.returncode in (0, 2) or "the command that started this board was killed" in said, said
         until = time.monotonic() + PATIENCE_S
         while left := list(programs_in(place)):  # it ends when it is ready, and sees that nobody waits
             assert time.monotonic() < until, left

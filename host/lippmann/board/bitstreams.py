@@ -1,10 +1,9 @@
-"""ECP5 bitstreams (.bit): read the header, and load a bitstream into a board with openFPGALoader.
+"""ECP5 bitstreams (.bit): read the header, and load a file into a board with openFPGALoader.
 
-A file begins with FF 00, then texts that each end with 00, then FF; `make bitstream`
-writes one text. The preamble FF FF BD B3 precedes the configuration. A configuration
-command has one command byte, three option bytes, and data. The command VERIFY_ID (E2)
-contains the JTAG identity. The last command is PROGRAM_DONE (5E); FF bytes may follow
-it.
+A .bit file begins with FF 00, then header texts that each end with 00, then FF. The
+preamble FF FF BD B3 precedes the configuration. A configuration command has one command
+byte, three option bytes, and data. The command VERIFY_ID (E2) contains the JTAG
+identity. The last command is PROGRAM_DONE (5E).
 """
 
 from __future__ import annotations
@@ -27,7 +26,7 @@ logger = logging.getLogger(__name__)
 PREAMBLE = b"\xff\xff\xbd\xb3"
 VERIFY_ID = b"\xe2\x00\x00\x00"
 PROGRAM_DONE = b"\x5e\x00\x00\x00"
-#: Commands that may stand before VERIFY_ID: no operation, and reset of the CRC.
+#: Commands that may precede VERIFY_ID: no operation, and reset of the CRC.
 NO_OPERATION, RESET_CRC = 0xFF, 0x3B
 #: Device names of the ECP5 family, keyed by JTAG identity.
 DEVICES = {
@@ -47,17 +46,17 @@ REMEDY = "give a file that make bitstream wrote"
 
 @dataclass(frozen=True)
 class BitFile:
-    """Header of a bitstream; without the text of `make bitstream`, the other fields are empty."""
+    """Header of a bitstream; without a text of `make bitstream`, it has only `idcode`."""
 
     idcode: int
     board: str
     display: str
     identity: str
-    design: str  # hash of the sources
+    design: str  # hash of the RTL sources
 
     @property
     def device(self) -> str:
-        """The device's name; its JTAG identity if the name is unknown."""
+        """Name of the FPGA, or its JTAG identity if the name is unknown."""
         return DEVICES.get(self.idcode, f"0x{self.idcode:08x}")
 
 
@@ -72,13 +71,13 @@ WORDS = (b"Lippmann", b"identity=", b"sha256=")
 
 
 def comment(board: str, display: str, identity: str, design: str, seed: int) -> str:
-    """Return the header text for a new bitstream, with zeros for the digest."""
+    """Return the header text for a new bitstream, with zeros in place of the digest."""
     text = f"Lippmann board={board} display={display} identity={identity} design={design} seed={seed}"
     return f"{text} sha256={NO_DIGEST.decode()}"
 
 
 def sealed(data: bytes) -> bytes:
-    """Return a bitstream with its SHA-256 in the header text, hashed with zeros in the text."""
+    """Replace the zeros in a bitstream's header text by the bitstream's SHA-256."""
     return data.replace(b"sha256=" + NO_DIGEST, b"sha256=" + _digest(data), 1)
 
 
@@ -89,11 +88,11 @@ def _digest(data: bytes) -> bytes:
 def read_bitfile(path: Path) -> BitFile:
     """Return a bitstream's header.
 
-    Raises InputError for a truncated, unreadable or different file.
+    Raises InputError for a file that is unreadable, truncated or not a bitstream.
     """
     try:
         if path.exists() and not path.is_file():
-            raise input_error(path, "cannot be read (it is no file)", REMEDY)
+            raise input_error(path, "is not a plain file", REMEDY)
         data = read_limited(path, MAX_BITSTREAM_BYTES, REMEDY)
     except FileNotFoundError:
         raise input_error(path, "no such file", "run make bitstream") from None
@@ -106,7 +105,7 @@ def read_bitfile(path: Path) -> BitFile:
     if start < 0 or data[at : at + 4] != VERIFY_ID or len(data) < at + 8:
         raise input_error(path, "is not an ECP5 bitstream", REMEDY)
     if not data.rstrip(b"\xff").endswith(PROGRAM_DONE):
-        raise input_error(path, "is a bitstream whose end is missing", "copy it again, or run make bitstream")
+        raise input_error(path, "is a truncated bitstream", "copy the file again, or run make bitstream")
     header = data[:start]
     text = TEXT.search(header)
     idcode = int.from_bytes(data[at + 4 : at + 8], "big")
@@ -114,15 +113,15 @@ def read_bitfile(path: Path) -> BitFile:
         return BitFile(idcode, "", "", "", "")
     if text is None or text[5] != _digest(data[: text.start(5)] + NO_DIGEST + data[text.end(5) :]):
         why = "its header text cannot be read" if text is None else "its digest does not match"
-        raise input_error(path, f"is damaged: {why}", "copy it again, or run make bitstream")
+        raise input_error(path, f"is damaged: {why}", "copy the file again, or run make bitstream")
     return BitFile(idcode, *(word.decode(errors="replace") for word in text.groups()[:4]))
 
 
 LOADER = Tool("openFPGALoader", "writes bitstreams into FPGA boards", "run sudo apt-get install -y openfpgaloader")
-#: Time-out of a load, s. A load into the FPGA takes 15 s, into flash some minutes.
+#: Time-out for loading a bitstream, s. Loading takes 15 s, or some minutes for flash.
 LOAD_SECONDS = 600.0
-CONNECT = "connect its USB socket US1, and switch it on"
-REPLUG = "plug the board in again, then run it again"
+CONNECT = "connect the board's USB socket US1, and switch the board on"
+REPLUG = "reconnect the board, then run the command again"
 #: Folder in which Linux lists the USB devices.
 USB_DEVICES = Path("/sys/bus/usb/devices")
 #: Patterns in openFPGALoader's output (lower case), with cause and remedy. The first
@@ -130,17 +129,17 @@ USB_DEVICES = Path("/sys/bus/usb/devices")
 CAUSES = (
     (
         r"permission denied|access denied|usb_open\(\) failed",
-        "openFPGALoader may not use the board",
-        "add yourself to its group by sudo usermod -aG plugdev $USER, and log in again",
+        "no permission to use the board",
+        "join the board's group: sudo usermod -aG plugdev $USER, then log in again",
     ),
-    (r"unable to claim", "another program uses the board's adapter", "close it, then run it again"),
+    (r"unable to claim", "another program uses the board's adapter", "close that program, then try again"),
     (
         r"\b([2-9]|\d\d+) matching|\bmultiple (matching )?(adapter|board|cable|device)",
         "several USB adapters of this kind are connected",
         "name one with --serial: lippmann doctor lists the serial numbers",
     ),
-    (r"mismatch|id err", "the bitstream is for another FPGA", "read the chip's print, and make one for it"),
-    (r"crc", "the FPGA refuses the bitstream", "make it again (make bitstream)"),
+    (r"mismatch|id err", "the bitstream is for another FPGA", "make one for the board's FPGA"),
+    (r"crc", "the FPGA refuses the bitstream", "make the bitstream again (make bitstream)"),
 )
 #: Phrases that openFPGALoader prints when it finds no board.
 NOT_FOUND = ("not found", "no device", "unable to open ftdi", "no cable", "can't find")
@@ -148,7 +147,7 @@ NOT_FOUND = ("not found", "no device", "unable to open ftdi", "no cable", "can't
 
 @dataclass(frozen=True)
 class Adapter:
-    """A USB adapter: its product text and its serial number; the serial number may be empty."""
+    """A USB adapter: its product text and its serial number, which may be empty."""
 
     text: str
     serial: str
@@ -158,9 +157,9 @@ class Adapter:
 
 
 def on_usb(usb: Usb) -> list[Adapter] | None:
-    """Return the connected adapters with a USB identity.
+    """Return the connected adapters with the vendor and product numbers of `usb`.
 
-    None means that the system lists no USB devices.
+    None means that this system does not list USB devices.
     """
     if not USB_DEVICES.is_dir():
         return None
@@ -174,10 +173,9 @@ def on_usb(usb: Usb) -> list[Adapter] | None:
 
 
 def choose_adapter(board: FpgaBoard, adapters: list[Adapter] | None, serial: str | None) -> str | None:
-    """Return the adapter's serial number; None means the only adapter, or no list.
+    """Return the serial number of a board's adapter; None means the only adapter.
 
-    `serial` may name an adapter with another product text, as new chips have. Raises
-    DeviceError unless exactly one adapter matches.
+    Raises DeviceError unless exactly one adapter matches.
     """
     if adapters is None:
         return serial
@@ -185,48 +183,48 @@ def choose_adapter(board: FpgaBoard, adapters: list[Adapter] | None, serial: str
     if serial is not None:
         if serial not in [one.serial for one in adapters]:
             what = "no adapter on USB has this serial number"
-            raise no_board_error(f"--serial {serial}", what, f"there is {there}")
+            raise no_board_error(f"--serial {serial}", what, f"choose from {there}")
         return serial
     boards = [one for one in adapters if board.usb.text in one.text]
     if not boards:
-        what, remedy = f"no '{board.usb.text}' is on USB", CONNECT
+        what, remedy = f"no adapter '{board.usb.text}' is on USB", CONNECT
         if adapters:
-            remedy = f"there is {there}: if that is the board, name it with --serial (ftx_prog gives it its text)"
+            remedy = f"if {there} is the board's, name it with --serial (ftx_prog can set its text)"
         raise no_board_error(board.name, what, remedy)
     if len(boards) > 1:
         distinct = len({one.serial for one in boards}) == len(boards) and all(one.serial for one in boards)
         numbers = ", ".join(one.serial or "without a serial number" for one in boards)
         what = f"{len(boards)} boards are on USB ({numbers})"
-        raise device_error(board.name, what, "name one with --serial" if distinct else "unplug all but one")
+        raise device_error(board.name, what, "name a board with --serial" if distinct else "unplug all but one")
     if not boards[0].serial and len(adapters) > 1:
-        what = f"it has no serial number, and other adapters of its kind are on USB ({there})"
-        raise device_error(board.name, what, "unplug those")
+        what = f"its adapter has no serial number, and other adapters of its kind are on USB ({there})"
+        raise device_error(board.name, what, "unplug the other adapters")
     return boards[0].serial or None
 
 
 def board_of(path: Path, file: BitFile, name: str | None) -> FpgaBoard:
-    """Return a bitstream's board, or `name` if the file names none.
+    """Return the board that a bitstream names, or else the board `name`.
 
-    Refuse another board or FPGA.
+    Raises InputError if the bitstream is for another board or FPGA.
     """
     if name is None and not file.board:
-        raise input_error(path, "the bitstream names no board", "name it with --board")
+        raise input_error(path, "the bitstream names no board", "name the board with --board")
     board = fpga_board(name or file.board)
     if file.board and file.board != board.name:
-        raise input_error(path, f"the bitstream is for {file.board}, not {board.name}", "give that board's file")
+        raise input_error(path, f"the bitstream is for {file.board}, not {board.name}", f"give a file for {board.name}")
     if file.idcode != board.fpga.idcode:
-        what = f"the bitstream is for an {file.device}, {board.name} has an {board.fpga.name}"
-        raise input_error(path, what, "make one for this board (make bitstream)")
+        what = f"the bitstream is for an {file.device}, but {board.name} has an {board.fpga.name}"
+        raise input_error(path, what, "make a bitstream for this board (make bitstream)")
     return board
 
 
 def program(path: Path, name: str | None = None, serial: str | None = None, flash: bool = False) -> FpgaBoard:
-    """Load a bitstream into a board's FPGA, or into its flash memory; return the board.
+    """Load a bitstream into a board's FPGA or flash memory; return the board.
 
-    `name` is the board's name, for a bitstream that names none. `serial` is the serial
-    number of the USB adapter; None means the only board. Raises InputError for an
-    unsuitable file, MissingLibraryError without a working openFPGALoader, and
-    DeviceError unless exactly one board is connected and the loader succeeds.
+    `name` names the board if the bitstream names none. `serial` is the serial number of
+    the USB adapter; None means the only board. Raises InputError for an unsuitable
+    file, MissingLibraryError if openFPGALoader cannot run, and DeviceError unless
+    exactly one board is connected and the load succeeds.
     """
     file = read_bitfile(path)
     board = board_of(path, file, name)
@@ -234,8 +232,8 @@ def program(path: Path, name: str | None = None, serial: str | None = None, flas
         raise input_error("--serial", "is empty", "give a number that lippmann doctor or lsusb -v lists")
     loader = LOADER.path()
     serial = choose_adapter(board, on_usb(board.usb), serial)
-    logger.info(f"{path}: openFPGALoader writes it, which takes {'some minutes' if flash else 'a quarter of a minute'}")
-    again = "write it again before you switch it off: its flash memory holds a part" if flash else REPLUG
+    logger.info(f"{path}: openFPGALoader loads this file, which takes {'some minutes' if flash else '15 s'}")
+    again = "write the flash again before power-off: it contains only a part" if flash else REPLUG
     command = [str(loader), "--board", board.usb.loader, *(["--ftdi-serial", serial] if serial else [])]
     command += ["--write-flash" if flash else "--write-sram", str(path)]
     try:
@@ -261,8 +259,8 @@ def _failure(board: FpgaBoard, output: str, code: int, again: str) -> DeviceErro
             if re.search(words, line.lower()):
                 return device_error(board.name, f"{what} ({line})", remedy)
     wrong = [line for line in lines if any(word in line.lower() for word in ("error", "fail", "unable", *NOT_FOUND))]
-    telling = [line for line in wrong if "std::exception" not in line]  # this text names no cause
-    why = (telling or wrong or lines or [f"exit code {code}"])[-1]
+    causes = [line for line in wrong if "std::exception" not in line]  # std::exception names no cause
+    why = (causes or wrong or lines or [f"exit code {code}"])[-1]
     if any(word in output.lower() for word in NOT_FOUND):
         return no_board_error(board.name, f"openFPGALoader finds no board ({why})", CONNECT)
     return device_error(board.name, f"openFPGALoader failed ({why})", again)

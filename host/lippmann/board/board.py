@@ -1,4 +1,4 @@
-"""A board with a panel: show images, compare traced rays with the twin's, and search for boards."""
+"""A board with a panel: show images, compare its rays with the twin's, search for boards."""
 
 from __future__ import annotations
 
@@ -37,10 +37,10 @@ from lippmann.rendering.sinks import render_into
 FRAME_SECONDS = 120.0
 #: Pause between two status queries, s.
 QUERY_S = 0.02
-#: Clock cycles per ray of a SIGN request: nine words and one spare.
+#: Clock cycles per ray of a SIGN request: nine words and one spare cycle.
 SIGN_CLOCKS = 10
-#: Clock cycles per tile of a RESET request: it clears two table entries per tile, and
-#: the table's size is a power of two.
+#: Clock cycles per tile of a RESET request, which clears two table entries per tile;
+#: the table's size is rounded up to a power of two.
 RESET_CLOCKS = 8
 #: Maximum number of rays in a TRACE request.
 MAX_RAYS = 64
@@ -55,7 +55,7 @@ SIGNATURE = struct.Struct("<II")
 
 
 class Board(Session):
-    """An open connection to a real or virtual board with a panel; requests raise as in `Session`.
+    """An open connection to a board with a panel; requests raise the errors of `Session`.
 
     Examples
     --------
@@ -64,9 +64,9 @@ class Board(Session):
     """
 
     def optics_build(self) -> Build:
-        """Return the build of the optics block.
+        """Return the build parameters of the board's optics block.
 
-        Raises InputError if this host does not know the block.
+        Raises InputError if this host does not know the block's version.
         """
         return build_of({name: self.word(f"optics.{name}") for name in ("identity", "version", "build")})
 
@@ -83,7 +83,7 @@ class Board(Session):
     def sign(self, rays: int) -> tuple[int, int]:
         """Trace a frame of about `rays` rays; return the number of rays and their CRC-32.
 
-        A time-out or Ctrl-C ends the frame.
+        A time-out or Ctrl-C aborts the frame.
         """
         work_s = SIGN_CLOCKS * rays / SLOWEST_HZ
         seq, until = self.next_seq(), time.monotonic() + work_s + self.patience_s
@@ -102,7 +102,7 @@ class Board(Session):
             raise
         self.abort()
         what = f"the traced frame has not ended after {runs[1]} rays; {rays} were expected"
-        raise self.error(what, "write the raster's registers first; the frame was ended")
+        raise self.error(what, "write the raster's registers first; the frame was aborted")
 
     def frame_runs(self) -> bool:
         """Return whether the optics block traces a frame, or has a frame start pending."""
@@ -121,17 +121,17 @@ class Board(Session):
 
     def _needs_version_2(self, kind: Kind) -> None:
         if self.info.version < RESET_VERSION:
-            what = f"the board speaks version {self.info.version} of the protocol, which has no {kind.name}"
+            what = f"the board has protocol version {self.info.version}, which has no {kind.name}"
             raise self.error(what, "update the board, or press its reset button")
 
     def show(self, image: IntegralImage, progress: Progress | None = None, force: bool = False) -> Sent:
         """Show an image, encoded for its display's panel; return the counts of the transfer.
 
         The panel keeps its frame until the new frame is complete and its CRC-32 is correct.
-        A board that draws a scene only stores the frame; a LippmannWarning says so.
-        `progress` counts tiles.
+        While the board draws a scene, it only stores the frame, and a LippmannWarning is
+        issued. `progress` counts tiles.
 
-        Raises InputError like `image_frame`, and DeviceError when the board does not
+        Raises the errors of `image_frame`, and DeviceError when the board does not
         answer, shows a test pattern, or refuses the frame.
         """
         self.check_panel()
@@ -140,7 +140,7 @@ class Board(Session):
     def show_render(
         self, plan: Plan, executor: Executor = render_here, progress: Progress | None = None, force: bool = False
     ) -> Sent:
-        """Render a plan and show the image; each band's tiles are sent before the next band is taken.
+        """Render a plan and show the image; complete tiles are sent after each rendered band.
 
         `progress` counts rows. Raises the errors of `show` and of `executor`; after an
         error, the panel keeps its frame.
@@ -168,30 +168,30 @@ class Board(Session):
         if number := self.fields("display")["pattern"]:
             name = dict(REGISTERS["display"].fields["pattern"].names).get(number, "unknown")
             what = f"the panel shows test pattern {number} ({name}), not the frame"
-            raise self.error(what, "end it with lippmann board write display pattern=0")
+            raise self.error(what, "end the pattern with lippmann board write display pattern=0")
 
     def draws_scene(self) -> bool:
         """Return whether the panel shows a scene that the board draws."""
         return self.info.version >= SCENE_VERSION and bool(self.fields("scene.status")["shown"])
 
     def check_panel(self) -> None:
-        """Raise DeviceError while the panel shows a test pattern; warn while the board draws a scene."""
+        """Raise DeviceError if the panel shows a test pattern; warn if it shows a drawn scene."""
         self.check_no_pattern()
         if self.draws_scene():
-            what = "the panel shows the scene that the board draws; the frame is stored, and shown when the scene ends"
+            what = "the panel shows a drawn scene; the frame is stored, and shown when the scene ends"
             warnings.warn(what, LippmannWarning, stacklevel=3)
 
     def panel_crc(self) -> int:
         """Return the CRC-32 of the next complete scanned-out frame.
 
-        Raises DeviceError if there is none.
+        Raises DeviceError if no frame is complete within `FRAME_SECONDS`.
         """
         first = self.word("frames")
         until = time.monotonic() + FRAME_SECONDS
-        # The second frame end completes a frame that began after the call.
+        # The first frame may have begun before this call, so wait for two frames.
         while (self.word("frames") - first) & 0xFFFFFFFF < 2:
             if time.monotonic() > until:
-                raise self.error("the board scans out no frame", "check its clock and its cable")
+                raise self.error("the board scans out no frame", "check the board's clock and the cable")
             time.sleep(QUERY_S)
         return self.word("shown_crc")
 
@@ -200,16 +200,16 @@ class Board(Session):
         scanned = self.panel_crc()
         if scanned == crc:
             return
-        remedy = "stream the frame again, or end the scene (scene.source) or the button's test pattern"
+        remedy = "end a drawn scene (scene.source) or test pattern (button), or stream the frame again"
         if self.word("display") != REGISTERS["display"].fields["brightness"].reset:
             remedy = "set brightness=255 pattern=0 to verify (lippmann board write display)"
-        what = f"the panel shows a frame of CRC-32 {scanned:08x}, the frame sent has {crc:08x}"
+        what = f"the panel shows a frame of CRC-32 {scanned:08x}, but the sent frame has {crc:08x}"
         raise self.error(what, remedy)
 
 
 @dataclass(frozen=True)
 class Check:
-    """A region's number of rays, and the CRC-32 of their words as computed by the board and the twin."""
+    """Result of `check_rays`: number of rays, and the CRC-32 of their words from board and twin."""
 
     rays: int
     board_crc: int
@@ -222,11 +222,11 @@ class Check:
 
 
 def check_rays(board: Board, display: Display, columns: tuple[int, int], rows: tuple[int, int]) -> Check:
-    """Write a display's optics and compare the chief rays of a region's pixels with the twin's.
+    """Write a display's optics, and compare the board's chief rays in a region with the twin's.
 
     `columns` and `rows` give the region's first and last pixel, counted from the
-    panel's top left. Raises InputError for a region off the panel, and for a display
-    that the board's optics do not support.
+    panel's top left. Raises InputError for a region outside the panel, and for a
+    display that the board's optics do not support.
     """
     panel = display.panel
     frame = Raster(panel.width_px, panel.height_px, columns, rows)
@@ -269,10 +269,9 @@ def find_board(
 ) -> str:
     """Return the port of the board that answers; raise DeviceError unless exactly one answers.
 
-    Other devices may react to the bytes of a search. Therefore, without `urls`, only
-    known USB adapters and this user's virtual boards are tried first. If none of them
-    answers, the other ports are tried if `allowed`, called with their list, returns
-    True.
+    Other devices may react to a search. Therefore, if `urls` is None, only known USB
+    adapters and this user's virtual boards are tried first. If no board answers, the
+    other ports are tried, but only if `allowed`, called with their list, returns True.
     """
     first_urls = [*adapter_ports(), *own_boards()] if urls is None else list(urls)
     other_urls = [url for url in ports() if url not in first_urls] if urls is None else []
@@ -284,11 +283,11 @@ def find_board(
     if len(boards) == 1:
         return boards[0]
     if boards:
-        raise DeviceError(f"{len(boards)} boards answer ({', '.join(boards)}); name one with --port")
-    what = f"of {len(errors)} ports none answers ({errors[0]})" if errors else "this machine has no serial port"
+        raise DeviceError(f"{len(boards)} boards answer ({', '.join(boards)}); name a port with --port")
+    what = f"none of {len(errors)} ports answers ({errors[0]})" if errors else "this machine has no serial port"
     if other_urls:
-        what = f"{f'{what}; ' if errors else ''}not tried, for they may be other devices: {', '.join(other_urls)}"
-    raise DeviceError(f"no board: {what}; name its port with --port, or start a virtual board (lippmann board start)")
+        what = f"{f'{what}; ' if errors else ''}not tried, as they may be other devices: {', '.join(other_urls)}"
+    raise DeviceError(f"no board: {what}; name a port with --port, or start a virtual board (lippmann board start)")
 
 
 def baud_of_board(url: str) -> int | None:

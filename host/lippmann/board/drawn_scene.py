@@ -1,4 +1,4 @@
-"""A scene that the board draws: load textures, write the layers' registers, show the scene."""
+"""Control a scene that the board draws: load textures, write layer registers, show the scene."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ BLOCKS_REQUEST = struct.Struct("<BBB")
 @documented
 @dataclass
 class Loaded:
-    """Counts of a load of textures into slots."""
+    """Counts of a transfer of textures into slots."""
 
     blocks: Annotated[int, key("blocks of the contents")] = 0
     skipped: Annotated[int, key("blocks that the board already had")] = 0
@@ -44,13 +44,13 @@ class Loaded:
 
 @dataclass(frozen=True)
 class SceneStatus:
-    """Status of the scene. `waits`: written registers are not shown yet; `slots`: slots in use."""
+    """Status of the scene: `waits` is True until the panel shows the written registers."""
 
     is_shown: bool
     waits: bool
-    slots: frozenset[int]
+    slots: frozenset[int]  # slots in use
     frames: int
-    underflows: int  # pixels not drawn in time
+    underflows: int  # number of pixels not drawn in time
 
 
 #: Number of register words per layer.
@@ -65,23 +65,23 @@ def _common_words(words: SceneWords) -> list[int]:
 
 
 class SceneBoard:
-    """The scene of an open board; the constructor raises DeviceError if the board draws no scenes."""
+    """The scene of an open board; raises DeviceError if the board cannot draw scenes."""
 
     def __init__(self, board: Board) -> None:
         self.board = board
         if board.info.version < SCENE_VERSION:
-            what = f"the board speaks version {board.info.version} of the protocol and draws no scenes"
-            remedy = "take a board that draws: lippmann board start --layers 4, or stream a rendered image"
+            what = f"the board has protocol version {board.info.version} and draws no scenes"
+            remedy = "use a board that draws (lippmann board start --layers 4), or stream a rendered image"
             raise board.error(what, remedy)
         register = REGISTERS["scene.identity"]
         major = REGISTERS["scene.version"].fields["major"]
         identity, version, word = board.read(register.address, 3)
         if identity != register.fields["letters"].reset or major.value(version) != major.reset:
-            what = f"its scene's registers are 0x{identity:08X}, version {major.value(version)}, unknown to this host"
+            what = f"this host does not know the scene block 0x{identity:08X}, version {major.value(version)}"
             raise board.error(what, UPDATE)
-        #: Parameters of the scene block that was built into the board.
+        #: Build parameters of the board's scene block.
         self.build = SceneBuild.of_word(word)
-        self._words: list[int] | None = None  # layer words on the board; None: unknown
+        self._words: list[int] | None = None  # layer words that the board has, if known
 
     def crcs(self, slot: int) -> list[int]:
         """Return the CRC-32 of each block of a slot; 0 for an incomplete block."""
@@ -100,15 +100,15 @@ class SceneBoard:
         window_bytes: int = BLOCKS_WINDOW_BYTES,
         loaded: Loaded | None = None,
     ) -> Loaded:
-        """Load slots. Blocks that the board already has are not sent, so an interrupted load continues.
+        """Load textures into slots. Blocks that the board already has are not sent again.
 
         `contents` maps a slot to its bytes: texels row by row, then the palette
         (`slot_bytes`); slot 15 contains the panel's transfer curve. `progress` counts
         blocks. `loaded` receives the counts, also when a load fails. Raises InputError
-        for contents of a wrong size; DeviceError when a slot is shown, or the board
+        for contents of a wrong size, and DeviceError when a slot is shown or the board
         does not answer.
         """
-        # The low 8 bits of an item are the block's number, the high bits the slot's number.
+        # An item's low 8 bits are the block's number, its high bits the slot's number.
         blocks = {
             slot << 8 | number: block
             for slot, content in contents.items()
@@ -141,8 +141,8 @@ class SceneBoard:
         finally:
             loaded.wire_bytes += self.board.line.written - written
             loaded.seconds += time.monotonic() - begun
-        what = f"the textures were sent {MAX_ROUNDS} times and are still not complete on the board"
-        raise self.board.error(what, "check its power, and that no other program uses it")
+        what = f"the board's textures are still incomplete after {MAX_ROUNDS} attempts"
+        raise self.board.error(what, "check the board's power; close other programs that use it")
 
     def _blocks(self, slot: int, content: bytes) -> list[bytes]:
         size = 8 * BLOCK_BYTES if slot == CURVE_SLOT else self.build.slot_bytes
@@ -150,7 +150,7 @@ class SceneBoard:
             what = f"the board has no slot {slot}"
             raise InputError(f"{what}; give 0 to {self.build.slots_built - 1}, or {CURVE_SLOT} for the curve")
         if len(content) != size:
-            raise InputError(f"slot {slot} takes {size} bytes, not {len(content)}; fit the texture to the build")
+            raise InputError(f"slot {slot} takes {size} bytes, not {len(content)}; resize the texture")
         return _cut(content)
 
     def holds(self, slot: int, content: bytes) -> bool:
@@ -158,14 +158,14 @@ class SceneBoard:
         return self.crcs(slot) == list(map(zlib.crc32, _cut(content)))
 
     def free_slots(self, contents: Sequence[bytes]) -> list[int]:
-        """Return a slot for each content: a slot that already has it, or a writable slot.
+        """Return a slot for each content: a slot that has the content already, or a writable slot.
 
         Raises DeviceError if too few slots are available.
         """
         busy = self.status().slots
         crcs = {slot: self.crcs(slot) for slot in range(self.build.slots_built)}
         requested = [list(map(zlib.crc32, _cut(content))) for content in contents]
-        # Shown slots, which cannot be written, sort first; then slots with most equal blocks.
+        # Sort shown slots first, as they cannot be written; then by the number of equal blocks.
         slots: dict[int, int] = {}
         alike = sorted(
             (slot not in busy, -sum(a == b and a != 0 for a, b in zip(crcs[slot], one, strict=True)), slot, k)
@@ -177,15 +177,15 @@ class SceneBoard:
             if k not in slots and slot not in slots.values():
                 slots[k] = slot
         if len(slots) < len(contents):
-            what = f"{len(contents)} textures need slots, and the board shows {len(busy - {CURVE_SLOT})} of its "
-            raise self.board.error(f"{what}{self.build.slots_built}", END_SCENE)
+            what = f"{len(contents)} textures need slots, but the board shows {len(busy - {CURVE_SLOT})} of its "
+            raise self.board.error(f"{what}{self.build.slots_built} slots", END_SCENE)
         return [slots[k] for k in range(len(contents))]
 
     def set_stack(self, display: Display, stack: LayerStack, slots: Sequence[int] | None = None) -> int:
         """Write the changed layer registers in one request; return the number of written words.
 
-        The panel changes between two frames. Layers that the stack does not use are
-        hidden. Lattice and background stay. The texture of layer k is in slot k, or in
+        The panel changes between two frames. The board's unused layers are hidden.
+        Lattice and background do not change. The texture of layer k is in slot k, or in
         `slots[k]` if given. Raises InputError for layers at or behind the eyes, and for
         values out of range.
         """
@@ -194,7 +194,7 @@ class SceneBoard:
     def prepare(self, display: Display, stack: LayerStack, slots: Sequence[int] | None = None) -> None:
         """Write optics, lattice, background and layers while no scene is shown.
 
-        Raises like `set_stack`.
+        Raises the errors of `set_stack`.
         """
         words = self._scene_words(display, stack, slots)
         self.board.write_optics(display)
@@ -217,7 +217,7 @@ class SceneBoard:
         return last + 1 - first
 
     def holds_common(self, display: Display, stack: LayerStack) -> bool:
-        """Return whether the board's lattice and background are those of a display and stack."""
+        """Return whether the board's lattice and background match a display and stack."""
         words = _common_words(scene_words(display, stack, self.build))
         return self.board.read(_COMMON, len(words)) == words
 
@@ -229,13 +229,13 @@ class SceneBoard:
     def wait(self, scene: bool | None = None) -> None:
         """Wait until the panel shows the written registers, and the scene or the stored frame.
 
-        With `scene` None, either may be shown. Raises DeviceError after `FRAME_SECONDS`.
+        `scene` None accepts both pictures. Raises DeviceError after `FRAME_SECONDS`.
         """
         until = time.monotonic() + FRAME_SECONDS
         while (status := self.status()).waits or scene not in (None, status.is_shown):
             if time.monotonic() > until:
                 what = "the panel does not change to the " + ("stored frame" if scene is False else "scene")
-                raise self.board.error(what, "check the board's clock and its cable")
+                raise self.board.error(what, "check the board's clock and the cable")
             time.sleep(QUERY_S)
 
     def status(self) -> SceneStatus:
@@ -253,7 +253,7 @@ class SceneBoard:
             raise InputError(f"{what}; cut the scene again with --count {self.build.layers}")
         slots = range(len(stack.layers)) if slots is None else slots
         if len(slots) != len(stack.layers):
-            raise InputError(f"{len(slots)} slots for {len(stack.layers)} layers; give each layer a slot")
+            raise InputError(f"{len(slots)} slots for {len(stack.layers)} layers; give each layer one slot")
         return scene_words(display, stack, self.build, tuple(slots))
 
 

@@ -1,4 +1,4 @@
-"""Play a film of layers on a board that draws scenes: load textures, then write registers per frame."""
+"""Play a film of layers on a board: load textures, then write registers for each frame."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from lippmann.motion.layer_film import LayerFilm
 @documented
 @dataclass
 class Played:
-    """Counts of a film that was played."""
+    """Counts of a played film."""
 
     first_bytes: Annotated[int, key("bytes sent to prepare the first frame, without textures")] = 0
     frames: Annotated[int, key("frames written")] = 0
@@ -33,12 +33,12 @@ class Played:
 def load_textures(
     scene: SceneBoard, display: Display, film: LayerFilm, progress: Progress | None = None, where: str = "film"
 ) -> tuple[Loaded, list[int]]:
-    """Load a film's textures and the panel's curve; return the counts, and the slot of each layer.
+    """Load a film's textures and the panel's transfer curve; return the counts and each layer's slot.
 
     A shown scene stays on the panel unless its transfer curve differs. `progress`
-    counts blocks. Before anything is sent, raises InputError, with `where` and the
-    frame, for layers that do not fit the build and for motion beyond a register's
-    range. Raises DeviceError when too few slots are free, and the errors of
+    counts blocks. `where` names the film in messages. Raises InputError, before it
+    sends anything, for layers that do not fit the build and for motion beyond a
+    register's range. Raises DeviceError when too few slots are free, and the errors of
     `SceneBoard.load`.
     """
     contents = []
@@ -53,7 +53,7 @@ def load_textures(
             scene_words(display, stack, scene.build, numbers, [film.names[number] for number in numbers])
         except InputError as error:
             raise InputError(f"{where}: frame {frame}: {error}") from None
-    scene.wait()  # the slots of an ended scene are free when the panel no longer shows it
+    scene.wait()  # an ended scene's slots become free when the panel no longer shows the scene
     slots = scene.free_slots(contents)
     loaded = scene.load(dict(zip(slots, contents, strict=True)), progress)
     curve = build_curve_table(display).tobytes()
@@ -113,12 +113,12 @@ def play_film(
     if interrupt:
         raise interrupt
     if not after.is_shown:
-        raise scene.board.error("the board no longer draws the scene (reset, or ended)", "play the film again")
+        raise scene.board.error("the board no longer draws the scene (reset, or scene ended)", "play the film again")
     return played
 
 
 def _show_first(scene: SceneBoard, display: Display, film: LayerFilm, slots: list[int], played: Played) -> None:
-    """Show the first frame; a scene with this film's lattice and background stays until then."""
+    """Show the first frame; until then, keep a shown scene with equal lattice and background."""
     stack, numbers = film.at(0)
     order = [slots[number] for number in numbers]
     is_shown = scene.status().is_shown

@@ -23,7 +23,7 @@ FOLDER, FILE = Path("rtl", "board"), "board.toml"
 @documented
 @dataclass(frozen=True)
 class Fpga:
-    """The FPGA's names and its JTAG identity."""
+    """The names and the JTAG identity of a board's FPGA."""
 
     device: Annotated[str, key("nextpnr's option for the device size, such as `85k`")]
     name: Annotated[str, key("the manufacturer's device name, such as `LFE5U-85F`")]
@@ -35,7 +35,7 @@ class Fpga:
 @documented
 @dataclass(frozen=True)
 class Memory:
-    """The 16-bit SDR SDRAM."""
+    """The 16-bit SDR SDRAM of a board."""
 
     grade: Annotated[str, key("timing constant in `rtl/memory/lipp_sdram_pkg.sv`")]
     max_mhz: Annotated[float, key("maximum clock", above=0.0)]
@@ -45,7 +45,7 @@ class Memory:
 @documented
 @dataclass(frozen=True)
 class Limits:
-    """Maximum clocks that place-and-route meets."""
+    """Maximum clock frequencies that place-and-route meets."""
 
     system_mhz: Annotated[float, key("maximum system clock", above=0.0)]
     memory_mhz: Annotated[float, key("maximum clock of the SDRAM controller", above=0.0)]
@@ -83,7 +83,7 @@ class FpgaBoard:
 
     @property
     def folder(self) -> Path:
-        """The folder of the board."""
+        """The folder that contains the board's `board.toml`."""
         return hardware() / FOLDER / self.name
 
     @property
@@ -107,16 +107,16 @@ def _chain(path: Path) -> list[Path]:
         where, boards = f"{chain[-1]}: like", _names()
         if name not in boards:
             value = reprlib.repr(name).replace("'", '"')
-            raise input_error(where, f"{value} is no board", f"choose from {', '.join(boards)}, or leave it out")
+            raise input_error(where, f"{value} is not a board", f"choose from {', '.join(boards)}")
         other = path.parent.parent / name / FILE
         if other in chain:
-            raise input_error(where, f"{name} is like this board", "end the circle")
+            raise input_error(where, f"{name} already inherits from this board", "remove a `like` key")
         chain.append(other)
     return chain
 
 
 def _keys(path: Path) -> dict[str, Any]:
-    """Return the keys of a file, inherited keys included; paths are relative to the file's folder."""
+    """Return a file's keys, inherited keys included, with paths relative to the file's folder."""
     keys: dict[str, Any] = {}
     for one in reversed(_chain(path)):
         for name, value in load(one, "board").items():
@@ -134,22 +134,22 @@ def fpga_boards() -> dict[str, FpgaBoard]:
 
 
 def fpga_board(name: str) -> FpgaBoard:
-    """Return the board of a name.
+    """Return the board with this name.
 
     Raises InputError for an unknown name or an invalid file.
     """
     boards, path = _names(), hardware() / FOLDER / name / FILE
     if name not in boards:
         remedy = did_you_mean(name, boards) or f"choose from {', '.join(boards)}"
-        raise input_error(name, "no such board", f"{remedy}; rtl/board/NAME/board.toml adds one")
+        raise input_error(name, "no such board", f"{remedy}; a new board needs rtl/board/NAME/board.toml")
     board = read(FpgaBoard, _keys(path), str(path))
     if board.name != name:
-        raise input_error(f"{path}: name", f'"{board.name}" names another folder', f'write "{name}"')
+        raise input_error(f"{path}: name", f'"{board.name}" is not the name of the folder', f'write "{name}"')
     return board
 
 
 def board_of_port(url: str) -> FpgaBoard | None:
-    """Return the board that a serial port belongs to, or None; boards with an invalid file are skipped."""
+    """Return the board at a serial port, or None; boards with an invalid file are skipped."""
     port = None if "://" in url else port_info(url)
     if port is None:
         return None

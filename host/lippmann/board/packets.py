@@ -1,4 +1,4 @@
-"""Packets of the link: type, sequence number, body and CRC-32, COBS-encoded, ended by a zero byte."""
+"""Packets of the link: type, number, body and CRC-32, COBS-encoded and ended by a zero byte."""
 
 from __future__ import annotations
 
@@ -11,14 +11,14 @@ from cobs import cobs  # type: ignore[import-untyped]  # the package comes witho
 
 #: Protocol versions, in the order in which this host tries them.
 VERSIONS = (2, 3, 1)
-#: First protocol version with ABORT and RESET, and protocol version of boards that
-#: draw scenes.
+#: First protocol version with ABORT and RESET, and version of boards that draw
+#: scenes.
 RESET_VERSION, SCENE_VERSION = 2, 3
-#: Maximum length of a packet with its CRC, bytes before COBS.
+#: Maximum length of a packet with its CRC before COBS encoding, bytes.
 MAX_PACKET = 3200
-#: Maximum length after COBS, which adds one byte per 254 bytes or part of them.
+#: Maximum length of a COBS-encoded packet; COBS adds a byte per started 254 bytes.
 MAX_STUFFED = MAX_PACKET + -(-MAX_PACKET // 254)
-#: Byte that ends a packet; COBS removes zero bytes from packets.
+#: Byte that ends a packet; a COBS-encoded packet contains no zero byte.
 DELIMITER = b"\0"
 #: Bit of the packet type that marks a reply.
 REPLY = 0x80
@@ -33,7 +33,7 @@ MIN_PACKET = HEADER.size + CRC.size
 
 
 class Kind(IntEnum):
-    """Types of requests."""
+    """Types of request packets."""
 
     HELLO = 1
     READ = 2
@@ -74,14 +74,14 @@ class Packet(NamedTuple):
 
 
 def packed(kind: int, seq: int, body: bytes) -> bytes:
-    """Return a packet's bytes on the line with the delimiter.
+    """Return a COBS-encoded packet with its delimiter.
 
-    Raises ValueError above `MAX_PACKET` bytes.
+    Raises ValueError for a packet longer than `MAX_PACKET` bytes.
     """
     data = HEADER.pack(kind, seq) + body
     data += CRC.pack(zlib.crc32(data))
     if len(data) > MAX_PACKET:
-        raise ValueError(f"a packet of {len(data)} bytes; at most {MAX_PACKET} are allowed")
+        raise ValueError(f"the packet has {len(data)} bytes; at most {MAX_PACKET} are allowed")
     return bytes(cobs.encode(data)) + DELIMITER
 
 
@@ -93,7 +93,7 @@ class PacketReader:
         self._held = b""
 
     def feed(self, data: bytes) -> list[Packet]:
-        """Take the next received bytes; return the valid packets that end in these bytes."""
+        """Take received bytes; return the valid packets that end in these bytes."""
         self.bytes += len(data)
         *ended, unfinished = (self._held + data).split(DELIMITER)
         # One byte more than allowed is enough to refuse an overlong packet.

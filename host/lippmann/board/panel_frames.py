@@ -1,4 +1,4 @@
-"""Frames for a panel: check that an image belongs to the panel, and encode it as panel values."""
+"""Check that an image belongs to a panel, and encode the image as panel values."""
 
 from __future__ import annotations
 
@@ -44,15 +44,15 @@ USUAL_TRANSFER, USUAL_BITS = "srgb", 8
 
 
 def panel_values(radiance: npt.NDArray[np.float32], transfer: Transfer, bits: int) -> Pixels:
-    """Encode linear radiance (height, width, 3); the range is 0 to 255 also for fewer than 8 bits."""
+    """Encode linear radiance (height, width, 3) as panel values 0 to 255, also for fewer than 8 bits."""
     return encoded_values(radiance, transfer, min(bits, LINK_BITS)).astype(np.uint8)
 
 
 def image_frame(image: IntegralImage, target: Hello | Target, force: bool = False) -> Pixels:
     """Return an image's frame (height, width, 3) uint8 for the panel.
 
-    Raises InputError if the display, size, transfer curve or number of bits differs;
-    `force` accepts another display of equal size.
+    Raises InputError if the display, size, transfer curve or number of bits differs from
+    the panel's; `force` accepts another display of equal size.
     """
     check_image(image)
     name = check_shape(image.radiance.shape, image.display, target, force)
@@ -65,7 +65,7 @@ class FrameFile(NamedTuple):
     """An image file whose header fits a panel.
 
     `pixels` reads the frame (height, width, 3) uint8; it raises InputError for a broken
-    file. `assumption` is a message about assumed tones, or an empty string.
+    file. `assumption` is a message about an assumed transfer curve or bits, or empty.
     """
 
     pixels: Callable[[], Pixels]
@@ -73,9 +73,9 @@ class FrameFile(NamedTuple):
 
 
 def check_shape(shape: tuple[int, ...], display: Display, target: Hello | Target, force: bool = False) -> str:
-    """Return an image's name for messages.
+    """Check an image's shape and display; return the image's name for messages.
 
-    Refuse a wrong shape and, without `force`, another display.
+    Raises InputError for a wrong shape and, without `force`, for another display.
     """
     check_flags(force=force)
     name = f"image for display '{display.name}'"
@@ -126,7 +126,7 @@ def check_frame(
         assumption = f"{path}: {text} are assumed; name the panel with --display FILE"
     elif (curve, bits) != (USUAL_TRANSFER, USUAL_BITS) and panel is None and transfer is None:
         # A board does not report its panel's transfer curve.
-        assumption = f"{path}: made for {text}; have the board's panel checked with --display FILE"
+        assumption = f"{path}: made for {text}; check the board's panel with --display FILE"
     return FrameFile(lambda: panel_values(read_picture(path, size_px, accept).radiance, curve, bits), assumption)
 
 
@@ -137,7 +137,7 @@ def load_frame(
     panel: Panel | None = None,
     force: bool = False,
 ) -> Pixels:
-    """Check a file like `check_frame`, log assumptions, and return the frame (height, width, 3) uint8."""
+    """Return a file's frame (height, width, 3) uint8; check the file like `check_frame`."""
     file = check_frame(path, target, transfer, panel, force)
     if file.assumption:
         logger.info(file.assumption)
@@ -149,7 +149,7 @@ def _check_identity(name: str, identity: str | None, target: Hello | Target, for
     if identity != panel_identity and not force:
         what = f"was rendered for display {identity}" if identity else "names no display"
         remedy = "render it for this display, or accept it with --force (force=True in Python)"
-        raise input_error(name, f"{what}, the panel belongs to display {panel_identity}", remedy)
+        raise input_error(name, f"{what}, but the panel belongs to display {panel_identity}", remedy)
 
 
 def _tones_of(panel: Panel) -> Tones:
@@ -157,7 +157,7 @@ def _tones_of(panel: Panel) -> Tones:
 
 
 def _tones_in(name: str, metadata: Mapping[str, str], encoded: bool) -> Tones:
-    """Return the tones in metadata. Version 0.1 wrote no bits, and wrote the curve only in PNG files."""
+    """Return the tones in metadata. Version 0.1 wrote no bits, and a curve only to PNG files."""
     bits = metadata.get("bits")
     if bits is not None and (len(bits) > 2 or not bits.isdecimal() or not 1 <= int(bits) <= 16):
         raise input_error(name, f"'{bits[:20]}' is not a panel's number of bits", "render it again")

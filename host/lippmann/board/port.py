@@ -1,6 +1,6 @@
 """Open a board's port (a serial device, Unix or TCP socket) by its URL; transfer packets.
 
-unix://PATH is a Unix socket, socket://HOST:PORT a TCP socket. pyserial opens others.
+unix://PATH is a Unix socket, socket://HOST:PORT a TCP socket. pyserial opens other URLs.
 """
 
 from __future__ import annotations
@@ -30,14 +30,14 @@ SCHEMES = ("unix://", "socket://")
 #: Bits per byte on the line: start bit, eight data bits, stop bit.
 BITS_A_BYTE = 10
 DEFAULT_BAUD = 115200
-#: Maximum number of received packets in the queue; older packets are dropped.
+#: Maximum number of received packets in the queue; a full queue drops old packets.
 MAX_WAITING = 1024
 READ_BYTES = 65536
 #: Time-out for writing a request, s.
 SEND_S = 2.0
-#: Time-out for connecting, s.
+#: Time-out for connecting to a socket, s.
 CONNECT_S = 5.0
-#: Maximum length of a token, bytes.
+#: Maximum length of a virtual board's access token, bytes.
 MAX_TOKEN = 256
 #: USB vendor numbers of serial adapters: FTDI, Silicon Labs, WCH, Prolific.
 ADAPTER_VENDORS = (0x0403, 0x10C4, 0x1A86, 0x067B)
@@ -52,10 +52,10 @@ def open_port(url: str, baud: int = DEFAULT_BAUD) -> serial.Serial | socket.Sock
     """
     address: object = url
     if not (isinstance(address, str) and address):
-        what = "an empty port" if isinstance(address, str) else f"{address!r} is not a port"
+        what = "the port is empty" if isinstance(address, str) else f"{address!r} is not a port"
         raise InputError(f"{what}; give a device, or socket://HOST:PORT")
     if not (isinstance(baud, Integral) and baud > 0):
-        raise InputError(f"the baud rate {baud} is not positive; give one such as {DEFAULT_BAUD}")
+        raise InputError(f"the baud rate {baud} is not positive; give a rate such as {DEFAULT_BAUD}")
     try:
         if url.startswith(SCHEMES):
             return _connect(url)
@@ -70,10 +70,7 @@ def open_port(url: str, baud: int = DEFAULT_BAUD) -> serial.Serial | socket.Sock
 
 
 def _connect(url: str) -> socket.SocketIO:
-    """Connect to a socket and send the token.
-
-    Raises ValueError for an invalid URL, and OSError if the connection is refused.
-    """
+    """Connect to a socket and send the token."""
     if url.startswith("unix://"):
         connection, address = socket.socket(socket.AF_UNIX), url.removeprefix("unix://")
     else:
@@ -98,14 +95,14 @@ def _address(url: str) -> tuple[str, int]:
 
 
 def token_of(url: str) -> bytes:
-    """Return a virtual board's token line, from the URL's ?token= or this user's token file."""
+    """Return a virtual board's access token from the URL (?token=) or this user's token file."""
     if not url.startswith("socket://"):
         return b""
     host, port = _address(url)
     tokens = parse_qs(urlsplit(url).query).get("token")
     if tokens:
         return tokens[0].encode()[:MAX_TOKEN] + b"\n"
-    if host in ("127.0.0.1", "localhost") and hasattr(os, "getuid"):  # no virtual boards on Windows
+    if host in ("127.0.0.1", "localhost") and hasattr(os, "getuid"):  # Windows has no virtual boards
         with contextlib.suppress(OSError), (private_path() / f"tcp-{port}.token").open("rb") as stream:
             # A file that belongs to another user is not this user's token.
             if os.fstat(stream.fileno()).st_uid == os.getuid():
@@ -114,7 +111,7 @@ def token_of(url: str) -> bytes:
 
 
 def own_boards() -> list[str]:
-    """Return the URLs of this user's virtual boards without connecting, as each serves only one program."""
+    """Return the URLs of this user's virtual boards, without connecting to the boards."""
     if not hasattr(socket, "AF_UNIX"):
         return []
     try:
@@ -137,37 +134,37 @@ def _refusal(url: str, error: Exception) -> NoBoardError | InputError:
         return no_board_error(url, "the host does not answer", "check its address and the network")
     if url.startswith("unix://"):
         other = getattr(cause, "errno", None) in (errno.EACCES, errno.EPERM)
-        what = "it belongs to another user" if other else "no board is there"
-        return no_board_error(url, what, "start a board of your own: lippmann board start")
+        what = "the board belongs to another user" if other else "no board uses this socket"
+        return no_board_error(url, what, "start your own board: lippmann board start")
     match getattr(cause, "errno", None):
         case errno.ENOENT if re.fullmatch(r"[\w.-]+:\d+", url):
             return input_error(url, "is not a port", f"did you mean socket://{url}?")
         case errno.ENOENT | errno.ENODEV | errno.ENXIO:
             others = ", ".join(ports()) or "this machine has none"
-            what, remedy = "no such port", f"plug the board in, or name another: {others}"
+            what, remedy = "no such port", f"plug the board in, or name another port: {others}"
         case errno.EACCES | errno.EPERM:
             what, remedy = "no permission", _permission_remedy(url)
         case errno.EBUSY | errno.EAGAIN:
-            what, remedy = "the port is busy", "close the other program that uses it"
+            what, remedy = "the port is busy", "close the other program that uses the port"
         case errno.ECONNREFUSED:
-            what, remedy = "no program listens there", "start the virtual board: lippmann board start"
+            what, remedy = "no program listens on this port", "start the virtual board: lippmann board start"
         case _ if "configure port" in str(error):  # pyserial gives no errno for errors of termios
-            what, remedy = "is not a serial port", "give a serial device, a pty, or socket://HOST:PORT"
+            what, remedy = "is not a serial port", "give a device, or socket://HOST:PORT"
         case _:
-            what, remedy = f"is not a usable port ({error})", "give a serial device, a pty, or socket://HOST:PORT"
+            what, remedy = f"is not a usable port ({error})", "give a device, or socket://HOST:PORT"
     return no_board_error(url, what, remedy)
 
 
 def _permission_remedy(path: str) -> str:
     with contextlib.suppress(OSError, KeyError, ImportError):
-        import grp  # only Unix has it
+        import grp  # only Unix has this module
 
         device = os.stat(path)
         allowed = stat.S_IRGRP | stat.S_IWGRP
         if device.st_gid != 0 and device.st_mode & allowed == allowed:
             group = grp.getgrgid(device.st_gid).gr_name
-            return f"join the group that owns it: sudo usermod -aG {group} $USER, then log in again"
-    return 'give it to one of your groups, with a udev rule such as GROUP="dialout", MODE="0660"'
+            return f"join the group that owns the port: sudo usermod -aG {group} $USER, then log in again"
+    return 'give one of your groups access by a udev rule such as GROUP="dialout", MODE="0660"'
 
 
 def ports() -> list[str]:
@@ -212,7 +209,7 @@ class Line:
         self._closed = False
         # `select` would refuse file descriptors above 1,023.
         self._selector = selectors.DefaultSelector()
-        #: A port without a file descriptor (rfc2217://, loop://); it is polled.
+        #: Set if the port has no file descriptor (rfc2217://, loop://) and is polled.
         self._polled: serial.Serial | None = None
         try:
             self._selector.register(self._port, selectors.EVENT_READ)
@@ -261,7 +258,7 @@ class Line:
         return True
 
     def receive(self, wait_s: float) -> Packet | None:
-        """Return the next packet, or None after `wait_s`.
+        """Return the next packet, or None if no packet arrives for `wait_s`.
 
         Raises NoBoardError when the connection is lost.
         """
@@ -274,12 +271,12 @@ class Line:
         return self._waiting.popleft()
 
     def _wait(self, wait_s: float, write: bool) -> bool:
-        """Wait at most `wait_s` for the port and read its bytes; return whether the port accepts bytes."""
+        """Wait for the port and read its bytes; return whether the port accepts bytes."""
         if self._closed:
-            raise device_error(self.url, "the line to the board is closed", "open it again (Board.open)")
+            raise device_error(self.url, "the line to the board is closed", "open the board again (Board.open)")
         if self._polled is not None:
             if not self._polled.in_waiting and not write:
-                time.sleep(min(wait_s, 0.001))  # until the next poll
+                time.sleep(min(wait_s, 0.001))  # wait for the next poll
             self._take()
             return write
         self._selector.modify(self._port, selectors.EVENT_READ | selectors.EVENT_WRITE * write)
@@ -307,10 +304,10 @@ class Line:
 
     def _lost(self, error: Exception) -> NoBoardError:
         if self.url.startswith(SCHEMES) and not self.reader.bytes:
-            what, remedy = "the board closed the connection at once", "close the other program that uses the board"
+            what, remedy = "the board closed the connection", "close the other program that uses the board"
             if self.url.startswith("socket://") and not token_of(self.url):
                 remedy += ", or give the board's token: socket://HOST:PORT?token=..."
             return no_board_error(self.url, what, remedy)
-        first = "see whether the board runs: if so," if self.url.startswith(SCHEMES) else "plug the board in;"
-        remedy = f"{first} the board keeps the received data"
+        first = "check that the board runs" if self.url.startswith(SCHEMES) else "plug the board in"
+        remedy = f"{first}; a running board keeps the received data"
         return no_board_error(self.url, f"the connection is lost ({error})", remedy)

@@ -17,28 +17,28 @@ from lippmann.errors import DeviceError, InputError, LippmannError, device_error
 if TYPE_CHECKING:
     from lippmann.board.session import Session
 
-#: Initial, minimum and maximum time-out, s.
+#: Initial, minimum and maximum time-out for a reply, s.
 FIRST_S = 0.25
 SHORTEST_S = 0.05
 LONGEST_S = 5.0
-#: Factor by which a missing reply lengthens the time-out. TCP doubles its time-out
-#: because its losses mean congestion; losses on this link mean noise.
+#: Factor by which a missing reply lengthens the time-out. TCP doubles its time-out,
+#: because TCP's losses mean congestion; this link's losses mean noise.
 GROWTH = 1.5
 
-#: Maximum number of attempts to transfer a frame or a load.
+#: Maximum number of attempts to transfer a frame or textures.
 MAX_ROUNDS = 8
 
-#: Causes in a BUSY reply: a frame started by a register write, a frame started by SIGN,
-#: a drawn scene, or a slot that is shown.
+#: Causes in a BUSY reply: a frame that a register write started, a frame that SIGN
+#: started, a drawn scene, and a shown slot.
 FRAME_RUNS, THIS_RUNS, SCENE_RUNS, SLOT_SHOWN = 1, 3, 4, 5
 BUSY_REPLY = struct.Struct("<BI")
 
 UPDATE = "update the board or this host"
 #: Remedy for a refusal that the drawn scene causes.
 END_SCENE = "end the scene first: lippmann board write scene.source scene=0"
-#: Cause and remedy of each refusal.
+#: Cause and remedy for each reply status that means a refusal.
 REFUSALS = {
-    ReplyStatus.UNKNOWN_TYPE: ("it does not know this request", "update the board"),
+    ReplyStatus.UNKNOWN_TYPE: ("it does not know this type of request", "update the board"),
     ReplyStatus.WRONG_LENGTH: ("the request has the wrong length", UPDATE),
     ReplyStatus.NO_SUCH_ADDRESS: (
         "the address is in no block of registers, or cannot be written",
@@ -49,7 +49,7 @@ REFUSALS = {
     ReplyStatus.FRAME_CRC_DIFFERS: ("its frame differs from the one sent", "stream the frame again"),
     ReplyStatus.NO_SUCH_TILE: ("it has no such tile", "render the image for this panel"),
     ReplyStatus.WRONG_VERSION: (
-        f"it does not support version {' or '.join(map(str, sorted(VERSIONS, reverse=True)))} of the protocol",
+        f"it does not support protocol version {' or '.join(map(str, sorted(VERSIONS, reverse=True)))}",
         UPDATE,
     ),
     ReplyStatus.OPTICS_REFUSED: ("its optics block refuses the window", "write the raster's registers first"),
@@ -61,12 +61,12 @@ ONCE = (Kind.WRITE, Kind.SIGN, Kind.ABORT, Kind.RESET)
 
 
 def refusal(url: str, kind: int, status: int, body: bytes = b"") -> LippmannError:
-    """Return the error for a reply whose status is not OK; `body` is the reply after its status byte."""
+    """Return the error for a reply whose status is not OK; `body` follows the status byte."""
     name = Kind(kind).name
     if status == ReplyStatus.BUSY and len(body) == BUSY_REPLY.size:
         return _busy(url, name, *BUSY_REPLY.unpack(body))
     if status not in REFUSALS:
-        return device_error(url, f"the board answers {name} with status {status}", UPDATE)
+        return device_error(url, f"the board answers {name} with unknown status {status}", UPDATE)
     is_old = status == ReplyStatus.STALE_EPOCH and kind in ONCE
     what, remedy = OLD_NUMBER if is_old else REFUSALS[ReplyStatus(status)]
     kind_of_error = InputError if status == ReplyStatus.NO_SUCH_ADDRESS else DeviceError
@@ -82,13 +82,13 @@ def _busy(url: str, name: str, runs: int, rays: int) -> DeviceError:
     by = "a frame that a register write started" if runs == FRAME_RUNS else f"a signature ({rays} rays so far)"
     remedy = "wait, or end it with lippmann board abort"
     if runs == FRAME_RUNS:
-        # The link carries no pixel stream, so a frame from the stream never ends.
+        # A board has no pixel stream, so a frame whose source is the stream never ends.
         remedy += " (the only remedy if the frame's source is the stream)"
     return device_error(url, f"the board refuses {name} while {by} runs", remedy)
 
 
 class RoundTrip:
-    """Estimate of the round-trip time and the time-out, as in RFC 6298 but with a smaller back-off."""
+    """Estimate of round-trip time and time-out, as in RFC 6298 with a smaller back-off."""
 
     def __init__(self) -> None:
         self._smoothed: float | None = None
@@ -119,7 +119,7 @@ class RoundTrip:
 
 
 class Flight(NamedTuple):
-    """A packet without a reply: its item, body, length in bytes, and send time in seconds."""
+    """A sent packet that has no reply yet: item, body, length in bytes, and send time in seconds."""
 
     item: int
     body: bytes
@@ -127,8 +127,8 @@ class Flight(NamedTuple):
     time: float
 
 
-#: Return whether an item has arrived; otherwise it is sent again. The arguments are the
-#: item, its request's body, the reply's status, and the rest of the reply.
+#: Function that returns whether an item has arrived; if not, the item is sent again. The
+#: arguments are the item, request body, reply status, and the rest of the reply.
 Judge = Callable[[int, bytes, ReplyStatus, bytes], bool]
 
 
@@ -136,8 +136,8 @@ class Window:
     """Sends items, each in its own request, until the board has them.
 
     Each packet has a new sequence number, so a reply identifies its packet. The line
-    keeps the order: when a reply arrives, earlier packets without a reply are lost, or
-    their replies are lost. At most `window_bytes` bytes are unacknowledged.
+    keeps the order: if a reply arrives, earlier packets without a reply, or their
+    replies, are lost. At most `window_bytes` bytes are unacknowledged.
     """
 
     def __init__(
@@ -156,7 +156,7 @@ class Window:
     def run(
         self, items: Sequence[int], total: int, progress: Progress | None = None, ends: ReplyStatus | None = None
     ) -> ReplyStatus:
-        """Send items until the board has them, and return OK; stop and return `ends` at a reply with that status.
+        """Send items until the board has them, and return OK; return `ends` if a reply has this status.
 
         `progress` counts the items of `total` that the board has. Raises NoBoardError
         when no item arrives for `patience_s`.
@@ -202,7 +202,7 @@ class Window:
         body = self._body(item)
         seq = self.session.next_seq()
         packet = packed(self.kind, seq, body)
-        # A reused sequence number belongs to the new packet.
+        # A reused sequence number belongs to the new packet only.
         self._lost.pop(seq, None)
         accepted = self.session.line.send(packet, min(SEND_S, self.session.patience_s))
         self._flights[seq] = Flight(item, body, len(packet), time.monotonic())
@@ -210,7 +210,7 @@ class Window:
         return accepted
 
     def _take(self, reply: Packet) -> ReplyStatus | None:
-        """Process a reply; return its status, or None if the reply belongs to another request."""
+        """Process a reply; return its status, or None for a reply to another request."""
         if reply.kind != self.kind | REPLY or not reply.body:
             return None
         if reply.seq in self._flights:

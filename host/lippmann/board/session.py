@@ -21,9 +21,9 @@ from lippmann.fixed.registers import BOARD_REGISTERS, OPTICS_REGISTERS, SCENE_RE
 
 #: Time without a reply after which a request fails, s.
 PATIENCE_S = 10.0
-#: Clock of the slowest board, a simulated one, Hz. This clock sets the time-out of requests that process a frame.
+#: Clock of the slowest (simulated) board, Hz; it sets the time-out of frame requests.
 SLOWEST_HZ = 3e5
-#: Clock cycles per pixel of a PRESENT request: CRC and buffer swap, doubled.
+#: Clock cycles per pixel allowed for PRESENT: twice those of CRC and buffer swap.
 PRESENT_CLOCKS = 4
 #: Maximum number of words in a READ or WRITE request, and of tiles in a TILES request.
 MAX_WORDS, MAX_TILES = 64, 512
@@ -80,13 +80,13 @@ class TileTable(NamedTuple):
 class Session:
     """The open connection to a board; a `with` block closes it. `info` is the latest reply to HELLO.
 
-    A request is repeated until its reply arrives. It raises DeviceError when the board
-    refuses it, and NoBoardError when no reply arrives within `patience_s` seconds.
+    A request is repeated until its reply arrives. A request raises DeviceError when the
+    board refuses it, and NoBoardError when no reply arrives within `patience_s` seconds.
     """
 
     def __init__(self, line: Line, patience_s: float = PATIENCE_S) -> None:
         self.line, self.patience_s = line, patience_s
-        # A random start keeps late replies to other programs from matching a request.
+        # With a random start, late replies to other programs match no request.
         self._seq = secrets.randbits(16)
         self._round_trip = RoundTrip()
         self.info = self.hello()
@@ -121,14 +121,17 @@ class Session:
         return self._seq
 
     def ask(self, kind: Kind, body: bytes, size: int, work_s: float = 0.0) -> bytes:
-        """Send a request; return the reply's `size` bytes after the status, or raise like `checked`."""
+        """Send a request; return the `size` bytes after the reply's status.
+
+        Raises the errors of `checked`.
+        """
         status, answer = self.request(kind, body, work_s)
         return self.checked(kind, status, answer, size)
 
     def checked(self, kind: Kind, status: int, body: bytes, size: int) -> bytes:
         """Return a reply's body.
 
-        Raises unless the status is OK and the body has `size` bytes.
+        Raises an error unless the status is OK and the body has `size` bytes.
         """
         if status != ReplyStatus.OK:
             raise refusal(self.line.url, kind, status, body)
@@ -139,8 +142,8 @@ class Session:
     def request(self, kind: Kind, body: bytes, work_s: float = 0.0, seq: int | None = None) -> tuple[int, bytes]:
         """Repeat a request until its reply arrives; return the status and the rest of the body.
 
-        All repetitions have the same sequence number, by default a new one, so the
-        board executes the request once. Raises NoBoardError without a reply after
+        All repetitions have the same sequence number `seq` (default: a new number), so
+        the board executes the request once. Raises NoBoardError if no reply arrives for
         `work_s` plus `patience_s`; a line that accepts no bytes adds `SEND_S`.
         """
         seq = self.next_seq() if seq is None else seq
@@ -151,7 +154,7 @@ class Session:
             self.line.send(packet, min(SEND_S, self.patience_s))
             sent_at = time.monotonic()
             until = min(end, sent_at + self._round_trip.time_out_s + self.line.seconds(len(packet) + MAX_PACKET))
-            # Other packets may arrive endlessly, so the time is checked each time.
+            # Other packets may arrive endlessly, so check the time after each packet.
             while time.monotonic() < until:
                 reply = self.line.receive(until - time.monotonic())
                 if reply and reply.kind == kind | REPLY and reply.seq == seq and reply.body:
@@ -172,10 +175,10 @@ class Session:
         what, remedy = "nothing answers", "check the board's power, the cable, the port and the baud rate"
         if counts.accepted:
             what = f"the board has not answered for {self.patience_s:g} s"
-            remedy = "check its power and the cable; for a virtual board, check that its machine is not overloaded"
+            remedy = "check the board's power and cable, or a virtual board's machine load"
         elif counts.bytes:
-            what = f"{counts.bytes} bytes arrived, but no packet: not a board, or its baud rate is not"
-            what, remedy = f"{what} {self.line.baud}", "give the board's rate"
+            what = f"{counts.bytes} bytes arrived, but no packet at {self.line.baud} baud"
+            remedy = "give the board's baud rate, or the port of a board"
         return NoBoardError.at(self.line.url, what, remedy)
 
     def error(self, what: str, remedy: str) -> DeviceError:
@@ -185,7 +188,7 @@ class Session:
     def hello(self) -> Hello:
         """Send HELLO, check the reply and store it in `info`.
 
-        Raises DeviceError for an unsuitable board.
+        Raises DeviceError for a board that this host does not support.
         """
         nonce = secrets.randbits(32)
         for spoken in VERSIONS:
@@ -195,19 +198,19 @@ class Session:
         version, echo, *others = HELLO_REPLY.unpack(self.checked(Kind.HELLO, status, body, HELLO_REPLY.size))
         hello = Hello(version, *others)
         if version != spoken:
-            raise self.error(f"the board has protocol version {version}, this host has {spoken}", "update one of them")
+            raise self.error(f"the board has protocol version {version}, but this host has {spoken}", UPDATE)
         if echo != nonce:
             raise self.error("the reply belongs to another HELLO", "check that no other program uses this line")
         if hello.tile != TILE or hello.max_packet < MAX_PACKET or not 1 <= hello.grid.count <= 1 << 16:
             limits = f"panel {hello.width} x {hello.height}, tile {hello.tile}, packet {hello.max_packet}"
-            raise self.error(f"the board has limits that this host does not support ({limits})", "update one of them")
+            raise self.error(f"this host does not support the board's limits ({limits})", UPDATE)
         self.info = hello
         return hello
 
     def must_be(self, before: Hello) -> None:
         """Raise DeviceError if the display's identity or size differs from that in `before`."""
         if (self.info.identity, self.info.width, self.info.height) != (before.identity, before.width, before.height):
-            raise self.error("another board answers now", "stream an image that was rendered for its display")
+            raise self.error("another board answers now", "stream an image rendered for that board's display")
 
     def read(self, address: int, count: int = 1) -> list[int]:
         """Return `count` words starting at a byte address.
@@ -230,7 +233,7 @@ class Session:
         return REGISTERS[name].values(self.word(name))
 
     def write(self, address: int, words: Sequence[int]) -> None:
-        """Write 1 to 64 words starting at a byte address. The board writes the words once, all or none.
+        """Write 1 to 64 words starting at a byte address; the board writes all words or none.
 
         Raises InputError for an address without a register, and for words that do not fit.
         """
@@ -241,7 +244,7 @@ class Session:
         self.ask(Kind.WRITE, ADDRESS.pack(_checked(address)) + struct.pack(f"<{len(words)}I", *words), 0)
 
     def write_all(self, writes: Iterable[Write]) -> None:
-        """Write registers of the optics block in order; adjacent registers share a request."""
+        """Write registers of the optics block in order; one request writes adjacent registers."""
         runs: list[list[Write]] = []
         for one in writes:
             if runs and one.address == runs[-1][-1].address + 4 and len(runs[-1]) < MAX_WORDS:
@@ -271,7 +274,7 @@ class Session:
     def present(self, epoch: int, crc: int) -> tuple[ReplyStatus, int]:
         """Swap the buffers if the back buffer's CRC-32 is `crc`.
 
-        Return OK and the new epoch, or the refusal's status and `epoch`.
+        Return OK and the new epoch, or the status of a refusal and `epoch`.
         """
         clocks = PRESENT_CLOCKS * self.info.width * self.info.height
         status, body = self.request(Kind.PRESENT, PRESENT_REQUEST.pack(epoch, crc), clocks / SLOWEST_HZ)

@@ -65,7 +65,7 @@ class Sent:
 
     @property
     def overhead(self) -> float:
-        """Bytes on the line in excess of the coded tiles, as a fraction of the coded tiles' bytes."""
+        """Ratio of all other bytes on the line to the bytes of coded tiles."""
         return self.wire_bytes / self.payload_bytes - 1.0 if self.payload_bytes else 0.0
 
 
@@ -78,11 +78,12 @@ def send_frame(
 ) -> Sent:
     """Send a frame (height, width, 3) uint8 and show it on the panel; `progress` counts tiles.
 
-    Tiles that the board already has are not sent. After a lost connection, call again
-    with the same frame. Each call adds to `counts`, also when the call fails.
+    Tiles that the board already has are not sent. After a lost connection, repeat the
+    call with the same frame. Each call adds to `counts`, even if the call fails.
 
-    Raises InputError for a frame of a wrong size; NoBoardError without a connection or
-    a reply; DeviceError when the board refuses tiles, or another board answers.
+    Raises InputError for a frame of a wrong size, NoBoardError if the connection is
+    lost or no reply arrives, and DeviceError if the board refuses tiles or another
+    board answers.
     """
     check_progress(progress)
     grid = session.info.grid
@@ -119,7 +120,7 @@ def _show(session: Session, frame: Pixels, counts: Sent, progress: Progress | No
         if back.epoch != front.epoch:
             status = ReplyStatus.STALE_EPOCH
             continue
-        # A CRC of 0 marks an empty tile; a tile whose CRC is 0 is never found.
+        # A CRC of 0 marks an empty tile, so a tile whose CRC is 0 is always sent.
         in_front = (front.crcs == crcs) & (crcs != 0)
         if in_front.all():
             counts.epoch = front.epoch
@@ -129,7 +130,7 @@ def _show(session: Session, frame: Pixels, counts: Sent, progress: Progress | No
             return
         missing = np.flatnonzero((back.crcs != crcs) | (crcs == 0))
         if status == ReplyStatus.FRAME_CRC_DIFFERS and not len(missing):
-            # All tile CRCs match but the frame's CRC does not, so a tile has other content.
+            # All tile CRCs match but the frame's CRC does not, so a tile's content is wrong.
             missing = np.arange(counts.tiles)
             in_front[:] = False
         status = _send_tiles(session, frame, front.epoch, missing.tolist(), in_front, counts, progress, window_bytes)
@@ -137,8 +138,8 @@ def _show(session: Session, frame: Pixels, counts: Sent, progress: Progress | No
             status, counts.epoch = session.present(front.epoch, counts.crc)
         if status == ReplyStatus.OK:
             return
-    what = f"the frame was sent {MAX_ROUNDS} times and is still not complete on the board"
-    raise session.error(what, "check its power, and that no other program uses it")
+    what = f"the board's frame is still incomplete after {MAX_ROUNDS} attempts"
+    raise session.error(what, "check the board's power; close other programs that use it")
 
 
 def _send_tiles(
@@ -151,7 +152,7 @@ def _send_tiles(
     progress: Progress | None = None,
     window_bytes: int = WINDOW_BYTES,
 ) -> ReplyStatus:
-    """Send tiles, or have them copied if they are `in_front`; return OK, or STALE_EPOCH after a swap."""
+    """Send tiles; the board copies tiles that are `in_front`. Return OK, or STALE_EPOCH after a swap."""
     grid = session.info.grid
     refused: set[int] = set()
 
@@ -215,7 +216,7 @@ class BoardSink:
         back = self._session.tiles(BACK)
         to_send = [tile for tile in complete if back.crcs[tile] != frame_crc(self._grid.cut(self._frame, tile))]
         in_front = np.zeros(self._grid.count, np.bool_)
-        # If the board's buffers were swapped meanwhile, `finish` sends again.
+        # If the board's buffers were swapped meanwhile, `finish` sends these tiles again.
         _send_tiles(self._session, self._frame, back.epoch, to_send, in_front, self._sent)
         self._sent.wire_bytes += self._session.line.written - written
         self._sent.seconds += time.monotonic() - begun
@@ -223,12 +224,12 @@ class BoardSink:
     def finish(self) -> Sent:
         """Send missing tiles, show the frame and return the counts.
 
-        Raises like `send_frame`.
+        Raises the errors of `send_frame`.
         """
         return send_frame(self._session, self._frame, counts=self._sent)
 
     def missing_bands(self) -> Sequence[Band]:
-        """Return all bands."""
+        """Return all bands of the plan."""
         return self.bands
 
     def take(self, rendered: RenderedBand) -> None:
@@ -237,11 +238,11 @@ class BoardSink:
         self.add_rows(rendered.band.rows.start, values)
 
     def stop(self, done_rows: int) -> None:
-        """Leave the panel as it is."""
+        """Do nothing: the panel keeps its frame."""
 
 
 class Sender:
-    """A thread that shows pictures on a board; if several pictures wait, only the newest is sent."""
+    """A thread that shows pictures on a board; of waiting pictures, it sends the newest."""
 
     def __init__(self, session: Session) -> None:
         self.frames = self.tiles = self.wire_bytes = 0
@@ -256,7 +257,7 @@ class Sender:
     def send(self, pixels: Pixels) -> None:
         """Queue the next picture (height, width, 3).
 
-        Raises the error of an earlier picture.
+        Raises the error of an earlier picture that could not be sent.
         """
         if self._error is not None:
             raise self._error
@@ -264,7 +265,7 @@ class Sender:
         self._calls.release()
 
     def finish(self) -> None:
-        """Show the newest picture and end the thread; raises like `send`."""
+        """Send the newest picture and end the thread; raises the errors of `send`."""
         self._over = True
         self._calls.release()
         self._thread.join()
@@ -273,11 +274,11 @@ class Sender:
 
     def _run(self) -> None:
         while self._calls.acquire() and (self._newest or not self._over):
-            if not self._newest:  # already sent
+            if not self._newest:  # the newest picture was already sent
                 continue
             try:
                 counts = send_frame(self._session, self._newest.pop())
-            except Exception as error:  # `send` and `finish` raise it
+            except Exception as error:  # `send` and `finish` raise this error
                 self._error = error
                 return
             self.frames += 1

@@ -1,4 +1,4 @@
-"""Tiles of 32 x 32 pixels: cut a frame into tiles, compute their CRC-32, choose the shortest coding."""
+"""Tiles of 32 x 32 pixels: cut a frame, compute CRC-32 values, choose the shortest coding."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ class Coded(NamedTuple):
 
 @dataclass(frozen=True)
 class TileGrid:
-    """Grid of a frame's tiles, numbered row by row; tiles are clipped at the right and lower edges."""
+    """Grid of a frame's tiles, numbered row by row; the frame's edges clip the last tiles."""
 
     width: int
     height: int

@@ -22,7 +22,7 @@ PATIENCE_S = 300.0
 
 @dataclass
 class CapturedBoard:
-    """An open virtual board.
+    """An open virtual board, and its captured frames.
 
     After the board has ended, `frames` contains the scanned-out frames (height, width,
     3) uint8 without repetitions, and `counts` the result of `RunningBoard.stop`.
@@ -35,7 +35,10 @@ class CapturedBoard:
 
 @contextmanager
 def capturing(display: Display, scene: SceneBuild | None = None) -> Iterator[CapturedBoard]:
-    """Run a virtual board and capture its frames; raises like `virtual_board.start`."""
+    """Run a virtual board and capture its frames.
+
+    Raises the errors of `virtual_board.start`.
+    """
     with scratch_folder() as folder:
         virtual = virtual_board.start(display, capture=folder, scene=scene)
         try:
@@ -51,6 +54,6 @@ def capturing(display: Display, scene: SceneBuild | None = None) -> Iterator[Cap
 
 
 def frames_differ(frames: Sequence[Pixels], expected: Sequence[Pixels]) -> int:
-    """Return the number of differing pixels of frames (height, width, 3); missing frames count fully."""
+    """Count differing pixels of two lists of frames (height, width, 3); missing frames count fully."""
     counts = [int((one != other).any(axis=2).sum()) for one, other in zip(frames, expected, strict=False)]
     return sum(counts) + sum(one.size // 3 for one in (*frames[len(counts) :], *expected[len(counts) :]))

@@ -1,4 +1,4 @@
-"""The command `lippmann`; each subcommand has a module."""
+"""Command `lippmann`; each subcommand has a module."""
 
 from __future__ import annotations
 
@@ -20,19 +20,19 @@ from lippmann.base.files import is_full, new_folders, no_space, remove_empty
 from lippmann.cli.output import logs_on_stderr
 from lippmann.errors import InputError, LippmannError, MissingLibraryError, NoSpaceError, missing_library, printable
 
-#: Commands in the order of typical work; each is `command` in the module of its name.
+#: Commands in the order of typical work; the module of the same name defines `command`.
 COMMANDS = (
     *("inspect", "fit", "trace", "vectors", "regress", "render", "layers", "animate", "capture", "observe", "view"),
     *("pattern", "calibrate", "export", "board", "stream", "play", "display", "live", "demo", "report", "doctor"),
 )
-#: Extras of the package, keyed by command, of commands that need several.
+#: Extras to install, keyed by command, for commands that need several libraries.
 COMMAND_EXTRAS = {"calibrate": "calibrate", "live": "live", "display": "live", "demo": "board,live,simulate"}
-#: Commands of earlier versions, with their replacements.
-OLD_COMMANDS = {"bench": "measurements of Lippmann itself are made in a checkout: python -m tools.bench"}
+#: Messages for removed commands of earlier versions.
+OLD_COMMANDS = {"bench": "removed; to measure Lippmann itself, run python -m tools.bench in a checkout"}
 
 
 def summary_of(command: str) -> str:
-    """Return the first sentence of a command's help, read from the source, as imports are slow."""
+    """Read a command's summary from its source file, because imports are slow."""
     source = Path(__file__).with_name(f"{command}.py").read_text(encoding="utf-8")
     body = source.partition("\ndef command(")[2]
     return body.partition('"""')[2].partition("\n")[0].strip('"')
@@ -75,7 +75,7 @@ class _Commands(click.Group):
 )
 @click.version_option(__version__, prog_name="lippmann")
 def cli() -> None:
-    """Integral photography: describe a display, trace its lenslets, render for it, and look at it.
+    """Integral photography: describe a display, trace its rays, render images, observe views.
 
     Exit codes: 0 success; 1 device failed; 2 invalid usage or input; 3 library or disk
     space missing; 4 wrong rays or display; 70 fault in Lippmann, please report it; 130,
@@ -86,9 +86,9 @@ def cli() -> None:
 
 
 def run(arguments: list[str], command: click.Command = cli, name: str | None = "lippmann") -> int:
-    """Run the command line or another command (name None: its own name); return the exit code."""
+    """Run a command and return its exit code; `name` None means the command's own name."""
     if sys.stdout is None:
-        print("lippmann: stdout is closed; open it, or send it to /dev/null", file=sys.stderr)
+        print("lippmann: stdout is closed; open it, or redirect it to /dev/null", file=sys.stderr)
         return MissingLibraryError.exit_code
     new_folders.clear()
     stdout = sys.stdout
@@ -96,7 +96,7 @@ def run(arguments: list[str], command: click.Command = cli, name: str | None = "
         with logs_on_stderr():
             code = command.main(args=arguments, prog_name=name, standalone_mode=False, obj=arguments)
     except (SystemExit, BrokenPipeError) as end:
-        # A reader that closes the pipe is not a failure. Click replaces stdout then, and exits.
+        # A closed output pipe is not a failure: click then replaces stdout and exits.
         if isinstance(end, SystemExit) and sys.stdout is stdout:
             raise
         _drop_output()
@@ -110,16 +110,16 @@ def run(arguments: list[str], command: click.Command = cli, name: str | None = "
 
 #: Message about a full disk if the file is unknown.
 FULL_DISK = "cannot write: no space left on the device; free space or choose another place"
-#: Parameters of Python that errors name, which are flags of commands.
+#: Names of Python parameters in messages; commands print flags instead.
 PARAMETERS = re.compile(r"(?<![\w/.-])(memory_mb|fraction_bits|device(?= cuda))(?![\w/.])")
-MAX_LETTERS = 1000  # maximum length of an error line
+MAX_LETTERS = 1000  # maximum length of an error line, characters
 #: Exit code of an unexpected error (EX_SOFTWARE of sysexits.h).
 FAULT_CODE = 70
 #: Remedies for files that cannot be opened, keyed by error type.
 CANNOT_OPEN: dict[type[OSError], str] = {
-    PermissionError: "you may not open it; change its permissions, or name another file",
+    PermissionError: "no permission to open it; change its permissions, or name another file",
     IsADirectoryError: "is a folder; name a file",
-    NotADirectoryError: "a part of the path is a file; name a folder there",
+    NotADirectoryError: "a part of the path is a file; correct the path",
 }
 
 
@@ -127,14 +127,14 @@ def _explain(error: BaseException) -> tuple[str, int]:
     if was_interrupted(error):
         return "interrupted; nothing half-written is left", interrupts.exit_code()
     if isinstance(error, click.exceptions.NoSuchOption | click.exceptions.NoSuchCommand) and error.possibilities:
-        del error.possibilities[1:]  # keep the most likely name
+        del error.possibilities[1:]  # suggest the likeliest name
     if isinstance(error, click.ClickException):
         return error.format_message() + _usage(error), InputError.exit_code
     if is_full(error):
         name = getattr(error, "filename", None)
         error = no_space(str(name)) if name else NoSpaceError(FULL_DISK)
     if isinstance(error, MemoryError):
-        error = InputError("out of memory; take a smaller panel or fewer samples")
+        error = InputError("out of memory; use a smaller panel or fewer samples")
     elif isinstance(error, ImportError) and not (error.name or "").startswith("lippmann"):
         error = missing_library(error)
     elif isinstance(error, OSError) and error.filename and error.strerror:
@@ -157,7 +157,7 @@ def _fault(error: BaseException) -> str:
             file.write(trace)
     except OSError as unwritable:
         click.echo(trace, err=True)
-        return f"{what}; please report it with the traceback above (no file holds it: {unwritable.strerror})"
+        return f"{what}; please report it with the traceback above (file not written: {unwritable.strerror})"
     return f"{what}; please report it with the traceback in {path}"
 
 
@@ -170,7 +170,7 @@ def _usage(error: click.ClickException) -> str:
 
 
 def was_interrupted(error: BaseException | None) -> bool:
-    """Return whether Ctrl-C or SIGTERM caused an error, even if a library wrapped it."""
+    """Return whether Ctrl-C or SIGTERM caused an error, even through a library."""
     if interrupts.received:
         return True
     while error is not None:
@@ -186,18 +186,18 @@ def _fail(message: str, code: int, as_json: bool) -> int:
         return code
     line = printable(" ".join(message.split()))
     line = PARAMETERS.sub(lambda match: "--" + match[0].replace("_", "-"), line)
-    if len(line) > MAX_LETTERS:  # the message quotes a file
+    if len(line) > MAX_LETTERS:  # a message may quote a file
         line = f"{line[: MAX_LETTERS // 2]} ... {line[-MAX_LETTERS // 2 :]}"
     click.echo(f"lippmann: {line}", err=True)
     try:
         if as_json:
             click.echo(json.dumps({"error": line, "exit_code": code}))
         sys.stdout.flush()
-    except OSError:  # stderr has the message
+    except OSError:  # stderr shows the message
         _drop_output()
     return code
 
 
 def _drop_output() -> None:
-    """Discard the buffer of stdout; Python would flush it into a closed pipe or onto a full disk."""
+    """Discard buffered output, because Python's flush at exit would fail."""
     os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())

@@ -1,4 +1,4 @@
-"""The command `lippmann animate`."""
+"""Command `lippmann animate`."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ from lippmann.scenes.placement import SCALE_RANGE, warn_if_unplaced
 from lippmann.scenes.scene import check_scene_file
 
 MAX_VIEW_PX = 4096
-#: Maximum frame rate of a GIF, as viewers show each frame for at least 20 ms.
+#: Maximum frame rate of a GIF, Hz; GIF viewers show each frame for at least 20 ms.
 GIF_SPEED = 50.0
 
 
@@ -55,12 +55,12 @@ def command(
 ) -> None:
     """Render a film, frame by frame, for a display.
 
-    Frames that are up to date are kept, so the same command continues after an interruption.
+    After an interruption, the same command continues, because it keeps up-to-date frames.
 
     Example: lippmann animate scenes/films/swim.toml --display scenes/displays/paper-square.toml -o out/swim
     """
     if (view is None) != (eye is None) or (width and view is None):
-        raise InputError("--eye and --width belong to --view; give --view and --eye")
+        raise InputError("--view needs --eye, and --width needs both; give --view and --eye")
     if fit and scale != 1.0:
         raise InputError("--scale and --fit both place the film; leave one out")
     executor = choose_executor(workers, scheduler, device)

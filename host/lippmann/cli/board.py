@@ -1,4 +1,4 @@
-"""The commands `lippmann board`."""
+"""Commands `lippmann board`."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ LOOK_SLOT = REGISTERS["scene.layer_0_look"].fields["slot"]
 
 @click.group("board")
 def command() -> None:
-    """Start a virtual board, and use a real or virtual board.
+    """Start a virtual board; control a real or virtual board.
 
     Example: lippmann board info
     """
@@ -43,12 +43,12 @@ command.add_command(stop_command)
 @make_command("program", command)
 def program_command(
     file: Path = argument("FILE.bit"),
-    board: str | None = option("Name of the board, for a bitstream without one.", metavar="NAME"),
+    board: str | None = option("Name of the board, if the bitstream names none.", metavar="NAME"),
     serial: str | None = option("Serial number of the board's USB adapter."),
-    flash: bool = option("Write the flash memory, which keeps the bitstream without power."),
+    flash: bool = option("Write the bitstream to flash memory, which keeps it at power-off."),
     display_path: Path | None = option("Refuse a bitstream that is not for this display file."),
 ) -> None:
-    """Load a bitstream into an FPGA board with openFPGALoader; without --flash, it is lost at power-off.
+    """Load a bitstream into an FPGA board (openFPGALoader); power-off erases it without --flash.
 
     Example: lippmann board program build/bitstream/ulx3s-vga-square.bit
     """
@@ -56,7 +56,7 @@ def program_command(
     if display_path:
         display = load_display(display_path)
         if header.identity != display.identity:
-            what = f"the bitstream is for display {header.identity or 'unknown'}, {display_path} is {display.identity}"
+            what = f"its display is {header.identity or 'unknown'}, but {display_path} is display {display.identity}"
             raise input_error(file, what, f"run make bitstream DISPLAY={display_path}")
     programmed = program(file, board, serial, flash)
     about = {name: getattr(header, name) for name in ("device", "display", "identity", "design")}
@@ -93,7 +93,7 @@ def info_command(*, open_board: OpenBoard = OPEN_BOARD) -> None:
 
 @make_command("setup", command)
 def setup_command(display: Display = DISPLAY, force: bool = FORCE_BOARD, open_board: OpenBoard = OPEN_BOARD) -> None:
-    """Write a display's optics to the board, which uses them for rays and test patterns.
+    """Write a display's optics to a board, for rays and test patterns.
 
     Example: lippmann board setup --display scenes/displays/vga-square.toml
     """
@@ -104,22 +104,23 @@ def setup_command(display: Display = DISPLAY, force: bool = FORCE_BOARD, open_bo
 
 @make_command("abort", command)
 def abort_command(*, open_board: OpenBoard = OPEN_BOARD) -> None:
-    """End the frame that the board's optics trace, or cancel a pending start.
+    """Stop the frame that the board's optics trace, or cancel a pending frame start.
 
-    While the optics trace, other requests for them are refused. The panel's picture stays.
+    While the optics trace, the board refuses other requests for the optics. The panel
+    keeps its picture.
 
     Example: lippmann board abort
     """
     with open_board() as board:
         ran = board.frame_runs()  # the frame may end by itself
         board.abort()
-        text = "the frame was ended" if ran else "no frame ran"
+        text = "the frame was stopped" if ran else "no frame ran"
         emit({"port": board.line.url, "aborted": ran}, f"{board.line.url}: {text}")
 
 
 @make_command("reset", command)
 def reset_command(*, open_board: OpenBoard = OPEN_BOARD) -> None:
-    """Reset a board to its state after power-up: black panel, no frames, tiles or registers.
+    """Reset a board to its state after power-up: black panel, no tiles, default registers.
 
     Example: lippmann board reset
     """
@@ -132,11 +133,11 @@ def reset_command(*, open_board: OpenBoard = OPEN_BOARD) -> None:
 def check_command(
     display: Display = DISPLAY,
     region: tuple[int, ...] | None = option(
-        "Compare only the pixels of this region.", kind=vector("LEFT,TOP,WIDTH,HEIGHT", int)
+        "Compare only the rays of this region of pixels.", kind=vector("LEFT,TOP,WIDTH,HEIGHT", int)
     ),
     open_board: OpenBoard = OPEN_BOARD,
 ) -> None:
-    """Compare the board's rays bit for bit with the integer twin's rays, using one CRC-32.
+    """Compare the board's rays bit for bit with the integer twin's rays, by a CRC-32.
 
     Example: lippmann board check --display scenes/displays/vga-square.toml
     """
@@ -163,8 +164,8 @@ def read_command(
 ) -> None:
     """Read COUNT registers, starting at a register's name or address.
 
-    Register names of the optics block (address 0x200) begin with `optics.`; register
-    names of the scene (0x400) begin with `scene.`.
+    Names of optics registers (address 0x200 on) begin with `optics.`, names of scene
+    registers (0x400 on) with `scene.`.
 
     Example: lippmann board read display
     """
@@ -193,7 +194,7 @@ def write_command(
 ) -> None:
     """Write registers, by name or address.
 
-    VALUES are words for this register and the next ones, or fields of this one:
+    VALUES are words for REGISTER and the registers after it, or fields of REGISTER:
     FIELD=VALUE.
 
     Example: lippmann board write display pattern=4
@@ -202,13 +203,13 @@ def write_command(
     fields = target.fields
     by_field = any("=" in value for value in values)
     if by_field and not (fields and all("=" in value for value in values)):
-        raise InputError(f"{' '.join(values)}: give words, or FIELD=VALUE of a register name")
+        raise InputError(f"{' '.join(values)}: give either words, or FIELD=VALUE with a register's name")
     if "write" not in target.access:
         raise input_error(register, "can only be read", "see docs/generated/board-registers.md")
     numbers = [] if by_field else [_number(value, value, WORD) for value in values]
-    if fields and len(numbers) == 1:  # a memory has no fields
+    if fields and len(numbers) == 1:  # an address in a memory has no fields
         if numbers[0] & ~sum(field.mask for field in fields.values()):
-            raise input_error(values[0], f"{register} has no field in some of these bits", f"use {', '.join(fields)}")
+            raise input_error(values[0], f"sets bits outside the fields of {register}", f"use {', '.join(fields)}")
         for name, field in fields.items():
             _check_named(values[0], name, field, numbers[0])
     with open_board() as board:
@@ -218,7 +219,7 @@ def write_command(
         for address, word in enumerate(numbers, target.address // 4):
             if 4 * address in LOOKS and (slot := LOOK_SLOT.value(word)) >= slots:
                 what = f"the board has no slot {slot}"
-                raise input_error(" ".join(values), what, f"it has {slots}: give 0 to {slots - 1}")
+                raise input_error(" ".join(values), what, f"give a slot from 0 to {slots - 1}")
         board.write(target.address, numbers)
     result = {"address": target.address, "words": numbers}
     emit(result, f"0x{target.address:03X}  {' '.join(f'0x{n:08X}' for n in numbers)}")

@@ -1,4 +1,4 @@
-"""The commands `lippmann board start` and `stop`."""
+"""Commands `lippmann board start` and `stop`."""
 
 from __future__ import annotations
 
@@ -27,8 +27,8 @@ from lippmann.simulation import virtual_board
 
 #: Pause between two checks of a running board, s.
 CHECK_S = 0.1
-#: Environment variable with the id of the process that waits for a background board.
-#: The board ends if this process has ended.
+#: Environment variable with the id of the process that started a background board.
+#: The board ends if that process ends before the board is ready.
 LAUNCHER = "LIPPMANN_LAUNCHER"
 #: Maximum time for writing the last captured frames, s.
 CAPTURE_SECONDS = 10.0
@@ -49,7 +49,7 @@ def _drawing(
     values = {"--slots": slots, "--slot": slot, "--bilinear": bilinear or None, "--samples": samples}
     names = [name for name, value in values.items() if value is not None]
     if names:
-        raise input_error(", ".join(names), "only a board that draws scenes has this", "add --layers N")
+        raise input_error(", ".join(names), "needs a board that draws scenes", "add --layers N")
     return None
 
 
@@ -63,39 +63,37 @@ def start_command(
     tcp_port: int | None = option("TCP port on loopback; 0 selects a free port.", kind=click.IntRange(0, 65535)),
     baud: int | None = option("Simulate a UART with this baud rate.  [default: no UART]", kind=click.IntRange(1)),
     fraction_bits: int | None = option(
-        "Fraction bits of words.  [default: 16; 18 for nearest texels]", kind=FRACTION_BITS
+        "Fraction bits of the words.  [default: 16; 18 for nearest texels]", kind=FRACTION_BITS
     ),
     capture: Folder | None = option("Folder for a PNG of each new frame; created if missing."),
-    ready: Path | None = option("JSON file with the URL; it exists while the board runs."),
+    ready: Path | None = option("JSON file for the board's URL; the file exists while the board runs."),
     trace: Path | None = option("Write waveforms of the clock cycles --trace-clocks.", metavar="FILE.fst"),
     scene: SceneBuild | None = DRAWING,
-    memory: virtual_board.Memory = option(
-        "Memory of the frames: block RAM, or SDRAM with a real board's controller.", "block"
-    ),
-    background: bool = option("Return when the board is ready; needs --ready."),
+    memory: virtual_board.Memory = option("Frame memory: block RAM, or SDRAM with a real board's controller.", "block"),
+    background: bool = option("Run the board in the background; needs --ready."),
     trace_clocks: tuple[int, int] = option(None, (0, 10**6), (click.IntRange(0), click.IntRange(1)), show_default=True),
 ) -> None:
     """Run a virtual board until Ctrl-C.
 
-    Verilator simulates the board's RTL. The port is a Unix socket that only you may
-    open, TCP on loopback, or a pty.
+    Verilator simulates the board's RTL. The port is a Unix socket that only your user
+    can open, a TCP port on loopback, or a pty.
 
     Example: lippmann board start --display scenes/displays/paper-square.toml --capture
     out
     """
     if line in ("pty", "unix") and tcp_port is not None:
         kind = "a pty" if line == "pty" else "a Unix socket"
-        raise input_error("--tcp-port", f"{kind} has no port number", "leave it out, or use --line tcp")
+        raise input_error("--tcp-port", f"{kind} has no port number", "leave out --tcp-port, or use --line tcp")
     if trace_clocks[0] >= trace_clocks[1]:
         what = f"{trace_clocks[0]} to {trace_clocks[1]} is an empty range"
-        raise input_error("--trace-clocks", what, "give the first clock first")
+        raise input_error("--trace-clocks", what, "give the smaller number first")
     virtual_board.check_panel(display)
     _check_places(capture, ready, trace)
     if background and not ready:
         raise InputError("--background needs --ready FILE, which `lippmann board stop` reads")
     if tcp_port:
         virtual_board.check_free(tcp_port)
-    log("starting the board; the first start compiles it (half a minute) ...")
+    log("starting the board (first start: half a minute) ...")
     if background and ready:
         _in_background(ready)
         return
@@ -132,7 +130,7 @@ def _serve(
         try:
             if ready:
                 if os.environ.get(LAUNCHER) not in (None, str(os.getppid())):
-                    raise DeviceError(f"{ready}: the command that waited for this board was killed; start it again")
+                    raise DeviceError(f"{ready}: the command that started this board was killed; start the board again")
                 write_file(ready, json.dumps(result) + "\n")
             emit(result, f"{display.name}: {board.url} (Ctrl-C ends it)")
             sys.stdout.flush()
@@ -142,7 +140,7 @@ def _serve(
                         virtual_board.keep_as_png(capture, display, after)
                     time.sleep(CHECK_S)
         except KeyboardInterrupt:
-            interrupts.received.clear()  # Ctrl-C is the usual end
+            interrupts.received.clear()  # Ctrl-C is the normal way to stop a board
     speed = f"{counts['clocks'] / counts['seconds'] / 1e6:.2f} M clocks/s, {counts['frames']} frames"
     log(f"{speed}, {counts['bytes_in']} bytes in, {counts['bytes_out']} out")
 
@@ -154,7 +152,7 @@ def _check_places(capture: Path | None, ready: Path | None, trace: Path | None) 
             capture.mkdir(parents=True, exist_ok=True)
         except PermissionError:
             raise input_error("--capture", f"{capture} cannot be created", change) from None
-        except OSError:  # the checks below refuse it
+        except OSError:  # the checks below report the error
             pass
     folders = {"--capture": capture, "--ready": ready and ready.parent, "--trace": trace and trace.parent}
     for name, place in folders.items():
@@ -169,16 +167,16 @@ def _check_places(capture: Path | None, ready: Path | None, trace: Path | None) 
     if ready and ready.is_dir():
         raise input_error("--ready", f"{ready} is a folder", "name a file")
     if ready and _is_running((other := _content(ready)).get("pid")):
-        what = f"{ready} belongs to a board that runs ({other['url']})"
-        raise input_error("--ready", what, "end it, or name a new file")
+        what = f"{ready} belongs to a running board ({other['url']})"
+        raise input_error("--ready", what, "stop that board, or name a new file")
 
 
 def _in_background(ready: Path) -> None:
     ready.unlink(missing_ok=True)
     output = Path(f"{ready}.log")
     if (failure := _failure(output)) is not None:
-        log(f"the board before had ended: {failure} (exit code {failure.exit_code})")
-    # With --json, the last line of the log is the error.
+        log(f"the previous board had ended: {failure} (exit code {failure.exit_code})")
+    # With --json, the last line of the board's log is its error.
     arguments = [word for word in click.get_current_context().obj if word not in ("--background", "--json")]
     words = [sys.executable, "-P", "-m", "lippmann", *arguments, "--json"]
     environment = {**os.environ, LAUNCHER: str(os.getpid())}
@@ -196,18 +194,18 @@ def _in_background(ready: Path) -> None:
                 time.sleep(CHECK_S)
         if not ready.exists():
             # After a crash, or on a full disk, the log has no message.
-            what = f"the board ended without a message ({process.returncode})"
-            silent = DeviceError(f"{what}; start it without --background to see more")
+            what = f"the board ended without a message (exit code {process.returncode})"
+            silent = DeviceError(f"{what}; start the board without --background to see its output")
             failure = _failure(output) or (no_space(str(output)) if on_full_disk(output) else silent)
             output.unlink()
             raise failure
         result = json.loads(ready.read_text())
         emit(result, f"{result['url']} (lippmann board stop --ready {shlex.quote(str(ready))} ends it)")
         sys.stdout.flush()
-    except BrokenPipeError:  # the reader of stdout has ended
+    except BrokenPipeError:  # the program that reads stdout has ended
         raise
     except (KeyboardInterrupt, OSError):  # OSError: the URL cannot be printed
-        os.killpg(process.pid, signal.SIGTERM)  # including its compilers
+        os.killpg(process.pid, signal.SIGTERM)  # this also ends the board's compilers
         process.wait()
         output.unlink()
         raise
@@ -245,8 +243,8 @@ def _is_running(pid: int | None) -> bool:
 
 
 @make_command("stop")
-def stop_command(ready: Path = option("The --ready file of the board's start.")) -> None:
-    """End a virtual board in the background.
+def stop_command(ready: Path = option("The --ready file that `lippmann board start` wrote.")) -> None:
+    """Stop a virtual board that runs in the background.
 
     Example: lippmann board stop --ready out/board.json
     """
@@ -258,16 +256,16 @@ def stop_command(ready: Path = option("The --ready file of the board's start."))
         if content:
             ready.unlink(missing_ok=True)
         if failure is None:
-            raise DeviceError(f"{ready}: its board had ended already, without a message; the file is removed")
-        raise type(failure)(f"its board had ended already: {failure} (exit code {failure.exit_code})")
+            raise DeviceError(f"{ready}: the board had already ended without a message; the file is removed")
+        raise type(failure)(f"the board had already ended: {failure} (exit code {failure.exit_code})")
     url, pid = content["url"], content["pid"]
     os.kill(pid, signal.SIGINT)
-    # The board stops its simulator first, and then writes frames.
+    # The board stops its simulator first, and then writes the captured frames.
     seconds = virtual_board.STOP_SECONDS + CAPTURE_SECONDS
     until = time.monotonic() + seconds
-    while _is_running(pid):  # the ready file disappears before the process
+    while _is_running(pid):  # the board removes the ready file before its process ends
         if time.monotonic() > until:
-            raise DeviceError(f"{url}: the board does not end within {seconds:g} s; kill process {pid}")
+            raise DeviceError(f"{url}: the board did not end within {seconds:g} s; kill process {pid}")
         time.sleep(CHECK_S)
     if (failure := _failure(output)) is not None:
         raise failure

@@ -1,4 +1,4 @@
-"""The commands `lippmann calibrate`."""
+"""Commands `lippmann calibrate`."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ from lippmann.display.description import Display, load_display
 from lippmann.errors import InputError, input_error
 from lippmann.optics.zones import status_share
 
-PANEL_PORT = option("Stream the patterns to this board, which drives the panel.", metavar="URL")
+PANEL_PORT = option("Port of the board that drives the panel and shows the patterns.", metavar="URL")
 
 
 @click.group("calibrate")
@@ -59,8 +59,8 @@ def patterns_command(
 ) -> None:
     """Draw the patterns for a camera: Gray code, phase shift, white, black, marks.
 
-    Show the patterns one after the other, full-screen and unscaled; --port lets a board
-    show them.
+    Show the patterns on the panel one after the other, full-screen and unscaled. With
+    --port, a board shows the patterns.
 
     Example: lippmann calibrate patterns scenes/displays/vga-square.toml -o out/patterns
     """
@@ -74,7 +74,7 @@ def patterns_command(
             time.sleep(wait_s)
     names = [one.name for one in files]
     result = {"folder": output, "patterns": names, "period_px": patterns.period_px, "streamed": port is not None}
-    text = f"{output}: {len(files)} patterns and {FILE}; photograph each from 3 positions into position-1, -2, -3"
+    text = f"{output}: {len(files)} patterns and {FILE}; photograph all from 3 positions: position-1, -2, -3"
     emit(result, text, display)
 
 
@@ -83,14 +83,14 @@ def _check_same_panel(built: Display, display: Display) -> None:
     if (panel.width_px, panel.height_px) != (own.width_px, own.height_px):
         size = f"the panel has {panel.width_px} x {panel.height_px} pixels"
         what = f"{size}, '{display.name}' has {own.width_px} x {own.height_px}"
-        raise input_error(f"display '{built.name}'", what, "give a file of the same panel")
+        raise input_error(f"display '{built.name}'", what, "give a display file with the same panel")
 
 
 @make_command("shoot", command)
 def shoot_command(
     display: Display = argument("DISPLAY.toml"),
     output: Folder = option("Output folder for the photographs, such as photos/position-1."),
-    camera: int = option("Number of the webcam.", 0, click.IntRange(0, 999)),
+    camera: int = option("Number of the webcam; the first is 0.", 0, click.IntRange(0, 999)),
     monitor: int = option("Number of the monitor that is the panel.", 0, click.IntRange(0)),
     port: str | None = PANEL_PORT,
     baud: int | None = BAUD,
@@ -103,7 +103,7 @@ def shoot_command(
     seed: int = option("Random seed of simulated rays and noise.", 0, click.IntRange(0)),
     device: str = DEVICE,
 ) -> None:
-    """Show each pattern and photograph it with a webcam, or by simulation.
+    """Show each pattern and photograph it with a webcam or a simulated camera.
 
     Run the command once per camera position. The camera must not move during a run.
 
@@ -118,7 +118,7 @@ def shoot_command(
         if simulated is None or place is None:
             raise InputError("a simulated camera needs both --simulated BUILT.toml and --from X,Y,Z")
         _check_same_panel(simulated, display)
-        # All positions share a focal length, as a zoom would look like another distance.
+        # All positions use one focal length, because zoom and distance look alike.
         focal_px, height = focal * width, round(width * 0.75)
         eye = Camera(place, (0.0, 0.0, 0.0), 0.0, width, height, focal_px, pupil_mm=1.0, blur_px=0.5)
         with own_variant(device), tempfile.TemporaryDirectory() as folder:
@@ -143,11 +143,11 @@ def shoot_command(
 def solve_command(
     photos: Path = argument("PHOTOS"),
     display_path: Path = DISPLAY,
-    output: Path = option("Calibrated display file (.toml); a .npz for `report` is written beside it."),
+    output: Path = option("Calibrated display file (.toml); a .npz for `report` is written to its folder."),
     bow: bool = option("Also fit tilts and curvatures of the array."),
     radius: bool = option("Also fit the lenslets' radius."),
 ) -> None:
-    """Compute the array's rotation, pitches, shear, offset and gap from photographs, with uncertainties.
+    """Compute the array's rotation, pitches, shear, offset and gap from photographs.
 
     PHOTOS contains a folder per camera position: position-1 and so on. Each photograph
     has the file name of its pattern.
@@ -176,26 +176,26 @@ def solve_command(
     emit({**solution.summary(), "output": output, "kept": sidecar_path}, lines)
 
 
-#: Minimum fraction of the panel that an eye sees without crosstalk.
+#: Minimum fraction of the panel that the eye of `check` must see without crosstalk.
 MIN_OWN_SHARE = 0.5
-#: Fraction below which crosstalk is logged; at higher fractions, only the corners of
-#: cells have crosstalk.
+#: Fraction of the panel without crosstalk below which `check` logs a note. Above this
+#: fraction, only the corners of lenslet cells have crosstalk.
 LOGGED_SHARE = 0.95
 
 
 @make_command("check", command)
 def check_command(
     display: Display = argument("CALIBRATED.toml"),
-    output: Folder | None = option("Output folder for the pictures."),
-    eye: Point | None = option("Position of the eye that sees white, mm."),
-    photos: Folder | None = option("Judge the photographs of 1-white and 2-dark in this folder."),
+    output: Folder | None = option("Output folder for the test pictures."),
+    eye: Point | None = option("Position of the eye that sees 1-white as white, mm."),
+    photos: Folder | None = option("Check the photographs of 1-white and 2-dark in this folder."),
     device: str = DEVICE,
 ) -> int:
-    """Draw pictures that show whether a calibration is correct, or judge photographs of these pictures.
+    """Draw pictures that test a calibration, or check photographs of these pictures.
 
-    The eye sees 1-white as white; from other positions it is black. 2-dark is the
-    inverse of 1-white. 3-rings shows rings to every eye. Photograph the pictures from
-    the eye's position.
+    1-white is white from the eye's position, and black from other positions. 2-dark is
+    the inverse of 1-white. 3-rings shows rings to every eye. Photograph the pictures
+    from the eye's position.
 
     Exit code 0: the calibration is correct; 4: a part of the panel is wrong.
 
@@ -206,22 +206,22 @@ def check_command(
     if photos is not None:
         verdict = judge_folder(photos)
         right, dark, worst = (100.0 * x for x in (verdict.right_share, verdict.dark_share, verdict.worst_dark_share))
-        text = f"{right:.1f} % of the panel is right; dark has {dark:.1f} % of the light ({worst:.1f} % at its worst)"
+        text = f"{right:.1f} % of the panel is correct; dark has {dark:.1f} % of the light (at most {worst:.1f})"
         emit(asdict(verdict), f"{photos}: {text}", display)
         return 0 if verdict.right else FOUND_WRONG
     if output is None or eye is None:
-        raise InputError("give an eye and a folder, --eye X,Y,Z -o FOLDER, or photographs with --photos FOLDER")
+        raise InputError("give --eye X,Y,Z and -o FOLDER to draw, or --photos FOLDER to check")
     own, place = status_share(display, eye)["ok"], ",".join(f"{x:g}" for x in eye)
     if own < MIN_OWN_SHARE:
-        what = f"the eye sees {100.0 * own:.0f} % of the panel through the lenslets in front, else neighbours' pixels"
-        raise input_error(f"--eye {place}", what, "choose a position nearer to the axis, or farther away")
+        what = f"the eye sees only {100.0 * own:.0f} % of the panel without crosstalk"
+        raise input_error(f"--eye {place}", what, "move the eye nearer to the axis, or away from the panel")
     make_folder(output)
     with own_variant(device):
         images = pictures(display, eye)
     for name, image in images.items():
         image.save(output / f"{name}.png")
     if own < LOGGED_SHARE:
-        log(f"{100.0 * (1.0 - own):.0f} % of the panel stays dark in 1-white: the eye sees neighbours' pixels there")
+        log(f"{100.0 * (1.0 - own):.0f} % of the panel is dark in 1-white: the eye sees crosstalk there")
     result = {"folder": output, "pictures": list(images), "eye_mm": eye, "own_share": own}
     emit(result, f"{output}: {', '.join(images)}; look from {place} mm", display)
     return 0
@@ -231,10 +231,10 @@ def check_command(
 def report_command(
     display_path: Path = argument("CALIBRATED.toml"),
     output: Folder = option("Output folder for the page."),
-    eye: Point | None = option("Position of the eye of the two views, mm.  [default: the first camera]"),
+    eye: Point | None = option("Position of the eye for both views, mm.  [default: the first camera]"),
     device: str = DEVICE,
 ) -> None:
-    """Write a page about a calibration: uncertainties, residuals, and an eye's view before and after.
+    """Write a page about a calibration: uncertainties, residuals, and views before and after it.
 
     Example: lippmann calibrate report calibrated.toml -o out/calibration
     """

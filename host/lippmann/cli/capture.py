@@ -1,4 +1,4 @@
-"""The command `lippmann capture`."""
+"""Command `lippmann capture`."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ from lippmann.rendering.sampling import Aperture
 from lippmann.scenes.placement import warn_if_unplaced
 from lippmann.scenes.scene import Scene, check_scene_file
 
-#: Names of the parameters of `lippmann.capture` in `Settings`.
+#: Fields of `Settings` that are parameters of `lippmann.capture`.
 CAPTURE_SETTINGS = ("samples", "integrator", "max_depth", "seed", "memory_mb", "shading")
 
 
@@ -39,14 +39,14 @@ def command(
         "Rotate elemental images by 180 degrees for correct depth.  [default: yes, except for concave lenslets]",
         flag="--rotate/--no-rotate",
     ),
-    size: int | None = option("Width of the image, pixels; the window does not change.  [default: the display's]"),
+    size: int | None = option("Width of the image, pixels, for the same panel size.  [default: the display's]"),
     display_out: Path | None = option("Also write the display file (.toml) for the image."),
     aperture: Aperture | None = option("Rays of a pickup: full lenslet, or chief rays.  [default: full]"),
     settings: Settings = SETTINGS,
     seed: int = SEED,
     device: str = DEVICE,
 ) -> None:
-    """Capture a scene through an imaging lens and a microlens array, as an integral image for a display.
+    """Capture a scene through a lens and a microlens array, as an integral image for a display.
 
     Example: lippmann capture scenes/fish/fish.xml --setup scenes/setups/fig8a.toml -o
     fish.exr
@@ -56,7 +56,7 @@ def command(
     if display_out:
         check_output(display_out, (".toml",))
         if display_out.exists() and display_out.read_bytes() != display_text(setup.display).encode():
-            raise input_error(display_out, "exists already and is not the display of this image", "give another name")
+            raise input_error(display_out, "is another display's file", "give another name")
     rotate = not setup.concave if rotate is None else rotate
     scene_file = check_scene_file(scene_path)
     warn_if_unplaced(scene_file)

@@ -1,4 +1,4 @@
-"""The command `lippmann demo`."""
+"""Command `lippmann demo`."""
 
 from __future__ import annotations
 
@@ -43,17 +43,17 @@ from lippmann.simulation.virtual_board import board_build, compile_board
 SCENE = "fish/fish.xml"
 DISPLAY = "displays/paper-square.toml"
 DRAWN_DISPLAY = "displays/vga-square.toml"
-#: Paths that the board draws, keyed by name: a film of layers, and layers at rest.
+#: Files that the board draws, keyed by name: a film of layers, and static layers.
 FILMS = {"fish": "films/swim-layers.toml", "chart": "layers/chart"}
 EYE_DISTANCE_MM = 600.0
 #: Maximum movement of the eye to each side, mm.
 REACH_MM = 30.0
 FRAMES = 15
-#: Number of views of layers at rest; a film has a view per frame.
+#: Number of views of static layers; a film has one view per frame.
 STILL_VIEWS = 16
 VIEW_WIDTH_PX, DRAWN_VIEW_WIDTH_PX = 500, 400
 VIEW_SAMPLES = 64
-#: Side of the central region in which rays are compared, pixels.
+#: Side length of the central region in which rays are compared, pixels.
 REGION_PX = 512
 
 
@@ -81,7 +81,7 @@ def command(
         image = _render(scene, display, out, device)
         frame = panel_values(image.radiance, panel.transfer, panel.bits)
         columns, rows = _middle(panel.width_px), _middle(panel.height_px)
-        log("starting the virtual board (compiled once, half a minute) ...")
+        log("starting the virtual board (first start: half a minute) ...")
         with progress_bar("stream") as progress, capturing(display) as captured:
             check = check_rays(captured.board, display, columns, rows)
             transfer = send_frame(captured.board, frame, progress)
@@ -111,9 +111,9 @@ def command(
     }
     write_file(out / "demo.json", json.dumps(result, indent=2) + "\n")
     if not (result["rays_equal"] and result["bytes_differ"] == 0 and result["crc_equal"]):
-        raise DeviceError(f"{out / 'demo.json'}: the board did not show what was rendered; please report this")
+        raise DeviceError(f"{out / 'demo.json'}: the board's frame is not the render; please report this")
     if any(film["pixels_differ"] or film["underflows"] for film in drawn.values()):
-        raise DeviceError(f"{out / 'demo.json'}: the board did not draw what the twin draws; please report this")
+        raise DeviceError(f"{out / 'demo.json'}: board and twin drew different frames; please report this")
     emit(result, (f"{what:<85}{out / where if where else ''}".rstrip() for what, where in _steps(result, panel)))
 
 
@@ -122,7 +122,7 @@ def _render(scene: Scene, display: Display, out: Path, device: str) -> IntegralI
         image = api.render(scene, display, model="exact", device=device, progress=progress)
     image.save(out / "fish.exr")
     image.save(out / "fish.png")
-    log(f"the first picture is there: {out / 'fish.png'} (zoom in to find the lenslets)")
+    log(f"the first picture is ready: {out / 'fish.png'} (zoom in to see the lenslets)")
     return image
 
 
@@ -179,7 +179,7 @@ def _views(scene: Scene, image: IntegralImage, out: Path) -> tuple[list[Direct],
 def _draw_films(scenes: Path, out: Path) -> dict[str, dict[str, Any]]:
     display = load_display(scenes / DRAWN_DISPLAY)
     window = whole_window(display, DRAWN_VIEW_WIDTH_PX)
-    log("starting a virtual board that draws (compiled once, half a minute) ...")
+    log("starting a virtual board that draws (first start: half a minute) ...")
     results = {}
     for name, path in FILMS.items():
         film = load_layer_film(scenes / path)
@@ -200,7 +200,7 @@ def _draw(display: Display, film: LayerFilm, name: str) -> tuple[list[IntegralIm
         scene = SceneBoard(captured.board)
         loaded, slots = load_textures(scene, display, film)
         played = play_film(scene, display, film, slots, every_frame=True, progress=progress)
-        captured.board.panel_crc()  # wait for the last frame
+        captured.board.panel_crc()  # wait until the last frame was scanned out
     optics, frames = board_build(display, build), captured.frames[1:]
     drawn = [draw(display, optics, film.at(frame)[0], build) for frame in range(film.frames)]
     # Successive equal frames are captured only once.

@@ -1,4 +1,4 @@
-"""The command `lippmann display`."""
+"""Command `lippmann display`."""
 
 from __future__ import annotations
 
@@ -25,14 +25,14 @@ def command(
     seconds: float | None = option("Duration in seconds.  [default: until Escape or q]", kind=finite(0.0)),
     force: bool = FORCE,
 ) -> None:
-    """Show an image full-screen and unscaled on a monitor that is the panel behind the microlens array.
+    """Show an image full-screen and unscaled on the monitor behind a microlens array.
 
     Example: lippmann display out/fish.png --display scenes/displays/uhd-4k.toml
     --monitor 1
     """
     check_input(image)
     if display is None and port is None:
-        raise InputError("give the display with --display FILE, or a board of this display with --port URL")
+        raise InputError("no display; give --display FILE, or a board with --port URL")
     panel = None if display is None else display.panel
     if display is not None:
         target = Target(int(display.identity, 16), display.panel.width_px, display.panel.height_px)

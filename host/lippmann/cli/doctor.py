@@ -1,4 +1,4 @@
-"""The command `lippmann doctor`."""
+"""Command `lippmann doctor`."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from lippmann.cli.output import emit
 from lippmann.errors import EXTRA_MODULES, DeviceError, LippmannError, MissingLibraryError, missing_library, to_install
 from lippmann.simulation.toolchain import RTL_TOOLS
 
-#: Error if the libraries for ports are missing; otherwise None.
+#: Error about a missing library for serial ports, if any.
 NO_PORTS: MissingLibraryError | None = None
 try:
     from lippmann.board.bitstreams import LOADER
@@ -31,13 +31,13 @@ NO_ANSWER = "the port opens, but no board answers at any baud rate; check the bo
 
 @make_command("doctor")
 def command(
-    port: str | None = option("Search for a board at this port at all common baud rates (1 s each).", metavar="URL"),
+    port: str | None = option("Search for a board at this port, at all common baud rates.", metavar="URL"),
 ) -> int:
     """Check libraries, rendering, RTL tools and serial ports.
 
     Exit code 3: something required is missing. With --port, exit code 1: no board
-    answers. RTL tools are required only for simulation (`trace --engine rtl`, the
-    virtual board), synthesis and proofs.
+    answers. Only simulation (`trace --engine rtl`, virtual boards), synthesis and
+    proofs need RTL tools.
 
     Example: lippmann doctor
     """
@@ -107,7 +107,7 @@ def _board_text(url: str) -> str:
 
 
 def _packages() -> Iterator[tuple[str, str]]:
-    yield "drjit", "render"  # required by Mitsuba
+    yield "drjit", "render"  # Mitsuba requires drjit
     for line in metadata.requires("lippmann") or []:
         package, _, condition = line.partition(";")
         extra = "".join(re.findall(r'extra == "(\w+)"', condition))

@@ -1,4 +1,4 @@
-"""The commands `lippmann export`."""
+"""Commands `lippmann export`."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ from lippmann.scenes.window_views import EYES, eyes_note, eyes_text, quilt_path,
 
 @click.group("export")
 def command() -> None:
-    """Write scenes and pictures in the formats of other tools.
+    """Write scenes and images in the formats of other tools.
 
     Example: lippmann export quilt scenes/fish/fish.xml --display
     scenes/displays/vga-square.toml -o fish.png
@@ -58,12 +58,12 @@ def povray(
 ) -> None:
     """Write files from which POV-Ray 3.7 renders linear images.
 
-    With --setup, the optics become objects in POV-Ray's scene, and the image equals
-    that of `lippmann capture --no-rotate`. With --display, POV-Ray traces one ray per
+    With --setup, the optics become objects in POV-Ray's scene; POV-Ray renders the
+    image of `lippmann capture --no-rotate`. With --display, POV-Ray traces one ray per
     pixel.
 
     docs/reference/povray.md lists the scene elements that can be exported; other
-    elements are errors.
+    elements cause an error.
 
     Example: lippmann export povray scenes/fish/fish.xml --setup
     scenes/setups/fig8a.toml -o out/pov
@@ -73,9 +73,9 @@ def povray(
     if model and setup_path:
         raise InputError("--model is for --display; leave it out with --setup")
     path = check_scene_file(scene_path)
-    make_folder(output, "choose another place with -o")
+    make_folder(output, "choose another folder with -o")
     if kind_of(path) != "mitsuba":
-        raise input_error(scene_path, "is not a Mitsuba scene", "give an .xml file, the only format of this export")
+        raise input_error(scene_path, "is not a Mitsuba scene", "give a Mitsuba .xml file")
     if setup_path:
         setup = load_setup(setup_path)
         view, panel = setup_view(setup), setup.display.panel
@@ -94,7 +94,7 @@ def povray(
     line = f"cd {shlex.quote(str(output))} && povray {exported.ini.name}"
     lines = [f"{output}: {len(exported.files)} files; render: {line}"]
     if exported.spare_rows:
-        lines.append(f"POV-Ray's image has {exported.spare_rows} row more than the panel: remove the top row")
+        lines.append(f"POV-Ray's image has {exported.spare_rows} row more than the panel: remove its top row")
     if program is None:
         lines.append(f"POV-Ray is not installed; {POVRAY.remedy}")
     emit(result, lines)
@@ -102,7 +102,7 @@ def povray(
 
 @dataclass(frozen=True)
 class _Subject:
-    """A scene, or a display that shows an image, with the function that computes its views."""
+    """A scene or a displayed image, with a function that computes its views."""
 
     display: Display
     window: Window
@@ -110,7 +110,7 @@ class _Subject:
     scene: Scene | None
 
     def place(self, eye: Point | None) -> Point:
-        """Return the position of the given eye, or of the middle eye, mm."""
+        """Return `eye`, or the middle eye's position if `eye` is None, mm."""
         return eyes_of(self.display, 1)[0] if eye is None else eye
 
 
@@ -140,8 +140,8 @@ def _subject(
 
 SUBJECT: Any = _subject
 CONE = option("Angle between the outermost eyes, degrees.  [default: the viewing zone]", kind=finite(0.0))
-DISTANCE = option("Distance of the eyes, mm.  [default: the display's]", kind=finite(0.0))
-EYE = option("Position of the eye, mm.  [default: the middle eye]")
+DISTANCE = option("Distance of the eyes from the display, mm.  [default: the display's]", kind=finite(0.0))
+EYE = option("Position of the eye, mm.  [default: the middle of the viewing zone]")
 LINEAR = option("Write EXR files of linear light instead of PNG files.")
 DEPTHS = vector("Z,Z,...", remedy="give a list of numbers such as -20,0,20")
 TILES = click.IntRange(1, MAX_NUMBERS)
@@ -194,12 +194,12 @@ def views(
     subject: _Subject = SUBJECT,
     output: Folder = FOLDER,
     across: int = option("Number of eyes from left to right.", 9, TILES),
-    down: int = option("Number of rows of eyes, from the bottom.", 1, TILES),
+    down: int = option("Number of eyes from bottom to top.", 1, TILES),
     cone: float | None = CONE,
     distance: float | None = DISTANCE,
     linear: bool = LINEAR,
 ) -> None:
-    """Write the views of a scene or an integral image to a file each, and the eyes to views.json.
+    """Write each view of a scene or image to a file, and the eye positions to views.json.
 
     Example: lippmann export views fish.exr --display scenes/displays/paper-square.toml
     -o out/views
@@ -222,10 +222,10 @@ def focal_stack(
     depths: tuple[float, ...] | None = option(
         "Depths z in focus, mm.  [default: five depths in the scene]", kind=DEPTHS
     ),
-    count: int = option("Number of depths in the scene.", 5, TILES),
+    count: int = option("Number of depths in focus, without --depths.", 5, TILES),
     linear: bool = LINEAR,
 ) -> None:
-    """Write the views of an eye with a wide pupil that focuses at several depths, a file per depth.
+    """Write views of an eye with a wide pupil, one file for each depth in focus.
 
     Example: lippmann export focal-stack scenes/fish/fish.xml --display
     scenes/displays/vga-square.toml -o out/focus
@@ -277,11 +277,11 @@ def depth(
 
 
 def _write_folder(subject: _Subject, eyes: list[Eye], folder: Path, stem: str, linear: bool) -> list[str]:
-    make_folder(folder, "choose another place with -o")
+    make_folder(folder, "choose another folder with -o")
     names = [f"{stem}_{k:04d}.{'exr' if linear else 'png'}" for k in range(len(eyes))]
     others = sorted({path.name for path in folder.glob(f"{stem}_[0-9][0-9][0-9][0-9].*")} - set(names))
     if others:
-        raise input_error(folder, f"contains {others[0]} of another export", "choose another -o, or remove the folder")
+        raise input_error(folder, f"contains {others[0]} of another export", "choose another folder with -o")
     for name, eye in zip(names, with_progress("views", eyes), strict=True):
         write_picture(folder / name, subject.view_from(eye), {})
     return names

@@ -1,4 +1,4 @@
-"""The command `lippmann fit`."""
+"""Command `lippmann fit`."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ from lippmann.scenes.scene import check_scene_file
 @make_command("fit")
 def command(
     display: Display = argument("DISPLAY.toml"),
-    tolerance: float = option("Maximum error, in pixels of the reconstructed view; greater than 0.", TOLERANCE),
+    tolerance: float = option("Maximum error, pixels of the reconstructed view; above 0.", TOLERANCE),
     depths: tuple[float, float] | None = option(
         "Depth range z of the scene, mm.  [default: the display's depth range]", kind=vector("FAR,NEAR")
     ),
@@ -48,7 +48,7 @@ def command(
 ) -> None:
     """Choose the cheapest lens model, samples and RTL build; with --scene, also layers and their build.
 
-    Errors of the display's chief rays stay within --tolerance. The command prints its reasons.
+    Errors of the chief rays stay within --tolerance. The command explains each choice.
 
     Example: lippmann fit scenes/displays/paper-square.toml --depths -40,30
     """
@@ -87,15 +87,15 @@ def _samples(best: Fit, tolerance: float) -> str:
     error = best.sample_error_px
     if best.samples is None:
         enough = Context(prec=2, rounding=ROUND_CEILING).create_decimal_from_float(error)
-        refusal = f"samples: {MOST_SAMPLES} a pixel, the maximum, are not enough for {tolerance:g} at these depths"
-        return f"{refusal}; they are enough for --tolerance {enough:g}"
-    return f"samples {best.samples} per pixel: its light is at most {error:.2g} from a ray (tolerance {tolerance:g})"
+        refusal = f"samples: the maximum, {MOST_SAMPLES} per pixel, is not enough for {tolerance:g}"
+        return f"{refusal}; it is enough for --tolerance {enough:g}"
+    return f"samples {best.samples} per pixel: error at most {error:.2g} (tolerance {tolerance:g})"
 
 
 def _build(best: Fit, tolerance: float) -> str:
     build, error = best.build, best.build_error_px
     if build is None and math.isinf(error):
-        return "RTL: no build can hold this display or give its rays"
+        return "RTL: no build supports this display and its rays"
     if build is None:
         return f"RTL: no build is within {tolerance:g} (smallest error {error:.2g})"
     kind = f"{build.model}, {build.grid}" + ", near eye" * build.converge
@@ -123,5 +123,5 @@ def _layers(choice: LayerChoice, tolerance_db: float) -> Iterator[str]:
 
 
 def _cut(decibels: float) -> str:
-    """Format decibels, rounded down, so that no value below a tolerance appears equal to it."""
+    """Round decibels down, so that no value below a tolerance appears equal to it."""
     return f"{math.floor(100.0 * decibels) / 100.0:.2f}"

@@ -1,10 +1,10 @@
 """Convert a function to a command; its parameters' defaults declare options and arguments.
 
-By default, type and flag follow from the parameter: `scene_path` becomes --scene,
-`wait_s` --wait, `output` -o. Flags, and options that may be None, need no default. A
-function or class as default is a group: `scene: Scene = _scene` adds the options of
-`_scene`, and receives the result of `_scene`. A group's parameters without default
-receive the command's values.
+An option takes its type and flag from the parameter: `scene_path` becomes --scene,
+`wait_s` --wait, `output` -o. Flags and optional values need no default. A default that
+is a function or class is a group: `scene: Scene = _scene` adds the options of `_scene`,
+and `scene` receives the result of `_scene`. A group's parameters without default
+receive the command's values of the same names.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ from lippmann.errors import did_you_mean
 
 Function = Callable[..., Any]
 REQUIRED = inspect.Parameter.empty
-#: Types for the path of a folder, and for a file or folder name as the user wrote it.
+#: Parameter types: a folder's path; a file's or folder's name as the user wrote it.
 Folder = NewType("Folder", Path)
 Name = NewType("Name", str)
 
@@ -39,7 +39,7 @@ class Kind(click.ParamType[Any]):
         self.form, self.read = form, read
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
-        """Convert a text with `read`; fail with the message of a ValueError."""
+        """Convert a text with `read`; a ValueError becomes a usage error."""
         try:
             return self.read(value) if isinstance(value, str) else value
         except ValueError as error:
@@ -55,7 +55,7 @@ def path_kind(read: Callable[[str], object], form: str = "FILE") -> Kind:
 
     def read_path(text: str) -> object:
         if not text:
-            raise ValueError(f"it is empty; name a {form.lower()}")
+            raise ValueError(f"the name is empty; name a {form.lower()}")
         return read(text)
 
     return Kind(form, read_path)
@@ -68,7 +68,7 @@ JSON = click.Option(("--json", "as_json"), is_flag=True, help="Print one JSON ob
 
 
 class Choice(click.Choice[str]):
-    """Type of an option with fixed values; the message about an invalid value suggests the nearest value."""
+    """Type of an option with fixed values; an error message suggests the nearest value."""
 
     def get_invalid_choice_message(self, value: object, ctx: click.Context | None) -> str:
         """Return the message about an invalid value."""
@@ -77,7 +77,7 @@ class Choice(click.Choice[str]):
 
 @dataclass(frozen=True)
 class Declared:
-    """An option or argument with click's attributes; flags None mean an argument, "" one from the name."""
+    """An option or argument; `flag` None means an argument, "" a flag derived from the name."""
 
     flag: str | None
     attributes: Mapping[str, Any]
@@ -94,7 +94,7 @@ class Declared:
             attributes["required"] = kind is not bool
         if attributes["type"] is None:
             attributes["type"] = Choice(get_args(kind)) if get_origin(kind) is Literal else KINDS.get(kind, kind)
-        # Complete file names, as a text may be a file name.
+        # The shell completes file names, as a text may be one.
         if attributes["type"] is str or getattr(attributes["type"], "form", "") in ("FILE", "FOLDER"):
             attributes["shell_complete"] = lambda *_: [CompletionItem("", type="file")]
         if self.flag is None:
@@ -120,7 +120,7 @@ def argument(metavar: str | None = None, default: object = REQUIRED, kind: objec
 
 
 def make_command(name: str, into: click.Group | None = None) -> Callable[[Function], click.Command]:
-    """Return a decorator that converts a function to a command; the docstring becomes the help text."""
+    """Return a decorator that converts a function to a command, and its docstring to help."""
 
     def decorate(function: Function) -> click.Command:
         def callback(**values: object) -> object:

@@ -1,4 +1,4 @@
-"""The command `lippmann inspect`."""
+"""Command `lippmann inspect`."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ from lippmann.optics.zones import Zone, viewing_distance
 
 #: File extensions for --zones and --draw.
 DRAWING_SUFFIXES = (".svg", ".png")
-#: Module and class that declare each kind of TOML file.
+#: Module and class that declare each kind of TOML file, keyed by kind.
 FILES = {
     "display": ("lippmann.display.description", "DisplayFile"),
     "setup": ("lippmann.capturing.capture_setup", "SetupFile"),
@@ -61,10 +61,9 @@ def command(
     zones: Path | None = option("Draw the viewing zones, seen from above.", metavar="FILE.svg|.png"),
     draw: Path | None = option("Draw the panel and some lenslets.", metavar="FILE.svg|.png"),
 ) -> None:
-    """Print the properties of a display file, with units, warnings, and the views from several distances.
+    """Print a display's properties, warnings, and views from several distances.
 
-    --schema prints a JSON Schema, with which an editor can check TOML files; no display
-    file is read.
+    --schema prints a JSON Schema, with which editors check TOML files.
 
     Example: lippmann inspect scenes/displays/paper-square.toml
     """
@@ -92,7 +91,7 @@ def command(
         "eye": eye_view and _as_json(eye_view),
     }
     if pictures:
-        from lippmann.eye import display_drawing  # imported late, as it loads the engines
+        from lippmann.eye import display_drawing  # late import of the engines
 
         if zones:
             display_drawing.draw_zones(display, zones, eye)

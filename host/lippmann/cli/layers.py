@@ -1,4 +1,4 @@
-"""The command `lippmann layers`."""
+"""Command `lippmann layers`."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ from lippmann.scenes.scene import Part, Scene, check_scene_file, load_scene
 
 #: Default number of layers.
 COUNT = 4
-#: Numbers of layers for which --costs measures decibels.
+#: Layer counts for which --costs measures the PSNR.
 MEASURED = (1, 2, 3, 4, 6, 8)
 
 
@@ -50,20 +50,20 @@ def command(
     display: Display = DISPLAY,
     output: Folder = FOLDER,
     count: int | None = option(f"Number of layers.  [default: {COUNT}]", kind=click.IntRange(1, MAX_LAYERS)),
-    apart: str | None = option("Ids of shapes (`*`, `?`) that get a movable layer of their own."),
+    apart: str | None = option("Ids of shapes (wildcards `*`, `?`) to put into a separate movable layer."),
     slot: tuple[int, int] = option("Maximum size of a layer in texels.  [default: 256x192]", SLOT, TEXELS),
     samples: int = option("Samples per texel.", 16, click.IntRange(1, 4096)),
-    filter: Filter = option("Texture filter for the printed hardware and decibels.", "nearest"),
-    costs: Path | None = option("Also write a table of decibels for 1 to --count layers.", metavar="OUT.csv"),
+    filter: Filter = option("Texture filter for the printed hardware cost and PSNR.", "nearest"),
+    costs: Path | None = option("Also write a table of the PSNR for 1 to --count layers.", metavar="OUT.csv"),
     light: Settings = LIGHT,
     moved: Moved = MOVED,
     seed: int = SEED,
     device: str = DEVICE,
 ) -> None:
-    """Cut a scene into layers that a board draws by itself.
+    """Convert a scene to flat layers that a board draws by itself.
 
     SCENE is a Mitsuba scene, or a folder with a pictures.toml, which lists pictures
-    with opacity and their depths.
+    (with opacity) and their depths.
 
     Example: lippmann layers scenes/chart/chart.xml --display
     scenes/displays/vga-square.toml --scale 0.25 -o out/chart
@@ -72,7 +72,7 @@ def command(
     cuts: list[tuple[Cut, list[float]]]
     if is_pictures(scene_path):
         if moved.changes or apart is not None or table:
-            raise InputError(f"{scene_path}: pictures have fixed positions; leave out --apart, --costs and placements")
+            raise InputError(f"{scene_path}: positions are fixed; leave out --apart, --costs and placement options")
         cut, names = cut_pictures(scene_path, display, slot)
         if count not in (None, len(names)):
             what = f"its {len(names)} pictures make {len(names)} layers, not {count}"
@@ -138,7 +138,7 @@ def _warn_if_undrawable(cut: Cut, display: Display, names: tuple[str, ...]) -> N
     try:
         scene_words(display, cut.stack, scene_build_of(cut.stack, "nearest", 1), names=names)
     except InputError as error:
-        warnings.warn(f"no board can draw this: {error}", LippmannWarning, stacklevel=2)
+        warnings.warn(f"no board can draw these layers: {error}", LippmannWarning, stacklevel=2)
 
 
 def _layers(count: int) -> str:

@@ -1,4 +1,4 @@
-"""The command `lippmann live`."""
+"""Command `lippmann live`."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ VIEW_PX = 480
 def command(
     scene_path: Name = argument("SCENE"),
     display: Display = DISPLAY,
-    monitor: int | None = option("Monitor that is the panel.  [default: a window]", kind=click.IntRange(0)),
+    monitor: int | None = option("Number of the panel's monitor.  [default: a window]", kind=click.IntRange(0)),
     window: bool | None = option(
         "Show a window; --no-window uses only the board of --port.  [default: --window]", flag="--window/--no-window"
     ),
@@ -57,12 +57,12 @@ def command(
     seed: int = SEED,
     device: str = DEVICE,
 ) -> None:
-    """Show a scene on a display, and move the scene by hand.
+    """Show a scene on a display, and move the scene with mouse and keyboard.
 
     Drag to rotate; drag with the right button to shift; scroll to scale. Arrow keys
-    rotate, and shift with Shift. PageUp moves the scene nearer, + and - scale, r
-    resets, q or Escape ends. At rest, the picture becomes finer. Films play; Space
-    stops a film, comma and full stop step through it.
+    rotate, or shift with the Shift key. PageUp moves the scene nearer, + and - scale, r
+    resets, q or Escape ends. While the scene rests, samples are added. Space stops a
+    film; comma and full stop step through its frames.
 
     Example: lippmann live scenes/fish/fish.xml --display scenes/displays/vga-square.toml --eye 0,0,600
     """
@@ -79,7 +79,7 @@ def command(
     lens_model = report_and_choose_model(scene, display, options)
     picture = LivePicture(scene, display, lens_model, settings)
     if view is not None:
-        view.draw(np.zeros((panel.height_px, panel.width_px, 3), np.float32), moving=True)  # compile it
+        view.draw(np.zeros((panel.height_px, panel.width_px, 3), np.float32), moving=True)  # compile the view
     hand = Hand(scene.placement, picture.middle_mm, panel.width_mm / panel.width_px)
     with contextlib.ExitStack() as stack:
         sender, checked = None, None if force else display
@@ -106,7 +106,7 @@ def _emit_result(
     placement = str(hand.placement())
     result = {"scene": scene, "model": model, **asdict(played), "board": board, "placement": placement}
     moving = f"{played.frames} frames at {played.frames_per_second:.1f} a second, " if played.frames else ""
-    end = f"{moving}{played.samples} samples at the end; stood at {placement}"
+    end = f"{moving}{played.samples} samples at the end; final placement {placement}"
     text = f"first picture after {played.first_s:.2f} s; {end}"
     emit({**result, "peak_memory_mb": peak_memory_mb()}, text, display)
 
@@ -123,7 +123,7 @@ def _check_panels(
     if monitor is not None and port is not None:
         raise InputError("--monitor and --port both name a panel; leave one out")
     if window is not None and monitor is not None:
-        raise InputError("--monitor fills a monitor instead of a window; leave one out")
+        raise InputError("--monitor and --window or --no-window exclude each other; leave one out")
     if window is False and (port is None or eye is not None):
         raise InputError("--no-window needs a board: give --port, and leave out --eye")
     if window is not False:
@@ -132,8 +132,8 @@ def _check_panels(
 
 def _film_scale(moved: Moved) -> float | None:
     for name in moved.changes.keys() - {"scale", "fit"}:
-        raise InputError(f"{flag_of(name)} does not place a film; use --scale, --fit or its [world]")
+        raise InputError(f"{flag_of(name)} cannot place a film; use --scale, --fit, or the film's [world]")
     if moved.fit and moved.scale is not None:
         raise InputError("--scale and --fit both place the film; leave one out")
     scale = 1.0 if moved.scale is None else moved.scale
-    return None if moved.fit else Placement(scale).scale  # raises for a scale out of range
+    return None if moved.fit else Placement(scale).scale  # this checks the range of the scale

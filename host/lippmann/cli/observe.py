@@ -1,4 +1,4 @@
-"""The command `lippmann observe`."""
+"""Command `lippmann observe`."""
 
 from __future__ import annotations
 
@@ -106,7 +106,7 @@ def _emit_result(
 ) -> None:
     dark = max(view.status_share["blocked"] for view in views)
     if dark > 0.02:
-        where = "beside the panel" if built.array.extent_mm is None else "beside the panel or on the array's mount"
+        where = "outside the panel" if built.array.extent_mm is None else "outside the panel or on the array's mount"
         log(f"note: up to {100 * dark:.1f} % of the rays end {where}: the view has a dark border")
     shares = [view.status_share for view in views]
     rows = [{"eye_mm": eye.position_mm, "status_share": share} for eye, share in zip(eyes, shares, strict=True)]
@@ -119,7 +119,7 @@ def _emit_result(
 def _check_files(image: str, output: Path, sheet: Path | None, frames: int | None, moves: bool) -> Path:
     if not moves and output.suffix.lower() in {*VIEW_SUFFIXES, *ANIMATION_SUFFIXES}.difference(SUFFIXES):
         remedy = f"give --sweep X0,X1 too, or choose from {', '.join(SUFFIXES)}"
-        raise input_error(output, "is a moving view", remedy)
+        raise input_error(output, "is an animation file", remedy)
     path = check_output(output, VIEW_SUFFIXES + ANIMATION_SUFFIXES if moves else SUFFIXES)
     for flag, value in (("--sheet", sheet), ("--frames", frames)):
         if value is not None and not moves:

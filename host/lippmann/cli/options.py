@@ -15,13 +15,13 @@ from lippmann.errors import InputError
 from lippmann.fixed.words import FRACTIONS, WIDEST
 
 Point = tuple[float, float, float]
-#: Maximum length of a list of numbers, and maximum size of a number. Python can wait
-#: for so many seconds.
+#: Maximum length of a list of numbers, and maximum magnitude of a number. Python can
+#: wait for this number of seconds.
 MAX_NUMBERS, MAX_NUMBER = 100, 1e9
 
 
 def is_given(name: str) -> bool:
-    """Return whether the user gave a parameter of the running command."""
+    """Return whether the user set a parameter of the running command."""
     return click.get_current_context().get_parameter_source(name) is not ParameterSource.DEFAULT
 
 
@@ -38,7 +38,7 @@ def vector(form: str, number: type[float] = float, remedy: str = "") -> Kind:
         except (ValueError, OverflowError):  # OverflowError: too large for a float
             right = False
         if not right:
-            how = remedy or f"give {size} {'whole' if number is int else 'finite'} numbers with commas"
+            how = remedy or f"give {size} {'whole' if number is int else 'finite'} numbers separated by commas"
             raise ValueError(f"'{text}' is not {form}; {how}")
         return numbers
 
@@ -51,7 +51,7 @@ def finite(least: float = -math.inf) -> Kind:
     def read(text: str) -> float:
         number: float = click.FLOAT(text)
         if not math.isfinite(number):
-            raise ValueError(f"'{text}' is not finite; give a number")
+            raise ValueError(f"'{text}' is not finite; give a finite number")
         if not max(least, -MAX_NUMBER) <= number <= MAX_NUMBER:
             low = f"less than {least:g}" if number < least else "too large"
             raise ValueError(f"{text} is {low}; give a number up to {MAX_NUMBER:g}")
@@ -65,18 +65,18 @@ TEXELS = vector("WIDTHxHEIGHT", int, "give texels across and down, such as 256x1
 
 KINDS |= {float: finite(), Point: vector("X,Y,Z")}
 KINDS[Display] = path_kind(lambda text: functools.partial(load_display, text))
-#: Option --display; the parameter's type decides between path and loaded display.
+#: Option --display; the parameter's type selects the path or the loaded display.
 DISPLAY = option("Display file (.toml).", flag="--display")
 FOLDER = option("Output folder; created if missing.")
 PICTURE = option("Output file: linear .exr or .tif, or .png for the panel.", metavar="OUT")
 SCENES = option("Folder of the project's scenes.", "scenes", path_kind(str, "FOLDER"))
 DEVICE = option("Device on which the fast engine and Mitsuba run.", "auto", Choice(["auto", "llvm", "cuda"]))
 LENS_MODEL = option("Lens model.", "exact")
-FORCE = option("Accept an image of another display, or of an unknown display.")
+FORCE = option("Accept an image of another or an unknown display.")
 SEED = option("Random seed.", 0, click.IntRange(0, 2**32 - 1))
 FRACTION_BITS = click.IntRange(FRACTIONS[0], FRACTIONS[-1])
 
-#: Options for the word length of files, and for commands with --engine.
+#: Options for the word length: of fixed-point files, and of commands with --engine.
 FILE_BITS = option("Fraction bits of words in fixed-point files.", WIDEST, FRACTION_BITS)
 ENGINE_BITS = option(f"Fraction bits of words in the engines twin and rtl.  [default: {WIDEST}]", kind=FRACTION_BITS)
 
@@ -84,5 +84,5 @@ ENGINE_BITS = option(f"Fraction bits of words in the engines twin and rtl.  [def
 def shipped_scenes(path: str) -> Path:
     """Return the folder of the project's scenes; raise InputError for another folder."""
     if not (Path(path) / "displays/paper-square.toml").is_file():
-        raise InputError(f"{path}: the project's scenes are not there; run in the project's top folder")
+        raise InputError(f"{path}: the project's scenes are not in this folder; run in the project's top folder")
     return Path(path)

@@ -1,4 +1,4 @@
-"""Options port and baud rate of commands that use a board."""
+"""Options --port and --baud, shared by commands that use a board."""
 
 from __future__ import annotations
 
@@ -24,7 +24,10 @@ FORCE_BOARD = option("Accept a board of another display.")
 
 
 def chosen_port(port: str | None, baud: int | None) -> tuple[str, int]:
-    """Return port and baud rate; without a port, search for the only board. Raises like `find_board`."""
+    """Return port and baud rate; search for the board if `port` is None.
+
+    Raises the errors of `find_board`.
+    """
     url = find_board(baud=baud, allowed=_confirmed) if port is None else port
     return url, baud or usual_baud(url)
 
@@ -32,7 +35,7 @@ def chosen_port(port: str | None, baud: int | None) -> tuple[str, int]:
 def opened_board(
     port: str | None, baud: int | None, display: Display | None = None, action: str = "", frames: bool = False
 ) -> Board:
-    """Open a board; check its display and, with `frames`, its panel.
+    """Open a board; check its display and, if `frames` is True, its panel.
 
     Raises the errors of `chosen_port`, `Board.open`, `check_board` and
     `Board.check_panel`.
@@ -56,19 +59,19 @@ def _open_board(*, port: str | None = PORT, baud: int | None = BAUD) -> OpenBoar
     return functools.partial(opened_board, port, baud)
 
 
-#: Group that provides `opened_board` with the values of --port and --baud.
+#: Option group; its value is `opened_board` with --port and --baud filled in.
 OPEN_BOARD: Any = _open_board
 
 
 def _confirmed(urls: list[str]) -> bool:
-    question = f"No board on a known USB adapter. Send a query to {', '.join(urls)}? Other devices may react to it"
+    question = f"No board answers on a known USB adapter. Query {', '.join(urls)}? Other devices may react"
     return sys.stdin is not None and sys.stdin.isatty() and click.confirm(question, err=True)
 
 
 def check_board(board: Board, display: Display, action: str = "") -> None:
-    """Raise InputError for a board of another display; `action` names the action that --force allows."""
+    """Raise InputError for a board of another display; `action` is what --force allows."""
     identity = f"{board.info.identity:016x}"
     if identity != display.identity:
-        what = f"the board drives display {identity}, '{display.name}' is {display.identity}"
+        what = f"the board drives display {identity}, but '{display.name}' is {display.identity}"
         remedy = f"give the board's display file{action and f', or {action} with --force'}"
         raise input_error(board.line.url, what, remedy)

@@ -1,4 +1,4 @@
-"""Options for rendering and for placing a scene that several commands share."""
+"""Options, shared by several commands, for rendering and for placing a scene."""
 
 from __future__ import annotations
 
@@ -21,13 +21,13 @@ from lippmann.scenes.scene import Scene, load_scene
 
 def _light(
     seed: int,
-    integrator: str = option("Integrator: lights; Mitsuba's direct, path, ...; or scene for the file's own.", "lights"),
+    integrator: str = option("Integrator: lights; Mitsuba's direct, path, ...; or scene (as in the file).", "lights"),
     max_depth: int = option("Maximum number of surfaces per ray, 1 to 1000.", 4),
 ) -> Settings:
     return Settings(integrator=integrator, max_depth=max_depth, seed=seed)
 
 
-#: Group of light-transport options; the command also has --seed.
+#: Group of light-transport options, for commands with --seed.
 LIGHT: Any = _light
 
 
@@ -43,13 +43,13 @@ def _settings(
     return replace(light, samples=samples, aperture=aperture or "full", memory_mb=memory_mb, shading=shading)
 
 
-#: Group of render settings. A command with this group also has --seed and --aperture.
+#: Group of render settings, for commands with --seed and --aperture.
 SETTINGS: Any = _settings
 
 
 def _render_options(
     model: ModelOption = option("Lens model; auto chooses the cheapest model within --tolerance.", "auto"),
-    tolerance: float = option("Maximum error for auto, pixels of the reconstructed view; greater than 0.", TOLERANCE),
+    tolerance: float = option("Maximum error for --model auto, pixels of the reconstructed view.", TOLERANCE),
     engine: Engine = option("Engine that traces the rays; rtl simulates the FPGA.", "fast"),
     fraction_bits: int | None = ENGINE_BITS,
     aperture: Aperture = option("Chief rays only, or rays over the full lenslet.", "chief"),
@@ -58,9 +58,9 @@ def _render_options(
     return RenderOptions(model, tolerance, engine, fraction_bits, settings)
 
 
-#: Group of render options; the command also has --seed.
+#: Group of render options, for commands with --seed.
 RENDERING: Any = _render_options
-WORKERS = option("Local processes that render, 1 to 64.")
+WORKERS = option("Number of local render processes, 1 to 64.")
 SCHEDULER = option("Render on the workers of this Dask scheduler: tcp://HOST:8786.", metavar="ADDRESS")
 
 
@@ -83,9 +83,9 @@ class Moved:
         return {name: value for name, value in vars(self).items() if value is not None and value is not False}
 
     def arrange(self, scene_path: Path) -> Arrange | None:
-        """Return how the scene is placed for the display.
+        """Return the automatic placement for the display; None uses only `placement`.
 
-        Raises InputError for options without effect.
+        Raises InputError for an option that would have no effect.
         """
         if not (self.fit or self.from_camera):
             return None if self.changes.keys() - {"rotate"} else usual_arrange(scene_path)

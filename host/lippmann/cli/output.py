@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from lippmann.display.description import Display
 
 logger = logging.getLogger("lippmann")
-#: Exit code of a command that ran successfully and judged its input as wrong.
+#: Exit code of a command that ran successfully and found errors in its input.
 FOUND_WRONG = 4
 
 
@@ -33,7 +33,7 @@ def as_json() -> bool:
 
 
 def emit(result: Mapping[str, Any], text: str | Iterable[str], display: Display | None = None) -> None:
-    """Print `text`; with --json, print the result and its display as one JSON object instead."""
+    """Print `text`, or with --json print the result and its display as a JSON object."""
     if display is not None:
         result = {"display": display.name, "identity": display.identity, **result}
     if as_json():
@@ -52,7 +52,7 @@ class _StderrLines(logging.Handler):
 
 @contextmanager
 def logs_on_stderr() -> Iterator[None]:
-    """Write the package's warnings, and logs of level INFO or higher, to stderr while the block runs."""
+    """Write the package's warnings and logs (INFO and above) to stderr while the block runs."""
     handler, level = _StderrLines(), logger.level
     logger.addHandler(handler)
     logger.setLevel(logging.INFO)

@@ -1,4 +1,4 @@
-"""The command `lippmann pattern`."""
+"""Command `lippmann pattern`."""
 
 from __future__ import annotations
 
@@ -22,9 +22,9 @@ def command(
     kind: Kind = argument("KIND"),
     display: Display = DISPLAY,
     output: Path = PICTURE,
-    eye: Point | None = option("Position of the eye for white-for-eye, mm."),
+    eye: Point | None = option("Position of the eye for KIND white-for-eye, mm."),
     lens: tuple[int, int] | None = option(
-        "Indices of the lenslet for single-lens.  [default: 0,0]", kind=vector("I,J", int)
+        "Indices of the lenslet for KIND single-lens.  [default: 0,0]", kind=vector("I,J", int)
     ),
     fraction_bits: int | None = option(
         "Fraction bits of a board that draws the pattern.  [default: exact]", kind=FRACTION_BITS
@@ -44,7 +44,7 @@ def command(
     image.save(path)
     lit = float(image.radiance.any(axis=2).mean())
     if eye is not None and not lit:
-        log("note: this eye sees no pixel through its own lenslet: the panel is black; see lippmann inspect --eye")
+        log("note: the panel is black: the eye sees every pixel as crosstalk; see lippmann inspect --eye")
     size = {"width_px": panel.width_px, "height_px": panel.height_px}
     result = {"output": path, "kind": kind, **size, "lit_share": lit}
     emit(result, f"{path}: {kind}, {panel.width_px} x {panel.height_px}, {100 * lit:.2f} % of the pixels lit", display)

@@ -1,4 +1,4 @@
-"""The command `lippmann play`."""
+"""Command `lippmann play`."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from lippmann.motion.layer_film import check_keys, load_layer_film
 def command(
     film_path: Name = argument("FILM"),
     display: Display = DISPLAY,
-    repeat: int = option("Number of repetitions; 0 plays until Ctrl-C.", 1, click.IntRange(0)),
+    repeat: int = option("Number of times to play; 0 plays until Ctrl-C.", 1, click.IntRange(0)),
     every_frame: bool = option("Wait until the panel shows each frame, for slow virtual boards."),
     force: bool = FORCE_BOARD,
     open_board: OpenBoard = OPEN_BOARD,
@@ -45,14 +45,14 @@ def command(
         board.check_no_pattern()
         scene = SceneBoard(board)
         if len(film.stack.layers) > scene.build.layers:
-            what = f"has {len(film.stack.layers)} layers, the board draws {scene.build.layers}"
+            what = f"has {len(film.stack.layers)} layers, but the board draws {scene.build.layers}"
             raise input_error(film_path, what, f"cut the scene again with --count {scene.build.layers}")
         with progress_bar("loading the layers") as progress:
             loaded, slots = load_textures(scene, display, film, progress, film_path)
         played, code = Played(), 0
         try:
             play_film(scene, display, film, slots, repeat, every_frame, played=played)
-        except KeyboardInterrupt:  # the usual end of --repeat 0
+        except KeyboardInterrupt:  # the normal way to end --repeat 0
             code = interrupts.exit_code()
     emit({"port": board.line.url, "film": film_path, **vars(played), "load": vars(loaded)}, _text(loaded, played))
     return code

@@ -1,4 +1,4 @@
-"""Show progress on the terminal: a bar with the remaining time, or lines."""
+"""Show progress on the terminal: a bar with the remaining time, or log lines."""
 
 from __future__ import annotations
 
@@ -10,15 +10,15 @@ from contextlib import contextmanager
 from lippmann.base.progress_protocol import Item, Progress, report_each
 from lippmann.cli.output import as_json, log
 
-#: Time between two lines, s.
+#: Time between two log lines of progress, s.
 LOGGED_S = 30.0
-#: Minimum working time for an estimate of the remaining time, s.
+#: Minimum elapsed time for an estimate of the remaining time, s.
 MIN_RATE_S = 5.0
 
 
 @contextmanager
 def progress_bar(label: str) -> Iterator[Progress]:
-    """Provide a callback that draws a bar; with --json or without a terminal, it logs lines instead."""
+    """Provide a callback that draws a progress bar, or logs lines (--json, or no terminal)."""
     if as_json() or not sys.stderr.isatty():
         yield _progress_lines(label)
         return
@@ -45,10 +45,7 @@ def with_progress(label: str, items: Collection[Item]) -> Iterator[Item]:
 
 
 def _progress_lines(label: str) -> Progress:
-    """Return a callback that logs a line every `LOGGED_S` seconds while work advances.
-
-    The rate is measured from the first report, so it excludes compilation and earlier runs.
-    """
+    # The rate counts from the first report, so it excludes compilation and earlier runs.
     started = logged = time.monotonic()
     first: tuple[float, int] | None = None
 

@@ -1,4 +1,4 @@
-"""The command `lippmann regress`."""
+"""Command `lippmann regress`."""
 
 from __future__ import annotations
 
@@ -31,9 +31,9 @@ from lippmann.optics.rays import Model
 @make_command("regress")
 def command(
     display: Display | None = option("Display file (.toml) for --rays."),
-    rays_path: Path | None = option("File of rays to judge: .npz, .csv or .mem."),
-    stream: bool = option("Judge answers to lippmann vectors --stream, read from stdin."),
-    inputs_path: Path | None = option("File of the inputs of a .mem file.  [default: inputs.mem in its folder]"),
+    rays_path: Path | None = option("File of rays to check: .npz, .csv or .mem."),
+    stream: bool = option("Check the answers to lippmann vectors --stream, read from stdin."),
+    inputs_path: Path | None = option("Inputs of a .mem file's rays.  [default: inputs.mem in the file's folder]"),
     model: Model = LENS_MODEL,
     fraction_bits: int = FILE_BITS,
     tolerance_urad: float | None = option("Tolerance of directions, microradians.  [default: 2]"),
@@ -44,9 +44,9 @@ def command(
 ) -> int:
     """Check the rays of another ray tracer or RTL design.
 
-    Numbers are compared with golden, and the effect of rounding the inputs to float32
-    is added to the tolerances. Words must equal those of the RTL's twin. The command
-    names the first wrong step.
+    Numbers are compared with the engine golden; the tolerances include the rounding of
+    the inputs to float32. Words must equal the words of the RTL's integer twin. The
+    command names the first wrong step of the computation.
 
     Exit code 0: all rays are correct; 4: some rays are wrong.
 
@@ -59,10 +59,10 @@ def command(
         for name in ("display", "rays_path", "inputs_path", "model", "fraction_bits"):
             if is_given(name):
                 flag = flag_of(name)
-                raise input_error(flag, "the stream contains it", f"leave out {flag} or --stream")
+                raise input_error(flag, "conflicts with --stream", f"leave out {flag} or --stream")
         return _judge_stream(bounds, output)
     if rays_path is None or display is None:
-        raise InputError("no rays; give --display and --rays, or --stream")
+        raise InputError("no rays to check; give --display and --rays, or --stream")
     return _judge_file(rays_path, read_foreign(rays_path, display, model, fraction_bits, inputs_path), bounds, output)
 
 
@@ -70,7 +70,7 @@ def _read_bounds(path: Path | None, urad: float | None, nm: float | None) -> Bou
     for key, value, name in (("direction_urad", urad, "--tolerance-urad"), ("point_nm", nm, "--tolerance-nm")):
         if value is not None and path:
             raise input_error(
-                name, "conflicts with --bounds", f"write {key} into the file of bounds, or leave out --bounds"
+                name, "conflicts with --bounds", f"write {key} into the bounds file, or leave out --bounds"
             )
         if value is not None and value <= 0.0:
             raise input_error(name, f"{value:g} is not positive", "give a positive number")
@@ -85,13 +85,13 @@ class _Output:
         if junit:
             check_output(junit, (".xml",))
         if report:
-            from lippmann.conformance.regress_page import ErrorMaps  # imported late, as it loads plot libraries
+            from lippmann.conformance.regress_page import ErrorMaps  # late import of plot libraries
 
             make_folder(report)
             self.maps = ErrorMaps()
 
     def judge(self, foreign: ForeignRays, bounds: Bounds, two_faults: bool = True) -> Verdict:
-        """Judge a set, and add its errors to the maps."""
+        """Check a set of rays, and add its errors to the error maps."""
         verdict = judge(foreign, bounds, two_faults)
         if self.maps is not None:
             self.maps.add(foreign, bounds)
@@ -100,7 +100,7 @@ class _Output:
     def write(
         self, verdicts: list[tuple[str, Verdict]], words: bool, ended: str | None, about: Mapping[str, object]
     ) -> None:
-        """Write the verdicts; `ended` is the error of a stream that ended early, `about` describes the input."""
+        """Write the verdicts; `ended` is the error that ended a stream early, if any."""
         texts = {name: value if isinstance(value, str) else json.dumps(value) for name, value in about.items() if value}
         if self.junit:
             from lippmann.conformance.junit import write_junit
@@ -136,7 +136,7 @@ def _judge_stream(bounds: Bounds, output: _Output) -> int:
     reader = StreamReader(bounded_lines(sys.stdin.buffer))
     try:
         for name, foreign in reader.sets():
-            # A search for two faults takes 10 s, so repeat it only for larger sets.
+            # A search for two faults takes 10 s, so search again only in larger sets.
             search = not any(one.searched and one.rays >= len(foreign.inputs.pixels) for _, one in verdicts)
             verdict = output.judge(foreign, bounds, search)
             verdicts.append((name, verdict))
@@ -159,7 +159,7 @@ def _judge_stream(bounds: Bounds, output: _Output) -> int:
     # Add the keys that every failed command prints.
     failure = {"error": ended, "exit_code": code} if ended is not None else {}
     total = {"right": not (wrong or ended), "rays": rays, "wrong": wrong, "ended": ended, "covered": points}
-    emit({**total, **about, **failure, "sets": sets}, lines if verdicts else "nothing was judged")
+    emit({**total, **about, **failure, "sets": sets}, lines if verdicts else "no rays were checked")
     if ended is not None:
         log(f"lippmann: {ended}")
         return code

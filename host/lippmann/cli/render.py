@@ -1,4 +1,4 @@
-"""The command `lippmann render`."""
+"""Command `lippmann render`."""
 
 from __future__ import annotations
 
@@ -44,12 +44,12 @@ def command(
 ) -> None:
     """Render the integral image of a scene, or of a folder of layers, for a display.
 
-    SCENE is a Mitsuba .xml, a mesh, splats, a quilt, a folder of views, or a .toml of a
-    picture and its depths. For layers, use --engine golden (default), twin or rtl,
-    --samples 1, 2 or 4, --scale and --offset.
+    SCENE is a Mitsuba .xml, a mesh, splats, a quilt, a folder of views, or a .toml that
+    names a picture and its depths. Layers accept --engine golden (default), twin or
+    rtl, --samples 1, 2 or 4, --scale and --offset.
 
-    A large or long render, or a render by workers, stores its bands in OUT.bands, so
-    the same command continues after an interruption.
+    Large, long and distributed renders store finished bands in OUT.bands. After an
+    interruption, the same command continues the render.
 
     Example: lippmann render scenes/fish/fish.xml --display
     scenes/displays/paper-square.toml -o fish.exr
@@ -80,7 +80,7 @@ def command(
         "model": metadata["model"], "engine": metadata["engine"], "integrator": options.settings.integrator,
         "samples": options.settings.samples, "seed": seed, "shading": metadata.get("shading"),
         "device": None if scene_file is None else current_device(), **measured,
-        # With the times in `measured`, these add up to the time of the process.
+        # These times and the times in `measured` add up to the run time of the process.
         "start_seconds": start_seconds, "load_seconds": load_seconds, "write_seconds": write_seconds,
         "peak_memory_mb": peak_memory_mb(),
     }  # fmt: skip
@@ -89,7 +89,7 @@ def command(
 
 def _summary(path: Path, display: Display, metadata: dict[str, str], measured: dict[str, float]) -> str:
     cached = measured.get("bands_kept")
-    before = f", after {cached} of {measured['bands']} bands of before" if cached else ""
+    before = f", {cached} of {measured['bands']} bands from before" if cached else ""
     what = f"{display.panel.width_px} x {display.panel.height_px}, model {metadata['model']}"
     light = ", irradiance cache" if metadata.get("shading") == "shared" else ""
     speed = f"{measured['seconds']:.2f} s ({measured['samples_per_second'] / 1e6:.2f} M samples/s{before})"

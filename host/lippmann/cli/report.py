@@ -1,4 +1,4 @@
-"""The command `lippmann report`."""
+"""Command `lippmann report`."""
 
 from __future__ import annotations
 
@@ -26,9 +26,9 @@ class ReportOptions:
     """Options of `lippmann report`."""
 
     output: Folder = option("Output folder for the report; created if missing.", Path("out/report"))
-    against: Folder | None = option("Folder of the earlier run for comparison.  [default: the folder of -o]")
+    against: Folder | None = option("Folder of the earlier run to compare with.  [default: the folder of -o]")
     scenes: str = SCENES
-    quick: bool = option("Run a trial with few measurements and no simulation.")
+    quick: bool = option("Measure less, and run no RTL simulation.")
     seed: int = SEED
     device: str = DEVICE
 
@@ -67,10 +67,10 @@ def command(
 def write_report(
     options: ReportOptions, tables: Sequence[str], measure: Callable[[Path, Stored | None], tuple[Page, Comparison]]
 ) -> None:
-    """Write a report of some tables, and print the changes since the earlier run.
+    """Write a report with the given tables, and print the changes since the earlier run.
 
-    `measure` receives the folder of scenes and the earlier run. Raises InputError
-    before measuring if the earlier run is invalid or the output is not writable.
+    The function `measure` receives the folder of scenes and the earlier run. Raises
+    InputError if the earlier run is invalid or the output is not writable.
     """
     from lippmann.conformance.engine_report import PAGE
     from lippmann.conformance.figures import read_stored
@@ -78,8 +78,8 @@ def write_report(
     scenes, folder = shipped_scenes(options.scenes), options.output
     before = read_stored(options.against or folder, tables)
     if options.against and before is None:
-        raise input_error(options.against, "contains no run of the report", "name a folder with report-*.csv")
-    make_folder(folder, "choose another place")
+        raise input_error(options.against, "contains no earlier report", "name a folder with report-*.csv")
+    make_folder(folder, "choose another folder")
     for name in (f"{PAGE}.md", f"{PAGE}.html"):
         check_output(folder / name, (".md", ".html"))
     start_mitsuba(options.device)
@@ -104,11 +104,11 @@ def comparison_lines(comparison: Comparison) -> list[str]:
     """Return the lines that describe the comparison with the earlier run."""
     then = f"the run of {comparison.before.get('date')}"
     if not comparison.before:
-        return ["no run before to compare with"]
+        return ["no earlier run to compare with"]
     if comparison.differs:
-        return [f"not compared with {then}: another {' and '.join(comparison.differs)}"]
+        return [f"not compared with {then}: different {' and '.join(comparison.differs)}"]
     moved = comparison.moved
-    lines = [f"{len(moved)} of {comparison.compared} figures moved by more than the noise since {then}"]
+    lines = [f"{len(moved)} of {comparison.compared} figures changed by more than the noise since {then}"]
     for move in moved:
         change = f"{move.before.median:.4g} to {move.now.median:.4g}"
         lines.append(f"  {move.table}: {move.row}: {move.figure} {change}")

@@ -1,4 +1,4 @@
-"""The command `lippmann stream`."""
+"""Command `lippmann stream`."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from lippmann.cli.progress_bar import progress_bar
 from lippmann.display.description import Display, TransferName
 from lippmann.errors import NoBoardError, device_error
 
-#: Pause between attempts to reopen a lost board, s.
+#: Pause between attempts to reconnect to a lost board, s.
 RETRY_S = 0.5
 
 
@@ -30,19 +30,19 @@ def command(
     images: tuple[Name, ...] = argument("IMAGE...", kind=KINDS[Name], nargs=-1),
     port: str | None = PORT,
     baud: int | None = BAUD,
-    display: Display | None = option("Display file of the board; the image's curve and bits must match it."),
+    display: Display | None = option("Display file of the board; the image's transfer curve and bits must match."),
     transfer: TransferName | None = option(
         "Transfer curve of the panel and the image.  [default: the image's, or srgb]"
     ),
     force: bool = FORCE,
-    resume_s: float = option("Time to wait for a board after a lost connection, s; then continue.", 0.0, finite(0.0)),
+    resume_s: float = option("Time to wait for a board after a lost connection, s.", 0.0, finite(0.0)),
     verify: bool = option("Compare the CRC-32 of the scanned-out frame with that of the image."),
 ) -> None:
     """Stream images to the panel of a board.
 
     Several images make an animation. The panel keeps a frame until the next frame is
-    complete and its CRC-32 is correct. Tiles that the board already has are not sent,
-    so run the command again after an interruption.
+    complete and its CRC-32 is correct. After an interruption, run the command again:
+    tiles that the board already has are not sent.
 
     Example: lippmann stream out/fish.exr --verify
     """
@@ -55,7 +55,7 @@ def command(
             check_board(stream.board, display, "stream")
         behind = stream.board.draws_scene()
         if behind and verify:
-            what = "the panel shows the scene that the board draws: a frame cannot be verified there"
+            what = "the panel shows a scene that the board draws, so a frame cannot be verified"
             raise device_error(url, what, f"{END_SCENE}; or stream without --verify")
         stream.board.check_panel()
         panel = None if display is None else display.panel
@@ -84,7 +84,7 @@ class _Stream:
         self.board.close()
 
     def send(self, frame: Pixels, label: str) -> Sent:
-        """Show a frame, verify it if requested, and resume it after a lost connection."""
+        """Show a frame and verify it if requested; after a lost connection, resume the transfer."""
         total = Sent()
         hello = self.board.info
         arrived, was_reset = -1, False
@@ -98,13 +98,13 @@ class _Stream:
                 except NoBoardError as error:
                     if not self._resume_s:
                         raise
-                    # Without a new tile another attempt would fail too.
+                    # If no new tile arrived, another attempt would fail too.
                     stuck = len(total.arrived) == arrived
                     if stuck and (was_reset or hello.version < RESET_VERSION):
                         after = ", also after a reset" if was_reset else ""
-                        raise NoBoardError(f"{error} (lost twice without a new tile in between{after})") from None
+                        raise NoBoardError(f"{error} (lost twice, no new tile in between{after})") from None
                     arrived = len(total.arrived)
-                    log(f"{error}; looking for the board for {self._resume_s:g} s")
+                    log(f"{error}; searching for the board for {self._resume_s:g} s")
                     self.board.close()
                     self.board = self._open_board()
                     self.board.must_be(hello)

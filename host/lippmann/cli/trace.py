@@ -1,4 +1,4 @@
-"""The command `lippmann trace`."""
+"""Command `lippmann trace`."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ from lippmann.optics.lattice import Lattice
 from lippmann.optics.rays import Engine, Floats, Model, Status
 from lippmann.optics.sample_points import square_to_cell
 
-#: Memory per ray in bytes, measured with golden.
+#: Memory per ray in bytes, measured with the engine golden.
 RAY_BYTES = 350
 ARRAYS = ("origin_mm", "direction", "status", "lenslet", "centre_mm", "local_mm")
 
@@ -36,20 +36,20 @@ def command(
     engine: Engine = option("Engine that traces the rays.", "golden"),
     model: Model = LENS_MODEL,
     pixels: Name = option(
-        "Number of random pixels; or .npy, .npz (array `pixel`) or .csv with u, v: integer pixels, or coordinates.",
+        "Number of random pixels, or a file (.npy, .npz with array `pixel`, .csv) of pixels or coordinates u, v.",
         metavar="N|FILE",
     ),
-    aperture: Literal["chief", "full"] = option("Chief rays, or rays to random points of the cell.", "chief"),
+    aperture: Literal["chief", "full"] = option("Chief rays, or rays to random points of the lenslet.", "chief"),
     fraction_bits: int | None = ENGINE_BITS,
-    wavelength_nm: float | None = option("Wavelength, nm; the array must name its glass.", flag="--wavelength"),
+    wavelength_nm: float | None = option("Wavelength, nm; the display file must name a glass.", flag="--wavelength"),
     seed: int = SEED,
     device: str = DEVICE,
     output: Path = option(None, metavar="RAYS.npz"),
 ) -> None:
     """Trace rays from pixels through the lenslets.
 
-    The .npz contains pixel, origin_mm, direction, status, lenslet and more. Status: 0
-    ok, 1 missed surface, 2 total internal reflection, 3 blocked, 4 crosstalk.
+    The .npz contains the arrays pixel, origin_mm, direction, status, lenslet and more.
+    Status: 0 ok, 1 missed surface, 2 total internal reflection, 3 blocked, 4 crosstalk.
 
     Example: lippmann trace --display scenes/displays/paper-square.toml --pixels 1000 -o
     rays.npz
@@ -108,7 +108,7 @@ def _pixels(spec: str, display: Display, random: np.random.Generator) -> Floats:
         values = values + 0.5
     if (values < 0.0).any() or (values > size).any():
         outside = f"contains pixels outside the panel of {panel.width_px} x {panel.height_px}"
-        raise input_error(spec, outside, "give columns u, v within it")
+        raise input_error(spec, outside, "give columns u, v inside the panel")
     return values
 
 
@@ -120,7 +120,7 @@ def _table(path: Path) -> np.ndarray[Any, Any]:
         if path.suffix == ".npz":
             arrays, _ = load_arrays(path, ["pixel"], remedy, RAY_BYTES)
             if not arrays:
-                raise input_error(path, "cannot be read (it has no array pixel)", remedy)
+                raise input_error(path, "cannot be read (no array `pixel`)", remedy)
             return arrays["pixel"]
         if path.suffix in (".csv", ".txt"):
             text = read_limited(path, MAX_TABLE_BYTES, "give the pixels as .npy").decode("utf-8")

@@ -1,4 +1,4 @@
-"""The command `lippmann vectors`."""
+"""Command `lippmann vectors`."""
 
 from __future__ import annotations
 
@@ -23,13 +23,13 @@ from lippmann.optics.rays import Model
 @make_command("vectors")
 def command(
     display_path: Path = DISPLAY,
-    case: str = option("Hard case, or all; an unknown name lists the cases.", "all"),
+    case: str = option("Name of a hard case, or all; an unknown name prints the names.", "all"),
     model: Model = LENS_MODEL,
     fraction_bits: int = FILE_BITS,
     count: int = option("Approximate number of rays in each set.", 24, click.IntRange(1, 10_000)),
     seed: int = SEED,
     output: Folder | None = option("New output folder."),
-    stream: bool = option("Write the rays as text lines to stdout, for a program."),
+    stream: bool = option("Write the rays as text lines to stdout, for another program."),
     words: bool = option("With --stream: write hexadecimal words of the RTL."),
     random: int = option("With --stream: number of random rays after the hard cases.", 0, click.IntRange(0, 10**8)),
 ) -> None:

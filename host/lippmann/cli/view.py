@@ -1,4 +1,4 @@
-"""The command `lippmann view`."""
+"""Command `lippmann view`."""
 
 from __future__ import annotations
 
@@ -34,13 +34,13 @@ def command(
     display: Display = DISPLAY,
     output: Path | None = option("Output page.  [default: IMAGE with .html]", metavar="PAGE.html"),
     direct: tuple[tuple[Point, Name], ...] = option(
-        "Position of an eye, and its direct render through the panel's window; may be repeated.",
+        "Position of an eye, and a picture rendered from there; may be repeated.",
         (),
         (KINDS[Point], KINDS[Name]),
         multiple=True,
         metavar="X,Y,Z PICTURE",
     ),
-    scene_path: Path | None = option("Scene of which direct views are rendered from a grid of eyes.", metavar="SCENE"),
+    scene_path: Path | None = option("Scene to render directly from a grid of eyes.", metavar="SCENE"),
     moved: Moved = MOVED,
     frames_per_second: float = option("Frame rate of a film.", FRAMES_PER_SECOND, finite(0.1)),
     title: str | None = option("Heading of the page.  [default: the image's name]"),
@@ -52,9 +52,9 @@ def command(
 ) -> None:
     """Create a browser page that shows an integral image.
 
-    The page shows the view of an eye through the lenslets. The page is one file, and
-    needs WebGL 2 but no network. IMAGE may be a folder of frames from `lippmann
-    animate`, which the page plays.
+    The page shows an eye's view through the lenslets. The page is one file, and needs
+    WebGL 2 but no network. IMAGE may be a folder of frames from `lippmann animate`,
+    which the page plays.
 
     Example: lippmann view fish.png --display scenes/displays/paper-square.toml -o
     fish.html
@@ -109,7 +109,7 @@ def frames_of(path: str) -> list[str | Path]:
     frames = [one for one in files if one.suffix.lower() in SUFFIXES]
     if not frames:
         what = f"is a folder without frames ({FRAME_STEM}0000.exr ...)"
-        raise input_error(path, what, "render them: lippmann animate")
+        raise input_error(path, what, "render the frames with lippmann animate")
     return list(frames)
 
 
