@@ -441,7 +441,7 @@ def test_a_board_that_was_closed(small):
     with ModelBoard(60, 40, identity=int(small.identity, 16)) as model:
         with lp.Board.open(model.url) as link, pytest.raises(InputError, match=NO_IMAGE):
             link.show("a.exr")
-        with pytest.raises(DeviceError, match=rf"{model.url}: the line to the board is closed; open it again"):
+        with pytest.raises(DeviceError, match=rf"{model.url}: the line to the board is closed; open the board again"):
             link.show(lp.IntegralImage(np.zeros((40, 60, 3), np.float32), small))
 
 

@@ -704,7 +704,7 @@ def test_a_simulated_camera_that_cannot_be(case, tmp_path, refusal_of):
     asked = ["calibrate", "shoot", str(nominal), "-o", str(tmp_path / "photos")]
     assert "needs both --simulated BUILT.toml and --from" in refusal_of(*asked, "--simulated", built)
     line = refusal_of(*asked, "--simulated", built, "--from", "0,0,100")
-    assert "give a file of the same panel" in line
+    assert "give a display file with the same panel" in line
     assert not (tmp_path / "photos").exists()
 
 

@@ -68,7 +68,7 @@ def test_the_command(tmp_path, capsys):
     words = ["display", str(path), "--display", str(toml), "--seconds", "0", "--json"]
     assert run(words) == 2
     error = json.loads(capsys.readouterr().out)["error"]
-    assert "names no display, the panel belongs to display" in error
+    assert "names no display, but the panel belongs to display" in error
     assert "or accept it with --force" in error
     assert not re.search("board|stream", error)
     assert run([*words, "--force"]) == 0

@@ -328,7 +328,7 @@ NONE = "/dev/ttyNONE"
         (NONE, 9600, DeviceError, "/dev/ttyNONE: no such port; plug"),
         (NONE, 0, InputError, "baud"),
         (NONE, -9600, InputError, "baud"),
-        ("/dev/null", 9600, DeviceError, "is not a serial port; give a serial device, a pty, or socket://HOST:PORT"),
+        ("/dev/null", 9600, DeviceError, "is not a serial port; give a device, or socket://HOST:PORT"),
         ("/tmp", 9600, DeviceError, "/tmp: "),
         ("socket://no-such-host.invalid:5000", 9600, DeviceError, "no such host"),
         ("socket://127.0.0.1:1", 9600, DeviceError, "no program listens.*board start"),

@@ -133,7 +133,7 @@ def test_the_frame_of_an_image_is_what_its_display_asks_for():
 def test_images_of_other_displays_are_refused_unless_forced(tmp_path):
     path = tmp_path / "other.exr"
     for metadata, message in (
-        ({"identity": "0123456789abcdef"}, r"0123456789abcdef, the panel .* 79ee8471d40b2533.*--force"),
+        ({"identity": "0123456789abcdef"}, r"0123456789abcdef, but the panel .* 79ee8471d40b2533.*--force"),
         ({}, r"names no display.*--force"),
     ):
         write_picture(path, picture(), metadata)

@@ -118,7 +118,7 @@ COMMANDS = [
     ("inspect latin.toml", "latin.toml: cannot be read (it is not text in UTF-8)", "give a display file (.toml)"),
     ("trace --display tiny.toml --pixels objects.npy -o r.npz", "objects.npy: cannot be read (it contains no array of",
      "give columns u, v"),
-    (f"{RENDER} --memory-mb nan", "'--memory-mb': 'nan' is not finite", "give a number"),
+    (f"{RENDER} --memory-mb nan", "'--memory-mb': 'nan' is not finite", "give a finite number"),
     (f"{RENDER} --memory-mb much", "'--memory-mb'", "'much' is not a valid float"),
     (f"board check --display tiny.toml --region 0,0,{'9' * 400},1", "'--region'", "give 4 whole numbers"),
     ("board read dispaly", "dispaly: no such register", "did you mean display?"),

@@ -128,7 +128,7 @@ def test_a_board_that_refuses_is_not_asked_for_ever(kind, picture, capsys):
             model._present = refuse(CRC_DIFFERS if kind == "present" else OPTICS)
         assert run(["stream", path, "--port", model.url, "--resume", "600"]) == 1
     err = capsys.readouterr().err
-    assert {"tile": "refuses TILE", "present": "8 times", "optics": "refuses PRESENT"}[kind] in err
+    assert {"tile": "refuses TILE", "present": "8 attempts", "optics": "refuses PRESENT"}[kind] in err
     assert "searching for the board" not in err
     assert len(err.splitlines()) == 1
     assert model.executed[1] == 1 or kind == "present"
@@ -196,7 +196,10 @@ def test_a_test_pattern_that_hides_the_frame_is_told(picture, capsys, more):
         model.registers[DISPLAY] = 0x2FF
         assert run([*words, *more]) == 1
         (line,) = capsys.readouterr().err.splitlines()
-        assert "the panel shows test pattern 2 (lens_centres), not the frame; end it with lippmann board write" in line
+        assert (
+            "the panel shows test pattern 2 (lens_centres), not the frame; end the pattern with lippmann board write"
+            in line
+        )
         assert (model.shown, model.tile_writes.total()) == ([], 0)
         assert run(["board", "write", "display", "pattern=0", "--port", model.url]) == 0
         assert run(words) == 0

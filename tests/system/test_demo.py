@@ -93,7 +93,7 @@ def test_a_board_that_draws_something_else_is_told(scenes, tmp_path, capfd, monk
     code, said, told = ran(scenes, tmp_path, capfd)
     assert code == 1
     assert not said
-    assert told.splitlines()[-1].endswith("the board did not draw what the twin draws; please report this")
+    assert told.splitlines()[-1].endswith("board and twin drew different frames; please report this")
     fish = json.loads((tmp_path / "demo.json").read_text())["drawn"]["fish"]
     assert (fish["pixels_differ"], fish["underflows"]) == ((1, 0) if planted == "frames_differ" else (0, 7))
     assert (tmp_path / "drawn-fish.gif").is_file()

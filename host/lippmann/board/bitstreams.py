@@ -136,7 +136,7 @@ CAUSES = (
     (
         r"\b([2-9]|\d\d+) matching|\bmultiple (matching )?(adapter|board|cable|device)",
         "several USB adapters of this kind are connected",
-        "name one with --serial: lippmann doctor lists the serial numbers",
+        "name a board with --serial: lippmann doctor lists the serial numbers",
     ),
     (r"mismatch|id err", "the bitstream is for another FPGA", "make one for the board's FPGA"),
     (r"crc", "the FPGA refuses the bitstream", "make the bitstream again (make bitstream)"),
@@ -189,7 +189,7 @@ def choose_adapter(board: FpgaBoard, adapters: list[Adapter] | None, serial: str
     if not boards:
         what, remedy = f"no adapter '{board.usb.text}' is on USB", CONNECT
         if adapters:
-            remedy = f"if {there} is the board's, name it with --serial (ftx_prog can set its text)"
+            remedy = f"if one of {there} is the board, name it with --serial (ftx_prog sets its text)"
         raise no_board_error(board.name, what, remedy)
     if len(boards) > 1:
         distinct = len({one.serial for one in boards}) == len(boards) and all(one.serial for one in boards)

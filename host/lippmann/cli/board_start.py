@@ -202,10 +202,10 @@ def _in_background(ready: Path) -> None:
         result = json.loads(ready.read_text())
         emit(result, f"{result['url']} (lippmann board stop --ready {shlex.quote(str(ready))} ends it)")
         sys.stdout.flush()
-    except BrokenPipeError:  # the program that reads stdout has ended
+    except BrokenPipeError:  # the reader of stdout has ended
         raise
     except (KeyboardInterrupt, OSError):  # OSError: the URL cannot be printed
-        os.killpg(process.pid, signal.SIGTERM)  # this also ends the board's compilers
+        os.killpg(process.pid, signal.SIGTERM)  # ends the compilers too
         process.wait()
         output.unlink()
         raise

@@ -108,7 +108,7 @@ def comparison_lines(comparison: Comparison) -> list[str]:
     if comparison.differs:
         return [f"not compared with {then}: different {' and '.join(comparison.differs)}"]
     moved = comparison.moved
-    lines = [f"{len(moved)} of {comparison.compared} figures changed by more than the noise since {then}"]
+    lines = [f"{len(moved)} of {comparison.compared} figures moved by more than the noise since {then}"]
     for move in moved:
         change = f"{move.before.median:.4g} to {move.now.median:.4g}"
         lines.append(f"  {move.table}: {move.row}: {move.figure} {change}")
