@@ -203,7 +203,7 @@ def pins_source(design: Plan, netlist: Path | None) -> tuple[list[Path], dict[st
     return [top / "rtl" / "registers" / "lint.vlt", *modules, wrapper], parameters, [*options, "-Wno-fatal"]
 
 
-# ---- the same packets for both ----
+# ---- the same packets for netlist and RTL ----
 
 
 class Reply(NamedTuple):

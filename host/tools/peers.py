@@ -242,7 +242,7 @@ def draw_pair(pair: Pair) -> Plot:
 
 
 def page(origin: Mapping[str, str], pairs: Sequence[Pair], times: Mapping[str, Any]) -> Page:
-    """Return the page about POV-Ray."""
+    """Return the page of `tools.bench peers`."""
     rows = [pair.row for pair in pairs]
     context = {"rows": rows, "times": times, "constants": sys.modules[__name__]}
     return make_page("peers", origin, [draw_pair(pair) for pair in pairs], {"peers": rows}, context)

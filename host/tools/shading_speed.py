@@ -45,7 +45,7 @@ DISPLAY, LAMPS, SAMPLES = "paper-square", (1, 2, 5, 20), (1, 2, 4, 8)
 REFERENCE_SAMPLES, EVERY_ROW = 64, 16
 #: The circle of lamps: radius and distance in front of the display, mm; total power of the lamps.
 RADIUS_MM, HEIGHT_MM, POWER = 1000.0, 850.0, 1.2e7
-#: Scenes, captured scenes and their set-up with which the irradiance cache is compared; samples per pixel.
+#: Scenes with which the irradiance cache is tested; captured ones and their set-up; samples per pixel.
 SCENES, CAPTURED, SETUP, COMPARED_SAMPLES = ("fish", "chart", "knot"), ("diffuse", "full"), "fig8a", 4
 MAP_GAIN = 50.0
 #: Adaptive sampling: side of the rendered middle of the display, px; samples per pixel of a pilot picture, the minimum

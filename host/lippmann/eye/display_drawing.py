@@ -29,7 +29,7 @@ GLASS, LENSLET, IMAGE, RAY = "#56b4e9", "#0072b2", "#d55e00", "#e69f00"
 CLOSE = 4.0
 #: Number of lenslet marks across the drawn panel.
 MARKS = 30.0
-#: Maximum number of pixels across a close-up that shows its pixels.
+#: Close-ups show pixels up to this number of pixels across.
 MAX_PIXELS = 150
 #: Eye distances in the drawing of zones, in viewing distances.
 HEIGHTS = np.linspace(0.2, 3.0, 15)

@@ -203,7 +203,7 @@ def draw(
         values = PATTERNS[kind](at) if white is None else white[rows[:, 0], :, None]
         light[rows[:, 0]] = decode(values, panel.transfer)
     if lens is not None and not light.any():
-        raise InputError(f"lenslet {lens[0]:g},{lens[1]:g} owns no pixel; give whole numbers i,j; 0,0 is in the middle")
+        raise InputError(f"lenslet {lens[0]:g},{lens[1]:g} owns no pixel; give another one, such as 0,0 in the middle")
     metadata = {"pattern": kind, "version": __version__}
     if eye is not None:
         metadata["eye_mm"] = str(eye.position_mm)
