@@ -262,7 +262,7 @@ def test_noise_is_that_of_the_picture(mi, tmp_path, samples):
         assert said == []
         return
     (line,) = said
-    pattern = rf"note: with {samples} samples? the noise is (\d+) % .*; (\d+) samples give 10 %"
+    pattern = rf"note: with samples = {samples} the noise is (\d+) % .*; (\d+) samples give 10 %"
     told, enough = map(int, re.match(pattern, line).groups())
     assert told == pytest.approx(100.0 * noise, rel=0.15)
     assert noted(scene, samples=math.ceil(1.4 * enough), seed=3) == []

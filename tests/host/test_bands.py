@@ -490,7 +490,7 @@ def test_bands_that_are_left_are_told(place, narrow, capfd, caplog):
     caplog.set_level("INFO", "lippmann")
     log_remaining_bands(place / "a.exr")
     (line,) = logged(caplog)
-    assert line.startswith(f"{place}/a.exr.bands: has 5 bands of a render that is not done; ")
+    assert line.startswith(f"{place}/a.exr.bands: has 5 bands of an unfinished render; ")
     log_remaining_bands(place / "b.exr")
     assert logged(caplog) == []
     words = [str(place / "three.xml"), "--display", str(place / "small.toml"), "-o", str(place / "a.exr")]
@@ -546,9 +546,9 @@ def test_what_a_folder_for_bands_says(place, mi, caplog):
     folder.mkdir()
     (folder / "mine.txt").touch()
     options = {"samples": 1, "model": "exact", "placement": Placement(), "device": "llvm", "kept": folder}
-    with pytest.warns(LippmannWarning, match="kept: holds 1 other files or folders, which stay"):
+    with pytest.warns(LippmannWarning, match="kept: has 1 other files or folders, which stay there"):
         lippmann.render(place / "three.xml", place / "small.toml", **options)
-    assert "a picture of one band is kept only when complete" in caplog.text
+    assert "a picture of a single band is kept only when complete" in caplog.text
     assert (folder / "mine.txt").exists()
     lock = sinks.FolderLock(folder, "")
     with pytest.raises(InputError, match=r"is in use by another command.*or give another folder as kept"):

@@ -355,7 +355,7 @@ def test_decibels_that_miss_a_tolerance_show_less_than_it():
         (0.0, SMALL, 161, "not positive and finite"),
         (math.inf, SMALL, 161, "not positive and finite"),
         (25.0, ((60, 48),), 161, "choose 32, 64, 128"),
-        (25.0, SMALL, 17, "no layer fits 17 block RAMs and 99 multipliers; give at least 18 and 22"),
+        (25.0, SMALL, 17, "no layer fits 17 block RAMs and 99 multipliers; give 18 block RAMs and 22 multipliers"),
     ],
 )
 def test_what_no_layers_can_meet_is_refused(cards, tolerance, slots, block_rams, message):

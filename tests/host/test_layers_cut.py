@@ -168,7 +168,7 @@ def test_wrong_counts_slots_and_scenes_are_refused(scene):
         check_slot((2048, 2))
     for slot in ((256, 192), (64, 64), (1024, 255), (32, 32)):
         check_slot(slot)
-    with pytest.raises(InputError, match=r"no eye sees any of the scene's surfaces; place it with --fit"):
+    with pytest.raises(InputError, match=r"no eye sees any surface of the scene; place the scene with --fit"):
         cut_scene(scene(card("aside", 12.0, RED, 5.0, x=500.0)), DISPLAY, 2, SLOT, FAST)
 
 
@@ -274,7 +274,7 @@ def test_a_picture_that_shows_nothing_is_told_and_one_without_loss_is_exact(plac
     Image.new("RGBA", (20, 16)).save("book/front.png")
     assert run(CUT_BOOK) == 0
     out, err = capfd.readouterr()
-    assert "note: layer 'front' is transparent all over: it shows nothing" in err
+    assert "note: layer 'front' is completely transparent: it shows nothing" in err
     assert re.search(r"^front .* palette exact$", out, re.M)
     assert "hill' is transparent" not in err
 
@@ -333,7 +333,7 @@ def test_a_picture_of_which_little_is_reached_is_remarked_upon(place, capfd):
     file.write_text(file.read_text().replace("depth_mm = -20\n", "depth_mm = -20\nwidth_mm = 1e5\n"))
     assert run(CUT_BOOK) == 0
     hill = load_layers("out").layers[1]
-    wanted = f"note: layer 'hill' has {hill.width} x {hill.height} texels only: check the size and place"
+    wanted = f"note: layer 'hill' has only {hill.width} x {hill.height} texels: check the size and position"
     notes = [line for line in capfd.readouterr().err.splitlines() if "texels only" in line]
     assert len(notes) == 1
     assert notes[0].startswith(wanted)

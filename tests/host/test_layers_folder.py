@@ -157,13 +157,13 @@ def beyond_palette():
 
 #: What is put in a picture's place, and what its error says.
 WRONG = {
-    "colours": (lambda path: Image.new("RGB", (4, 2)).save(path), "is a RGB picture without a palette; cut it into"),
+    "colours": (lambda path: Image.new("RGB", (4, 2)).save(path), "is a RGB picture without a palette; convert"),
     "grey": (lambda path: Image.new("L", (4, 2)).save(path), "is a grey picture without a palette"),
-    "large": (lambda path: Image.new("P", (1025, 2)).save(path), "has 1025 x 2 texels, more across or down"),
-    "cut": (lambda path: path.write_bytes(path.read_bytes()[:-30]), "is not a whole PNG picture"),
-    "text": (lambda path: path.write_text("no picture"), "is not a whole PNG picture"),
-    "gif": (lambda path: Image.new("P", (4, 2)).save(path, "GIF"), "is not a whole PNG picture"),
-    "index": (lambda path: path.write_bytes(beyond_palette()), "uses colour 200 of a palette of 3"),
+    "large": (lambda path: Image.new("P", (1025, 2)).save(path), "has 1025 x 2 texels, more than a slot"),
+    "cut": (lambda path: path.write_bytes(path.read_bytes()[:-30]), "is not a complete PNG picture"),
+    "text": (lambda path: path.write_text("no picture"), "is not a complete PNG picture"),
+    "gif": (lambda path: Image.new("P", (4, 2)).save(path, "GIF"), "is not a complete PNG picture"),
+    "index": (lambda path: path.write_bytes(beyond_palette()), "uses colour 200, but its palette has 3"),
 }
 
 

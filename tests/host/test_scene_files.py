@@ -683,7 +683,7 @@ def test_commands_that_place_nothing_say_so(place, capfd, mi):
     trimesh.creation.icosphere(2).export(place / "ball.glb")
     (place / "film.toml").write_text('scene = "ball.glb"\nframes = 1\n')
     assert run(["animate", "film.toml", "--display", "d.toml", "-o", "f", "--samples", "1", "--device", "llvm"]) == 0
-    assert "nothing places ball.glb" in capfd.readouterr().err
+    assert "ball.glb has no placement" in capfd.readouterr().err
     assert run(["export", "povray", "ball.glb", "--display", "d.toml", "-o", "p", "--device", "llvm"]) == 2
     assert "not a Mitsuba scene" in capfd.readouterr().err
 

@@ -27,37 +27,37 @@ from lippmann.rendering.pixel_filter import MAX_SAMPLES
 from lippmann.rendering.renderer import render_integral
 from lippmann.scenes.scene import Scene
 
-#: Bytes of a block RAM (DP16KD) of the ECP5. A palette of 32-bit words takes one RAM.
+#: Bytes of an ECP5's block RAM (DP16KD). A palette takes one block RAM.
 BLOCK_RAM_BYTES = 2048
-#: Bytes of the table of the panel's curve. Each colour has its own table.
+#: Bytes of a colour's table of the panel's transfer curve.
 CURVE_BYTES = 8192
-#: Multipliers of each step in rtl/scene. COMPOSITE counts per layer behind the first.
+#: Multipliers of each step in rtl/scene. COMPOSITE is for each layer but the first.
 EXIT_LINE, LAYER_COORDINATE, TEXEL_BLEND, COMPOSITE, BACKGROUND = 10, 6, 3, 4, 3
-#: Positions of a moving eye, as fractions of the reach.
+#: Positions of a moving eye, as fractions of `Reach.aside_mm`.
 EYES = (-0.8, -0.4, 0.0, 0.4, 0.8)
-#: Number of rays per pixel of the eye's view.
+#: Rays per pixel of the eye's view.
 EYE_SAMPLES = 64
-#: Samples per pixel of the full render, too many for the pixel filter.
+#: Samples per pixel of the full render, too many for the pixel filter to be used.
 FULL_SAMPLES = MAX_SAMPLES + 1
 
 
 @dataclass(frozen=True)
 class Cost:
-    """Cost of layers in slots: the bytes to load, and the hardware on an ECP5."""
+    """Cost of layers on a board: bytes to load, and hardware of an ECP5."""
 
     layers: int
-    #: Bytes of texels and palettes, which are sent once.
+    #: Bytes of texels and palettes, which the host sends once.
     load_bytes: int
-    #: Block RAMs (DP16KD) of the panel's curve and of one slot more than layers.
+    #: Block RAMs (DP16KD) for the panel's curve, one slot per layer, and a spare slot.
     block_rams: int
     #: Multipliers (MULT18X18D). Logic computes the cross terms of wide products.
     multipliers: int
 
 
 def cost_of(layers: int, slot: Size, filter: Filter) -> Cost:
-    """Return what layers take of the board; `slot` is a slot's texels across, down."""
+    """Return the cost of a number of layers; `slot` is the size of a slot in texels."""
     texels = slot[0] * slot[1]
-    # "bilinear" splits a slot into four banks of texels, each with its own palette.
+    # The filter "bilinear" splits a slot into four banks, each with its own palette.
     banks = 4 if filter == "bilinear" else 1
     slot_rams = banks * (math.ceil(texels / banks / BLOCK_RAM_BYTES) + 1)
     block_rams = (layers + 1) * slot_rams + 3 * CURVE_BYTES // BLOCK_RAM_BYTES
@@ -67,7 +67,7 @@ def cost_of(layers: int, slot: Size, filter: Filter) -> Cost:
 
 
 def eyes_of(reach: Reach) -> list[Eye]:
-    """Return the positions of an eye that moves from left to right."""
+    """Return the positions `EYES` of an eye that moves from left to right."""
     x, y, z = reach.eye_mm
     return [Eye((x + share * reach.aside_mm, y, z)) for share in EYES]
 
@@ -79,7 +79,7 @@ def full_views(scene: Scene, display: Display, settings: Settings) -> list[Radia
 
 
 def views_of(radiance: Radiance, display: Display) -> list[Radiance]:
-    """Return the moving eye's views of a panel's light, with one pixel per lenslet."""
+    """Return a moving eye's views of a panel's radiance, with one pixel per lenslet."""
     window = whole_window(display)
     return [observe(radiance, display, eye, window, EYE_SAMPLES).radiance for eye in eyes_of(reach_of(display))]
 
@@ -93,8 +93,8 @@ def decibels(light: npt.NDArray[np.floating], display: Display, full: Sequence[R
 def streamed(scene: Scene, display: Display, full: Sequence[Radiance], settings: Settings) -> tuple[Bytes, list[float]]:
     """Return a frame (height, width, 3) as a host streams it, and the PSNR (dB) of the moving eye's views.
 
-    The frame is a full render with one more sample per pixel, because renders with
-    other seeds share a part of the error. The PSNR includes the noise of both renders.
+    The frame has one sample per pixel more than `full`, because renders that differ
+    only in the seed share a part of their error.
     """
     again = replace(settings, samples=FULL_SAMPLES + 1, seed=(settings.seed + 1) % 2**32)
     frame = panel_bytes(display, render_integral(scene, display, "exact", again).radiance)
@@ -111,10 +111,10 @@ def measured_cuts(
     filter: Filter | None,
     progress: Progress | None,
 ) -> Iterator[tuple[Cut, list[float]]]:
-    """Yield the cut of a scene into each number of layers, and with a filter the views' PSNR.
+    """Cut a scene into each number of layers; yield the cut and, with a filter, its views' PSNR.
 
-    `parts` are the scene that is cut by depth and the scene that becomes its own layer
-    (see `cut_scene`).
+    `parts` are the scene that is cut by depth and the scene that becomes one layer, as
+    in `cut_scene`.
     """
     full = [] if filter is None else full_views(scene, display, settings)
     for count in report_each(counts, progress):
@@ -123,23 +123,23 @@ def measured_cuts(
 
 
 def row_of(cut: Cut, views_db: Sequence[float], slot: Size, filter: Filter) -> Row:
-    """Return a cut's cost, and the mean and minimum PSNR of its views if there are views."""
+    """Return a cut's cost and its views' mean and minimum PSNR, if any, keyed by name."""
     cost = cost_of(len(cut.stack.layers), slot, filter)
     quality = {"view_db": float(np.mean(views_db)), "worst_db": min(views_db)} if views_db else {}
     return {"layers": cost.layers, **quality, **dataclasses.asdict(cost)}
 
 
 TOLERANCE_DB = 25.0
-#: Default slots, texels across and down.
+#: Default sizes of slots, texels across and down.
 SLOTS = ((64, 48), (128, 96), (256, 192), (512, 384))
-#: Number of block RAMs of an ECP5-85 that a board leaves free.
+#: Block RAMs of an ECP5-85, less those of the rest of the design.
 BLOCK_RAMS = 208 - 47
-#: Number of multipliers of an ECP5-85 that a board leaves free. The optics of
-#: compact-square take 43 multipliers, and the patterns take 14.
+#: Multipliers of an ECP5-85, less those of the optics (43 in the build compact-square)
+#: and of the test patterns (14).
 MULTIPLIERS = 156 - 57
 
 Limit = Literal["render", "hardware", "depths", "sizes"]
-#: Cost and PSNR of layers, keyed by name (`row_of`); a candidate's filter and slot.
+#: Cost and PSNR of layers, keyed by name, and a candidate's filter and slot.
 Row = dict[str, Any]
 
 
@@ -148,16 +148,16 @@ class LayerChoice:
     """The cheapest layers within the tolerance, or the reason why no layers suffice."""
 
     cheapest: Row | None
-    #: All layers that were drawn, in the order of cost.
+    #: All candidates that were drawn, cheapest first.
     candidates: list[Row]
     #: Reason why the best candidate misses the tolerance.
     limit: Limit | None
-    #: Minimum PSNR of another full render's views, dB, if no layers suffice.
+    #: Minimum PSNR of a second full render's views, dB; None if layers suffice.
     render_db: float | None
 
     @property
     def best(self) -> Row:
-        """The candidate with the highest PSNR in its worst view."""
+        """The candidate whose worst view has the highest PSNR."""
         return max(self.candidates, key=lambda row: row["worst_db"])
 
 
@@ -173,15 +173,16 @@ def choose_layers(
 ) -> LayerChoice:
     """Choose the cheapest layers of a placed scene that keep a moving eye's views within the tolerance.
 
-    Costs compare block RAMs first, then bytes, then multipliers. Raises InputError for
-    a tolerance that is not positive and finite, slots that no board has, too little
-    hardware for a layer, and a scene that no eye sees.
+    Costs are compared by block RAMs, then bytes, then multipliers. Raises InputError if
+    the tolerance is not positive and finite, if no board has a slot, if one layer
+    exceeds the hardware, or if no eye sees the scene.
     """
     if not 0.0 < tolerance_db < math.inf:
         raise InputError(f"tolerance {tolerance_db:g} dB is not positive and finite; give dB, such as {TOLERANCE_DB:g}")
     for slot in slots:
         check_slot(slot)
     settings = Settings(samples=16) if settings is None else settings
+
     affordable, dearer = _candidates(slots, block_rams, multipliers)
     full, lines = full_views(scene, display, settings), list(exit_lines(display))
     cut_into = cache(lambda count, slot: cut_scene(scene, display, count, slot, settings))
@@ -211,12 +212,12 @@ def _candidates(slots: Sequence[Size], block_rams: int, multipliers: int) -> tup
         (cost_of(count, slot, filter), slot, filter)
         for slot in dict.fromkeys(slots)
         for filter in FILTERS
-        if filter == "nearest" or slot[1] % 2 == 0  # the banks of bilinear take pairs of rows
+        if filter == "nearest" or slot[1] % 2 == 0  # bilinear needs an even number of rows
         for count in range(1, MAX_LAYERS + 1)
     ]
     every.sort(key=lambda one: (one[0].block_rams, one[0].load_bytes, one[0].multipliers))
     affordable = [one for one in every if one[0].block_rams <= block_rams and one[0].multipliers <= multipliers]
     if not affordable:
         what = f"no layer fits {block_rams} block RAMs and {multipliers} multipliers"
-        raise InputError(f"{what}; give at least {every[0][0].block_rams} and {every[0][0].multipliers}")
+        raise InputError(f"{what}; give {every[0][0].block_rams} block RAMs and {every[0][0].multipliers} multipliers")
     return affordable, [one for one in every if one not in affordable]

@@ -2,7 +2,7 @@
 
 A pixel's exit ray meets the plane of each layer. The texels that the ray meets are
 composited from front to back in linear light. Then the pixel's samples are averaged,
-and the panel's curve is applied once. A ray without an exit is black.
+and the panel's curve is applied once. Rays that do not leave the lenslets are black.
 """
 
 from __future__ import annotations
@@ -41,23 +41,23 @@ from lippmann.scenes.placement import Placement
 Filter = Literal["nearest", "bilinear"]
 FILTERS: tuple[Filter, ...] = get_args(Filter)
 LAYER_ENGINES = ("golden", "twin", "rtl")
-#: Sample positions, pixels from the pixel's centre, keyed by the number of samples.
+#: Sample positions relative to a pixel's centre, px, keyed by the number of samples.
 SAMPLES = {
     1: ((0.0, 0.0),),
     2: ((-0.25, -0.25), (0.25, 0.25)),
     4: ((-0.25, -0.25), (0.25, -0.25), (-0.25, 0.25), (0.25, 0.25)),
 }
-#: Maximum slope, |dx/dz| and |dy/dz|, of a ray that draws.
+#: Maximum slope, |dx/dz| and |dy/dz|, of a ray; pixels of steeper rays are black.
 MAX_SLOPE = 4.0
-#: Minimum number of texels in a row of a board's slot.
+#: Minimum texels in a row of a board's slot.
 MIN_ROW = 32
-#: Maximum number of bits of a panel value that a board sends.
+#: Maximum bits of a panel value that a board sends.
 BOARD_BITS = 8
 CHUNK_RAYS = 1 << 18
 
 
 class ExitLines(NamedTuple):
-    """Exit rays: points at z = 0, mm (N, 2), slopes (N, 2), and the mask of rays that draw (N,)."""
+    """Exit rays: points at z = 0, mm (N, 2), slopes (N, 2), and the mask of rays not black (N,)."""
 
     places_mm: Floats
     slopes: Floats
@@ -72,11 +72,11 @@ def draw_golden(
     model: Model = "exact",
     lines: Iterable[ExitLines] | None = None,
 ) -> Floats:
-    """Return the linear light (height, width, 3) of layers for a display, and ignore sub-pixels.
+    """Draw layers for a display, ignoring sub-pixels; return linear light (height, width, 3).
 
     `lines` are the display's exit rays (`exit_lines`), or the exit rays of the rows to
-    draw. Raises InputError for an unknown filter, or a number of samples that a board
-    does not have.
+    draw. Raises InputError for an unknown filter, or for a number of samples that no
+    board has.
     """
     check_options(filter, samples)
     lines = exit_lines(display, samples, model) if lines is None else lines
@@ -85,7 +85,7 @@ def draw_golden(
 
 
 def scene_build_of(stack: LayerStack, filter: Filter, samples: int) -> SceneBuild:
-    """Return the smallest build that draws a stack; refuse a layer that is too large for any."""
+    """Return a board's smallest build that draws a stack; refuse a layer too large for all builds."""
     widest = max(MIN_ROW, *(layer.width for layer in stack.layers))
     width = 1 << (widest - 1).bit_length()
     step = max(2, BLOCK_BYTES // width)
@@ -95,12 +95,12 @@ def scene_build_of(stack: LayerStack, filter: Filter, samples: int) -> SceneBuil
     except InputError:
         number, layer = max(enumerate(stack.layers), key=lambda one: one[1].width * one[1].height)
         what = f"{layer.width} x {layer.height} texels need slots of {width} x {height}, larger than a board can have"
-        remedy = f"make it smaller, at most {MAX_TEXEL_BLOCKS * BLOCK_BYTES} texels with a slot's filling"
-        raise input_error(f"layers: layer[{number}]", what, f"{remedy}, or draw it with golden") from None
+        remedy = f"make the slot smaller, at most {MAX_TEXEL_BLOCKS * BLOCK_BYTES} texels"
+        raise input_error(f"layers: layer[{number}]", what, f"{remedy}, or use the engine golden") from None
 
 
 def check_options(filter: str, samples: object) -> None:
-    """Refuse filters and numbers of samples that a board does not have."""
+    """Refuse a filter or a number of samples that no board has."""
     check_choice("filter", filter, FILTERS)
     if isinstance(samples, bool) or not isinstance(samples, Integral) or samples not in SAMPLES:
         numbers = f"{', '.join(map(str, SAMPLES))} samples a pixel"
@@ -108,7 +108,7 @@ def check_options(filter: str, samples: object) -> None:
 
 
 def panel_bytes(display: Display, light: npt.NDArray[np.floating]) -> Bytes:
-    """Return a panel's values for linear light (..., 3), scaled to 8 bits."""
+    """Convert linear light (..., 3) to a panel's values, scaled to 8 bits."""
     panel = display.panel
     return encoded_values(light, panel.transfer, min(panel.bits, BOARD_BITS)).astype(np.uint8)
 
@@ -116,7 +116,7 @@ def panel_bytes(display: Display, light: npt.NDArray[np.floating]) -> Bytes:
 def exit_lines(
     display: Display, samples: int = 1, model: Model = "exact", drawn_rows: range | None = None
 ) -> Iterator[ExitLines]:
-    """Yield the exit rays of a display, or of `drawn_rows`, ordered by pixel, then sample."""
+    """Yield the exit rays of all rows or of `drawn_rows`, ordered by pixel, then by sample."""
     width = display.panel.width_px
     rows = max(1, CHUNK_RAYS // (width * samples))
     drawn_rows = range(display.panel.height_px) if drawn_rows is None else drawn_rows
@@ -164,7 +164,7 @@ def _bilinear(layer: Layer, s: Floats, t: Floats) -> tuple[Floats, Floats]:
 
 
 def _texels(layer: Layer, s: Floats, t: Floats) -> tuple[Floats, Floats]:
-    """Return premultiplied light (N, 3) and opacity (N,) of the texels at points; both are 0 outside."""
+    """Return premultiplied light (N, 3) and opacity (N,) of the texels at s, t; 0 outside the texture."""
     inside = (s >= 0.0) & (s < layer.width) & (t >= 0.0) & (t < layer.height)
     column, row = (np.where(inside, place, 0.0).astype(np.int64) for place in (s, t))
     index = layer.texels[row, column]
@@ -174,7 +174,7 @@ def _texels(layer: Layer, s: Floats, t: Floats) -> tuple[Floats, Floats]:
 
 @dataclass(frozen=True, eq=False)
 class LayerPlan(Plan):
-    """The plan of a picture of layers, which is its own `BandRenderer`."""
+    """The plan of a picture that is drawn from layers, and the renderer of its bands."""
 
     stack: LayerStack
     filter: Filter
@@ -203,32 +203,31 @@ class LayerPlan(Plan):
         return self
 
     def prepare(self) -> float:
-        """Return 0: layers need no compilation."""
+        """Return 0, because layers need no compilation."""
         return 0.0
 
     def render(self, number: int, report_rows: Callable[[int], None] | None = None) -> tuple[Radiance, list[int]]:
         """Return the radiance (rows, width, 3) of a band; no sample is lost.
 
-        "twin" (the RTL's integers) and "rtl" (the simulated RTL) give the radiance of
-        the panel's bytes. Raises InputError for values outside the registers' range.
+        The engines "twin" (integer model) and "rtl" (simulated RTL) give the radiance
+        of the panel's bytes. Raises InputError for values outside registers' ranges.
         """
-        display = self.display
-        options = self.options
-        rows = self.bands[number]
-        model = self.options.model
+        display, options, rows = self.display, self.options, self.bands[number]
+        model = options.model
         assert model != "auto"
+
         if options.engine == "golden":
             lines = exit_lines(display, self.rays, model, rows)
             return draw_golden(display, self.stack, self.filter, self.rays, model, lines).astype(np.float32), []
         build = Build.of(display, model, WIDEST if options.fraction_bits is None else options.fraction_bits, aims=False)
-        arguments = (display, build, self.stack, scene_build_of(self.stack, self.filter, self.rays), model)
+        args = (display, build, self.stack, scene_build_of(self.stack, self.filter, self.rays), model)
         if options.engine == "twin":
-            panel = draw(*arguments, rows=rows)
+            panel = draw(*args, rows=rows)
         else:
-            from lippmann.simulation import harness  # at its first use: golden starts sooner
+            from lippmann.simulation import harness  # only rtl needs it
 
-            # The simulators run outside of Python's lock.
-            panel = draw(*arguments, harness.rtl_pipeline, harness.rtl_scene, processor_count(), rows)
+            # The simulators run outside Python's global lock.
+            panel = draw(*args, harness.rtl_pipeline, harness.rtl_scene, processor_count(), rows)
         return decode(panel / np.float64(255.0), display.panel.transfer), []
 
 
@@ -244,9 +243,9 @@ def plan_layers(
 ) -> LayerPlan:
     """Return the plan of a picture of layers for a display; `where` names the layers in messages.
 
-    `fraction_bits` is the optics' word length, by default the widest. Raises InputError
-    for an engine, filter, model or number of samples that does not draw layers, and for
-    layers at or behind the display's eyes.
+    `fraction_bits` is the optics' word length, by default the maximum. Raises
+    InputError for an engine, filter, model or number of samples that layers do not
+    have, and for layers at or behind the eyes.
     """
     check_for_display(stack, display, where)
     check_options(filter, samples)

@@ -1,7 +1,7 @@
 """Reads and writes folders of layers, and reads folders of pictures (docs/reference/layers-file.md).
 
-The PNG of a layer has the bytes that a board stores. Its gamma chunk states that light
-is the square of a palette's colour, so that any viewer shows the correct colours.
+The PNG of a layer has the bytes that a board stores. The PNG's gamma chunk states that
+light is the square of palette values, so that any viewer shows correct colours.
 """
 
 from __future__ import annotations
@@ -40,13 +40,13 @@ FILE = "layers.toml"
 PICTURES_FILE = "pictures.toml"
 #: Pattern of layer names that are valid file names on every system.
 NAME = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_-]{0,63}")
-#: PNG gamma from light to a palette's colour, 1/2, in units of 10^-5.
+#: PNG gamma 1/2, from light to palette values, in units of 10^-5.
 GAMMA = 50_000
-#: Side of a layer, texels, below which a warning doubts its size and position.
+#: A layer with fewer texels across or down causes a warning.
 FEW_TEXELS = 4
 #: Maximum number of pixels of a picture.
 MAX_PIXELS = 1 << 25
-#: Number of rows that are decoded at once.
+#: Number of a picture's rows that are decoded at once.
 ROWS = 256
 #: Red, green, blue and opacity of a picture's pixels, (height, width, 4).
 Rgba = npt.NDArray[np.float32]
@@ -126,10 +126,11 @@ def save_layers(path: str | Path, stack: LayerStack, names: Sequence[str] = ()) 
     used_names = {name.casefold() for name in names}
     if len(names) != len(stack.layers) or len(used_names) != len(names):
         what = f"{len(stack.layers)} layers are called {', '.join(names)}"
-        raise input_error(path, what, "give each a name of its own")
+        raise input_error(path, what, "give each layer its own name")
     for name in names:
         if not NAME.fullmatch(name):
             raise input_error(path, f"'{name}' is not a layer's name", "use letters, digits, _ and - only")
+
     folder = Path(path)
     make_folder(folder)
     file = check_output(folder / FILE, (".toml",))
@@ -137,10 +138,11 @@ def save_layers(path: str | Path, stack: LayerStack, names: Sequence[str] = ()) 
     for picture in pictures:
         if picture.exists() and not _is_written(picture):
             raise input_error(picture, "exists, and is not a layer of an earlier run", "choose another folder")
+
     former_pictures = _written_pictures(file)
     for picture, layer in zip(pictures, stack.layers, strict=True):
         _write_png(picture, layer)
-    with replacing(file) as partial:  # last: its pictures are complete
+    with replacing(file) as partial:  # written after the pictures
         partial.write_text(_layers_text(stack, names), encoding="utf-8")
     for picture in former_pictures:
         if picture.stem.casefold() not in used_names:
@@ -151,7 +153,7 @@ def save_layers(path: str | Path, stack: LayerStack, names: Sequence[str] = ()) 
 def _written_pictures(file: Path) -> list[Path]:
     try:
         layers = toml.read(LayersFile, toml.load(file, "layers"), str(file)).layer
-    except InputError:  # not a folder of layers
+    except InputError:  # the folder has no valid layers
         return []
     pictures = [file.parent / one.picture for one in layers if one.picture.name == str(one.picture)]
     return [picture for picture in pictures if _is_written(picture)]
@@ -165,8 +167,7 @@ def _is_written(path: Path) -> bool:
 
 
 def _layers_text(stack: LayerStack, names: Sequence[str]) -> str:
-    """Return the text of `layers.toml`; all numbers are read back exactly."""
-    tables = []
+    tables = []  # toml_text writes exact numbers
     for name, layer in zip(names, stack.layers, strict=True):
         depth = "sky" if layer.sky else layer.depth_mm
         values = {"picture": f"{name}.png", "depth_mm": depth, "s": layer.matrix[0].tolist()}
@@ -177,7 +178,7 @@ def _layers_text(stack: LayerStack, names: Sequence[str]) -> str:
 
 
 def check_for_display(stack: LayerStack, display: Display, where: str = "layers") -> None:
-    """Refuse layers at or behind the eyes; `where` names the stack in errors."""
+    """Refuse layers at or behind a display's eyes; `where` names the stack in errors."""
     for place, layer in enumerate(stack.layers):
         check_depth(layer.depth_mm, display, f"{where}: layer[{place}].depth_mm")
 
@@ -192,7 +193,7 @@ def check_depth(depth_mm: float, display: Display, where: str) -> None:
 
 @contextlib.contextmanager
 def open_png(path: Path, if_missing: str, if_broken: str) -> Iterator[PIL.Image.Image]:
-    """Open a PNG; raise InputError, with these remedies, if it is missing or broken."""
+    """Open a PNG; raise InputError with the remedy `if_missing` or `if_broken`."""
     from PIL import Image, UnidentifiedImageError
 
     if not path.is_file():
@@ -201,7 +202,7 @@ def open_png(path: Path, if_missing: str, if_broken: str) -> Iterator[PIL.Image.
         with Image.open(path, formats=("PNG",)) as picture:
             yield picture
     except UnidentifiedImageError:
-        raise input_error(path, "is not a whole PNG picture", if_broken) from None
+        raise input_error(path, "is not a complete PNG picture", if_broken) from None
     except (OSError, SyntaxError, ValueError, Image.DecompressionBombError) as error:
         raise input_error(path, f"cannot be read ({reason(error)})", "write it again") from None
 
@@ -210,11 +211,11 @@ def _read_png(path: Path) -> tuple[Bytes, Bytes]:
     """Return the indices (height, width) and the palette (256, 4) of a PNG."""
     with open_png(path, "mend its name in layers.toml", "write it again") as picture:
         if max(picture.size) > MAX_SIDE:
-            what = f"has {picture.width} x {picture.height} texels, more across or down than a board's slot can have"
+            what = f"has {picture.width} x {picture.height} texels, more than a slot can have"
             raise input_error(path, what, f"make each side at most {MAX_SIDE}")
         if picture.mode != "P" or picture.palette is None:
             kind = {"L": "grey", "1": "black and white"}.get(picture.mode, picture.mode)
-            remedy = "cut it into a layer with lippmann layers, which gives it one"
+            remedy = "convert the picture with lippmann layers"
             raise input_error(path, f"is a {kind} picture without a palette", remedy)
         clear = picture.info.get("transparency", b"")
         texels = np.asarray(picture, np.uint8)
@@ -227,7 +228,7 @@ def _read_png(path: Path) -> tuple[Bytes, Bytes]:
         palette[: len(clear), 3] = np.frombuffer(clear, np.uint8)[:COLOURS]
     highest = int(texels.max(initial=0))
     if texels.size and highest >= len(colours):
-        raise input_error(path, f"uses colour {highest} of a palette of {len(colours)}", "write it again")
+        raise input_error(path, f"uses colour {highest}, but its palette has {len(colours)}", "write it again")
     return texels, palette
 
 
@@ -247,10 +248,10 @@ def warn_of_textures(stack: LayerStack, names: Sequence[str]) -> None:
     for name, layer in zip(names, stack.layers, strict=True):
         if min(layer.width, layer.height) < FEW_TEXELS:
             size = f"{layer.width} x {layer.height} texels"
-            text = f"layer '{name}' has {size} only: check the size and place of what it shows"
+            text = f"layer '{name}' has only {size}: check the size and position of its objects"
             warn_user(text)
         if not layer.palette[layer.texels, 3].any():
-            warn_user(f"layer '{name}' is transparent all over: it shows nothing")
+            warn_user(f"layer '{name}' is completely transparent: it shows nothing")
 
 
 def warn_of_depths(depths_mm: Iterable[tuple[str, float]], display: Display) -> None:
@@ -314,7 +315,7 @@ def cut_pictures(path: str | Path, display: Display, slot: Size = SLOT) -> tuple
         picture = _read_picture(file.parent / one.file)
         area, reached = _crop_to_reach(picture, reach, depth, one.centre_mm, one.width_mm)
         if not reached.size:
-            raise input_error(f"{where}.centre_mm", "no ray of the display reaches the picture", "move it inwards")
+            raise input_error(f"{where}.centre_mm", "no ray reaches the picture", "move it towards the centre")
         light = _resize_picture(reached, texels_for(area, display, slot))
         opacity = np.clip(light[..., 3], 0.0, 1.0)
         colour = np.clip(light[..., :3] / np.maximum(opacity, 1e-9)[..., None], 0.0, 1.0)
@@ -332,14 +333,14 @@ def _read_picture(path: Path) -> Rgba:
     with open_png(path, "mend its name in the file", "give a PNG") as picture:
         width, height = picture.size
         if width * height > MAX_PIXELS:
-            remedy = f"make it smaller, at most {MAX_PIXELS} pixels"
-            raise input_error(path, f"has {width} x {height} pixels", remedy)
+            remedy = f"give at most {MAX_PIXELS} pixels"
+            raise input_error(path, f"has too many pixels ({width} x {height})", remedy)
         if picture.mode.startswith("I"):  # 16-bit grey, which Pillow would clip
             numbers, white = np.asarray(picture)[..., None], 65535.0
         else:
             numbers, white = np.asarray(picture.convert("RGBA")), 255.0
     light = np.ones((height, width, 4), np.float32)
-    for first in range(0, height, ROWS):  # in parts, to limit the memory
+    for first in range(0, height, ROWS):  # decode in parts, to limit memory
         rows, part = numbers[first : first + ROWS] / white, light[first : first + ROWS]
         part[..., 3:] = rows[..., 3:] if rows.shape[2] == 4 else 1.0
         part[..., :3] = decode(rows[..., :3], "srgb") * part[..., 3:]
@@ -347,10 +348,9 @@ def _read_picture(path: Path) -> Rgba:
 
 
 def _crop_to_reach(light: Rgba, reach: Reach, depth_mm: float, centre: Pair, width: float | None) -> tuple[Area, Rgba]:
-    """Return the area of a picture's part that rays reach, and the part itself."""
     reached = reach.area(depth_mm)
     rows, columns = light.shape[:2]
-    if width is None:  # as large as needed to cover all, about its centre
+    if width is None:  # large enough to cover the reach
         across = 2.0 * max(abs(side - centre[0]) for side in (reached.x0, reached.x1))
         up = 2.0 * max(abs(side - centre[1]) for side in (reached.y0, reached.y1))
         width = max(across, up * columns / rows)

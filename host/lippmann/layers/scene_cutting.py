@@ -1,15 +1,15 @@
 """Cuts a Mitsuba scene into layers for a display.
 
-The slabs follow from the depths that eyes see (`slabs_of`). The middle eye renders each
-slab alone (`peel`). Rays start at the slab's front, so that a layer has the surfaces
-that nearer layers hide. Where a surface crosses from one slab to the next, the farther
-layer continues the surface underneath the nearer layer, as far as a moving eye sees.
+The depths that eyes see divide a scene into slabs (`slabs_of`). Each slab is rendered
+alone, for the middle eye (`peel`). Rays start at a slab's front, so that a layer has
+surfaces that nearer layers hide. Where a surface crosses into the next slab, the next
+layer continues the surface under the nearer layer, as far as a moving eye sees.
 
 A layer shows its whole slab at one depth. For eyes at the distance E, a point at depth
 z has the disparity u = z / (E - z): if the eye moves by 1 mm, the point moves by u mm
-across the display. To first order, the error of a view is the difference of two
-disparities times the picture's gradient. The slabs minimise the mean square of this
-error over all visible points (`partition`).
+across the display. To first order, a view's error is the picture's gradient times the
+difference of a point's and its layer's disparity. The slabs minimise the mean square
+error of views over all visible points (`partition`).
 """
 
 from __future__ import annotations
@@ -38,38 +38,38 @@ from lippmann.rendering.renderer import make_integrator
 from lippmann.rendering.sampling import Lines, Seeds, first_hit, sampler_of
 from lippmann.scenes.scene import Scene
 
-#: Default slot, texels across and down.
+#: Default size of a slot, texels across and down.
 SLOT = (256, 192)
-#: Lenslets at each edge of the panel that `reach_of` traces.
+#: Width in lenslets of the strip at each panel edge that `reach_of` traces.
 EDGE_LENSLETS = 2.0
-#: Rays along each edge of the panel that `reach_of` traces.
+#: Number of rays that `reach_of` traces along each edge of the panel.
 REACH_RAYS = 101
 #: Numbers of rays across and down that find a scene's depths.
 DEPTH_RAYS = (256, 192)
-#: Numbers of texels across and down that find the area of a slab.
+#: Texels across and down of a trial view that finds a slab's area.
 TRIAL_RAYS = (128, 96)
-#: Samples per texel that find the area of a slab.
+#: Samples per texel of a trial view that finds a slab's area.
 TRIAL_SAMPLES = 4
-#: Minimum number of texels that a layer continues underneath a nearer layer.
+#: Minimum number of texels that a layer continues under a nearer layer.
 EDGE_TEXELS = 2.0
 #: Coverage above which a texel belongs to a surface.
 COVERED = 0.5
 
 
 class Reach(NamedTuple):
-    """The areas that a display's rays and its eyes reach."""
+    """Where a display's exit rays and its viewers' eyes can be."""
 
     #: Points where rays meet the plane z = 0, mm (N, 2).
     places_mm: Floats
-    #: Slopes of the rays, (N, 2).
+    #: Slopes dx/dz and dy/dz of the rays, (N, 2).
     slopes: Floats
     #: Position of the middle eye, mm.
     eye_mm: Point
-    #: Maximum distance of other eyes from the middle eye, mm.
+    #: Maximum sideways distance of an eye from the middle eye, mm.
     aside_mm: float
 
     def area(self, depth_mm: float) -> Area:
-        """Return the area that rays meet at a depth; at infinity, the area of the rays' slopes."""
+        """Return the area that rays meet at a depth; at infinity, the range of the rays' slopes."""
         points = self.slopes if math.isinf(depth_mm) else self.places_mm + depth_mm * self.slopes
         return Area(depth_mm, *points.min(axis=0).tolist(), *points.max(axis=0).tolist())
 
@@ -81,12 +81,12 @@ class Cut:
     stack: LayerStack
     slabs: tuple[Slab, ...]
     palette_db: tuple[float, ...]
-    #: Index of the layer that moves by itself.
+    #: Index of the layer of objects that move by themselves.
     apart: int | None = None
 
 
 def check_slot(slot: Size) -> None:
-    """Refuse slots that no board has."""
+    """Refuse a slot size that no board has."""
     try:
         SceneBuild(1, None, *slot)
     except InputError as error:
@@ -94,9 +94,9 @@ def check_slot(slot: Size) -> None:
 
 
 def reach_of(display: Display) -> Reach:
-    """Return the areas that a display's chief rays and its eyes reach."""
+    """Return where a display's chief rays and its viewers' eyes can be."""
     panel = display.panel
-    # The farthest rays leave the lenslets at the panel's edges.
+    # The outermost rays leave the lenslets at the panel's edges.
     band = math.ceil(EDGE_LENSLETS * display.array.coarsest_mm / min(panel.pitches_mm))
     sides = panel.width_px, panel.height_px
     every = [np.unique(np.linspace(0, side - 1, REACH_RAYS).astype(int)) for side in sides]
@@ -121,10 +121,10 @@ def cut_scene(
     settings: Settings | None = None,
     apart: Scene | None = None,
 ) -> Cut:
-    """Cut a placed scene into at most `count` layers for a display; fewer depths give fewer layers.
+    """Cut a placed scene into at most `count` layers for a display; few depths give fewer layers.
 
-    `slot` is a layer's maximum number of texels across and down. `apart` is a scene of
-    the objects that move by themselves. It becomes one layer, at its own depth.
+    `slot` is a layer's maximum size in texels. `apart` is a scene of objects that move
+    by themselves, which becomes one layer at its own depth.
 
     Raises InputError for counts and sizes out of range, and for a scene that no eye
     sees.
@@ -136,6 +136,7 @@ def cut_scene(
     parts = [] if apart is None else [(_find_slabs(apart, 1, reach, settings)[0], apart)]
     parts += [(slab, scene) for slab in _find_slabs(scene, count - len(parts), reach, settings)]
     parts.sort(key=lambda part: -part[0].depth_mm)
+
     entries, background, before = [], np.zeros(3), None
     for slab, part in parts:
         view = _render_slab(part, slab, before if part is scene else None, display, reach, slot, settings)
@@ -144,17 +145,17 @@ def cut_scene(
             continue
         area, colour, opacity = view
         entries.append((*layer_of(area, colour, opacity), slab, part is apart))
-        # The background is visible beside the last layer's texture.
+        # The background continues the last layer with the layer's mean colour.
         background = (opacity[..., None] * colour).sum(axis=(0, 1)) / max(opacity.sum(), 1e-9)
     if not entries:
-        raise InputError(f"{scene.path}: no layer has any texel; place the scene with --fit")
+        raise InputError(f"{scene.path}: all layers are empty; place the scene with --fit")
     layers, errors, slabs, moves = zip(*entries, strict=True)
     stack = LayerStack(layers, np.clip(background, 0.0, 1.0))
     return Cut(stack, slabs, errors, moves.index(True) if True in moves else None)
 
 
 def layer_of(area: Area, light: Floats, opacity: Floats) -> tuple[Layer, float]:
-    """Return the layer of a picture in an area, and the PSNR of its palette, dB."""
+    """Return a layer that shows a picture in an area, and its palette's PSNR, dB."""
     texels, palette, error_db = quantise(rgba_of(light, opacity))
     return Layer(texels, palette, area.depth_mm, area.matrix(texels.shape[1], texels.shape[0])), error_db
 
@@ -166,14 +167,14 @@ def _find_slabs(scene: Scene, count: int, reach: Reach, settings: Settings) -> l
     views = [seen_depths(scene, window, eye, DEPTH_RAYS, trial) for eye in eyes]
     depths, detail = (np.concatenate(values) for values in zip(*views, strict=True))
     if not depths.size:
-        raise input_error(scene.path, "no eye sees any of the scene's surfaces", "place it with --fit")
+        raise input_error(scene.path, "no eye sees any surface of the scene", "place the scene with --fit")
     return slabs_of(depths, detail, count, z, min(scene.depth_range_mm[1], z))
 
 
 def _render_slab(
     scene: Scene, slab: Slab, before: Slab | None, display: Display, reach: Reach, slot: Size, settings: Settings
 ) -> tuple[Area, Floats, Floats] | None:
-    """Return a slab's area, light and opacity; None if rays meet no surface."""
+    """Render a slab; return its area, colour and opacity, or None if rays meet no surface."""
     depth = math.inf if math.isinf(slab.depth_mm) else slab.depth_mm
     # Add a texel on each side, because bilinear textures fade in the outer half texel.
     reached = reach.area(depth)
@@ -184,11 +185,13 @@ def _render_slab(
     mask = trial.coverage > 0.0
     if not mask.any():
         return None
+
     hidden = 0.0
     if before is not None and not math.isinf(depth):
-        # Eyes see this width behind the nearer layer's edge. Add partly covered texels.
+        # `hidden` is the width that eyes see behind a nearer edge, plus partial texels.
         hidden = reach.aside_mm * (before.depth_mm - depth) / (reach.eye_mm[2] - before.depth_mm)
         hidden += EDGE_TEXELS * texel
+
     area = reached.cells(mask, hidden)
     size = texels_for(area, display, slot)
     view = peel(scene, area, reach.eye_mm, between, size, settings)
@@ -200,27 +203,27 @@ def _render_slab(
 
 
 def _extend_slice(view: Slice, under: Slice, texel_mm: tuple[float, float], hidden_mm: float) -> Slice:
-    """Extend a slab's picture by the nearer slab's picture (`under`) over `hidden_mm`."""
-    from scipy.ndimage import distance_transform_edt  # at its first use: slow to load
+    """Extend a slab's picture by at most `hidden_mm` with `under`, the nearer slab's picture."""
+    from scipy.ndimage import distance_transform_edt  # scipy loads slowly
 
     own = view.coverage > COVERED
     if not own.any():
         return view
     near = distance_transform_edt(~own, sampling=texel_mm) <= hidden_mm
-    # The parts of a texel that a surface covers in both slabs add up.
+    # A surface may cover parts of a texel in both slabs: the parts add up.
     added = np.where(near, np.minimum(1.0 - view.coverage, under.coverage), 0.0)
     share = added / np.maximum(under.coverage, 1e-9)
     return Slice(view.light + share[..., None] * under.light, view.coverage + added)
 
 
 def texels_for(area: Area, display: Display, slot: Size) -> Size:
-    """Return an area's numbers of texels, at most a slot's, and no finer than a pixel sees."""
+    """Return an area's texels across and down: at most `slot`, no finer than `finest_texel`."""
     width, height = (max(2, math.ceil(side / finest_texel(area.depth_mm, display))) for side in area.size)
     return min(slot[0], width), min(slot[1], height)
 
 
 def finest_texel(depth_mm: float, display: Display) -> float:
-    """Return the distance of neighbouring rays at a depth, mm, at least a pixel; for a sky, of slopes."""
+    """Return neighbouring rays' distance at a depth, mm, at least a pixel; at infinity, of their slopes."""
     pixel = display.panel.coarsest_mm
     slope = pixel / display.aperture_distance_mm
     return slope if math.isinf(depth_mm) else max(pixel, abs(depth_mm) * slope)
@@ -231,7 +234,7 @@ Point = tuple[float, float, float]
 
 @dataclass(frozen=True)
 class Area:
-    """A rectangle in the plane z = `depth_mm`, mm, or of slopes at infinity; (x1, y1) is top right."""
+    """A rectangle at z = `depth_mm`, in mm, or in slopes of rays at infinity; (x1, y1) is top right."""
 
     depth_mm: float
     x0: float
@@ -245,12 +248,12 @@ class Area:
         return self.x1 - self.x0, self.y1 - self.y0
 
     def matrix(self, width: int, height: int) -> Floats:
-        """Return the matrix (2, 3) from (x, y, 1) to texels of a texture over the area."""
+        """Return the matrix (2, 3) from (x, y, 1) to texels of a texture that covers the area."""
         a, d = width / self.size[0], -height / self.size[1]
         return np.array([[a, 0.0, -a * self.x0], [0.0, d, -d * self.y1]])
 
     def cells(self, mask: npt.NDArray[np.bool_], margin: float) -> Area:
-        """Return the part under a mask's true cells, with a margin and a cell on each side."""
+        """Return the area of a mask's true cells, plus a margin and a cell on each side."""
         rows, columns = np.flatnonzero(mask.any(axis=1)), np.flatnonzero(mask.any(axis=0))
         across, down = self.size[0] / mask.shape[1], self.size[1] / mask.shape[0]
         return Area(
@@ -272,7 +275,7 @@ class Slice(NamedTuple):
 def peel(
     scene: Scene, area: Area, eye_mm: Point, between_mm: tuple[float, float], size: Size, settings: Settings
 ) -> Slice:
-    """Return an eye's view, in an area, of the surfaces between two depths (front, back).
+    """Render the surfaces between two depths (front, back), as an eye sees them in an area.
 
     `size` is (width, height). A back of -infinity includes the scene's surroundings.
     """
@@ -307,8 +310,8 @@ def peel(
 def seen_depths(scene: Scene, area: Area, eye_mm: Point, size: Size, settings: Settings) -> tuple[Floats, Floats]:
     """Return the depths (N,) that an eye sees in an area, -infinity for surroundings, and the detail (N,).
 
-    Detail is the squared difference of neighbouring texels. It counts for the nearer
-    texel, whose surface hides farther surfaces behind its edge.
+    Detail is the squared difference of two neighbouring texels, and counts for the
+    nearer texel, whose surface hides farther surfaces behind its edge.
     """
     front, (width, height) = min(scene.depth_range_mm[1], eye_mm[2]), size
     index = dr.arange(mi.UInt32, width * height)
@@ -327,7 +330,7 @@ def seen_depths(scene: Scene, area: Area, eye_mm: Point, size: Size, settings: S
 
 
 def _lines(area: Area, eye_mm: Point, size: Size, texel: Arr, sample: Arr, settings: Settings) -> Lines:
-    """Return the lines from texel samples to an eye; for slopes, lines through the origin."""
+    # Lines run from samples in texels to an eye; for a sky, through the origin.
     columns = dr.opaque(mi.UInt32, size[0])
     places = area.x0, area.y1, area.size[0] / size[0], area.size[1] / size[1]
     x0, y1, across, down = (dr.opaque(mi.Float, value) for value in places)
@@ -347,14 +350,14 @@ def _lines(area: Area, eye_mm: Point, size: Size, texel: Arr, sample: Arr, setti
 BINS = 512
 #: Weight of a point without detail, as a fraction of the mean detail.
 PLAIN = 0.05
-#: Minimum width of a bin: a shift of 0.001 mm for an eye that moves 100 mm.
+#: Minimum width of a disparity bin: 0.001 mm of shift for an eye that moves 100 mm.
 FINEST = 1e-5
 #: Disparity at infinity.
 SKY = -1.0
 
 
 class Slab(NamedTuple):
-    """The part of a scene in a layer: z from `front_mm` back to `back_mm`, shown at `depth_mm`."""
+    """The part of a scene, from z = `front_mm` to `back_mm`, that a layer shows at `depth_mm`."""
 
     front_mm: float
     back_mm: float
@@ -362,7 +365,7 @@ class Slab(NamedTuple):
 
 
 def disparity(z_mm: npt.ArrayLike, eye_mm: float) -> Floats:
-    """Return the disparity of depths for an eye at a distance; -1 at z = -infinity."""
+    """Return the disparity of depths z for an eye at distance `eye_mm`; -1 at z = -infinity."""
     z = np.asarray(z_mm, np.float64)
     far = np.isneginf(z)
     near = np.where(far, 0.0, z)
@@ -375,22 +378,22 @@ def depth_of(u: float, eye_mm: float) -> float:
 
 
 def slabs_of(z_mm: Floats, detail: Floats, count: int, eye_mm: float, front_mm: float) -> list[Slab]:
-    """Return at most `count` slabs, front to back, for the depths (N,) that eyes at a distance see.
+    """Return at most `count` slabs, front to back, for depths (N,) seen by eyes at distance `eye_mm`.
 
-    `detail` (N,) is the squared gradient of the picture at these points. A scene's
-    surroundings, at depth -infinity, have their own slab or share the last slab. The
-    first slab starts at `front_mm`. The last slab has no back.
+    `detail` (N,) is the picture's squared gradient at the points of these depths.
+    Surroundings, at depth -infinity, have their own slab or share the last slab. The
+    first slab starts at `front_mm`. The last slab ends at -infinity.
     """
     u = disparity(z_mm, eye_mm)
     near = u[u > SKY]
     low, high = (float(near.min()), float(near.max())) if near.size else (0.0, 0.0)
     step = max((high - low) / (BINS - 1), FINEST)
-    # Bin 0 is the sky. The mean disparity represents every other bin.
+    # Bin 0 contains the sky. Any other bin is represented by its mean disparity.
     place = np.where(u > SKY, 1 + np.rint((u - low) / step).astype(np.int64), 0)
     mean_detail = float(detail.mean())
     share = detail + (PLAIN * mean_detail if mean_detail > 0.0 else 1.0)
     weight, total = (np.bincount(place, values, BINS + 1) for values in (share, share * u))
-    used = np.flatnonzero(weight)[::-1]  # from front to back
+    used = np.flatnonzero(weight)[::-1]  # bins from front to back
     mean = total[used] / weight[used]
     ends = partition(mean, np.asarray(weight[used], np.float64), min(count, len(used)))
     slabs, front = [], front_mm
@@ -403,10 +406,10 @@ def slabs_of(z_mm: Floats, detail: Floats, count: int, eye_mm: float, front_mm: 
 
 
 def partition(values: Floats, weights: Floats, count: int) -> list[int]:
-    """Return the ends of `count` runs of ordered values with the minimum weighted variance."""
+    """Split ordered values into `count` runs of minimum weighted variance; return the runs' ends."""
     n = len(values)
     sums = [np.concatenate([[0.0], np.cumsum(weights * values**power)]) for power in range(3)]
-    # `runs` has, for each end, the sums of squares of the runs from each start.
+    # `runs` has, for each end, the squared deviations of the runs from each start.
     runs = []
     for end in range(1, n + 1):
         w, m, q = (one[end] - one[:end] for one in sums)

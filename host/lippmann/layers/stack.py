@@ -1,8 +1,8 @@
-"""Describes a scene as a stack of layers, textures of palette colours, before one background.
+"""Describes a scene as a stack of layers, textures of palette colours, before a background.
 
-Golden, twin and RTL draw from the bytes that a board stores. Pillow chooses the first
-palette of a picture. Lloyd's steps then move each colour to the mean of its texels.
-Distances of colours use the opacity, and the square root of light times the opacity.
+The engines golden, twin and rtl draw the bytes that a board stores. Pillow chooses a
+picture's initial palette. Lloyd's algorithm then moves each colour to the mean of its
+texels. Distances of colours are measured in opacity, and in the root of light times it.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from lippmann.errors import InputError, as_number, check_flags, check_type
 
 Bytes = npt.NDArray[np.uint8]
 Floats = npt.NDArray[np.float64]
-#: Texels across and down.
+#: Size of a texture: texels across and down.
 Size = tuple[int, int]
 Number = TypeVar("Number", bound=np.generic)
 
@@ -27,12 +27,12 @@ MAX_LAYERS = 8
 MAX_SIDE = 1024
 #: Number of colours in a palette.
 COLOURS = 256
-#: Maximum distance of a layer from the array, mm; farther layers are skies.
+#: Maximum distance of a layer from the lenslet array, mm, except for skies.
 MAX_DEPTH_MM = 1e6
 
 
 def light_of(bytes_: npt.ArrayLike) -> Floats:
-    """Return the linear light, 0 to 1, of a palette's red, green or blue: (c / 255)^2."""
+    """Return the linear light (c / 255)^2 of bytes c of a palette."""
     return (np.asarray(bytes_, np.float64) / 255.0) ** 2
 
 
@@ -42,7 +42,7 @@ def bytes_of(light: npt.ArrayLike) -> Bytes:
 
 
 def opacity_of(alpha: npt.ArrayLike) -> Floats:
-    """Return the opacity, 0 to 1, of a palette's fourth byte: (a + [a >= 128]) / 256, so that 255 is opaque."""
+    """Return the opacity (a + [a >= 128]) / 256 of a palette's fourth byte a, so that 255 is opaque."""
     a = np.asarray(alpha, np.float64)
     return (a + (a >= 128)) / 256.0
 
@@ -55,7 +55,7 @@ def alpha_of(opacity: npt.ArrayLike) -> Bytes:
 
 @dataclass(frozen=True, eq=False)
 class Layer:
-    """A texture in a plane of the display's frame, or at infinity: a sky.
+    """A texture in a plane of the display's frame, or at infinity (a sky).
 
     Attributes
     ----------
@@ -71,7 +71,7 @@ class Layer:
         to the right and t downwards. Texel (0, 0) covers 0 to 1 in s and t. A layer is
         transparent outside its texture.
     brightness
-        Factor on the light, 0 to 1. It does not change the opacity.
+        Factor on the light, 0 to 1, but not on the opacity.
     visible
         Whether the layer is drawn.
     """
@@ -119,7 +119,7 @@ class Layer:
         return math.isinf(self.depth_mm)
 
     def moved(self, scale: float, offset_mm: tuple[float, float, float]) -> Layer:
-        """Return the layer scaled about the display's middle, then shifted; a sky does not change."""
+        """Return the layer scaled about the display's centre, then shifted; a sky does not change."""
         scale = _number("scale", scale)
         x, y, z = _array("layer: offset_mm", offset_mm, np.float64, (3,), "(x, y, z) in mm")
         if self.sky:
@@ -142,8 +142,8 @@ class Layer:
             return self.texels
         clear = np.flatnonzero(self.palette[:, 3] == 0)
         if not len(clear):
-            what = "leaves a part of a slot empty, and its palette has no transparent colour for it"
-            remedy = f"give {width} x {height} texels, or a palette with a transparent colour"
+            what = "is smaller than a slot, and its palette has no transparent colour to fill it"
+            remedy = f"give {width} x {height} texels, or a transparent colour"
             raise InputError(f"{size} {what}; {remedy}")
         slot = np.full((height, width), clear[0], np.uint8)
         slot[: self.height, : self.width] = self.texels
@@ -157,7 +157,7 @@ class LayerStack:
     Attributes
     ----------
     layers
-        1 to 8 layers; the first one is in front of all others, whatever their depths.
+        1 to 8 layers; the first layer is in front of all others, whatever the depths.
     background
         (3,) float64, linear red, green and blue, 0 to 1.
     """
@@ -172,7 +172,7 @@ class LayerStack:
             if not isinstance(layer, Layer):
                 raise InputError(f"layers: layer {k} is a {type(layer).__name__}; give a Layer")
         if not 1 <= len(layers) <= MAX_LAYERS:
-            raise InputError(f"layers: {len(layers)} layers; give 1 to {MAX_LAYERS}")
+            raise InputError(f"layers: the stack has {len(layers)} layers; give 1 to {MAX_LAYERS}")
         background = _array("layers: background", self.background, np.float64, (3,), "(3,)")
         if (background < 0.0).any() or (background > 1.0).any():
             raise InputError(f"layers: background {background.tolist()} is out of range; give linear light, 0 to 1")
@@ -180,7 +180,7 @@ class LayerStack:
         object.__setattr__(self, "background", background)
 
     def moved(self, scale: float = 1.0, offset_mm: tuple[float, float, float] = (0.0, 0.0, 0.0)) -> LayerStack:
-        """Return the stack scaled about the display's middle, then shifted by `offset_mm`."""
+        """Return the stack scaled about the display's centre, then shifted by `offset_mm`."""
         if not 0.0 < as_number(scale) < math.inf:
             raise InputError(f"layers: scale {scale} is out of range; give more than 0")
         return replace(self, layers=tuple(layer.moved(scale, offset_mm) for layer in self.layers))
@@ -189,9 +189,9 @@ class LayerStack:
 def _array(
     name: str, values: npt.ArrayLike, kind: type[Number], shape: tuple[int | None, ...], form: str
 ) -> npt.NDArray[Number]:
-    """Return a read-only copy of values with a type and shape; a side None means any length above 0."""
+    """Check type and shape (None: any length above 0) of values; return a read-only copy."""
     try:
-        # Values are not converted to bytes, which would lose fractions or high bits.
+        # Values are not converted to bytes: that would lose fractions or high bits.
         array = np.asarray(values, None if kind is np.uint8 else kind)
     except (TypeError, ValueError, OverflowError):
         raise InputError(f"{name} contains something that is not a number; give numbers") from None
@@ -214,7 +214,7 @@ def _number(name: str, value: object) -> float:
     return number
 
 
-#: Number of Lloyd's steps. Each of the last steps reduces the error by less than 1 %.
+#: Steps of Lloyd's algorithm. Each of the last steps lowers the error by under 1 %.
 STEPS = 12
 
 
@@ -226,9 +226,9 @@ def rgba_of(light: Floats, opacity: Floats) -> Bytes:
 def quantise(rgba: Bytes) -> tuple[Bytes, Bytes, float]:
     """Quantise a picture (height, width, 4) of palette bytes to 256 colours.
 
-    Returns texels, palette, and the PSNR in dB. Colour 0 is transparent, so that a
-    smaller texture can fill a slot. A picture with at most 255 other colours keeps all
-    its colours. Opaque texels stay opaque.
+    Returns texels, palette, and the PSNR in dB. Colour 0 is transparent, and fills the
+    rest of a slot. A picture with at most 255 other colours keeps all its colours.
+    Opaque texels stay opaque.
     """
     height, width = rgba.shape[:2]
     flat = np.where(rgba[..., 3:] > 0, rgba, 0).reshape(-1, 4)
@@ -246,14 +246,14 @@ def quantise(rgba: Bytes) -> tuple[Bytes, Bytes, float]:
 
 
 def _perceived(rgba: Bytes) -> Floats:
-    """Return colours (N, 4) as points whose distances are visible errors."""
+    """Map colours (N, 4) to points whose distances are visible errors."""
     share = rgba / 255.0
     return np.concatenate([share[:, :3] * share[:, 3:], share[:, 3:]], axis=1)
 
 
 def nearest(rgba: Bytes, palette: Bytes) -> np.ndarray:
-    """Return the index of the palette's nearest colour; opaque colours get an opaque colour."""
-    from scipy.spatial import KDTree  # at its first use: slow to load
+    """Return the index of the palette colour nearest to each colour, opaque for opaque colours."""
+    from scipy.spatial import KDTree  # scipy loads slowly
 
     place = KDTree(_perceived(palette)).query(_perceived(rgba))[1]
     opaque, solid = rgba[:, 3] == 255, np.flatnonzero(palette[:, 3] == 255)
@@ -263,17 +263,17 @@ def nearest(rgba: Bytes, palette: Bytes) -> np.ndarray:
 
 
 def _palette(colours: Bytes, counts: np.ndarray) -> Bytes:
-    """Return 255 colours for N visible colours (N, 4), each with a number of texels in `counts`."""
+    """Return 255 colours for visible colours (N, 4), which `counts` (N,) texels have."""
     from PIL import Image
 
-    # Pillow's octree supports opacity. The image has one row with each colour once.
+    # Pillow's octree supports opacity. The image `start` has each colour once.
     start = Image.fromarray(colours[None], "RGBA").quantize(COLOURS - 1, Image.Quantize.FASTOCTREE)
     palette: Bytes = np.array(start.getpalette("RGBA"), np.uint8).reshape(-1, 4)[np.unique(np.asarray(start))]
     points, opaque = _perceived(colours), colours[:, 3] == 255
     for _ in range(STEPS):
         place = nearest(colours, palette)
         weight = np.bincount(place, counts, len(palette))
-        # Colours with large errors replace colours without texels.
+        # Colours with large errors replace palette colours without texels.
         error = ((points - _perceived(palette)[place]) ** 2).sum(axis=1) * counts
         worst = np.argsort(-error)[: COLOURS - 1 - np.count_nonzero(weight)]
         sums = np.stack([np.bincount(place, counts * points[:, k], len(palette)) for k in range(4)], axis=1)
@@ -283,7 +283,6 @@ def _palette(colours: Bytes, counts: np.ndarray) -> Bytes:
 
 
 def _colours_at(points: Floats, solid: np.ndarray) -> Bytes:
-    """Return points of `_perceived` as colours; `solid` points become opaque."""
     opacity = np.where(solid, 1.0, points[:, 3:].ravel())
     colour = points[:, :3] / np.maximum(points[:, 3:], 1e-9)
     rgba = np.concatenate([colour, opacity[:, None]], axis=1)

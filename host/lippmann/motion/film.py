@@ -1,4 +1,4 @@
-"""Reads a film from a TOML file: a scene, a number of frames, and the paths of moving objects."""
+"""Reads a film from a TOML file: scene, number of frames, and paths of moving objects."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ def interpolate(frames: Floats, numbers: Floats, motion: Motion | None, frame: f
 @documented
 @dataclass(frozen=True)
 class Key:
-    """The motion at one frame: scaling, rotation and shift."""
+    """An object's motion at one frame: scaling, rotation and shift."""
 
     frame: Annotated[int, key("frame number; greater than that of the key before", low=0)]
     offset_mm: Annotated[Triple, key("shift from the position at rest")] = ORIGIN
@@ -45,11 +45,11 @@ class Key:
 @documented
 @dataclass(frozen=True)
 class MotionPath:
-    """Keys and the interpolation between them. Nothing moves before the first key or after the last key.
+    """The keys of an object's path. The object rests before the first key and after the last key.
 
-    "smooth" interpolates each component by cubics that never go beyond a key (F.
-    Fritsch, J. Butland, "A method for constructing local monotone piecewise cubic
-    interpolants", 1984). None means the film's `motion`, by default "smooth".
+    "smooth" interpolates each component by cubics that never go beyond a key (Fritsch
+    and Butland, "A method for constructing local monotone piecewise cubic
+    interpolants", 1984). A `motion` of None means the film's, by default "smooth".
     """
 
     keys: Annotated[tuple[Key, ...], key("positions at some frames; at least one"), Meta(min_length=1)]
@@ -57,7 +57,7 @@ class MotionPath:
     motion: Annotated[Motion | None, key("interpolation between keys", default="the film's")] = None
 
     def at(self, frame: int) -> Placement:
-        """Return the motion from rest to a frame, in the display's frame."""
+        """Return the motion from rest to a frame number, in the display's coordinates."""
         frames = np.array([key.frame for key in self.keys], np.float64)
         numbers = np.array([(*key.offset_mm, *key.rotation_deg, key.scale) for key in self.keys])
         x, y, z, about_x, about_y, about_z, scale = interpolate(frames, numbers, self.motion, frame).tolist()
@@ -83,7 +83,7 @@ class Moving(MotionPath):
 
 @dataclass(frozen=True, kw_only=True)
 class FilmFile:
-    """The keys of a film file. An object also moves shapes that earlier objects moved; `world` moves all."""
+    """The keys of a film file. Objects may move the same shape in sequence; `world` moves all shapes."""
 
     scene: Annotated[Path, key("a Mitsuba scene; its path is relative to the film file")]
     frames: Annotated[int, key("number of frames, numbered from 0", low=1, high=MAX_FRAMES)]
@@ -109,12 +109,12 @@ class Film(FilmFile):
         return sorted({0, self.frames - 1, *(one.frame for path in paths for one in path.keys)})
 
     def moves(self, frame: int, placement: Placement) -> tuple[Move, ...]:
-        """Return the objects' motions at a frame, in the placed scene's own frame."""
+        """Return the objects' motions at a frame, in scene coordinates."""
         forward, back = placement.display_from_scene, placement.scene_from_display
         return tuple(Move(one.shapes, back @ one.at(frame).display_from_scene @ forward) for one in self.object)
 
     def placement(self, frame: int, placement: Placement, film_placement: Placement | None = None) -> Placement:
-        """Return the scene's placement at a frame, from the placements at rest and of the film."""
+        """Return the scene's placement at a frame, moved by `world`, then by `film_placement`."""
         if self.world is not None:
             placement = placement.then(self.world.at(frame))
         if film_placement is not None:
@@ -125,7 +125,7 @@ class Film(FilmFile):
 
 
 def is_film(path: str | Path) -> bool:
-    """Tell whether a path is a TOML file, but not the file of a scene."""
+    """Tell whether a path is a film: a TOML file that is not a scene."""
     path = Path(path)
     return path.suffix.lower() == ".toml" and path.is_file() and kind_of(path) is None
 
@@ -143,7 +143,7 @@ def load_film(path: str | Path) -> Film:
 
 
 def check_frames(key_frames: Sequence[int], frames: int, where: str) -> None:
-    """Raise InputError for keys out of order, or beyond a film's last frame."""
+    """Raise InputError if keys are not in order, or are beyond a film's last frame."""
     before = -1
     for place, frame in enumerate(key_frames):
         key_name = f"{where}.keys[{place}].frame"

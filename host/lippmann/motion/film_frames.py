@@ -33,7 +33,7 @@ logger = logging.getLogger("lippmann")
 
 @dataclass(frozen=True, eq=False)
 class FramePlan(ScenePlan):
-    """The plan of a film's frame. All frames share a seed, so pixels at rest do not change."""
+    """The plan of a film's frame. All frames have one seed, so that pixels at rest do not change."""
 
     film: Film
     frame: int
@@ -57,12 +57,12 @@ class FramePlan(ScenePlan):
         return {**super().metadata, "film": self.film.name, "frame": str(self.frame), "shot": self.identity}
 
     def load(self) -> Scene:
-        """Load the moved and placed scene; raise InputError as `load_scene`."""
+        """Load the scene, moved and placed. Raises errors of `load_scene`."""
         scene = load_scene(self.scene, self.placement, self.moves)
         return self._with_moved_shapes(scene) if self.film.object else scene
 
     def _with_moved_shapes(self, scene: Scene) -> Scene:
-        """Return the scene with the depths of moved shapes, unless the film file gives the depths."""
+        """Extend a scene's depth range to its moved shapes, unless the film file gives the depths."""
         rest_low, rest_high = placed_box(_bounds_at_rest(self.scene, self.digest), scene.placement)
         low, high = scene.box(scene.placement)
         far, near = scene.depth_range_mm
@@ -82,7 +82,7 @@ def plan_film(film: Film, display: Display, options: RenderOptions, scale: float
     """Return the plans of a film's frames, scaled about the display's centre.
 
     A scale of None fits the film into the depth range. Raises InputError if the scene
-    cannot be read, or if an unbounded scene has to fit.
+    cannot be read, or if an unbounded scene must be fitted.
     """
     digest, at_rest = digest_of(film.scene), placement_beside(film.scene)
     film_placement = None if scale == 1.0 else Placement(scale or 1.0)
@@ -113,8 +113,8 @@ def _fit_film(film: Film, at_rest: Placement, display: Display) -> Placement:
 
 
 def choose_shading(plans: list[FramePlan]) -> list[FramePlan]:
-    """Replace shading "auto"; use the cache if trials at all key frames allow it."""
-    # All frames have one shading, so that pixels at rest do not change.
+    """Replace shading "auto" in all plans: use the cache if trials at all key frames allow it."""
+    # All frames have the same shading, so that pixels at rest do not change.
     options, film = plans[0].options, plans[0].film
     if options.settings.shading != "auto":
         return plans
@@ -129,14 +129,14 @@ def choose_shading(plans: list[FramePlan]) -> list[FramePlan]:
 
 
 def warn_of_frame(plan: FramePlan) -> None:
-    """Warn and log for a frame, as `report_and_choose_model`; keep the renderer for `start`."""
+    """Warn of a frame's problems (`report_and_choose_model`); keep its renderer for `start`."""
     scene = plan.load()
     model = report_and_choose_model(scene, plan.display, plan.options)
     plan.planned_by.append(make_renderer(scene, plan.display, replace(plan.options, model=model), plan.bands))
 
 
 def render_frame(plan: FramePlan) -> IntegralImage:
-    """Render a frame in this process. Raises the errors of `FramePlan.load` and `Renderer`."""
+    """Render a frame in this process. Raises errors of `FramePlan.load` and `Renderer`."""
     return render_picture(plan)
 
 
@@ -149,18 +149,18 @@ def frame_path(folder: Path, frame: int) -> Path:
 
 
 def lock_folder(folder: Path, frames: int) -> FolderLock:
-    """Create and lock a film's folder; InputError for frames of a longer film."""
+    """Create and lock a film's folder. Raises InputError if it has frames of a longer film."""
     lock = FolderLock(folder, "choose another folder with -o")
     ours = {frame_path(folder, k) for k in range(frames)}
     for other in sorted(folder.glob("frame_*.exr")):
         if other not in ours:
             what = f"is beyond the film's {frames} frames"
-            raise input_error(other, what, "remove it, or choose another folder")
+            raise input_error(other, what, "remove the file, or choose another folder")
     return lock
 
 
 def is_rendered(folder: Path, plan: FramePlan) -> bool:
-    """Tell whether a folder contains a plan's frame."""
+    """Tell whether a folder contains the rendered frame of a plan."""
     with contextlib.suppress(InputError):
         image = IntegralImage.load(frame_path(folder, plan.frame), plan.display)
         return image.metadata.get("shot") == plan.identity
@@ -168,7 +168,7 @@ def is_rendered(folder: Path, plan: FramePlan) -> bool:
 
 
 class FrameFolder:
-    """A sink for a film's frames. Each frame becomes a file after its last band."""
+    """A sink for a film's frames. A frame is written to a file after its last band."""
 
     def __init__(self, folder: Path, lock: FolderLock, plans: Sequence[FramePlan]) -> None:
         self.folder, self._lock, self._plans = folder, lock, plans
@@ -204,7 +204,7 @@ class FrameFolder:
 
 @dataclass
 class Reel:
-    """A film that plays in a loop. It skips no frame, so it may play more slowly."""
+    """A film that plays in a loop. No frame is skipped, so the film may be slower."""
 
     plans: Sequence[FramePlan]
     frames_per_second: float
@@ -217,7 +217,7 @@ class Reel:
         return int(self._place)
 
     def advance(self, seconds: float) -> None:
-        """Advance the film by a time, if the film plays."""
+        """Advance a playing film by a time, but at most by a frame."""
         if self.playing:
             self._move(min(seconds * self.frames_per_second, 1.0))
 

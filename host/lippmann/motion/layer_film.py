@@ -1,4 +1,4 @@
-"""Reads a film of layers, which a board draws: a folder of layers, and motions from a TOML file."""
+"""Reads a film of layers for a board: a folder of layers, and motions from a TOML file."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from lippmann.layers.stack import Layer, LayerStack
 from lippmann.motion.film import MAX_FRAMES, Motion, check_frames, interpolate
 from lippmann.scenes.placement import ORIGIN, Number, Scale, Triple
 
-#: Frames per second of a folder of layers.
+#: Frames per second of a folder of layers, which has a single frame.
 STILL_RATE = 12.0
 Pair = tuple[Number, Number]
 
@@ -117,13 +117,13 @@ def load_layer_film(path: str | Path) -> LayerFilm:
             remedy = hint or f"choose from {', '.join(names)}"
             raise input_error(f"{where}.name", f"{film.layers} has no layer '{one.name}'", remedy)
         if one.name in moving:
-            raise input_error(f"{where}.name", f"'{one.name}' moves already", "put all its keys into one table")
+            raise input_error(f"{where}.name", f"'{one.name}' moves already", "use one table for all keys of a layer")
         moving.add(one.name)
         check_frames([one_key.frame for one_key in one.keys], film.frames, where)
         if stack.layers[names.index(one.name)].sky:
             for number, sky_key in enumerate(one.keys):
                 if sky_key.offset_mm != ORIGIN:
-                    what = f"'{one.name}' is a sky, which has no place to be shifted from"
+                    what = f"'{one.name}' is a sky, which cannot be shifted"
                     raise input_error(f"{where}.keys[{number}].offset_mm", what, "give the layer a depth in its folder")
     return LayerFilm(stack, names, film.frames, film.frames_per_second, film.motion, film.layer)
 
@@ -158,7 +158,7 @@ def _move_layer(layer: Layer, moving: MovingLayer, frame: int, motion: Motion) -
 
 
 def check_keys(film: LayerFilm, display: Display, path: str | Path) -> None:
-    """Raise InputError for an impossible layer, such as a layer behind the eyes."""
+    """Raise InputError if a frame has an invalid layer, such as a layer behind the eyes."""
     for frame in range(film.frames):
         try:
             stack, numbers = film.at(frame)

@@ -1,4 +1,4 @@
-"""Shows the integral image of a moving scene, fast during motion and with more samples at rest."""
+"""Shows a moving scene's integral image, fast in motion, with more samples at rest."""
 
 from __future__ import annotations
 
@@ -30,12 +30,12 @@ from lippmann.rendering.sampling import RaySource, Window, display_source
 from lippmann.scenes.placement import Matrix, Placement
 from lippmann.scenes.scene import Scene
 
-#: Bits of the float32 numbers 0 and 1. As integers, the bits have the floats' order.
+#: Bits of the float32 numbers 0 and 1. As integers, bits of floats keep the order.
 ZERO, ONE = 0, 0x3F800000
 
 
 def least_radiance(panel: Panel, bits: int) -> npt.NDArray[np.float32]:
-    """Return the minimum radiance of each level except the darkest, (2^bits - 1,)."""
+    """Return the minimum radiance of each level of a panel except the darkest, (2^bits - 1,)."""
     levels = values_of(bits)[1:]
     low, high = np.full(len(levels), ZERO), np.full(len(levels), ONE)
     while (high - low > 1).any():
@@ -46,12 +46,12 @@ def least_radiance(panel: Panel, bits: int) -> npt.NDArray[np.float32]:
 
 
 def values_of(bits: int) -> npt.NDArray[np.uint8]:
-    """Return the 8-bit values of all levels (levels,) of a panel of up to 8 bits."""
+    """Return the 8-bit values (levels,) of all levels of a panel with up to 8 bits."""
     return encoded_values(np.linspace(0.0, 1.0, 1 << bits), "linear", bits).astype(np.uint8)
 
 
 class Encoder:
-    """Converts radiance planes to 8-bit values, as `encoded_values`."""
+    """Converts radiance planes to 8-bit values, as `encoded_values` does."""
 
     def __init__(self, panel: Panel) -> None:
         bits = min(panel.bits, 8)
@@ -62,7 +62,7 @@ class Encoder:
         dr.make_opaque(self._least, self._values)
 
     def __call__(self, planes: list[Jit]) -> Pixels:
-        """Return values (height, width, 3) of colour planes, which may share Dr.Jit's memory."""
+        """Convert colour planes to values (height, width, 3), which may share Dr.Jit's memory."""
         place = 3 * dr.arange(mi.UInt32, dr.width(planes[0]))
         values = dr.empty(self._byte, 3 * dr.width(place))
         for k, plane in enumerate(planes):
@@ -73,31 +73,31 @@ class Encoder:
         return np.asarray(values).reshape(self._shape)
 
 
-#: Maximum time of a moving picture, s. If it takes longer, a block gets one ray.
+#: Render time of a moving picture, s, above which a block of pixels gets one ray.
 QUICK_S = 0.06
-#: Number of timed pictures, since another program may disturb one.
+#: Number of timed pictures, because another program may slow one down.
 TRIALS = 3
 MAX_BLOCK = 8
-#: Samples of a pass at rest. The first pass equals a render with as many samples.
+#: Samples per pixel of each pass while the scene is at rest.
 PASS_SAMPLES = 4
 #: Pixels rendered between two checks of the mouse, keyed by device.
 PIXELS_AT_ONCE = {"llvm": 1 << 18, "cuda": 1 << 25}
 
 
 class LivePicture:
-    """The integral image of a moving scene, on the device until it is read."""
+    """The integral image of a moving scene. The image stays on the device until it is read."""
 
     def __init__(
         self, scene: Scene, display: Display, model: Model, settings: Settings, block: int | None = None
     ) -> None:
-        """Compile the programs. A `block` of None is chosen by speed. Raises InputError as `Renderer`."""
+        """Compile the programs. The speed determines a `block` of None. Raises errors of `Renderer`."""
         self._scene = scene
         self._panel = display.panel
         self._encoder = Encoder(display.panel)
-        # A quick picture has fewer rays than the cache would have points.
+        # The irradiance cache would have more points than a quick picture has rays.
         self._settings = replace(settings, shading="each")
         self._source = display_source(display, model)
-        #: Side of the blocks of pixels that get one ray in a quick picture.
+        #: Side in pixels of the blocks that get one ray each in a quick picture.
         self.block = 1
         self._renderers: dict[int, Renderer] = {}
         self._compile(1)
@@ -126,7 +126,7 @@ class LivePicture:
 
     @property
     def middle_mm(self) -> Matrix:
-        """The centre of the placed scene's box (3,), mm."""
+        """The centre of the placed scene's bounding box (3,), mm."""
         low, high = self._scene.box(self._scene.placement)
         return 0.5 * (low + high)
 
@@ -149,7 +149,7 @@ class LivePicture:
         self._planes = planes
 
     def finer(self, interrupted: Callable[[], bool]) -> bool:
-        """Add a pass to the mean; return False if the pass was interrupted."""
+        """Add a pass to the mean picture; return False if the pass was interrupted."""
         planes = self._draw_pass(PASS_SAMPLES, interrupted)
         if planes is None:
             return False
@@ -172,7 +172,7 @@ class LivePicture:
 
     def _compile(self, samples: int) -> None:
         renderer = self._renderer(samples)
-        # Placements with rotation use another program than placements without rotation.
+        # Placements with and without rotation use different programs.
         for turn_deg in (0.0, 1.0):
             renderer.move(replace(self._scene.placement, rotation_deg=(0.0, turn_deg, 0.0)))
             renderer.prepare()
@@ -210,12 +210,12 @@ def _blocks(panel: Panel, block: int) -> Jit:
 
 #: Samples per pixel of a finished picture at rest.
 MAX_SAMPLES = 64
-#: A film's frame number and the hand's motion.
+#: A film's frame number, and the user's motion.
 Moment = tuple[int, tuple[float, ...]]
-#: Maximum memory for pictures of a film's frames, bytes.
+#: Maximum memory for stored pictures of a film, bytes.
 CACHE_BYTES = 1 << 30
 PANEL, VIEW = "panel", "eye's view"
-#: Pause between two checks of mouse and keys while there is nothing to do, s.
+#: Pause between two checks of mouse and keys while idle, s.
 PAUSE_S = 0.01
 #: Rays per pixel of the eye's view, while the scene moves and at rest.
 VIEW_SAMPLES = (1, 8)
@@ -223,7 +223,7 @@ VIEW_SAMPLES = (1, 8)
 
 @dataclass(frozen=True)
 class EyeView:
-    """The eye's view, in the second window."""
+    """The view of an eye, which the second window shows."""
 
     display: Display
     eye: Eye
@@ -238,7 +238,7 @@ class EyeView:
 @documented
 @dataclass
 class Played:
-    """The figures of a live picture."""
+    """Timing figures of a live picture."""
 
     first_s: Annotated[float, key("from the open window to its first picture")] = 0.0
     frames: Annotated[int, key("pictures of the moving scene, or of the film")] = 0
@@ -251,7 +251,7 @@ class Played:
 
 @dataclass
 class LiveShow:
-    """A scene or a film that a user moves, on screens and a board."""
+    """Shows a scene or a film, which the user moves, on screens and on a board."""
 
     picture: LivePicture
     hand: Hand
@@ -260,12 +260,12 @@ class LiveShow:
     #: Function that sends each picture of the panel to a board.
     send: Callable[[Pixels], None] | None = None
     reel: Reel | None = None
-    #: The moment on the screens, and the moment of the live picture.
+    #: The moment that the screens show, and the last moment that `picture` drew.
     _current: Moment | None = None
     _drawn: Moment | None = None
-    #: Pictures of a film's frames, kept until the hand moves.
+    #: Pictures of a film's frames, stored until the user moves the scene.
     _cache: dict[Moment, list[Pixels]] = field(default_factory=dict)
-    #: Time of the first picture (time.perf_counter); number and times of the others.
+    #: Time of the first picture (perf_counter); number and durations of later pictures.
     _first: float = 0.0
     _frames: int = 0
     _times: deque[float] = field(default_factory=lambda: deque(maxlen=1000))
@@ -281,9 +281,9 @@ class LiveShow:
     ) -> Played:
         """Run the loop until the user ends it.
 
-        The loop ends after `seconds`, once the picture has all `samples`. For
+        The loop also ends after `seconds`, once the picture has all `samples`. For
         `moving_s` seconds (None means to the end), the scene rotates by `turn_deg` per
-        second, or the film plays. `opened` is the time of opening (perf_counter).
+        second, or the film plays. `opened` is when the window opened (perf_counter).
         """
         began = last = time.perf_counter()
         picture, reel = self.picture, self.reel
@@ -302,7 +302,7 @@ class LiveShow:
                 self._show(moment)
             elif reel is not None and reel.playing:
                 time.sleep(PAUSE_S)
-            elif self._drawn != moment:  # it was shown from the cache
+            elif self._drawn != moment:  # the screens show a stored picture
                 self._draw(moment)
             elif picture.samples < samples:
                 if picture.finer(self.screens.waiting):

@@ -1,4 +1,4 @@
-"""Shows pictures in windows and on full monitors, and applies mouse and keys (SDL)."""
+"""Shows pictures in windows and on full monitors, and handles mouse and keys (SDL)."""
 
 from __future__ import annotations
 
@@ -15,24 +15,24 @@ from lippmann.errors import DeviceError
 from lippmann.motion.film_frames import Reel
 from lippmann.scenes.placement import SCALE_RANGE, Matrix, Placement
 
-#: Rotation per pixel of a drag, degrees.
+#: Rotation per pixel of a mouse drag, degrees.
 DRAG_DEG = 0.4
 #: Rotation per press of an arrow key, degrees.
 KEY_DEG = 5.0
-#: Length of a drag that equals a press of a key, pixels.
+#: Shift per press of an arrow key, in pixels of a mouse drag.
 KEY_PX = 10.0
-#: Scale factor of a step of the wheel, and of the keys + and -.
+#: Scale factor per step of the mouse wheel, and per press of + or -.
 ZOOM = 1.05
 STEEP_DEG = 89.0
 
 
 @dataclass
 class Hand:
-    """The user's motion of a scene about `pivot_mm`, from the placement `base`."""
+    """The user's motion of a scene about `pivot_mm`, after the placement `base`."""
 
     base: Placement
     pivot_mm: Matrix
-    #: Shift for each pixel of a drag, mm.
+    #: Shift for each pixel of a mouse drag, mm.
     drag_mm: float
     yaw_deg: float = 0.0
     pitch_deg: float = 0.0
@@ -40,22 +40,22 @@ class Hand:
     shift_mm: Matrix = field(default_factory=lambda: np.zeros(3))
 
     def turn(self, yaw_deg: float, pitch_deg: float = 0.0) -> None:
-        """Rotate the scene to the right and upwards."""
+        """Rotate the scene to the right by `yaw_deg`, upwards by `pitch_deg`."""
         self.yaw_deg = math.remainder(self.yaw_deg + yaw_deg, 360.0)
         self.pitch_deg = min(max(self.pitch_deg + pitch_deg, -STEEP_DEG), STEEP_DEG)
 
     def shift(self, right: float, up: float, nearer: float = 0.0) -> None:
-        """Shift the scene by some pixels of a drag."""
+        """Shift the scene by distances in pixels of a mouse drag."""
         self.shift_mm = self.shift_mm + self.drag_mm * np.array([right, up, nearer])
 
     def zoom(self, steps: float) -> None:
-        """Scale the scene by steps of the wheel."""
+        """Scale the scene by a number of steps of the mouse wheel."""
         scale = self.scale * ZOOM**steps
         if SCALE_RANGE[0] <= scale * self.base.scale <= SCALE_RANGE[1]:
             self.scale = scale
 
     def reset(self) -> None:
-        """Reset the motion of the scene."""
+        """Move the scene back to the placement `base`."""
         self.yaw_deg = self.pitch_deg = 0.0
         self.scale, self.shift_mm = 1.0, np.zeros(3)
 
@@ -77,14 +77,14 @@ class Hand:
 
 
 class Screens:
-    """The windows of a live picture; there are none without `pygame`."""
+    """The windows of a live picture; none open if `pygame` is None."""
 
     def __init__(self, pygame: Any = None) -> None:
         self._pygame = pygame
         self._windows: dict[str, Any] = {}
 
     def open(self, name: str, size: tuple[int, int], monitor: int | None = None) -> None:
-        """Open a window that fits the desktop, or fill a monitor; raise InputError without such a monitor."""
+        """Open a window that fits the desktop, or fill a monitor; raise InputError if the monitor is missing."""
         pygame = self._pygame
         if pygame is None:
             return
@@ -93,7 +93,7 @@ class Screens:
             self._windows[name] = pygame.Window(name, window_size(size, sizes[0]))
             return
         check_monitor(sizes, monitor, size)
-        place = pygame.WINDOWPOS_CENTERED | monitor  # SDL's number of "the middle of this monitor"
+        place = pygame.WINDOWPOS_CENTERED | monitor  # SDL's code for a monitor's centre
         self._windows[name] = pygame.Window(name, size, (place, place), fullscreen=True)
 
     def show(self, name: str, pixels: Pixels, title: str) -> None:
@@ -111,7 +111,7 @@ class Screens:
             window.flip()
             window.title = title
         except pygame.error as error:
-            raise DeviceError(f"the window is gone ({error}); is the monitor still there?") from None
+            raise DeviceError(f"the window is gone ({error}); check the monitor") from None
 
     def waiting(self) -> bool:
         """Tell whether events of mouse or keys are waiting."""
@@ -124,7 +124,7 @@ class Screens:
         return any(pygame.mouse.get_pressed()) and bool(pygame.event.peek(pygame.MOUSEMOTION))
 
     def obey(self, hand: Hand, reel: Reel | None = None) -> bool:
-        """Apply mouse and keys to a scene and a film; return False if the user ends the loop."""
+        """Apply mouse and key events to a scene and a film; return False if the user ends the loop."""
         pygame = self._pygame
         for event in [] if pygame is None else pygame.event.get():
             if event.type in (pygame.QUIT, pygame.WINDOWCLOSE):
@@ -183,6 +183,6 @@ def check_screens(size: tuple[int, int], monitor: int | None) -> None:
 
 @contextmanager
 def screens() -> Iterator[Screens]:
-    """Yield the desktop's screens, then close them; raise DeviceError without a desktop."""
+    """Yield the desktop's screens, then close them; raise DeviceError if there is no desktop."""
     with desktop("a window") as pygame, closing(Screens(pygame)) as windows:
         yield windows

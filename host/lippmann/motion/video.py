@@ -19,23 +19,24 @@ from lippmann.errors import MissingLibraryError, to_install
 from lippmann.rendering.sampling import Window
 
 Values = npt.NDArray[np.uint8]
-#: Suffixes for lossless RGB. Blurred colours would mix images of neighbouring lenslets.
+#: Suffixes of lossless videos. Blurred colours would mix neighbouring lenslets' images.
 LOSSLESS_SUFFIXES = (".mkv",)
-#: Suffixes for every player. Colour has half the resolution, so sides must be even.
+#: Suffixes of videos for all players. An .mp4's colour has half the resolution, so the
+#: width and the height must be even.
 VIEW_SUFFIXES = (".mp4",)
 
 
 def even_window(window: Window) -> Window:
-    """Return a window whose sides are even, as .mp4 needs."""
+    """Return a window of even width and height in pixels, as .mp4 needs."""
     return replace(window, width_px=-(-window.width_px // 2) * 2, height_px=-(-window.height_px // 2) * 2)
 
 
 def write_video(
     path: str | Path, frames: Iterable[Values], width_px: int, height_px: int, frames_per_second: float
 ) -> None:
-    """Write a video of sRGB frames (height, width, 3) uint8: FFV1 (.mkv) or H.264 (.mp4, even sides).
+    """Write a video of sRGB frames (height, width, 3) uint8, with FFV1 (.mkv) or H.264 (.mp4, even sides).
 
-    Raises InputError if the file cannot be written, MissingLibraryError without ffmpeg.
+    Raises InputError if writing fails, MissingLibraryError if ffmpeg is missing.
     """
     path = check_output(path, LOSSLESS_SUFFIXES + VIEW_SUFFIXES)
     try:
@@ -53,10 +54,10 @@ def write_video(
         codec += ["-vf", "scale=out_color_matrix=bt709:out_range=tv"]
         codec += ["-colorspace", "bt709", "-color_primaries", "bt709", "-color_trc", "iec61966-2-1"]
     with replacing(path) as partial:
-        place = f"file:{partial}"  # else a colon names a protocol, and a dash an option
+        place = f"file:{partial}"  # else ffmpeg takes a colon for a protocol, a dash for an option
         command = [ffmpeg, "-y", "-v", "quiet", *source, *codec, place]
         try:
-            # ffmpeg has its own process group, so that Ctrl-C ends only the command.
+            # ffmpeg has its own process group, so that Ctrl-C does not end ffmpeg.
             with subprocess.Popen(command, stdin=subprocess.PIPE, process_group=0) as encoder:
                 assert encoder.stdin is not None
                 for frame in frames:
@@ -70,7 +71,7 @@ def write_video(
 def write_views(
     path: str | Path, views: Iterable[Radiance], window: Window, frames_per_second: float, there_and_back: bool = False
 ) -> None:
-    """Write linear views (height, width, 3) to a file. Raises the errors of `write_video`, `write_animation`."""
+    """Write linear views (height, width, 3) to a file. Raises errors of `write_video`, `write_animation`."""
     if Path(path).suffix.lower() not in VIEW_SUFFIXES:
         write_animation(path, views, there_and_back, 1000.0 / frames_per_second)
         return

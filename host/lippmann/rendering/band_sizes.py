@@ -1,4 +1,4 @@
-"""Computes sizes and memory of the bands and chunks in which a picture is rendered."""
+"""Computes the sizes and the memory of a render's bands and chunks."""
 
 from __future__ import annotations
 
@@ -14,19 +14,19 @@ from lippmann.rendering.options import Settings, Shading
 from lippmann.rendering.pixel_filter import BYTES_A_PIXEL, is_filter_allowed
 from lippmann.rendering.sampling import TILE_PX, colours_of
 
-#: Number of samples in a chunk, keyed by device. A GPU is idle between chunks.
+#: Number of samples in a chunk, keyed by device.
 CHUNK_SAMPLES = {"llvm": 1 << 22, "cuda": 1 << 25}
 #: Approximate number of pixels in a band, keyed by device.
 BAND_PIXELS = {"llvm": 1 << 20, "cuda": 1 << 25}
-#: Approximate maximum rays of a band, keyed by device: ten seconds of work.
+#: Approximate maximum number of rays in a band (ten seconds), keyed by device.
 BAND_RAYS = {"llvm": 1 << 26, "cuda": 1 << 31}
-#: Pixels of a picture above which the command keeps the bands.
+#: Number of pixels above which `lippmann render` keeps bands in files.
 KEPT_PIXELS = 1 << 25
-#: Rays of a picture above which the command keeps the bands.
+#: Number of rays above which `lippmann render` keeps bands in files.
 KEPT_RAYS = 1 << 27
-#: Memory of the irradiance cache and of its larger samples, MB.
+#: Additional memory of a render with the irradiance cache, MB.
 CACHE_MEMORY_MB = 250.0
-#: Measured memory of the libraries and one chunk, without the output, MB.
+#: Measured memory of the libraries and one chunk, without the image, MB.
 BASE_MEMORY_MB = 500.0
 #: Measured memory of each ray beyond `CHUNK_SAMPLES` in a chunk of one tile, bytes.
 RAY_BYTES = 80.0
@@ -41,12 +41,12 @@ def bands_of(width_px: int, height_px: int, rays: int, device: str | None = None
 
 
 def memory_mb(width_px: int, height_px: int, shading: Shading, samples: int, colours: int) -> float:
-    """Return the memory in MB for an image or a band; `samples` counts per pixel and colour."""
+    """Return the memory in MB to render an image or a band; `samples` is per pixel and colour."""
     # Radiance is in memory three times: planes, image, and a capture's rotated image.
     pixels = width_px * height_px
     needed = BASE_MEMORY_MB + 3.0 * pixels * 3 * 4 / 1e6
     if is_filter_allowed(samples, colours):
-        # Only the bands of "llvm" count, because a GPU has its own memory.
+        # The filter's memory is that for "llvm", because a GPU has its own memory.
         band = len(bands_of(width_px, height_px, samples, "llvm")[0])
         needed += BYTES_A_PIXEL * band * width_px / 1e6
     needed += max(0, TILE_PX * TILE_PX * samples * colours - CHUNK_SAMPLES["llvm"]) * RAY_BYTES / 1e6
@@ -54,7 +54,7 @@ def memory_mb(width_px: int, height_px: int, shading: Shading, samples: int, col
 
 
 def check_display_memory(display: Display, settings: Settings, where: str) -> None:
-    """Raise InputError if a display's image exceeds the memory limit; `where` names the display."""
+    """Raise InputError, which names `where`, if a display's image exceeds the memory limit."""
     panel = display.panel
     try:
         check_memory(panel.width_px, panel.height_px, settings, colours_of(panel))
@@ -63,21 +63,21 @@ def check_display_memory(display: Display, settings: Settings, where: str) -> No
 
 
 def check_memory(width_px: int, height_px: int, settings: Settings, colours: int) -> None:
-    """Raise InputError for an image that exceeds the memory limit."""
+    """Raise InputError if rendering an image exceeds the memory limit."""
     needed = memory_mb(width_px, height_px, settings.shading, settings.samples, colours)
     what = f"an image of {width_px} x {height_px} pixels"
-    check_memory_mb(needed, settings.memory_mb, what, "raise memory_mb or take a smaller panel")
+    check_memory_mb(needed, settings.memory_mb, what, "raise memory_mb or use a smaller panel")
 
 
 def check_memory_mb(needed: float, limit: float | None, what: str, remedy: str) -> None:
-    """Raise InputError above a memory limit in MB, by default 80 % of the free memory."""
+    """Raise InputError if `needed` MB exceed `limit`, by default 80 % of the free memory."""
     limit = 0.8 * free_memory_mb() if limit is None else limit
     if not needed <= limit:
         raise InputError(f"{what}: needs {math.ceil(needed)} MB, the limit is {limit:.0f} MB; {remedy}")
 
 
 def check_band_memory(display: Display, bands: Sequence[range], settings: Settings, workers: int = 1) -> None:
-    """Raise InputError if one band per worker, all together, exceeds the memory limit."""
+    """Raise InputError if all workers' bands, one each, exceed the memory limit."""
     rows, panel = max(len(rows) for rows in bands), display.panel
     needed = memory_mb(panel.width_px, rows, settings.shading, settings.samples, colours_of(panel))
     what = f"a band of {rows} rows of {panel.width_px} pixels"
@@ -90,6 +90,6 @@ def check_band_memory(display: Display, bands: Sequence[range], settings: Settin
 
 
 def is_long_render(settings: Settings, display: Display) -> bool:
-    """Tell whether the command keeps the bands of a picture."""
+    """Tell whether `lippmann render` keeps a picture's bands in files."""
     pixels = display.panel.width_px * display.panel.height_px
     return pixels > KEPT_PIXELS or pixels * settings.samples * colours_of(display.panel) > KEPT_RAYS

@@ -1,4 +1,4 @@
-"""Computes a picture's hash. Bands, frames and workers' renderers of an equal hash are reused."""
+"""Computes a picture's hash, by which bands, frames and workers' renderers are reused."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ PIXEL_LIBRARIES = ("mitsuba", "drjit")
 def pixels_identity(
     digest: str, placement: Placement, display: Display, options: RenderOptions, **others: object
 ) -> str:
-    """Return a hash of the arguments, 16 hexadecimal digits; `digest` is the scene's digest."""
+    """Return a hash (16 hexadecimal digits) of a picture's inputs; `digest` is from `digest_of`."""
     arguments = asdict(options)
     del arguments["settings"]["memory_mb"]
     parts = {
@@ -35,15 +35,15 @@ def pixels_identity(
 
 
 def pixel_versions() -> dict[str, str]:
-    """Return the versions of the packages that determine pixels, Lippmann's with `code_digest`."""
+    """Return the versions of packages that determine pixels; Lippmann's has `code_digest`."""
     others = {name: importlib.metadata.version(name) for name in PIXEL_LIBRARIES}
     return {"lippmann": __version__ + code_digest(Path(__file__).parents[1]), **others}
 
 
 @functools.cache
 def code_digest(folder: Path) -> str:
-    """Return "+" and 8 hexadecimal digits for a folder's Python files; "" if the folder has none."""
-    # Code changes between releases without a new version. Sources may be missing.
+    """Return "+" and a hash (8 hexadecimal digits) of a folder's Python files; "" if it has none."""
+    # Between releases, the code changes, but not the version number.
     digest = hashlib.sha256()
     paths = [path for path in sorted(folder.rglob("*.py")) if path.is_file() and not path.name.startswith(".")]
     for path in paths:

@@ -1,4 +1,4 @@
-"""Warns of scene parts that are not rendered, not sharp or invisible, and of noise."""
+"""Warns if parts of a scene are ignored, invisible or not sharp, or if a render is noisy."""
 
 from __future__ import annotations
 
@@ -21,18 +21,18 @@ from lippmann.rendering.sampling import Window, colours_of
 from lippmann.scenes.scene import Scene
 
 logger = logging.getLogger("lippmann")
-#: Range of the scene's width, in panel widths, that gives no warning.
+#: Minimum and maximum width of a scene, in panel widths, without a warning.
 SIZE_RANGE = (0.02, 1000.0)
-#: Width of the trial view in pixels. Each pixel gets one ray.
+#: Width of the trial view in pixels, each with one ray.
 TRIAL_PX = 96
-#: Minimum fraction of the view inside the depth range.
+#: Minimum fraction of visible points in the depth range without a warning.
 MIN_SHARP = 0.1
-#: Maximum noise, as a fraction of the mean light.
+#: Maximum noise without a warning, as a fraction of the mean light.
 MAX_NOISE = 0.1
 
 
 def warn_of_unused_parts(scene: Scene, settings: Settings) -> None:
-    """Warn of ignored parts of the scene and of missing light; raise InputError as `make_integrator`."""
+    """Warn if parts of the scene are ignored, or if it has no light. Raises errors of `make_integrator`."""
     make_integrator(scene, settings)
     if settings.integrator != "scene":
         unused = []
@@ -42,7 +42,7 @@ def warn_of_unused_parts(scene: Scene, settings: Settings) -> None:
         ignores_media = media > 0 and not settings.integrator.startswith("volpath")
         if ignores_media:
             unused.append(f"the media of {media} shapes (integrator volpath renders them)")
-        # An unused integrator alone is common, and is reported only at level INFO.
+        # Many files name another integrator: that alone is reported only at level INFO.
         if ignores_media or (unused and logger.isEnabledFor(logging.INFO)):
             warn_user(f"{settings.integrator} ignores {' and '.join(unused)}")
     for line in scene.notes:
@@ -52,12 +52,12 @@ def warn_of_unused_parts(scene: Scene, settings: Settings) -> None:
 
 
 def warn_of_view(scene: Scene, display: Display, settings: Settings, engine: Engine = "fast") -> None:
-    """Render a trial view; warn of an unsuitable size, position or depth, and of noise."""
+    """Render a trial view; warn of a scene of wrong size, position or depth, and of noise."""
     panel, width = display.panel, scene.width_mm
     if width > 0.0 and not SIZE_RANGE[0] <= width / panel.width_mm <= SIZE_RANGE[1]:
         warn_user(
-            f"the scene is {width:.3g} mm wide before a panel of {panel.width_mm:.4g} mm; "
-            "if its units are not millimetres give a scale, such as 1000 for metres"
+            f"the scene is {width:.3g} mm wide, the panel {panel.width_mm:.4g} mm; "
+            "if the scene's unit is not mm, give a scale, such as 1000 for metres"
         )
     height_px = max(1, min(TRIAL_PX, round(TRIAL_PX * panel.height_mm / panel.width_mm)))
     window = Window(panel.width_mm, panel.height_mm, TRIAL_PX, height_px)
@@ -79,15 +79,15 @@ def warn_of_view(scene: Scene, display: Display, settings: Settings, engine: Eng
             noise *= noise_fraction(settings.samples, colours_of(panel))
         if noise > MAX_NOISE:
             warn_user(
-                f"with {settings.samples} sample{'s' if settings.samples > 1 else ''} the noise is "
-                f"{100.0 * noise:.0f} % of the mean light; {enough} samples give {100.0 * MAX_NOISE:.0f} %"
+                f"with samples = {settings.samples} the noise is {100.0 * noise:.0f} % of the mean light; "
+                f"{enough} samples give {100.0 * MAX_NOISE:.0f} %"
             )
 
 
 def _warn_of_depths(
     scene: Scene, display: Display, trial: Settings, eye: tuple[float, float, float], window: Window
 ) -> None:
-    # Distance from the plane z = near_mm to the first surface, scene units; else 0.
+    # Distances from z = near_mm to the first surface, scene units; 0 if there is none.
     length = render_view(scene, eye, window, replace(trial, integrator="depth")).radiance[:, :, 0].astype(np.float64)
     y, x = np.mgrid[: window.height_px, : window.width_px] + 0.5
     steep = eye[2] / np.sqrt(eye[2] ** 2 + sum(c**2 for c in window.point(x, y)))
@@ -97,12 +97,12 @@ def _warn_of_depths(
     where = f"an eye at {eye[2]:g} mm"
     if not depths.size and scene.width_mm > 0.0:
         low, high = scene.depth_range_mm
-        warn_user(f"{where} sees none of the scene's surfaces, z = {low:.4g} to {high:.4g} mm; fit it into the display")
+        warn_user(f"{where} sees none of the scene's surfaces, z = {low:.4g} to {high:.4g} mm; fit the scene")
     sharp = ((depths >= far) & (depths <= near)).mean() if depths.size else 1.0
     if sharp < MIN_SHARP:
         low, high = (round(float(z), 3) for z in (depths.min(), depths.max()))
         warn_user(
             f"{100.0 * (1.0 - sharp):.0f} % of what {where} sees, z = {low:.4g} to {high:.4g} mm, is outside the "
-            f"display's depth range, z = {far:.4g} to {near:.4g} mm: fine detail there turns into noise; fit, scale "
-            "or move the scene"
+            f"display's depth range, z = {far:.4g} to {near:.4g} mm: fine detail there is lost; fit, scale or "
+            "move the scene"
         )

@@ -1,4 +1,4 @@
-"""Renders bands in this process, on new local workers, or on the workers of a Dask scheduler."""
+"""Renders bands in this process, on new local workers, or on a Dask cluster."""
 
 from __future__ import annotations
 
@@ -31,23 +31,23 @@ if TYPE_CHECKING:
     BandFuture = Future[tuple[Radiance, dict[str, str]]]
 
 logger = logging.getLogger("lippmann")
-#: Maximum wait for the scheduler's answer and for the first worker to join, s.
+#: Maximum wait for the scheduler's answer, and for its first worker, s.
 ANSWER_S = 10.0
-#: Time without any worker, s, after which a log line reports it.
+#: Time in s after which the log reports that no worker is left.
 ALONE_S = 5.0
-#: Time without a heartbeat, s, after which another worker gets the bands. Without
-#: any local worker that long, the render ends.
+#: Time in s without a heartbeat after which other workers get a worker's bands, or
+#: without any local worker after which the render ends.
 STOPPED_WORKER_S = 30.0
-#: Bands submitted per worker thread. One band is rendered while the next one waits.
+#: Bands submitted per worker thread: one is rendered, one waits.
 AHEAD = 2
 MAX_WORKERS = 64
-#: Lock of a worker that renders one band at a time, on all cores.
+#: Lock in a worker process, which renders one band at a time, on all cores.
 _rendering = threading.Lock()
 
 
 @dataclass(frozen=True)
 class Band:
-    """A band of a plan, for an executor."""
+    """A band of a plan's picture."""
 
     plan: Plan
     number: int
@@ -62,7 +62,7 @@ class Band:
 
 
 class RenderedBand(NamedTuple):
-    """A rendered band: radiance (rows, width, 3), renderer's choices and compilation time in s."""
+    """A rendered band: radiance (rows, width, 3), the renderer's choices, compilation time in s."""
 
     band: Band
     radiance: Radiance
@@ -70,12 +70,12 @@ class RenderedBand(NamedTuple):
     prepare_seconds: float = 0.0
 
 
-#: Function that renders bands in any order and may report the current band's rows.
+#: Function that renders bands in any order; it may report a band's finished rows.
 Executor = Callable[[Sequence[Band], Callable[[int], None]], Iterator[RenderedBand]]
 
 
 def render_here(bands: Sequence[Band], report_rows: Callable[[int], None]) -> Iterator[RenderedBand]:
-    """Render bands in this process. Raises the errors of the renderers."""
+    """Render bands in this process. Raises errors of `Plan.start`."""
     for _, bands_of_one in itertools.groupby(bands, lambda band: id(band.plan)):
         renderer: BandRenderer | None = None
         for band in bands_of_one:
@@ -90,11 +90,11 @@ def render_here(bands: Sequence[Band], report_rows: Callable[[int], None]) -> It
 def choose_executor(workers: int | None = None, scheduler: str | None = None, device: str = "auto") -> Executor:
     """Return the executor for new local workers, for a Dask scheduler, or for this process.
 
-    Each worker uses `device`. Raises InputError if `workers` and `scheduler` are both
+    Workers render on `device`. Raises InputError if `workers` and `scheduler` are both
     given, if `workers` is out of range, or if no scheduler or worker answers.
     """
     if workers is not None and scheduler is not None:
-        raise InputError("workers and scheduler are both given; leave one out")
+        raise InputError("workers and scheduler are both given; give only one")
     if workers is not None:
         count = whole_number("workers", workers, 1, MAX_WORKERS)
         return lambda bands, _: render_by_workers(count, device, bands)
@@ -107,13 +107,13 @@ def choose_executor(workers: int | None = None, scheduler: str | None = None, de
 
 
 def render_by_workers(count: int, device: str, bands: Sequence[Band]) -> Iterator[RenderedBand]:
-    """Render bands on new local workers; raise InputError if the bands exceed the memory limit."""
-    if not bands:  # only the file is to be written
+    """Render bands on new local workers; raise InputError if they exceed the memory limit."""
+    if not bands:  # all bands are stored already
         return
     plan, workers = bands[0].plan, min(count, len(bands))
     check_band_memory(plan.display, plan.bands, plan.options.settings, workers)
     if workers < count:
-        logger.info("of %d workers %d render: there are no more bands", count, workers)
+        logger.info("of %d workers, only %d render, one for each band", count, workers)
     with local_workers(workers) as (address, security):
         yield from render_on_cluster(address, device, bands, security)
 
@@ -121,13 +121,13 @@ def render_by_workers(count: int, device: str, bands: Sequence[Band]) -> Iterato
 def render_on_cluster(
     address: str, device: str, bands: Sequence[Band], security: Security | None = None
 ) -> Iterator[RenderedBand]:
-    """Render bands on a cluster, and yield each finished band. Workers read the scene from the same path.
+    """Render bands on a cluster; yield each finished band. Workers read the scene from the same path.
 
-    The scheduler has the `address`, such as tcp://127.0.0.1:8786. Each worker uses
-    `device`: "auto", "llvm" or "cuda". `security` is from `local_workers`.
-    Raises InputError if no scheduler or worker answers, or if a worker has another
-    scene or version; DeviceError if the scheduler or all local workers are lost or a
-    band crashes several; MissingLibraryError if Dask is missing, or Lippmann on a worker.
+    `address` is the scheduler's, such as tcp://127.0.0.1:8786; `security` is from
+    `local_workers`. Workers render on `device` ("auto", "llvm" or "cuda"). Raises
+    InputError if no scheduler or worker answers, or a worker has another scene or
+    version. Raises DeviceError if the scheduler or all local workers are lost, or if a
+    band crashes workers. Raises MissingLibraryError if Dask or Lippmann is missing.
     """
     if not bands:
         return
@@ -137,9 +137,9 @@ def render_on_cluster(
         yield from _distribute(client, device, bands, where, remedy)
     except ModuleNotFoundError as error:
         raise MissingLibraryError(
-            f"{address}: a worker lacks {error.name}; run its dask worker in an environment with Lippmann"
+            f"{address}: a worker lacks the module {error.name}; start the worker in Lippmann's environment"
         ) from None
-    except (OSError, CancelledError) as error:  # of Dask's connections, and of waiting for them
+    except (OSError, CancelledError) as error:  # Dask has lost the scheduler
         what = f"the scheduler is lost ({type(error).__name__})"
         remedy = "start it and run the command again: finished bands are kept"
         raise device_error(address, what, remedy) from None
@@ -169,7 +169,7 @@ def _distribute(client: Client, device: str, bands: Sequence[Band], where: str, 
             try:
                 radiance, choices = future.result()
             except KilledWorker:
-                cause = f"they may lack memory: {'see their logs' if remedy else 'give fewer of them'}"
+                cause = f"they may lack memory: {'see their logs' if remedy else 'use fewer workers'}"
                 raise device_error(where, f"{band} crashed several workers", cause) from None
             future.release()
             yield RenderedBand(band, radiance, choices)
@@ -177,14 +177,14 @@ def _distribute(client: Client, device: str, bands: Sequence[Band], where: str, 
         if threads:
             alone = time.monotonic()
         elif not remedy and time.monotonic() - alone > STOPPED_WORKER_S:
-            raise device_error(where, "no worker is left", "run it again: kept bands stay")
+            raise device_error(where, "no worker is left", "run the command again")
         elif remedy and time.monotonic() - alone > ALONE_S:
-            logger.info("%s: no worker is left; waiting for one%s", where, remedy)
+            logger.info("%s: no worker is left; waiting for a worker%s", where, remedy)
             alone = float("inf")
 
 
 def _give_up_stopped_workers(client: Client, heartbeats: dict[str, tuple[float, float]], where: str) -> None:
-    # `heartbeats` maps a worker to its last heartbeat and this machine's time of it.
+    # `heartbeats` maps a worker's address to its last heartbeat and the local time.
     now = time.monotonic()
     for address, state in client.scheduler_info(n_workers=-1)["workers"].items():
         last, since = heartbeats.get(address, (None, now))
@@ -193,20 +193,20 @@ def _give_up_stopped_workers(client: Client, heartbeats: dict[str, tuple[float, 
         elif now - since > STOPPED_WORKER_S:
 
             async def remove(dask_scheduler: Scheduler | None = None, address: str = address) -> None:
-                # Dask sends a local function as code: the scheduler needs no Lippmann.
+                # Dask sends this function as code: the scheduler needs no Lippmann.
                 assert dask_scheduler is not None
                 await dask_scheduler.remove_worker(address, stimulus_id="lippmann-stopped-worker")
 
             client.run_on_scheduler(remove)
             del heartbeats[address]
-            message = "worker %s has not answered for %.0f s; its bands are free for others"
+            message = "worker %s has not answered for %.0f s; others render its bands"
             logger.info(f"%s: {message}", where, address, STOPPED_WORKER_S)
 
 
 @contextlib.contextmanager
 def local_workers(count: int) -> Iterator[tuple[str, Security]]:
-    """Start local workers; yield the scheduler's address and `Security`; needs Dask."""
-    # Dask runs any program that it receives: it gets loopback and TLS with a new key.
+    """Start local workers; yield the scheduler's address and TLS keys. Raises MissingLibraryError."""
+    # Dask runs any code that it receives: it gets only loopback, with TLS.
     try:
         import dask
         from distributed import LocalCluster, Security
@@ -217,7 +217,7 @@ def local_workers(count: int) -> Iterator[tuple[str, Security]]:
     no_pages = {f"distributed.{one}.http.routes": list[str]() for one in ("scheduler", "worker")}
     with starting_python(), dask.config.set(no_pages):
         with interrupts.blocked_in_children():
-            # No memory limit, because near a limit Dask would pause a worker for ever.
+            # No memory limit is set, because Dask pauses workers near a limit for ever.
             cluster = LocalCluster(
                 n_workers=count,
                 threads_per_worker=1,
@@ -243,7 +243,7 @@ def _connect(address: str, security: Security | None = None) -> Client:
     except ImportError as error:
         raise missing_library(error) from None
     for name in ("distributed", "distributed.client"):
-        logging.getLogger(name).setLevel(logging.CRITICAL)  # our errors say the same in one line
+        logging.getLogger(name).setLevel(logging.CRITICAL)  # our errors report the failure instead
     try:
         client = distributed.Client(address, timeout=ANSWER_S, security=security)
     except (OSError, ValueError, TypeError):
@@ -265,22 +265,22 @@ def _render_on_worker(band: Band, device: str, expected: dict[str, str]) -> tupl
     if pixel_versions() != expected:
         versions = pixel_versions(), expected
         theirs, ours = (", ".join(f"{key} {value}" for key, value in one.items()) for one in versions)
-        raise input_error(name, f"has {theirs}, but {ours} is needed", "install the same Lippmann everywhere")
-    # Another thread that frees Dr.Jit's garbage would wait for this thread's lock.
+        raise input_error(name, f"has {theirs}, but {ours} is needed", "install equal versions")
+    # If another thread freed Dr.Jit's garbage now, both could wait for ever.
     with _rendering, keep_garbage():
         start_mitsuba(device)
         return render_band(band, name)
 
 
 def render_band(band: Band, worker: str = "this process") -> tuple[Radiance, dict[str, str]]:
-    """Return a band's radiance and the renderer's choices. Raises the errors of `Plan.start`."""
+    """Return a band's radiance and the renderer's choices. Raises errors of `Plan.start`."""
     identity = band.plan.identity
     if identity not in _kept_renderers:
-        _kept_renderers.clear()  # frees the last scene before the next compilation
+        _kept_renderers.clear()  # free the last plan's scene before the next compilation
         _kept_renderers[identity] = band.plan.start(worker)
     renderer = _kept_renderers[identity]
     radiance, _ = renderer.render(band.number)
-    # Other threads need a copy (see `radiance_of`).
+    # Other threads need a copy of the radiance (see `radiance_of`).
     return np.require(radiance, requirements="O"), dict(renderer.choices)
 
 

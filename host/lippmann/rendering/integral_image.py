@@ -1,4 +1,4 @@
-"""The integral image, with radiance, metadata and the display for which it was made."""
+"""Defines the integral image: radiance, metadata, and the display for which it was made."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ from lippmann.errors import DeviceError, InputError, check_flags, check_type, in
 
 
 class Showable:
-    """An object with radiance that a notebook or a window shows in sRGB."""
+    """A picture with linear radiance that a notebook or a window shows in sRGB."""
 
     radiance: Radiance
     metadata: dict[str, str]
@@ -44,14 +44,14 @@ class Showable:
     def show(self, seconds: float | None = None) -> None:
         """Show the image below a notebook's cell, or in a window.
 
-        Escape, q, the close button or the end of `seconds` closes the window. Without a
-        desktop (a server, a batch job) the program prints a line on stderr and goes on.
+        Escape, q, the close button or the end of `seconds` closes the window. If there
+        is no desktop, as on a server, a line on stderr says so.
         """
         show_pictures(self, [self], seconds)
 
 
 def show_pictures(widget: object, pictures: Sequence[Showable], seconds: float | None, frame_s: float = LOOK_S) -> None:
-    """Display `widget` in a notebook, or its pictures in a window; without a desktop, print a line."""
+    """Show `widget` in a notebook, or its pictures in a window; if there is no desktop, print a line."""
     ipython = sys.modules.get("IPython")
     if ipython is not None and hasattr(ipython.get_ipython(), "kernel"):
         import_module("IPython.display").display(widget)
@@ -64,7 +64,7 @@ def show_pictures(widget: object, pictures: Sequence[Showable], seconds: float |
 
 @dataclass(frozen=True, eq=False, repr=False)
 class IntegralImage(Showable):
-    """The picture of a display's panel. Raises InputError for radiance that is integer, not finite or of a wrong size.
+    """The picture of a display's panel. Raises InputError for radiance that is integer, not finite or of another size.
 
     Attributes
     ----------
@@ -77,7 +77,7 @@ class IntegralImage(Showable):
         Display, identity, the panel's transfer curve and bits, model, samples, seed,
         versions, ...
     measured
-        Figures of the render, such as `seconds` and a capture's losses; not saved.
+        Figures of the render, such as `seconds`, or of a capture; not saved.
     """
 
     radiance: Radiance
@@ -92,7 +92,7 @@ class IntegralImage(Showable):
         if not isinstance(self.radiance, np.ndarray | StoredRows):
             try:
                 object.__setattr__(self, "radiance", np.asarray(self.radiance))
-            except ValueError:  # rows of different lengths
+            except ValueError:  # the rows have different lengths
                 raise InputError("radiance is not an array; give (height, width, 3) float32") from None
         panel, where = self.display.panel, f"image for display '{self.display.name}'"
         if not np.issubdtype(self.radiance.dtype, np.floating):
@@ -107,9 +107,9 @@ class IntegralImage(Showable):
             with np.errstate(over="ignore"):
                 object.__setattr__(self, "radiance", self.radiance.astype(np.float32))
         radiance: object = self.radiance
-        if not isinstance(radiance, StoredRows):  # of a file, each row that is read is checked
+        if not isinstance(radiance, StoredRows):  # rows of a file are checked when they are read
             if what := describe_wrong(self.radiance):
-                raise input_error(where, f"the radiance has {what}", "replace them (numpy.nan_to_num)")
+                raise input_error(where, f"the radiance has {what}", "replace NaN and infinity (numpy.nan_to_num)")
             if what := describe_wrong(self.radiance, negative=True):
                 warn_user(f"{where}: {what}, which a display shows as black")
         texts = {str(key): str(value) for key, value in self.metadata.items()}
@@ -117,9 +117,9 @@ class IntegralImage(Showable):
         object.__setattr__(self, "metadata", {**texts, **metadata_of(self.display)})
 
     def save(self, path: str | Path) -> None:
-        """Write radiance (.exr, .tif) or panel values (.png).
+        """Write radiance (.exr, .tif) or the panel's values (.png) to a file.
 
-        Raises InputError if writing fails, and for NaN or infinity.
+        Raises InputError if writing fails or the radiance is not finite.
         """
         panel = self.display.panel
         write_picture(path, self.radiance, self.metadata, panel.transfer, panel.bits)
@@ -128,7 +128,7 @@ class IntegralImage(Showable):
     def load(
         cls, path: str | Path, display: str | Path | Display, force: bool = False, stored: bool = False
     ) -> IntegralImage:
-        """Read an image that was made for a display. The bits of files from version 0.1 are not checked.
+        """Read an image that was made for a display. In files from version 0.1, the number of bits is not checked.
 
         Parameters
         ----------
@@ -137,8 +137,8 @@ class IntegralImage(Showable):
         display
             A display file, or a display from `load_display`.
         force
-            Accept an image for another display or without an identity. The image keeps
-            the identity of its file.
+            Accept an image for another display, or for an unknown display. The image
+            keeps the identity in its file.
         stored
             Leave the pixels in the file. `observe` reads only the rows that it needs.
 

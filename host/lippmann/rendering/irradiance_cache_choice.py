@@ -1,4 +1,4 @@
-"""Decides whether a render uses the irradiance cache; "auto" tries the cache on a part of the image."""
+"""Decides whether a render uses the irradiance cache; "auto" needs a trial on parts of the image."""
 
 from __future__ import annotations
 
@@ -20,35 +20,35 @@ from lippmann.rendering.shading import MAX_LAMPS
 from lippmann.rendering.surface_lattice import MAX_POINTS
 from lippmann.scenes.scene import Scene
 
-#: Radiance (pixels, 3) with and without the cache, and the fraction of uncached samples.
+#: Radiance (pixels, 3) with and without the cache, and fraction of uncached samples.
 Trial = tuple[Radiance, Radiance, float]
-#: Minimum PSNR in dB with the cache for shading "auto".
+#: Minimum PSNR in dB of the cache's trial for shading "auto".
 CACHE_DB = 45.0
-#: Minimum number of rays per cache point for shading "auto".
+#: Minimum number of rays per point of the cache for shading "auto".
 RAYS_A_POINT = 4
-#: One lamp's shadow rays take as long as a trial (docs/generated/reports/shading.md).
+#: Minimum lamps for the cache: for one, a trial costs too much (reports/shading.md).
 MIN_LAMPS = 2
-#: Number of the trial's image parts along each axis.
+#: Image parts along each axis that the cache's trial compares.
 TRIAL_PARTS = 4
-#: Rays per colour in the cache's trial. 2^18 rays would need another recording if a texture has
-#: 2^18 values.
+#: Rays per colour in the cache's trial. 2^18 rays would need another recording if a
+#: texture has 2^18 values.
 TRIAL_RAYS = 28 * 28 * 256
-#: Maximum samples per pixel of the trial.
+#: Maximum samples per pixel in the cache's trial.
 TRIAL_SAMPLES = 4
-#: Seed of the trial's tile positions, which do not depend on the render's seed.
+#: Seed of the tile positions in the cache's trial, for any seed of the render.
 TRIAL_SEED = 1
-#: Minimum number of rays in a picture for which a trial saves time.
+#: Minimum number of rays in a picture for which a trial of the cache saves time.
 MIN_RAYS = 1 << 21
-#: Maximum fraction of samples that meet surfaces without a lattice.
+#: Maximum fraction of samples on surfaces without a lattice, to use the cache.
 MAX_UNCACHED = 0.5
-#: Pattern of a spot light with an image; other spot lights have a uniform spectrum.
+#: Pattern of spot lights with an image; other spot lights have a uniform spectrum.
 SPOT_PICTURE = re.compile(r"texture = (?!UniformSpectrum)")
-#: Mitsuba's class names of lamps whose light is almost linear between points.
+#: Mitsuba's classes of lamps whose irradiance is almost linear between points.
 LAMPS = ("PointLight", "SpotLight", "DirectionalEmitter")
 
 
 def why_not_cached(scene: Scene, source: RaySource, integrator: str) -> str | None:
-    """Return why the irradiance cache cannot serve a scene, or None."""
+    """Return why a scene cannot use the irradiance cache; None if it can."""
     if integrator != "lights":
         return f"the integrator {integrator} uses random numbers"
     if has_splats(scene.mitsuba):
@@ -61,13 +61,13 @@ def why_not_cached(scene: Scene, source: RaySource, integrator: str) -> str | No
 
 
 def is_worth_a_trial(scene: Scene, rays: int) -> bool:
-    """Return whether a render of so many rays, with a trial, can be faster with the cache."""
+    """Return whether the cache, with its trial, can make a render of `rays` rays faster."""
     # A GPU traces a ray faster than it reads the cache.
     return len(scene.mitsuba.emitters()) >= MIN_LAMPS and current_device() != "cuda" and rays >= MIN_RAYS
 
 
 def max_points(settings: Settings, rays: int) -> int:
-    """Return the maximum number of cache points of a render of so many rays."""
+    """Return the maximum number of cache points in a render of `rays` rays."""
     if settings.light_points is not None:
         return settings.light_points
     return min(MAX_POINTS, int(rays // RAYS_A_POINT)) if settings.shading == "auto" else MAX_POINTS
@@ -75,15 +75,15 @@ def max_points(settings: Settings, rays: int) -> int:
 
 @dataclass(frozen=True)
 class CacheTrial:
-    """Tiles spread over an image, which are rendered with and without the cache."""
+    """A trial of the cache: tiles spread over an image, rendered with and without the cache."""
 
     source: RaySource
-    #: Number of samples per pixel of the render.
+    #: Number of samples per pixel of the complete render.
     all_samples: int
 
     @property
     def samples(self) -> int:
-        """Number of samples per pixel of the trial, far apart among those of the render."""
+        """Number of the trial's samples per pixel, evenly spaced among the render's samples."""
         return min(self.all_samples, TRIAL_SAMPLES)
 
     @property
@@ -103,10 +103,10 @@ class CacheTrial:
         """Yield sample indices and the first tile, as `CachedProgram.trial` takes them."""
         tiles, samples, colours = self._tiles(), self.samples, self.source.colours
         rays = TILE_PX * TILE_PX * self.all_samples * colours
-        # Tiles run together if sample indices fit into 31 bits, as programs require.
+        # All tiles are rendered at once if the sample indices fit into 31 bits.
         together = (tiles.max() + 1) * rays < 1 << 31
         for first, chunk in [(0, tiles)] if together else [(tile, np.zeros(1, np.int64)) for tile in tiles]:
-            # Numpy's arrays have another alignment, which causes another recording.
+            # A numpy array has another alignment, and would cause a new recording.
             lane = dr.arange(mi.UInt32, len(chunk) * TILE_PX * TILE_PX * colours * samples)
             group = lane // samples
             pixel = group // colours
@@ -118,7 +118,7 @@ class CacheTrial:
             yield index, dr.opaque(mi.UInt32, int(first))
 
     def psnr(self, trials: Sequence[Trial]) -> float | None:
-        """Return the minimum PSNR of the image's parts with the cache, dB; None if most samples are uncached."""
+        """Return the minimum PSNR of the parts of the image, dB; None if most samples are uncached."""
         cached, own, uncached = zip(*trials, strict=True)
         if np.mean(uncached) > MAX_UNCACHED:
             return None
@@ -128,10 +128,10 @@ class CacheTrial:
         return min(psnr_db(a[i, :, k], b[i, :, k]) for i in range(TRIAL_PARTS) for k in range(TRIAL_PARTS))
 
     def judge(self, trials: Sequence[Trial]) -> tuple[bool, str]:
-        """Return whether all parts of the image reach `CACHE_DB` with the cache, and a line for the log."""
+        """Return whether the cache reaches `CACHE_DB` in all image parts, and a line for the log."""
         decibels = self.psnr(trials)
         if decibels is None:
-            return False, "no irradiance cache: most rays meet surfaces that are not plain diffuse, or too large"
+            return False, "no irradiance cache: most rays meet surfaces that are not diffuse, or too large"
         is_used = decibels >= CACHE_DB
         likeness = f"PSNR {math.floor(10 * decibels) / 10} dB" if math.isfinite(decibels) else "no difference"
         part = min(1.0, len(self._tiles()) / math.prod(self._tile_grid))

@@ -1,9 +1,9 @@
-"""The founding paper's integrator `lights`: all lights at each hit, and point lights without noise.
+"""Defines the integrator `lights`: all lights at each hit, point lights without noise.
 
 At each hit *every* emitter gets a shadow ray, and the smooth part of the BSDF reflects
-the emitter's light. Mirror reflection and refraction continue up to `max_depth`. Area
-lights and environments get one random sample each. Light between diffuse surfaces is
-missing (Mitsuba's `path` has it). Splats (3D Gaussians) emit their own colours.
+the emitter's light. Rays continue by mirror reflection and refraction, up to
+`max_depth`. Area lights and environments get one random sample each. Light between
+diffuse surfaces is ignored (Mitsuba's `path` has it).
 """
 
 from __future__ import annotations
@@ -13,11 +13,11 @@ from lippmann.base.variant import Jit, dr, mi
 
 
 def coherence_hint(depth: Jit) -> Jit:
-    """Return Embree's coherence hint for rays that met `depth` (UInt32) surfaces."""
+    """Return Embree's coherence hint for rays that have met `depth` (UInt32) surfaces."""
     return depth == 0 if has_avx512() else False
 
 
-#: Maximum splats along a ray. A ray ends where the splats pass only 1 % of the light.
+#: Maximum number of splats that a ray passes.
 MAX_SPLATS = 256
 
 
@@ -27,8 +27,8 @@ def has_splats(scene: Jit) -> bool:
 
 
 def needs_chance(scene: Jit) -> bool:
-    """Tell whether `lights` may use random numbers for a scene, which cause noise."""
-    # Delta lights need no chance, unless a surface transmits, or scatters and mirrors.
+    """Tell whether `lights` may use random numbers for a scene, and so causes noise."""
+    # Delta lights cause no noise, unless a surface transmits, or scatters and mirrors.
     if not all(mi.has_flag(lamp.flags(), mi.EmitterFlags.Delta) for lamp in scene.emitters()):
         return True
     for surface in scene.shapes():
@@ -47,8 +47,8 @@ def needs_chance(scene: Jit) -> bool:
 def register_lights() -> None:
     """Register the integrator plugin `lights` for Mitsuba's current variant.
 
-    Its parameters are `max_depth` (integer, maximum surfaces per ray, default 4) and
-    `shadows` (boolean, default true; false is for measurements).
+    The plugin's parameters are `max_depth` (integer, maximum surfaces per ray, default
+    4) and `shadows` (boolean, default true; false is for measurements).
     """
     base: Jit = mi.SamplingIntegrator
 
@@ -80,7 +80,6 @@ def _sample_splats(scene: Jit, sampler: Jit, ray: Jit, active: Jit) -> tuple[Jit
 def _sample_lights(
     scene: Jit, sampler: Jit, ray: Jit, active: Jit, max_depth: int, shadows: bool
 ) -> tuple[Jit, Jit, list[Jit]]:
-    """Return the radiance along rays, and the mask of rays that met a surface."""
     emitters = list(scene.emitters())
     # Point, spot and directional lights are invisible, because rays never meet them.
     visible_emitters = not all(_is_delta(emitter) for emitter in emitters)
@@ -120,7 +119,7 @@ def _sum_lights(scene: Jit, emitters: list[Jit], sampler: Jit, si: Jit, bsdf: Ji
         for emitter in emitters
     ]
     directions = [si.to_local(ds.d) for ds, _ in arrivals]
-    # With one call for all lights, a texture is evaluated once.
+    # One call for all lights evaluates a BSDF's texture only once.
     reflectances = dr.dispatch(bsdf, _reflectance_of_all, si, directions, active)
     total = mi.Spectrum(0.0)
     for (ds, weight), reflectance in zip(arrivals, reflectances, strict=True):
@@ -133,7 +132,7 @@ def _sum_lights(scene: Jit, emitters: list[Jit], sampler: Jit, si: Jit, bsdf: Ji
 
 
 def _reflectance_of_all(bsdf: Jit, si: Jit, directions: list[Jit], active: Jit) -> list[Jit]:
-    if bsdf is None:  # in a scene without any surface, such as a sky alone
+    if bsdf is None:  # the scene has no surface, only a sky
         return [mi.Spectrum(0.0) for _ in directions]
     return [bsdf.eval(mi.BSDFContext(), si, wo, active) for wo in directions]
 

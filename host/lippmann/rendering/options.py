@@ -1,4 +1,4 @@
-"""The options of a render, such as lens model, engine and samples, checked at creation."""
+"""Defines and checks the options of a render, such as lens model, engine and samples."""
 
 from __future__ import annotations
 
@@ -19,22 +19,22 @@ MAX_SAMPLES = 65536
 class Settings:
     """Settings of the renderer."""
 
-    #: Samples per pixel or sub-pixel. One is at the centre, several cover the area.
+    #: Samples per (sub-)pixel. A single sample is at the centre, several fill the area.
     samples: int = 1
     #: Rays pass through a lenslet's centre ("chief") or its whole cell ("full").
     aperture: Aperture = "chief"
-    #: Integrator: "lights", an integrator of Mitsuba, or "scene" for the file's own.
+    #: Integrator's name ("lights" or Mitsuba's), or "scene" for the file's integrator.
     integrator: str = "lights"
     #: Maximum number of surfaces that a ray meets.
     max_depth: int = 4
-    #: The same seed gives the same pixels on a machine with the same versions.
+    #: Random seed, which determines the pixels on a machine with the same versions.
     seed: int = 0
     #: Memory limit, MB. None means 80 % of the free memory.
     memory_mb: float | None = None
-    #: Diffuse light is from an irradiance cache ("shared") or from each ray ("each").
+    #: Diffuse light is from an irradiance cache ("shared") or computed by ray ("each").
     #: "auto" uses the cache if it is faster and a trial finds it accurate.
     shading: Shading = "auto"
-    #: Maximum cache points. None means the capacity, with "auto" fewer than the rays.
+    #: Maximum points of the cache. None means 2^22, or fewer with shading "auto".
     light_points: int | None = None
 
     def __post_init__(self) -> None:
@@ -56,13 +56,13 @@ MODEL_OPTIONS: tuple[ModelOption, ...] = ("auto", *MODELS)
 class RenderOptions:
     """Lens model, engine and settings of a render."""
 
-    #: Lens model. "auto" takes the cheapest with an error below `tolerance`.
+    #: Lens model. "auto" chooses the fastest model with an error below `tolerance`.
     model: ModelOption = "auto"
     #: Maximum error for the model "auto", in pixels of the reconstructed view.
     tolerance: float = TOLERANCE
     #: Engine that traces the rays through the lenslets.
     engine: Engine = "fast"
-    #: Word length of the engines twin and rtl; `None` means the longest.
+    #: Fraction bits in words of the engines twin and rtl; `None` means the maximum.
     fraction_bits: int | None = None
     settings: Settings = field(default_factory=Settings)
 

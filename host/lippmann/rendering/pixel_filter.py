@@ -1,8 +1,8 @@
 """Filters pixels: samples near an edge also count for the neighbour under the same lenslet.
 
-A pixel is a weighted mean of its samples and its four neighbours' samples. At x, y from
-the pixel's centre the weight is f(x) f(y), with f(d) = (1/2 + s - |d|) / 2s clipped to
-0 and 1. f is a box of one pixel, blurred by a box of 2 s pixels (`softness`).
+A pixel is a weighted mean of its samples and its four neighbours' samples. A sample at
+x, y from the pixel's centre has the weight f(x) f(y). f(d) = (1/2 + s - |d|) / 2s is
+limited to 0..1: a box of one pixel, blurred by a box of 2 s pixels (s = `softness`).
 """
 
 from __future__ import annotations
@@ -15,13 +15,13 @@ from lippmann.optics.backend import DrJitBackend
 from lippmann.optics.sample_points import points_in_pixel
 from lippmann.rendering.sampling import RaySource, Seeds
 
-#: Maximum samples of a filtered pixel. With more samples, plain means are as good.
+#: Maximum samples of a filtered pixel. With more samples, a filter is not needed.
 MAX_SAMPLES = 4
-#: Weights begin to fall at this distance from an edge, in sample distances.
+#: Distance from a pixel's edge where weights begin to fall, in sample spacings.
 SOFTNESS = 0.5
-#: Offsets of the four neighbours, columns to the right and rows down.
+#: Offsets of a pixel's four neighbours, columns to the right and rows down.
 SIDES = ((-1, 0), (1, 0), (0, -1), (0, 1))
-#: Bytes per pixel: four numbers for the pixel and for each neighbour, and the owner.
+#: Bytes per pixel: four sums for the pixel and each neighbour, a lenslet number.
 BYTES_A_PIXEL = 4 * 4 * (1 + len(SIDES)) + 4
 
 
@@ -31,28 +31,28 @@ def softness(samples: int) -> float:
 
 
 def is_filter_allowed(samples: int, colours: int) -> bool:
-    """Tell whether pixels can be filtered; sub-pixels are too far apart."""
+    """Tell whether pixels can be filtered; sub-pixels of a colour are too far apart."""
     return colours == 1 < samples <= MAX_SAMPLES
 
 
 def noise_fraction(samples: int, colours: int) -> float:
     """Return the approximate fraction of the noise that remains after the filter."""
-    # The root of the weights' mean square is 1 - 2 s / 3 along each axis.
+    # With s = `softness`, the weights' root mean square is 1 - 2 s / 3 along an axis.
     return 1.0 - 2.0 * softness(samples) / 3.0 if is_filter_allowed(samples, colours) else 1.0
 
 
 def weight(distance: Jit, soft: float) -> Jit:
-    """Return the weight, 0 to 1, of a sample at a distance in pixels along one axis."""
+    """Return the weight, 0 to 1, of a sample at `distance` pixels along one axis."""
     return dr.clip((0.5 + soft - dr.abs(distance)) / (2.0 * soft), 0.0, 1.0)
 
 
 def is_filtered(source: RaySource, samples: int) -> bool:
-    """Tell whether the pixels of a source are filtered."""
+    """Tell whether a renderer filters the pixels of a ray source."""
     return source.owner is not None and is_filter_allowed(samples, source.colours)
 
 
 class PixelFilter:
-    """Weighted sums of a band's samples, for each pixel and its neighbours (`SIDES`)."""
+    """Filters a band with weighted sums of samples, for each pixel and its neighbours."""
 
     def __init__(self, source: RaySource, samples: int, rows: range) -> None:
         assert source.owner is not None
@@ -61,12 +61,12 @@ class PixelFilter:
         self._rows = rows
         self._width = source.width_px
         pixels = len(rows) * source.width_px
-        #: Red, green, blue and weight per pixel: one array for the pixel, one per side.
+        #: Sums of red, green, blue and weight: an array for pixels, one per neighbour.
         self._sums = [dr.empty(mi.Float, 4 * pixels) for _ in range(1 + len(SIDES))]
         self._owners = dr.empty(mi.UInt32, pixels)
 
     def add(self, colour: Jit, pixel: Jit, inside: Jit, seeds: Seeds) -> None:
-        """Add samples in the order of `pixel`, the pixels' indices in the image."""
+        """Add the samples of pixels; `pixel` has the pixels' indices in the image."""
         soft = softness(self._samples)
         number = dr.arange(mi.UInt32, dr.width(pixel)) * self._samples
         sums = [mi.Vector4f(0.0)] * len(self._sums)
@@ -77,7 +77,7 @@ class PixelFilter:
             along, up = weight(x, soft), weight(y, soft)
             weights = [along * up]
             weights += [weight(x - dx, soft) * up if dx else weight(y - dy, soft) * along for dx, dy in SIDES]
-            # `select` avoids 0 times a colour, which may be infinite.
+            # `select` avoids 0 times an infinite colour.
             sums = [sum_ + dr.select(w > 0.0, w * own, 0.0) for sum_, w in zip(sums, weights, strict=True)]
         b = DrJitBackend(current_device())
         row = pixel // self._width
@@ -89,15 +89,15 @@ class PixelFilter:
         dr.eval(self._sums, self._owners)
 
     def colours(self) -> list[Jit]:
-        """Return the band's red, green and blue planes, row by row."""
+        """Return the filtered band's red, green and blue planes, row by row."""
         pixel = dr.arange(mi.UInt32, self._width * len(self._rows))
-        # Opaque values, so that bands of other heights need no compilation.
+        # With opaque values, bands of other heights need no compilation.
         height, width = (dr.opaque(mi.Int32, value) for value in (len(self._rows), self._width))
         row = mi.Int32(pixel) // width
         column = mi.Int32(pixel) - row * width
         total = dr.gather(mi.Vector4f, self._sums[0], pixel)
         for plane, (dx, dy) in zip(self._sums[1:], SIDES, strict=True):
-            # Add the opposite neighbour's sum, but not across multiples of `BAND_ROWS`.
+            # Add a neighbour's sum for this pixel, not across multiples of `BAND_ROWS`.
             x, y = column - dx, row - dy
             there = (x >= 0) & (x < width) & (y >= 0) & (y < height) & (y // BAND_ROWS == row // BAND_ROWS)
             neighbour = mi.UInt32(y * width + x)

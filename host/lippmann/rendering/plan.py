@@ -1,4 +1,4 @@
-"""Turns a job, which may have "auto" options, into a plan that any process can render."""
+"""Plans a render: replaces "auto" options, and describes a picture for any process."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ if TYPE_CHECKING:
     import mitsuba as mi
 
 logger = logging.getLogger("lippmann")
-#: A path, a loaded scene, a `mitsuba.Scene`, or a dictionary for `mitsuba.load_dict`.
+#: A scene: path, loaded scene, `mitsuba.Scene`, or dictionary for `mitsuba.load_dict`.
 SceneSource: TypeAlias = "str | Path | Scene | dict[str, Any] | mi.Scene"
 
 
@@ -50,7 +50,7 @@ class BandRenderer(Protocol):
         """Compile the program; return the compilation time in seconds."""
 
     def render(self, number: int, report_rows: Callable[[int], None] | None = None) -> tuple[Radiance, list[int]]:
-        """Return a band's radiance (rows, width, 3), and the number of lost samples per reason.
+        """Return a band's radiance (rows, width, 3), and numbers of lost samples for each reason.
 
         `report_rows` is called with the number of the band's finished rows.
         """
@@ -62,7 +62,7 @@ class Plan(ABC):
 
     display: Display
     options: RenderOptions
-    #: The rows of each band. They do not depend on a worker's device.
+    #: The rows of each band, whatever the devices of workers.
     bands: tuple[range, ...]
 
     @property
@@ -78,7 +78,7 @@ class Plan(ABC):
     @property
     @abstractmethod
     def metadata(self) -> dict[str, str]:
-        """The metadata of the picture's file. A renderer's `choices` replace some entries."""
+        """The metadata of the picture's file, some of which a renderer's `choices` replace."""
 
     @property
     def rays(self) -> int:
@@ -87,20 +87,20 @@ class Plan(ABC):
 
     @property
     def prepare_seconds(self) -> float:
-        """Compilation time during planning, s; 0 after `start`."""
+        """Compilation time during planning, s; 0 after `start` was called."""
         return 0.0
 
     @abstractmethod
     def start(self, worker: str | None = None) -> BandRenderer:
-        """Return the renderer; raise InputError if a scene file differs on the named worker."""
+        """Return the renderer; raise InputError if the scene differs on the machine of `worker`."""
 
 
 @dataclass(frozen=True, eq=False)
 class ScenePlan(Plan):
-    """The plan of a scene's picture. Its lens model is "auto" in a film's frame only."""
+    """The plan of a scene's picture. Only a film's frame may keep the lens model "auto"."""
 
     scene: Path
-    #: `digest_of` the scene, or "" if only this process renders and no band is kept.
+    #: Result of `digest_of`; "" if only this process renders and keeps no bands.
     digest: str
     placement: Placement
     #: The renderer from planning, which the next `start` in this process returns.
@@ -132,7 +132,7 @@ class ScenePlan(Plan):
         return sum(renderer.prepare_seconds for renderer in self.planned_by)
 
     def load(self) -> Scene:
-        """Load the placed scene; raise InputError as `load_scene`."""
+        """Load and place the scene. Raises errors of `load_scene`."""
         return load_scene(self.scene, self.placement)
 
     def start(self, worker: str | None = None) -> Renderer:
@@ -149,13 +149,13 @@ class ScenePlan(Plan):
 
 @functools.lru_cache(maxsize=8)
 def check_same_scene(worker: str, path: Path, digest: str) -> None:
-    """Raise InputError if the scene is missing or different on a worker."""
+    """Raise InputError if the scene is missing on a worker, or differs there."""
     try:
         own = digest_of(path)
     except InputError as error:
-        raise InputError(f"{worker}: {error}; a cluster's machines must share the scene's folder") from None
+        raise InputError(f"{worker}: {error}; share the scene's folder between all machines") from None
     if own != digest:
-        raise input_error(worker, f"{path} differs there", "share the scene's folder between the cluster's machines")
+        raise input_error(worker, f"{path} differs there", "share the scene's folder between all machines")
 
 
 def make_renderer(
@@ -165,7 +165,7 @@ def make_renderer(
     bands: tuple[range, ...] | None = None,
     in_memory: bool = False,
 ) -> Renderer:
-    """Return a scene's renderer. Raises the errors of `Renderer` and `resolve_model`."""
+    """Return the renderer of a scene. Raises errors of `Renderer` and `resolve_model`."""
     settings, model = options.settings, resolve_model(scene, display, options)
     source = display_source(display, model, settings.samples, settings.aperture, options.engine, options.fraction_bits)
     renderer = Renderer(scene, source, settings, bands, in_memory=in_memory)
@@ -176,7 +176,7 @@ def make_renderer(
 def resolve_model(
     scene: Scene, display: Display, options: RenderOptions, logger: logging.Logger | None = None
 ) -> Model:
-    """Return the lens model; choose and log it for "auto". Raises the errors of `choose_model`."""
+    """Return the lens model; for "auto", choose a model and log it. Raises errors of `choose_model`."""
     if options.model != "auto":
         return options.model
     choice = model_choice.choose_model(display, scene.depth_range_mm, options.settings.aperture, options.tolerance)
@@ -186,7 +186,7 @@ def resolve_model(
 
 
 def image_metadata(options: RenderOptions, scene_path: Path) -> dict[str, str]:
-    """Return an image's metadata; `IntegralImage` adds the display's metadata."""
+    """Return metadata of options and scene; `IntegralImage` adds the display's metadata."""
     bits = {} if options.engine in ("golden", "fast") else {"fraction_bits": str(options.fraction_bits or WIDEST)}
     names = ("aperture", "integrator", "samples", "max_depth", "seed", "shading")
     return {
@@ -202,7 +202,7 @@ def image_metadata(options: RenderOptions, scene_path: Path) -> dict[str, str]:
 
 @contextlib.contextmanager
 def open_scene(source: SceneSource, placement: Placement | None = None, device: str = "auto") -> Iterator[Scene]:
-    """Set Mitsuba's variant, and yield a loaded scene. Raises the errors of `load_scene`, `start_mitsuba`."""
+    """Set Mitsuba's variant; yield a loaded scene. Raises errors of `load_scene` and `start_mitsuba`."""
     check_type("placement", placement, (Placement, type(None)), "a lippmann.Placement or None")
     check_device(device)
     if isinstance(source, str | Path):
@@ -226,11 +226,11 @@ def _device_name(variant: str) -> str:
     for name, own in VARIANTS.items():
         if own == variant:
             return name
-    raise InputError(f"the scene is of Mitsuba's variant {variant}; load it after set_variant('{VARIANTS['llvm']}')")
+    raise InputError(f"the scene uses Mitsuba's variant {variant}; load it after set_variant('{VARIANTS['llvm']}')")
 
 
 def place_scene(scene: Scene, display: Display, arrange: Arrange | None = None) -> Scene:
-    """Return the scene placed for a display by `arrange`, by default by `scene.usual`."""
+    """Place a scene for a display as `arrange` says, by default as `scene.usual` says."""
     arrange = scene.usual if arrange is None else arrange
     if arrange is None:
         return scene
@@ -240,7 +240,7 @@ def place_scene(scene: Scene, display: Display, arrange: Arrange | None = None) 
 
 
 def report_and_choose_model(scene: Scene, display: Display, options: RenderOptions) -> Model:
-    """Warn of problems in a picture; choose and log the lens model. Raises the errors of `resolve_model`."""
+    """Warn of a picture's problems; choose and log the lens model. Raises errors of `resolve_model`."""
     # The trial view takes time, so it is rendered only at log level INFO.
     warn_of_unused_parts(scene, options.settings)
     if logger.isEnabledFor(logging.INFO):
@@ -258,12 +258,12 @@ class Job:
     arrange: Arrange | None = None
 
     def plan(self, portable: bool = False) -> ScenePlan:
-        """Resolve "auto" options; `portable` needs a scene file. Raises the errors of `arranged`, `Renderer`."""
+        """Return a plan, for all processes if `portable`. Raises errors of `arranged` and `Renderer`."""
         # Other processes and kept bands identify the scene by its files.
         scene = place_scene(self.scene, self.display, self.arrange)
-        path = scene.path.absolute()  # for workers' folders; links stay: their neighbours are read
+        path = scene.path.absolute()  # keep links: files beside them are read
         if portable and not path.exists():
-            raise InputError("a scene in memory can neither be shared with workers nor be kept; give its file")
+            raise InputError("a scene in memory can neither be shared with workers nor be kept; give a scene file")
         # The model is chosen, so the tolerance must not change the plan's identity.
         model = report_and_choose_model(scene, self.display, self.options)
         options = replace(self.options, model=model, tolerance=TOLERANCE)

@@ -1,8 +1,8 @@
 """Renders an integral image, or a plain perspective view, chunk by chunk.
 
 **One pass renders both sides of the display.** A viewer sees a panel pixel along the
-pixel's refracted ray. The renderer traces this ray *towards* the display, from in front
-of the nearest object. The first surface on the ray hides all others, in front of the
+pixel's refracted ray. The renderer traces each ray *towards* the display, from in front
+of the nearest object. The first surface on a ray hides all others, in front of the
 display (real image) or behind it (virtual image).
 """
 
@@ -34,9 +34,9 @@ from lippmann.scenes.placement import Placement
 from lippmann.scenes.scene import Scene, without_places
 
 logger = logging.getLogger("lippmann")
-#: Chunks of a band grow by up to this fraction, to avoid a small last chunk.
+#: Maximum growth of a band's chunks, as a fraction, to avoid a small last chunk.
 CHUNK_SLACK = 0.1
-#: Divisor of the chunk size with the cache, whose samples need more memory.
+#: Divisor of the chunk size with the irradiance cache, which needs more memory.
 CACHE_CHUNK_DIVISOR = 2
 
 
@@ -46,14 +46,14 @@ class Rendered:
 
     #: Linear RGB radiance, (height, width, 3) float32.
     radiance: Radiance
-    #: Wall time without compilation, s.
+    #: Wall time of rendering without compilation, s.
     seconds: float
-    #: Processor time of all threads without compilation, s.
+    #: Processor time of all rendering threads without compilation, s.
     cpu_seconds: float
     prepare_seconds: float
-    #: All rays, including rays that were lost before the scene.
+    #: Number of rays, including rays that did not reach the scene.
     samples_traced: int
-    #: Percentage of rays that were lost for each reason in `Lines.lost`.
+    #: Percentages of rays lost, one for each reason in `Lines.lost`.
     lost_percent: tuple[float, ...] = ()
     shading: Shading = "each"
 
@@ -64,12 +64,12 @@ class Rendered:
 
     @property
     def measured(self) -> dict[str, float]:
-        """The time figures for reports, keyed by name."""
+        """The render's times and speed, keyed by name."""
         return {name: getattr(self, name) for name in ("seconds", "prepare_seconds", "samples_per_second")}
 
 
 def make_integrator(scene: Scene, settings: Settings) -> Jit:
-    """Return the integrator. Raises InputError if it is unknown or cannot sample single rays."""
+    """Return a render's integrator. Raises InputError if it is unknown or cannot sample single rays."""
     if settings.integrator == "scene":
         integrator = scene.mitsuba.integrator()
     else:
@@ -85,7 +85,7 @@ def make_integrator(scene: Scene, settings: Settings) -> Jit:
                 raise InputError(
                     f"integrator '{settings.integrator}' does not load ({reason}); choose lights, direct, path or scene"
                 ) from None
-    # Differentiable SamplingIntegrators (prb, ...) need more than a ray.
+    # Differentiable SamplingIntegrators (prb, ...) cannot sample a single ray.
     differentiable = ".ad." in type(integrator).__module__
     if differentiable or not isinstance(integrator, mi.SamplingIntegrator):
         raise InputError(
@@ -95,7 +95,7 @@ def make_integrator(scene: Scene, settings: Settings) -> Jit:
 
 
 class Renderer:
-    """Renders the bands of an image in any order, with one program."""
+    """Renders the bands of an image in any order, with one compiled program."""
 
     def __init__(
         self,
@@ -105,10 +105,10 @@ class Renderer:
         bands: Sequence[range] | None = None,
         in_memory: bool = True,
     ) -> None:
-        """Choose the program; raise InputError as `make_integrator`.
+        """Choose the program. Raises errors of `make_integrator`.
 
-        `bands` has the rows of each band, by default from `bands_of`. Bands start at
-        multiples of `BAND_ROWS`. With `in_memory`, memory has to store all bands.
+        `bands` are the rows of each band, by default from `bands_of`. Bands start at
+        multiples of `BAND_ROWS`. If `in_memory`, the memory must hold all bands.
         """
         self._samples, self._seed, self._pass = settings.samples, settings.seed, 0
         self._width, self._height = source.width_px, source.height_px
@@ -123,12 +123,12 @@ class Renderer:
         self.bands = bands or bands_of(self._width, self._height, self.rays)
         rows = self._height if in_memory else max(len(rows) for rows in self.bands)
         started = time.perf_counter()
-        #: The settings without "auto", so that every process caches the same shapes.
+        #: Settings without "auto", so that all processes cache the same shapes.
         self.settings = replace(settings, shading="each", light_points=None)
         self.cache_report: str | None = None
         if settings.shading != "each":
             self.cache_report = self._choose_cache(scene, settings, rows, integrator)
-        #: Time of choosing the cache and of all calls of `prepare`, s.
+        #: Time spent on the choice of the cache and in all calls of `prepare`, s.
         self.prepare_seconds = time.perf_counter() - started
         self.shading = self.settings.shading
         #: The values chosen for "auto" options, as metadata.
@@ -140,7 +140,7 @@ class Renderer:
         return max(1, samples // (self.rays * TILE_PX * TILE_PX))
 
     def _choose_cache(self, scene: Scene, settings: Settings, rows: int, integrator: Jit) -> str | None:
-        """Use the irradiance cache if it is requested, or chosen for "auto"; return a line for the log."""
+        """Use the irradiance cache if requested, or chosen for "auto"; return a line for the log."""
         source, is_auto = self._source, settings.shading == "auto"
         why, is_reported = why_not_cached(scene, source, settings.integrator), not is_auto
         rays = self._width * self._height * self.rays
@@ -148,7 +148,7 @@ class Renderer:
             if not is_worth_a_trial(scene, rays):
                 return None
             needed = memory_mb(self._width, rows, "shared", self._samples, self._colours)
-            # Only the user's limit counts: free memory must not change a picture.
+            # Only the user's memory limit counts: free memory must not change pictures.
             is_reported = settings.memory_mb is not None and needed > settings.memory_mb
             why = "the memory limit leaves no room for it" if is_reported else None
         if why is None:
@@ -162,22 +162,22 @@ class Renderer:
                     self._program = program
                     self.settings = replace(settings, shading="shared", light_points=points)
                 return report
-            why = "no mesh or sphere is diffuse, or each would need too many points"
+            why = "no mesh or sphere is diffuse, or all need too many points"
         return f"no irradiance cache: {why}" if is_reported else None
 
     def _try_cache(self, program: CachedProgram) -> tuple[bool, str]:
-        """Render the pixels of a trial with and without the cache; return whether to use it, and a line for the log."""
+        """Render a trial with and without the cache; return whether to use the cache, and a line for the log."""
         trial = CacheTrial(self._source, self._samples)
-        # The seeds are two variables: one variable would cause another recording.
+        # The seeds are two variables: one for both would cause another recording.
         seeds = Seeds(*(dr.opaque(mi.UInt32, value) for value in (self._seed, self._pass)))
         return trial.judge([program.trial(*chunk, seeds, self._pose, trial.samples) for chunk in trial.chunks()])
 
     def move(self, placement: Placement, number: int = 0) -> None:
-        """Move the scene. Later bands belong to pass `number`; the program is reused."""
+        """Move the scene. Later bands show the moved scene and belong to pass `number`."""
         self._pose, self._pass = Pose.of(placement), number
 
     def prepare(self) -> float:
-        """Compile the program by rendering one tile; return the time in seconds."""
+        """Compile the program by rendering one tile; return the compilation time in seconds."""
         started = time.perf_counter()
         self.draw(range(TILE_PX), tiles=1)
         seconds = time.perf_counter() - started
@@ -185,29 +185,29 @@ class Renderer:
         return seconds
 
     def render(self, number: int, report_rows: Callable[[int], None] | None = None) -> tuple[Radiance, list[int]]:
-        """Return a band's radiance and lost samples; see `BandRenderer`."""
+        """Return a band's radiance and numbers of lost samples; see `BandRenderer`."""
         planes, lost = self.draw(self.bands[number], report_rows)
         return radiance_of(planes, self._width), lost
 
     def draw(
         self, rows: range, report_rows: Callable[[int], None] | None = None, tiles: int | None = None
     ) -> tuple[list[Jit], list[int]]:
-        """Return rows as colour planes, black after `tiles` tiles, and lost samples per reason."""
+        """Render rows, or only `tiles` tiles of them; return colour planes and numbers of lost samples."""
         planes = [dr.zeros(mi.Float, self._width * len(rows)) for _ in range(3)]
         if tiles is None:
             tiles = self._across * -(-len(rows) // TILE_PX)
-        # Without the filter, the mean of several passes is equally good.
+        # The mean of several passes needs no pixel filter.
         filtered = self._filtered and self._pass == 0
         sums = PixelFilter(self._source, self._samples, rows) if filtered else None
         lost = []
-        # Chunks are equal. Each has a fixed cost: Dr.Jit visits all shapes.
+        # Chunks have equal sizes, and a fixed cost, because Dr.Jit visits all shapes.
         chunks = max(1, math.ceil(tiles / self._tiles_per_chunk - CHUNK_SLACK))
         size = -(-tiles // chunks)
         for first in range(0, tiles, size):
             interrupts.check()
             count = min(size, tiles - first)
             lost.append(self._run(rows, first, count, planes, sums))
-            if self.shading != "shared":  # shared shading waits itself, and overlaps preparation with rendering
+            if self.shading != "shared":  # the cached program itself waits for Dr.Jit
                 dr.sync_thread()
             if report_rows is not None:
                 report_rows(len(rows) * (first + count) // tiles)
@@ -217,10 +217,10 @@ class Renderer:
         return planes, [sum(int(count[0]) for count in counts) for counts in zip(*lost, strict=True)]
 
     def _run(self, rows: range, first_tile: int, count: int, planes: list[Jit], sums: PixelFilter | None) -> list[Jit]:
-        """Render tiles into `sums`, or `planes` if that is None; return counts of lost samples."""
+        """Render tiles into `sums`, or into `planes` if `sums` is None; return numbers of lost samples."""
         pixels = count * TILE_PX * TILE_PX
         index = dr.arange(mi.UInt32, pixels * self.rays)
-        # Values that change between chunks are opaque: literals would be compiled.
+        # Values that change between chunks are opaque, for Dr.Jit compiles literals.
         first = dr.opaque(mi.UInt32, rows.start // TILE_PX * self._across + first_tile)
         seeds = Seeds(*(dr.opaque(mi.UInt32, value) for value in (self._seed, self._pass)))
         dr.make_opaque(index)
@@ -238,21 +238,21 @@ class Renderer:
 
 def radiance_of(planes: list[Jit], width: int) -> Radiance:
     """Return colour planes as an image (rows, width, 3), which may share Dr.Jit's memory."""
-    # Copy the image for other threads: freeing Dr.Jit's memory could wait for ever.
+    # Other threads need a copy: freeing Dr.Jit's memory, they may wait for ever.
     return np.asarray(dr.ravel(mi.Color3f(planes))).reshape(-1, width, 3)
 
 
 def finite_radiance(radiance: Radiance, name: object) -> Radiance:
-    """Return radiance with NaN replaced by black, infinity by the largest half float; warn of both."""
+    """Replace NaN by black and infinity by the largest half float, and warn; return the radiance."""
     if what := describe_wrong(radiance):
-        remedy = "see whether a texture or a light of the scene has such numbers"
-        warn_user(f"{name}: {what}; NaN becomes black, infinite light {HALF_MAX:g}: {remedy}")
+        remedy = "check the scene's textures and lights for such numbers"
+        warn_user(f"{name}: {what}; NaN becomes black, infinity {HALF_MAX:g}: {remedy}")
         return np.nan_to_num(radiance, nan=0.0, posinf=HALF_MAX, neginf=0.0)
     return radiance
 
 
 def render_rays(scene: Scene, source: RaySource, settings: Settings, progress: Progress | None = None) -> Rendered:
-    """Render an image; `progress` gets (rows done, all rows). Raises InputError as `Renderer`, `check_memory`."""
+    """Render an image; `progress` gets (rows done, all rows). Raises errors of `Renderer` and `check_memory`."""
     check_memory(source.width_px, source.height_px, settings, source.colours)
     renderer = Renderer(scene, source, settings)
     renderer.prepare()
@@ -287,7 +287,7 @@ def render_integral(
     engine: Engine = "fast",
     fraction_bits: int | None = None,
 ) -> Rendered:
-    """Render a scene with a display's rays from an engine. Raises the errors of `render_rays`, `engines.trace`."""
+    """Render an integral image with an engine's rays. Raises errors of `render_rays` and `engines.trace`."""
     source = display_source(display, model, settings.samples, settings.aperture, engine, fraction_bits)
     return render_rays(scene, source, settings, progress)
 
@@ -300,7 +300,7 @@ def render_view(
     pupil_mm: float = 0.0,
     focus_z_mm: float = 0.0,
 ) -> Rendered:
-    """Render an eye's view through a window. Raises the errors of `render_rays`."""
+    """Render an eye's view through a window. Raises errors of `render_rays`."""
     near = scene.placement.near_mm
     if near is not None and near > eye_mm[2]:
         scene = replace(scene, placement=replace(scene.placement, near_mm=eye_mm[2], far_mm=None))

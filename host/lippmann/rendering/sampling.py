@@ -1,4 +1,4 @@
-"""Creates primary rays from a display's pixels through their lenslets, or from an eye through a window."""
+"""Creates primary rays from a display's pixels through lenslets, or from an eye through a window."""
 
 from __future__ import annotations
 
@@ -32,52 +32,52 @@ TILE_PX = 8
 class Lines(NamedTuple):
     """Lines of sight in the display's frame."""
 
-    #: A point on each line, three Floats, mm.
+    #: A point on each line of sight, three Floats, mm.
     point: tuple[Jit, Jit, Jit]
-    #: Unit vectors along the lines, from the display to the viewer, three Floats.
+    #: Unit vectors from the display to the viewer along the lines, three Floats.
     direction: tuple[Jit, Jit, Jit]
-    #: Mask of the lines that exist. A ray that the lenslets block has no line.
+    #: Mask of the rays that leave the lenslets.
     active: Jit
-    #: Masks of the lost lines, one mask for each reason of the source.
+    #: Masks of lost rays, one mask for each reason for a loss.
     lost: tuple[Jit, ...] = ()
 
 
 @dataclass(frozen=True)
 class RaySource:
-    """A source of primary rays, with the size of its image and its lines of sight."""
+    """A source of primary rays for an image of `width_px` x `height_px` pixels."""
 
     width_px: int
     height_px: int
-    #: Function that returns lines of sight. Its arguments are a backend, pixel
-    #: coordinates u and v (double), and random points of the unit square (two
-    #: Floats), which select points of the lenslet's aperture.
+    #: Function that returns lines of sight. `lines` takes a backend, pixel coordinates
+    #: u and v (double), and random points of the unit square (two Floats), which select
+    #: points of the lenslet's aperture.
     lines: Callable[[DrJitBackend, Jit, Jit, tuple[Jit, Jit]], Lines]
-    #: Sub-pixel layout. None means that a pixel emits all colours from its whole area.
+    #: Sub-pixel layout, or None if a pixel emits all colours from its whole area.
     layout: Layout | None = None
-    #: Whether `lines` uses only Dr.Jit, so that its program can be recorded.
+    #: Whether `lines` uses only Dr.Jit, so that Dr.Jit can record it.
     recordable: bool = True
-    #: Size of the finest visible detail, mm: the lenslet pitch. None without lenslets.
+    #: Size of the finest visible detail, mm: the lenslet pitch, or None for an eye.
     detail_mm: float | None = None
-    #: Function that returns the number (UInt32) of each pixel's lenslet. Its arguments
-    #: are the first three of `lines`. Neighbouring pixels with equal numbers share
-    #: samples (`PixelFilter`). None means that no pixels share samples.
+    #: Function that returns a number (UInt32) for each pixel's lenslet. `owner` takes
+    #: the first three arguments of `lines`. Neighbouring pixels of equal lenslet number
+    #: share samples (`PixelFilter`). If `owner` is None, no pixels share samples.
     owner: Callable[[DrJitBackend, Jit, Jit], Jit] | None = None
 
     @property
     def colours(self) -> int:
-        """Number of colours that have their own samples: 3 with sub-pixels, otherwise 1."""
+        """Number of colours that are sampled separately: 3 with sub-pixels, otherwise 1."""
         return 1 if self.layout is None else 3
 
 
 def owner_number(i: Jit, j: Jit) -> Jit:
-    """Return a number (UInt32) for each lenslet (i, j); neighbouring lenslets differ."""
+    """Return a number (UInt32) for lenslet (i, j); neighbouring lenslets have other numbers."""
     return mi.UInt32(mi.Int32(i)) * 0x10001 + mi.UInt32(mi.Int32(j))
 
 
 def lines_from_pixels(
     b: DrJitBackend, display: Display, u: Jit, v: Jit, aperture: tuple[Jit, Jit] | None, model: Model
 ) -> Lines:
-    """Trace rays from pixel coordinates (double) through the lenslets, by `rays_from_pixels`."""
+    """Trace rays from pixels at u, v (double) through the lenslets; return lines of sight."""
     out = rays_from_pixels(b, System.of(display), u, v, aperture, model)
     point = (
         mi.Float(out.centre_x + b.double(out.ray.x)),
@@ -95,11 +95,11 @@ def display_source(
     engine: Engine = "fast",
     fraction_bits: int | None = None,
 ) -> RaySource:
-    """Return the source of a display's rays; engines "twin" and "rtl" use `fraction_bits`.
+    """Return the ray source of a display; only engines "twin" and "rtl" use `fraction_bits`.
 
-    The engine "fast" traces inside the renderer's program, from any points of a pixel.
-    Other engines trace chunk by chunk. They round the points of several samples to
-    sixteenths of a pixel, which the RTL's words can represent.
+    The engine "fast" traces rays inside the renderer's program, from any points of a
+    pixel. Other engines trace one chunk of rays at a time. If `samples` is above 1, the
+    other engines round sample points to 1/16 pixel, as the RTL's words do.
     """
     panel = display.panel
 
@@ -127,7 +127,7 @@ def display_source(
 
 @dataclass(frozen=True)
 class Window:
-    """The rectangle that a view covers in the plane z = 0, centred on the axis."""
+    """The rectangle that a view covers in the plane z = 0, centred on the display's axis."""
 
     width_mm: float
     height_mm: float
@@ -135,7 +135,7 @@ class Window:
     height_px: int
 
     def point(self, u: Jit, v: Jit) -> tuple[Jit, Jit]:
-        """Return the position x, y, mm, of pixel coordinates."""
+        """Return the position (x, y), mm, for pixel coordinates u, v."""
         return (u / self.width_px - 0.5) * self.width_mm, (0.5 - v / self.height_px) * self.height_mm
 
 
@@ -144,12 +144,12 @@ def eye_source(
 ) -> RaySource:
     """Return the source of rays from an eye (mm) through a window, without a display.
 
-    With a pupil, a ray passes through a random point of the pupil. The ray also passes
-    through the point in focus that the pupil's centre sees through the pixel.
+    If `pupil_mm` is above 0, a ray passes through a random point of the pupil. All rays
+    through the same point of a pixel meet in the plane z = `focus_z_mm`.
     """
 
     def lines(b: DrJitBackend, u: Jit, v: Jit, square: tuple[Jit, Jit]) -> Lines:
-        # Values are opaque: another eye or window needs no compilation.
+        # Opaque values let another eye or window reuse the compiled program.
         wide, high = (dr.opaque(mi.Float64, c) for c in (window.width_mm, window.height_mm))
         x, y = (mi.Float(c) for c in replace(window, width_mm=wide, height_mm=high).point(u, v))
         ex, ey, ez, radius, focus = (dr.opaque(mi.Float, c) for c in (*eye_mm, 0.5 * pupil_mm, focus_z_mm))
@@ -166,12 +166,12 @@ def eye_source(
 
 
 def colours_of(panel: Panel) -> int:
-    """Return `RaySource.colours` for a panel."""
+    """Return `RaySource.colours` for the pixels of a panel."""
     return 1 if layout_of(panel.subpixels) is None else 3
 
 
 def pixel_of(first_tile: Jit, place: Jit, width: int, height: int) -> tuple[Jit, Jit]:
-    """Return a pixel's index from its index in the tiles, and whether the pixel is inside."""
+    """Convert pixel indices from tile order to image order; tell which pixels are inside."""
     tiles_across = -(-width // TILE_PX)
     tile = first_tile + place // (TILE_PX * TILE_PX)
     bits = place & (TILE_PX * TILE_PX - 1)
@@ -186,10 +186,10 @@ def pixel_of(first_tile: Jit, place: Jit, width: int, height: int) -> tuple[Jit,
 
 @dataclass
 class Parts:
-    """The sampled areas of pixels (`Box`), for each colour and each pixel of the layout."""
+    """The sampled area (`Box`) for each colour and each pixel of a sub-pixel layout."""
 
     box: tuple[Jit, Jit, Jit, Jit]
-    #: Whether every area is as high as its pixel.
+    #: Whether every sampled area is as high as its pixel.
     full_height: bool
 
     @classmethod
@@ -205,17 +205,17 @@ class Parts:
 
 @dataclass
 class Seeds:
-    """The seeds (UInt32) of a render, in a class that Dr.Jit can record."""
+    """The seeds (UInt32) of a render, as an argument of recorded functions."""
 
     image: Jit
-    #: Number of the picture's pass, counted from 0.
+    #: Index of the pass. A picture is the mean of its passes.
     number: Jit
 
 
 def lines_of(
     source: RaySource, samples: int, seeds: Seeds, pixel: Jit, sample: Jit, parts: Parts, colour: Jit = 0
 ) -> Lines:
-    """Return the lines of sight for indices (UInt32) of pixels, samples and colours."""
+    """Return lines of sight for pixel, sample and colour indices (UInt32)."""
     b = DrJitBackend(current_device())
     x, y = points_in_pixel(pixel, sample, samples, seeds.image, seeds.number)
     row = pixel // source.width_px
@@ -248,7 +248,7 @@ class Pose:
         return cls(dr.opaque(mi.Float, placement.near_mm), rows)
 
     def ray(self, lines: Lines) -> Jit:
-        """Return rays in scene coordinates, from in front of the scene towards the display."""
+        """Return rays in scene coordinates that start in front of the scene, towards the display."""
         point, direction, near = lines.point, lines.direction, self.near_mm
         t = (near - point[2]) / direction[2]
         start = mi.Point3f(point[0] + t * direction[0], point[1] + t * direction[1], near)
@@ -263,7 +263,7 @@ class Pose:
 
 
 def first_hit(scene: Scene, lines: Lines, front_mm: float) -> tuple[Jit, Jit, Jit]:
-    """Return the rays from z = `front_mm`, the mask of rays that hit, and the hits' depths, mm."""
+    """Return rays that start at z = `front_mm`, the mask of rays that hit, and the hits' z, mm."""
     ray = Pose.of(replace(scene.placement, near_mm=front_mm, far_mm=None)).ray(lines)
     si = scene.mitsuba.ray_intersect(ray)
     front, scale = (dr.opaque(mi.Float, value) for value in (front_mm, scene.placement.scale))
@@ -271,7 +271,7 @@ def first_hit(scene: Scene, lines: Lines, front_mm: float) -> tuple[Jit, Jit, Ji
 
 
 def first_depths(scene: Scene, eye_mm: tuple[float, float, float], window: Window) -> npt.NDArray[np.float32]:
-    """Return the depths z that an eye sees, mm (height, width); -infinity without a surface."""
+    """Return the depths z that an eye sees, mm (height, width); -infinity if a ray hits nothing."""
     near = scene.placement.near_mm
     front = eye_mm[2] if near is None else min(near, eye_mm[2])
     number = dr.arange(mi.UInt32, window.width_px * window.height_px)
@@ -281,7 +281,7 @@ def first_depths(scene: Scene, eye_mm: tuple[float, float, float], window: Windo
 
 
 def sampler_of(seeds: Seeds, pixel: Jit, sample: Jit) -> Jit:
-    """Return a sampler for integrators, seeded by indices (UInt32) of pixels and samples."""
+    """Return a random sampler for integrators, seeded with pixel and sample indices (UInt32)."""
     # The random numbers do not depend on chunks, bands, workers or colours.
     sampler = _sampler_class(mi.variant())(mi.Properties())
     first, second = mi.sample_tea_32(pixel, seeds.image + seeds.number, HASH_ROUNDS)

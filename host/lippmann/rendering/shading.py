@@ -30,9 +30,9 @@ from lippmann.rendering.surface_lattice import (
 )
 from lippmann.scenes.scene import Scene
 
-#: Pattern of Dr.Jit's errors about a function that it cannot record or replay.
+#: Pattern of Dr.Jit's errors if it cannot record or replay a function.
 NOT_RECORDED = re.compile(r"record|frozen|freez|replay")
-#: Pattern of a lamp with an image, for which Dr.Jit 1.5 crashes in a GPU's replay.
+#: Pattern of lamps with an image, for which a replay on a GPU crashes in Dr.Jit 1.5.
 PICTURE_LAMP = re.compile(r"BitmapTexture|EnvironmentMap")
 
 
@@ -46,35 +46,33 @@ class Recorded:
     def __init__(self, function: Callable[..., Jit], scene: Scene) -> None:
         references = _References(function, scene)
 
-        def call(*arguments: Jit) -> Jit:
-            return references.function(*arguments)
+        def call(*args: Jit) -> Jit:
+            return references.function(*args)
 
         frozen: Jit = dr.freeze(call, state_fn=lambda *_: references.scene.mitsuba)
         self._function, self._frozen = function, frozen
-        # The arrays exist before the first call: so the second call replays the first.
+        # The arrays exist before the first call, so that the second call replays it.
         self._parts = lamps, _ = scene.mitsuba.emitters(), scene.mitsuba.shapes()
         self._recordable = current_device() != "cuda" or not any(PICTURE_LAMP.search(str(lamp)) for lamp in lamps)
         weakref.finalize(self, references.release, frozen)
 
-    def __call__(self, *arguments: Jit) -> Jit:
-        """Return the result of the function."""
+    def __call__(self, *args: Jit) -> Jit:
+        """Run the function, and return its result."""
         if self._recordable:
             try:
                 with keep_garbage():
-                    return self._frozen(*arguments)
+                    return self._frozen(*args)
             except RuntimeError as error:
-                # Dr.Jit also wraps the errors of the function itself.
+                # Dr.Jit also wraps errors that the function itself raises.
                 cause = error if error.__cause__ is None else error.__cause__
                 if not NOT_RECORDED.search(str(cause)):
                     raise cause from None
             self._recordable = False
-        return self._function(*arguments)
+        return self._function(*args)
 
 
 class _References:
-    """Keeps the function and the scene of a frozen Dr.Jit function alive."""
-
-    # References of the frozen function would last until garbage collection.
+    """Holds the references of a frozen function, which would keep them until garbage collection."""
 
     def __init__(self, function: Callable[..., Jit], scene: Scene) -> None:
         self.function, self.scene = function, scene
@@ -86,8 +84,8 @@ class _References:
 
 @contextlib.contextmanager
 def keep_garbage() -> Iterator[None]:
-    """Stop garbage collection, because Dr.Jit crashes if a scene is freed while it records."""
-    # Dr.Jit also deadlocks if a thread frees its values while another runs Dr.Jit.
+    """Suspend garbage collection, because Dr.Jit crashes if a scene is freed during a recording."""
+    # Dr.Jit also deadlocks if a thread frees values while another thread runs Dr.Jit.
     enabled = gc.isenabled()
     gc.disable()
     try:
@@ -97,7 +95,7 @@ def keep_garbage() -> Iterator[None]:
             gc.enable()
 
 
-#: Bit of a lamp mask that marks computed irradiance. Other bits mark visible lamps.
+#: Bit of a point's lamp mask: irradiance is computed. Other bits mark visible lamps.
 COMPUTED = 1 << 31
 MAX_LAMPS = 31
 
@@ -106,11 +104,11 @@ class IrradianceCache:
     """The irradiance at a scene's lattice points, computed at first use."""
 
     def __init__(self, scene: Scene, spacing: float, max_points: int = MAX_POINTS) -> None:
-        """Create lattices by `lay_lattices`, with points at most `spacing` apart, in scene units."""
+        """Lay lattices, with points at most `spacing` scene units apart (`lay_lattices`)."""
         self.lattices, self.points = lay_lattices(scene.mitsuba, spacing, max_points)
-        # Red, green, blue and lamp mask of each point. Unwritten points are never read.
+        # Irradiance (red, green, blue) and lamp mask; only computed points are read.
         self._light = dr.empty(mi.Float, 4 * 2 * self.points)
-        # Lamp masks again, 0 for missing points, and marks of the points to compute.
+        # Lamp masks, 0 for points not yet computed, and marks of points to compute.
         self._lamps = dr.zeros(mi.UInt32, 2 * self.points)
         self._marks = dr.zeros(mi.UInt8, 2 * self.points)
         emitters = list(scene.mitsuba.emitters())
@@ -126,16 +124,16 @@ class IrradianceCache:
         self._light_at = Recorded(light_at, scene)
 
     def at(self, place: Place) -> Jit:
-        """Return the irradiance / pi at positions, without the cache."""
-        # Two variables, as in `between`, because a shared one causes another recording.
+        """Compute the irradiance / pi at positions, without the cache."""
+        # These are two variables, as in `between`: one would cause another recording.
         tested, visible = (dr.opaque(mi.UInt32, 0, dr.width(place.lattice)) for _ in range(2))
         light, _ = self._light_at(place, tested, visible, self.lattices)
         return light
 
     def compute(self, points: list[Jit], active: Jit) -> None:
-        """Compute the irradiance that points, three arrays, lack."""
+        """Compute missing irradiance at points, three arrays of indices."""
 
-        # A loop, because three scatters one after another would be three programs.
+        # A loop is one program; three scatters would be three programs.
         def mark(corner: Jit) -> tuple[Jit]:
             point = dr.select(corner == 0, points[0], dr.select(corner == 1, points[1], points[2]))
             missing = active & (dr.gather(mi.UInt32, self._lamps, point, active) == 0)
@@ -143,7 +141,7 @@ class IrradianceCache:
             return (corner + 1,)
 
         dr.while_loop((mi.UInt32(0),), lambda corner: corner < 3, mark, mode="symbolic")
-        # Points are sorted, so that shadow rays of neighbours are traced side by side.
+        # `compress` sorts points: shadow rays of neighbouring points run side by side.
         new = dr.compress(self._marks != 0)
         if not dr.width(new):
             return
@@ -154,7 +152,7 @@ class IrradianceCache:
         dr.eval(self._light, self._lamps, self._marks)
 
     def between(self, place: Place, active: Jit) -> Jit:
-        """Return the irradiance / pi at positions, interpolated, or computed at shadow edges."""
+        """Return the irradiance / pi at positions: interpolated, but computed at shadow edges."""
         points, weights = corners(self.lattices, place)
         self.compute(points, active)
         cached = [dr.gather(mi.Vector4f, self._light, point, active) for point in points]
@@ -178,7 +176,7 @@ def _light_at(
     scene: Jit, emitters: list[Jit], place: Place, tested: Jit, visible: Jit, lattices: Lattices
 ) -> tuple[Jit, Jit]:
     """Return the irradiance / pi and the lamp masks at positions."""
-    # `visible` is the visibility of lamps in `tested`. Other lamps get a shadow ray.
+    # Bits in `tested` mark lamps that need no shadow ray, because `visible` is known.
     lattice, u, v = place.lattice, place.u, place.v
     outward = from_octahedron(u, v)
     centre = dr.gather(mi.Point3f, lattices.centre, lattice)
@@ -204,7 +202,7 @@ def _light_at(
     return light * (1.0 / math.pi), lamps
 
 
-#: Function that follows rays, given sample indices, sampler, rays, mask and others.
+#: Function that follows rays; it gets sample indices, a sampler, rays, a mask, ...
 Follow = Callable[..., tuple[Jit, ...]]
 #: Fate of a sample that is black.
 BLACK = 0
@@ -215,20 +213,20 @@ UNCACHED = 2
 
 
 class Program:
-    """The program of a chunk: the integrator computes each sample."""
+    """The program that renders a chunk; the integrator computes each sample."""
 
     def __init__(self, scene: Scene, source: RaySource, samples: int, integrator: Jit) -> None:
         self._parts = Parts.of(source.layout)
         self._traced = _colour_of_each(scene, source, samples, integrator)
 
     def __call__(self, index: Jit, first: Jit, seeds: Seeds, pose: Pose) -> tuple[Jit, list[Jit]]:
-        """Return the colours of samples, indexed from the tile `first` on, and the numbers of lost samples."""
+        """Return colours of samples (`index` counts from the tile `first`) and numbers of lost samples."""
         colour, *lost = self._traced(index, first, seeds, pose, self._parts)
         return colour, lost
 
 
 class CachedProgram(Program):
-    """The program that takes diffuse light from the cache and other light from the integrator."""
+    """The program that reads diffuse light from the cache; the integrator computes other light."""
 
     def __init__(
         self, scene: Scene, source: RaySource, samples: int, integrator: Jit, max_depth: int, cache: IrradianceCache
@@ -254,7 +252,7 @@ class CachedProgram(Program):
 
     def trial(self, index: Jit, first: Jit, seeds: Seeds, pose: Pose, samples: int) -> tuple[Radiance, Radiance, float]:
         """Return radiance (pixels, 3) with and without the cache, and the fraction of uncached samples."""
-        # Uncached samples are black in both arrays. `samples` is per pixel and colour.
+        # Samples without the cache are black in both arrays.
         weight, place, fate, *_ = self._met(index, first, seeds, pose, self._parts, self.cache.lattices)
         cached = fate == CACHED
         radiances = []
@@ -277,7 +275,7 @@ def _make_sample_program(scene: Scene, source: RaySource, samples: int, follow: 
         lost = [mask & inside for mask in lines.lost]
         sampler = sampler_of(seeds, pixel, sample)
         results = follow(index, sampler, pose.ray(lines), lines.active & inside, *others)
-        # The results are evaluated first, because each sum would trace the rays again.
+        # Results are evaluated before the counts, which would trace the rays again.
         dr.eval(results, lost)
         return *results, *(dr.count(mask) for mask in lost)
 
@@ -287,14 +285,14 @@ def _make_sample_program(scene: Scene, source: RaySource, samples: int, follow: 
 def _colour_of_each(scene: Scene, source: RaySource, samples: int, integrator: Jit) -> Callable[..., Jit]:
     def follow(index: Jit, sampler: Jit, ray: Jit, active: Jit) -> tuple[Jit, ...]:
         radiance, _, _ = integrator.sample(scene.mitsuba, sampler, ray, None, active)
-        # An opaque 0, because 0.0 would fix the recording to a black tile's size.
+        # The 0 is opaque: 0.0 would fix the recording to the size of a black tile.
         return (dr.select(active, mi.Color3f(radiance), mi.Float(index >> 31)),)
 
     return _make_sample_program(scene, source, samples, follow)
 
 
 def _first_diffuse(scene: Scene, max_depth: int) -> Follow:
-    """Return a `Follow` that returns the factor on irradiance / pi, the position and the fate."""
+    """Return a `Follow` to a diffuse surface; it gives the factor on irradiance / pi, position and fate."""
     mirror_only = mi.BSDFContext()
     mirror_only.type_mask = mi.BSDFFlags.Delta
 
@@ -302,7 +300,7 @@ def _first_diffuse(scene: Scene, max_depth: int) -> Follow:
         shapes = dr.width(lattices.of_shape)
 
         def bounce(
-            sampler: Jit, ray: Jit, throughput: Jit, depth: Jit, fate: Jit, lattice: Jit, u: Jit, v: Jit, back: Jit,
+            sampler: Jit, ray: Jit, factor: Jit, depth: Jit, fate: Jit, lattice: Jit, u: Jit, v: Jit, back: Jit,
             active: Jit,
         ) -> tuple[Jit, ...]:  # fmt: skip
             hit = scene.mitsuba.ray_intersect_preliminary(ray, coherent=coherence_hint(depth), active=active)
@@ -328,30 +326,28 @@ def _first_diffuse(scene: Scene, max_depth: int) -> Follow:
             # The back of a one-sided surface is black.
             is_cached = on & (~behind | ((kind & TWO) != 0))
             fate = dr.select(is_cached, CACHED, dr.select(smooth & ~on, UNCACHED, fate))
-            throughput = dr.select(on, throughput * bsdf.eval_diffuse_reflectance(si, on), throughput)
+            factor = dr.select(on, factor * bsdf.eval_diffuse_reflectance(si, on), factor)
             depth += 1
             active &= ~smooth & mi.has_flag(flags, mi.BSDFFlags.Delta) & (depth < max_depth)
             bounced, weight = bsdf.sample(mirror_only, si, sampler.next_1d(active), sampler.next_2d(active), active)
             ray = si.spawn_ray(si.to_world(bounced.wo))
-            throughput = dr.select(active, throughput * weight, throughput)
-            active &= dr.any(throughput != 0.0)
-            return sampler, ray, throughput, depth, fate, lattice, u, v, back, active
+            factor = dr.select(active, factor * weight, factor)
+            active &= dr.any(factor != 0.0)
+            return sampler, ray, factor, depth, fate, lattice, u, v, back, active
 
-        nothing = index >> 31  # opaque, as in a colour
+        nothing = index >> 31  # an opaque 0, as in `_colour_of_each`
         state = (
             sampler, mi.Ray3f(ray), mi.Spectrum(1.0), mi.UInt32(0), mi.UInt32(nothing), mi.UInt32(nothing),
             mi.Float(nothing), mi.Float(nothing), mi.Bool(False), mi.Bool(active),
         )  # fmt: skip
-        _, _, throughput, _, fate, lattice, u, v, back, _ = dr.while_loop(
-            state, lambda *s: s[-1], bounce, mode="symbolic"
-        )
-        return mi.Color3f(throughput), Place(lattice, u, v, back), fate
+        _, _, factor, _, fate, lattice, u, v, back, _ = dr.while_loop(state, lambda *s: s[-1], bounce, mode="symbolic")
+        return mi.Color3f(factor), Place(lattice, u, v, back), fate
 
     return follow
 
 
 def means_of(colour: Jit, colours: int, samples: int) -> list[Jit]:
-    """Return the pixels' means of each colour; 3 `colours` have their own samples."""
+    """Return each pixel's mean colours, as planes; 3 `colours` are sampled separately."""
 
     def mean(values: Jit) -> Jit:
         return values if samples == 1 else dr.block_reduce(dr.ReduceOp.Add, values, samples) * (1.0 / samples)

@@ -28,9 +28,9 @@ from lippmann.rendering.plan import Plan
 from lippmann.rendering.renderer import finite_radiance
 
 logger = logging.getLogger("lippmann")
-#: File name of a kept band: the picture's identity and the first row.
+#: Pattern of a kept band's file name: the picture's identity and the first row.
 BAND_NAME = re.compile(r"([0-9a-f]{16})-([0-9]{5})\.npy")
-#: Bytes of the CRC-32 that follows the rows in a kept band.
+#: Bytes of the CRC-32 that follows the rows in a kept band's file.
 CRC_BYTES = 4
 
 
@@ -48,11 +48,11 @@ class Sink(Protocol):
         """Store a rendered band."""
 
     def stop(self, done_rows: int) -> None:
-        """Stop after an error or an interruption; `done_rows` rows are stored."""
+        """Clean up after an error or an interruption, when `done_rows` rows are stored."""
 
 
 class RenderTimes(NamedTuple):
-    """The cost of a render: time of rendering and compilation in s, numbers of rays and bands."""
+    """The cost of a render: times of rendering and compilation in s, numbers of rays and bands."""
 
     seconds: float
     prepare_seconds: float
@@ -61,14 +61,14 @@ class RenderTimes(NamedTuple):
     kept_bands: int
 
     def measured(self, keeps_bands: bool = False) -> dict[str, float]:
-        """Return `IntegralImage.measured`, with the numbers of bands if the sink keeps bands."""
+        """Return `IntegralImage.measured`, with numbers of bands if the sink keeps bands."""
         bands = {"bands": self.bands, "bands_kept": self.kept_bands} if keeps_bands else {}
         rate = self.rays / max(self.seconds, 1e-9)
         return {"seconds": self.seconds, "prepare_seconds": self.prepare_seconds, "samples_per_second": rate, **bands}
 
 
 def render_into(sink: Sink, executor: Executor = render_here, progress: Progress | None = None) -> RenderTimes:
-    """Render the missing bands; `progress` gets (rows done, all rows). Executor and sink raise errors."""
+    """Render missing bands; `progress` gets (rows done, all rows). Raises errors of executor and sink."""
     total = sum(len(band.rows) for band in sink.bands)
     report = RowProgress(progress, total)
     rays, prepare_seconds = 0, 0.0
@@ -101,7 +101,7 @@ def bands_of_plan(plan: Plan) -> list[Band]:
 
 
 class MemorySink:
-    """A picture in memory: (height, width, 3) float32."""
+    """A sink that stores a picture in memory, (height, width, 3) float32."""
 
     def __init__(self, plan: Plan) -> None:
         panel = plan.display.panel
@@ -122,7 +122,7 @@ class MemorySink:
         self._missing.pop(rendered.band.number, None)
 
     def stop(self, done_rows: int) -> None:
-        """Do nothing, because the picture ends with the process."""
+        """Do nothing, because the picture is lost with the process."""
 
     def write(self, path: Path) -> None:
         """Write the picture; raise InputError or NoSpaceError if writing fails."""
@@ -135,10 +135,10 @@ class MemorySink:
 
 
 class KeptBands:
-    """A picture whose bands are files in a folder. `release` ends the lock on the folder."""
+    """A sink that stores a picture's bands as files in a folder. `release` unlocks the folder."""
 
     def __init__(self, folder: Path, plan: Plan, remedy: str = "choose another place for the picture") -> None:
-        """Lock the folder. Raises InputError if this fails or bands are too large; NoSpaceError."""
+        """Lock the folder. Raises InputError if it is locked or bands are too large, or NoSpaceError."""
         check_band_memory(plan.display, plan.bands, plan.options.settings)
         self._lock = FolderLock(folder, remedy)
         self.folder, self.plan, self.bands = folder, plan, bands_of_plan(plan)
@@ -151,18 +151,19 @@ class KeptBands:
         self.shape = panel.height_px, panel.width_px, 3
         self.metadata = plan.metadata
         self._checked: set[int] = set()
+
         own = {self._path(band.number).name for band in self.bands}
         names = [path.name for path in folder.glob("[!.]*") if path.name not in own]
         others = [folder / name for name in names if BAND_NAME.fullmatch(name)]
         if foreign := len(names) - len(others):
-            warn_user(f"{folder}: holds {foreign} other files or folders, which stay")
+            warn_user(f"{folder}: has {foreign} other files or folders, which stay there")
         for path in others:
             path.unlink(missing_ok=True)
         if others:
             logger.info("%s: removed %d bands left by a different render", folder, len(others))
 
     def missing_bands(self) -> list[Band]:
-        """Return the bands that are missing or damaged; warn of the damaged ones."""
+        """Return the bands that are missing or damaged; warn of damaged bands."""
         return [band for band in self.bands if self._read(band.number, warn=True) is None]
 
     def take(self, rendered: RenderedBand) -> None:
@@ -186,7 +187,7 @@ class KeptBands:
             if first in band.rows:
                 radiance = self._read(band.number)
                 if radiance is None:
-                    raise input_error(self._path(band.number), "is gone or broken", "render again")
+                    raise input_error(self._path(band.number), "is missing or broken", "render again")
                 return np.array(radiance[first - band.rows.start : stop - band.rows.start])
         return np.empty((0, *self.shape[1:]), np.float32)
 
@@ -223,7 +224,7 @@ class KeptBands:
         return self.folder / f"{self.plan.identity}-{self.plan.bands[number].start:05d}.npy"
 
     def _read(self, number: int, warn: bool = False) -> Radiance | None:
-        # The file's header must equal numpy's. The checksum is compared only once.
+        # A band's header must equal numpy's. A band's checksum is compared only once.
         shape = (len(self.plan.bands[number]), *self.shape[1:])
         header = io.BytesIO()
         np.lib.format.write_array_header_1_0(header, {"descr": "<f4", "fortran_order": False, "shape": shape})
@@ -241,7 +242,7 @@ class KeptBands:
                     self._checked.add(number)
                     return radiance
         except OSError as error:
-            if error.errno == errno.ENOMEM:  # the file is there
+            if error.errno == errno.ENOMEM:  # the file exists, but memory is short
                 raise MemoryError from None
             return None
         if warn:
@@ -255,14 +256,14 @@ def render_picture(
     folder: str | Path | None = None,
     progress: Progress | None = None,
 ) -> IntegralImage:
-    """Render a plan; a folder keeps the finished bands. Raises the errors of `render_into`."""
+    """Render a plan's picture; `folder` keeps finished bands. Raises errors of `render_into`."""
     path = None if folder is None else path_of(folder, "a folder for kept bands")
     if path is None:
         sink: MemorySink | KeptBands = MemorySink(plan)
     else:
         sink = KeptBands(path, plan, "give another folder as kept")
         if len(plan.bands) == 1:
-            logger.info("%s: a picture of one band is kept only when complete", path)
+            logger.info("%s: a picture of a single band is kept only when complete", path)
     return sink.image(render_into(sink, executor, progress))
 
 
@@ -272,7 +273,7 @@ def _check_disk_space(folder: Path, plan: Plan, remedy: str) -> None:
     free = shutil.disk_usage(folder).free
     if needed > free:
         what = f"needs {needed / 1e6:.0f} MB on the disk, {free / 1e6:.0f} MB are free"
-        raise NoSpaceError.at(folder, what, f"free space or {remedy}")
+        raise NoSpaceError.at(folder, what, f"free disk space, or {remedy}")
 
 
 def bands_folder(path: Path) -> Path:
@@ -281,9 +282,9 @@ def bands_folder(path: Path) -> Path:
 
 
 def log_remaining_bands(path: Path) -> None:
-    """Log that bands of an unfinished render are beside the written picture."""
+    """Log how many bands of an unfinished render remain beside the written picture."""
     folder = bands_folder(path)
     count = len([one for one in folder.glob("*") if BAND_NAME.fullmatch(one.name)])
     if count:
-        why = "remove it, unless another command uses them or is to go on"
-        logger.info("%s: has %d bands of a render that is not done; %s", folder, count, why)
+        why = "remove the folder, unless a command still needs it"
+        logger.info("%s: has %d bands of an unfinished render; %s", folder, count, why)

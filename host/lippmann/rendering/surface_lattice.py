@@ -1,8 +1,8 @@
-"""Lattices of points on a scene's surfaces, for the irradiance cache.
+"""Lays lattices of points on a scene's surfaces, where the irradiance cache stores light.
 
-A triangle has rows of points parallel to a side, shorter towards the opposite corner. A
-slender triangle has rows of equally many points, from the shortest side to the apex. A
-sphere has the rows of an octahedral map. Three points surround each position.
+On a triangle, rows of points are parallel to a side, and shorter towards the opposite
+corner. On a slender triangle, all rows have equally many points, from the shortest side
+to the apex. On a sphere, the rows are those of an octahedral map.
 """
 
 from __future__ import annotations
@@ -15,32 +15,32 @@ import numpy as np
 
 from lippmann.base.variant import Jit, dr, mi
 
-#: Patterns of Mitsuba's text for BSDFs that are diffuse on one side or both sides.
+#: Patterns of the text of a Mitsuba BSDF: diffuse on one side, or on both sides.
 ONE_SIDED = re.compile(r"SmoothDiffuse\[")
 TWO_SIDED = re.compile(r"TwoSided\[\s*brdf\[0\] = SmoothDiffuse\[.*?brdf\[1\] = SmoothDiffuse\[", re.DOTALL)
 #: Lattice index that marks a shape without a lattice.
 NONE = 0xFFFFFFFF
-#: Minimum number of steps along a triangle's side.
+#: Minimum lattice steps along a triangle's side.
 MIN_STEPS = 1
-#: Minimum steps on a sphere: light between points is linear to 1 in 1,000.
+#: Minimum lattice steps on a sphere, for interpolated light accurate to 0.1 %.
 MIN_SPHERE_STEPS = 32
-#: Maximum number of steps: float32 positions are accurate to 0.001 steps.
+#: Maximum lattice steps on a shape, for float32 positions accurate to 0.001 steps.
 MAX_STEPS = 1 << 14
-#: Maximum number of lattice points. Each side of a surface has its own irradiance.
+#: Maximum number of lattice points, each for both sides of its surface.
 MAX_POINTS = 1 << 22
 
 
 @dataclass
 class Lattices:
-    """The lattices of all triangles and spheres, as Dr.Jit arrays over the lattice index."""
+    """The lattices of all triangles and spheres, as Dr.Jit arrays indexed by lattice."""
 
-    #: Index of a shape's first lattice, or NONE, by the number of the shape's pointer.
+    #: Each shape's first lattice, or NONE, indexed by the shape's number in Dr.Jit.
     of_shape: Jit
     #: Index of each lattice's first point.
     first: Jit
-    #: Number of steps along each lattice's longest row.
+    #: Number of steps along the longest row of each lattice.
     steps: Jit
-    #: Number of steps across each lattice's rows.
+    #: Number of steps from each lattice's first row to its last.
     row_steps: Jit
     shape: Jit
     triangle: Jit
@@ -49,21 +49,21 @@ class Lattices:
     radius: Jit
 
 
-#: Bit of a lattice's kind: sphere.
+#: Bit in `Lattices.kind` for a sphere.
 SPHERE = 1
-#: Bit of a lattice's kind: two-sided surface.
+#: Bit in `Lattices.kind` for a two-sided surface.
 TWO = 2
-#: Bit of a lattice's kind: slender triangle.
+#: Bit in `Lattices.kind` for a slender triangle.
 FAN = 4
-#: Bits of a lattice's kind: the first sets the apex to corner 1, the second to corner 2.
+#: Bits in `Lattices.kind` for a slender triangle's apex: at corner 1, at corner 2.
 APEX_1, APEX_2 = 8, 16
-#: Kinds of lattices whose rows all have the same number of points.
+#: Kind bits of lattices whose rows all have the same number of points.
 EVEN = SPHERE | FAN
 
 
 @dataclass
 class Place:
-    """Positions on surfaces: lattice index, coordinates 0 to 1, and whether on the back side."""
+    """Positions on surfaces: lattice index, coordinates 0 to 1, and mask of back sides."""
 
     lattice: Jit
     u: Jit
@@ -72,7 +72,7 @@ class Place:
 
 
 def corners(lattices: Lattices, place: Place) -> tuple[list[Jit], list[Jit]]:
-    """Return the three lattice points around each position, and their weights."""
+    """Return the three lattice points around each position, and their interpolation weights."""
     lattice, back = place.lattice, place.back
     steps, row_steps = (dr.gather(mi.UInt32, numbers, lattice) for numbers in (lattices.steps, lattices.row_steps))
     kind = dr.gather(mi.UInt32, lattices.kind, lattice)
@@ -83,7 +83,7 @@ def corners(lattices: Lattices, place: Place) -> tuple[list[Jit], list[Jit]]:
     last = dr.select(even, mi.Int32(steps) - 1, mi.Int32(steps) - 1 - j)
     i = dr.clip(mi.Int32(dr.floor(along)), 0, last)
     a, b = along - mi.Float(i), up - mi.Float(j)
-    # The last cell in each row of a triangle is half a cell.
+    # The last cell in each row of a triangle's lattice is half a cell.
     upper = (a + b > 1.0) & (even | (i < last))
     one = dr.select(upper, 1, 0)
     corner = mi.UInt32(i + one), mi.UInt32(j + one)
@@ -102,8 +102,8 @@ def corners(lattices: Lattices, place: Place) -> tuple[list[Jit], list[Jit]]:
 
 
 def _on_fan(kind: Jit, u: Jit, v: Jit) -> tuple[Jit, Jit]:
-    """Return the coordinates on a slender triangle: s along a row, t towards the apex."""
-    # u and v are barycentric coordinates of corners 1 and 2. Other kinds keep u and v.
+    """Convert u, v to coordinates on a slender triangle: s along a row, t towards the apex."""
+    # On a triangle, u and v are the barycentric weights of corners 1 and 2.
     apex_1, apex_2 = (kind & APEX_1) != 0, (kind & APEX_2) != 0
     w = 1.0 - u - v
     to_apex, one, other = (
@@ -128,7 +128,7 @@ def _points_before(row: Jit, steps: Jit) -> Jit:
 
 
 def on_octahedron(direction: Jit) -> tuple[Jit, Jit]:
-    """Return the point of the unit square for a direction (octahedral map)."""
+    """Map a direction to a point of the unit square (octahedral map)."""
     x, y, z = direction.x, direction.y, direction.z
     size = dr.abs(x) + dr.abs(y) + dr.abs(z)
     x, y = x / size, y / size
@@ -141,7 +141,7 @@ def on_octahedron(direction: Jit) -> tuple[Jit, Jit]:
 
 
 def from_octahedron(u: Jit, v: Jit) -> Jit:
-    """Return the direction for a point of the unit square, the inverse of `on_octahedron`."""
+    """Map a point of the unit square to a direction, as the inverse of `on_octahedron`."""
     x, y = 2.0 * u - 1.0, 2.0 * v - 1.0
     z = 1.0 - dr.abs(x) - dr.abs(y)
     x, y = (
@@ -152,7 +152,7 @@ def from_octahedron(u: Jit, v: Jit) -> Jit:
 
 
 def place_of(lattices: Lattices, point: Jit) -> Place:
-    """Return the positions of lattice points with given indices."""
+    """Return the surface positions of the lattice points with indices `point`."""
     back = (point & 1) != 0
     place = point >> 1
     lattice = dr.binary_search(
@@ -163,7 +163,7 @@ def place_of(lattices: Lattices, point: Jit) -> Place:
     )
     even = (kind & EVEN) != 0
     place -= dr.gather(mi.UInt32, lattices.first, lattice)
-    # A triangle's row is the largest j with j (n + 1) - j (j - 1) / 2 <= place.
+    # Row j of a triangle is the largest with j (steps + 1) - j (j - 1) / 2 <= place.
     half = mi.Float64(steps) + 1.5
     row = mi.UInt32(dr.floor(half - dr.sqrt(dr.maximum(half * half - 2.0 * mi.Float64(place), 0.0))))
     row = dr.select(_points_before(row, steps) > place, row - 1, row)
@@ -175,7 +175,7 @@ def place_of(lattices: Lattices, point: Jit) -> Place:
 
 
 def lay_lattices(scene: Jit, spacing: float, max_points: int) -> tuple[Lattices, int]:
-    """Return the lattices of the smallest shapes, up to `max_points`, and the number of points."""
+    """Return the smallest shapes' lattices, up to `max_points` points, and the number of points."""
     parts: list[dict[str, Jit]] = []
     for shape in scene.shapes():
         text = str(shape.bsdf())
@@ -216,13 +216,13 @@ def _points(steps: Jit, row_steps: Jit, kind: Jit) -> Jit:
 
 
 def _lay_shape(shape: Jit, spacing: float) -> dict[str, Jit] | None:
-    """Return a shape's lattices, keyed by the fields of `Lattices`; None if unsuitable or too large."""
+    """Return a shape's lattices, keyed as in `Lattices`; None for an unsuitable or too large shape."""
     if shape.is_mesh():
         points = np.array(shape.vertex_positions_buffer(), np.float64).reshape(-1, 3)
         faces = np.array(shape.faces_buffer()).reshape(-1, 3)
         if not len(faces) or not np.isfinite(points).all():
             return None
-        # Column k has the lengths of the sides opposite corner k.
+        # Column k of `sides` has the lengths of the sides opposite corner k.
         sides = np.linalg.norm(points[np.roll(faces, 1, axis=1)] - points[np.roll(faces, 2, axis=1)], axis=2)
         if sides.max() > MAX_STEPS * spacing:
             return None
@@ -230,7 +230,7 @@ def _lay_shape(shape: Jit, spacing: float) -> dict[str, Jit] | None:
             np.maximum(np.ceil(length / spacing), MIN_STEPS).astype(np.int64)
             for length in (sides.max(axis=1), sides.min(axis=1))
         )
-        # A fan must halve the number of points, because its cells may be oblique.
+        # A fan must have at most half the points, because its cells may be oblique.
         fan = 2 * _points(short, long, FAN) <= _points(long, long, 0)
         apex = np.array([0, APEX_1, APEX_2])[sides.argmin(axis=1)]
         count = len(faces)

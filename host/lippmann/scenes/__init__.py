@@ -1,1 +1,1 @@
-"""Scenes (Mitsuba's XML, meshes, splats, quilts, views, depth pictures) and placements."""
+"""Loads scenes (Mitsuba's XML, meshes, splats, quilts, views, depth pictures); places them."""

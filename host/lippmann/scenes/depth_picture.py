@@ -1,4 +1,4 @@
-"""Converts a picture and its depths (RGB-D), named in a TOML file, to a surface of a Mitsuba scene."""
+"""Converts a picture with depths (RGB-D), named in a TOML file, to a Mitsuba scene."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ def is_depth_picture(path: Path) -> bool:
 
 
 def write_scene(path: Path, folder: Path, notes: list[str]) -> Path:
-    """Write the scene into a folder and return its path; `notes` gets a line on filled holes."""
+    """Write a scene of the picture into a folder; return its path. `notes` gets a line on filled holes."""
     form = toml.read(DepthPictureFile, toml.load(path, "depth picture"), str(path)).depth_picture
     for name in ("colour", "depth"):
         file = path.parent / getattr(form, name)
@@ -90,7 +90,7 @@ def _depths(path: Path) -> Floats:
         return np.asarray(read_light(path)[0][..., 0], np.float64)
     numbers = read_numbers(path, MAX_PIXELS, "cannot be read as a picture", "give .png, .tif or .exr")
     if numbers.ndim == 3 and (numbers[..., :3] != numbers[..., :1]).any():
-        raise input_error(path, "has colours, not depths", "give a picture of one channel, 16 bits or float")
+        raise input_error(path, "has colours, not depths", "give a picture with one channel, 16 bits or float")
     return np.asarray(numbers[..., 0] if numbers.ndim == 3 else numbers, np.float64)
 
 

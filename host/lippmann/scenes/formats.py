@@ -1,4 +1,4 @@
-"""Recognizes the formats of scenes, and converts them to Mitsuba scenes."""
+"""Recognizes the formats of scenes, and converts scenes to Mitsuba's format."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ FORMATS = (
     f"give a Mitsuba scene (.xml), a mesh or splats ({', '.join(meshes.SUFFIXES)}), a quilt (NAME_qs8x6a0.75.png), "
     f"a folder with {window_views.EYES}, or a .toml with [depth_picture]"
 )
-#: Suffixes of the files that are suggested for a misspelt name.
+#: Suffixes of files that an error suggests for a misspelt name.
 SUFFIXES = (".xml", *meshes.SUFFIXES)
 
 
@@ -39,7 +39,7 @@ def kind_of(path: Path) -> Kind | None:
 
 
 def usual_rotation(path: Path) -> tuple[float, float, float]:
-    """Return the default rotation about x, y, z, degrees: z is up in STL, y down in splats."""
+    """Return a file's default rotation about x, y, z, degrees: z is up in STL, y down in splats."""
     if kind_of(path) == "splats":
         return (180.0, 0.0, 0.0)
     return (-90.0, 0.0, 0.0) if path.suffix.lower() == ".stl" else (0.0, 0.0, 0.0)
@@ -47,7 +47,7 @@ def usual_rotation(path: Path) -> tuple[float, float, float]:
 
 @contextmanager
 def as_mitsuba(path: Path, scene_from_display: Floats, notes: list[str]) -> Iterator[Path]:
-    """Yield the path of a scene, converted to Mitsuba's format, or raise InputError."""
+    """Yield the path of the Mitsuba scene to which a scene is converted, or raise InputError."""
     # `scene_from_display` (3, 3) rotates added lights; `notes` gets lines for the user.
     kind = kind_of(path)
     if kind == "mitsuba":

@@ -1,9 +1,9 @@
-"""Emitter `light_field`: a surface that shows each eye a different picture, and lights no other surface.
+"""Defines the emitter `light_field`: a surface that shows each eye another picture and lights nothing.
 
-Each view is a picture of the surface from one eye. The radiance of a point is its
-colour in the view from the place where the line of sight meets the plane of the eyes.
-The colour is interpolated linearly from the two or four nearest eyes, and constant
-beyond the last eye.
+Each view is the surface's picture for one eye. A point's radiance is its colour in the
+view from the position where the line of sight meets the plane of the eyes. The colour
+is interpolated linearly between the two or four nearest eyes, and constant beyond the
+outermost eye.
 """
 
 from __future__ import annotations
@@ -23,10 +23,10 @@ if TYPE_CHECKING:
 def register_light_field() -> None:
     """Register the emitter plugin `light_field` for Mitsuba's current variant.
 
-    The plugin's parameter `filename` is an .npz file with the linear `views` (rows,
-    columns, height, width, 3), lowest row and leftmost column first; the eyes' positions
-    `x_mm` (columns,), `y_mm` (rows,) and `distance_mm` from the window's centre; and the
-    window's `size_mm` (width, height). The unit is arbitrary, but common to all.
+    The parameter `filename` is an .npz file. `views` (rows, columns, height, width, 3)
+    are linear, lowest row and leftmost column of eyes first. `x_mm` (columns,), `y_mm`
+    (rows,) and `distance_mm` are the eyes' positions from the window's centre;
+    `size_mm` is the window's width and height.
     """
 
     class LightField(mi.Emitter):  # type: ignore[misc]

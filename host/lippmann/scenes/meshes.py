@@ -1,8 +1,8 @@
 """Converts meshes with materials (GLB, glTF, OBJ, PLY, STL; read by trimesh) to a Mitsuba scene.
 
 The lights `mitsuba_xml.LIGHTS` are added. Materials of glTF become Mitsuba's
-`principled`, other materials `diffuse`. Colours of textures and vertices are sRGB,
-except glTF's vertex colours; colours that materials give as numbers are linear.
+`principled`, other materials `diffuse`. Colours of textures and vertices are sRGB. Only
+glTF's vertex colours, and colours that materials give as numbers, are linear.
 """
 
 from __future__ import annotations
@@ -39,12 +39,12 @@ Visual = Any
 SUFFIXES = (".glb", ".gltf", ".obj", ".ply", ".stl")
 #: Maximum size of a file in bytes, and maximum number of face corners in a scene.
 MAX_BYTES, MAX_CORNERS = 1 << 30, 100_000_000
-#: Maximum number of a texture's pixels, and number of rows that are multiplied at once.
+#: Maximum number of a texture's pixels, and number of its rows processed at once.
 MAX_PIXELS, PART_ROWS = 1 << 25, 256
 PLAIN = (0.6, 0.6, 0.6)
 #: glTF's default value of metallic and roughness.
 DEFAULT_FACTOR = 1.0
-#: glTF's code of the number type float32, and prefix of material extensions.
+#: glTF's code for the number type float32, and prefix of its material extensions.
 FLOAT32, MATERIALS = 5126, "KHR_materials_"
 LEFT_OUT = (
     "KHR_texture_transform",
@@ -57,9 +57,9 @@ LEFT_OUT = (
     "KHR_lights_punctual",
     "KHR_materials_emissive_strength",
 )
-#: Options before a texture's name in an MTL file, such as -s 1 1 1 or -clamp on.
+#: Pattern of options before an MTL file's texture name, as -s 1 1 1 or -clamp on.
 MTL_OPTIONS = re.compile(r"^(?:-\w+(?:\s+(?:on|off|[rgbml]|[-+.\deE]+))+\s+)+")
-#: Suffixes of files that a mesh may refer to; other files of this machine are not read.
+#: Suffixes of files that a mesh may refer to; no other files are read.
 BUFFER_SUFFIXES = (".bin", ".mtl")
 IMAGE_SUFFIXES = (".png", ".jpg", ".jpeg", ".tif", ".tiff", ".bmp", ".tga", ".gif", ".webp", ".dds", ".jp2", ".ppm")
 #: Words in trimesh's messages about textures and materials that it ignores.
@@ -68,7 +68,7 @@ REMEDY = "export it again, or as .glb"
 
 
 def write_scene(path: Path, folder: Path, scene_from_display: Floats, notes: list[str]) -> Path:
-    """Write a file's scene, meshes and textures into an empty folder; return its path, or raise InputError.
+    """Write a mesh file's scene into an empty folder; return the scene's path, or raise InputError.
 
     `scene_from_display` (3, 3) rotates the lights; `notes` gets lines on features that
     are not shown.
@@ -113,7 +113,7 @@ def _load(path: Path, notes: list[str]) -> trimesh.Scene:
     from trimesh.resolvers import FilePathResolver
 
     class Files(FilePathResolver):
-        """Finds files by names with URL escapes, backslashes or MTL options."""
+        """Finds files whose names have URL escapes, backslashes or MTL options."""
 
         def get(self, name: str) -> bytes:
             plain = MTL_OPTIONS.sub("", name.strip())
@@ -137,7 +137,7 @@ def _load(path: Path, notes: list[str]) -> trimesh.Scene:
             reason = _brief(str(error)) or type(error).__name__
             raise input_error(path, f"cannot be read as {kind[1:]} ({reason})", REMEDY) from None
     if losses:
-        remedy = "put it there, or take its name out of the file"
+        remedy = "add the file, or remove its name from the mesh"
         raise input_error(path, f"lacks a texture or material that can be read ({_brief(losses[0])})", remedy)
     return loaded
 
@@ -148,7 +148,6 @@ def _brief(text: str) -> str:
 
 @contextmanager
 def _recorded_losses() -> Iterator[list[str]]:
-    """Yield a list that collects trimesh's messages about ignored features."""
     losses: list[str] = []
 
     def record_loss(record: logging.LogRecord) -> bool:
@@ -171,8 +170,8 @@ def _recorded_losses() -> Iterator[list[str]]:
 
 
 def _check_gltf(path: Path, kind: str, data: bytes, notes: list[str]) -> None:
-    """Refuse a glTF that is too large or requires unknown extensions; list ignored ones in `notes`."""
-    # trimesh would allocate accessors that have no bytes in the file.
+    """Refuse a glTF that is too large or requires unknown extensions; list ignored extensions in `notes`."""
+    # trimesh would allocate memory for accessors without data in the file.
     try:
         head = data if kind == ".gltf" else data[20 : 20 + struct.unpack_from("<I", data, 12)[0]]
         header = json.loads(head)
@@ -206,11 +205,11 @@ def _check_gltf(path: Path, kind: str, data: bytes, notes: list[str]) -> None:
 class _Textures:
     def __init__(self, folder: Path, source: Path) -> None:
         self._folder, self.source = folder, source
-        #: File name by picture id; the picture is stored so that its id is not reused.
+        #: File names, keyed by picture id and use. A stored picture's id is not reused.
         self._written: dict[tuple[int, str, tuple[float, ...]], tuple[str, Image]] = {}
 
     def write(self, picture: Image, part: str, factor: Floats) -> str:
-        """Write a picture's colour, alpha or one channel times a factor; return the file's name."""
+        """Write a picture's colour, alpha or one channel, times a factor; return the file's name."""
         import PIL.Image
 
         key = id(picture), part, tuple(factor.tolist())
@@ -248,8 +247,9 @@ def _add_shape(scene: Element, name: str, mesh: Trimesh, matrix: Floats, texture
     images = [getattr(material, name, None) for name in ("image", "baseColorTexture")]
     if colours is not None and uv is not None and images != [None, None]:
         if (colours < 0.999).any():
-            notes = [f"note: {source.name} is shown without the colours of its vertices, for it has a texture"]
+            notes = [f"note: {source.name} has a texture, so the colours of its vertices are not shown"]
         colours = None
+
     _write_mesh(file, mesh, matrix, uv, colours)
     shape = plugin(scene, "shape", "ply", id=name)
     value(shape, "string", "filename", file.name)
@@ -265,7 +265,6 @@ def _add_shape(scene: Element, name: str, mesh: Trimesh, matrix: Floats, texture
 
 
 def _with_faces_apart(mesh: Trimesh, colours: npt.NDArray[np.uint8], source: Path) -> Trimesh:
-    """Return a mesh whose faces share no vertices, so that each face can have its own colour."""
     import trimesh
 
     if len(colours) != len(mesh.faces):
@@ -295,13 +294,13 @@ def _vertex_colours(mesh: Trimesh, linear: bool) -> Floats | None:
 
 
 def _wide_colours(mesh: Trimesh) -> npt.NDArray[np.number] | None:
-    """Return a PLY's colours (N, 3) if they have more than 8 bits, which trimesh truncates; else None."""
+    """Return a PLY's colours (N, 3) if they have more than 8 bits, which trimesh would truncate; else None."""
     raw = mesh.metadata.get("_ply_raw", {}).get("vertex", {}).get("data")
     try:
         columns = [np.asarray(raw[name]).ravel() for name in ("red", "green", "blue")]
-    except (KeyError, ValueError, IndexError, TypeError):  # no data, no colours, or a list of rows
+    except (KeyError, ValueError, IndexError, TypeError):  # the PLY has no plain colours
         return None
-    # Numbers of a wider type that are all below 256 count as 8 bits.
+    # Colours of a wider type count as 8 bits if all are below 256.
     wide = np.stack(columns, axis=1)
     if wide.dtype.kind not in "iu" or wide.dtype.itemsize == 1 or wide.min(initial=0) < 0:
         return None
@@ -331,7 +330,7 @@ def _add_material(shape: Element, material: Material | None, textures: _Textures
     def add(
         parent: Element, parameter: str, texture: str, part: str, factor: Floats | Sequence[float], raw: bool = False
     ) -> None:
-        """Add a parameter: a texture times a factor, or the factor; `raw` values are not colours."""
+        """Add a parameter: a texture times a factor, or a number; `raw` values are not colours."""
         image = getattr(material, texture, None) if has_uv else None
         if image is not None:
             bitmap = plugin(parent, "texture", "bitmap", name=parameter)
@@ -382,12 +381,13 @@ def write_surface(
     mesh = mi.Mesh(
         "mesh", len(points), len(faces), has_vertex_normals=normals is not None, has_vertex_texcoords=uv is not None
     )
-    parameters = mi.traverse(mesh)
-    parameters["faces"] = mi.UInt32(np.array(faces, np.uint32).ravel())
+    params = mi.traverse(mesh)
+    params["faces"] = mi.UInt32(np.array(faces, np.uint32).ravel())
     for name, values in (("positions", points), ("normals", normals), ("texcoords", uv)):
         if values is not None:
-            parameters[f"vertex_{name}"] = mi.Float(np.array(values, np.float32).ravel())
-    parameters.update()
+            params[f"vertex_{name}"] = mi.Float(np.array(values, np.float32).ravel())
+    params.update()
+
     if colours is not None:
         mesh.add_attribute("vertex_color", 3, mi.Float(np.array(colours, np.float32).ravel()))
     mesh.write_ply(str(path))
@@ -399,7 +399,7 @@ MAX_HEADER_BYTES = 1 << 20
 
 
 def check_faces(path: Path) -> None:
-    """Raise InputError for a file that is not PLY, or for faces with missing vertices."""
+    """Raise InputError if a file is not PLY, or if a face uses a missing vertex."""
     import plyfile
 
     try:
@@ -411,7 +411,7 @@ def check_faces(path: Path) -> None:
             raise ValueError("an element has a negative count")
         try:
             data = plyfile.PlyData.read(str(path), known_list_len={"face": dict.fromkeys(LISTS, 3)})
-        except plyfile.PlyParseError:  # not only triangles: read the lists one by one
+        except plyfile.PlyParseError:  # faces of other sizes: read each list
             data = plyfile.PlyData.read(str(path), mmap=False)
         vertices = data["vertex"].count if "vertex" in data else 0
         faces = [data["face"][name] for name in LISTS if "face" in data and name in data["face"]]

@@ -15,12 +15,12 @@ from lippmann.optics.rays import Floats
 
 
 def plugin(parent: Element, tag: str, kind: str, **attributes: str) -> Element:
-    """Add a plugin, such as a `shape` of the kind `ply`; return it."""
+    """Add the element of a plugin, such as a `shape` of type `ply`, and return it."""
     return SubElement(parent, tag, {"type": kind, **attributes})
 
 
 def value(parent: Element, tag: str, name: str, content: npt.ArrayLike) -> None:
-    """Add a parameter: a number, a boolean, a text, a colour or a vector."""
+    """Add the element of a parameter: number, boolean, text, colour or vector."""
     if isinstance(content, str):
         text = content
     elif isinstance(content, bool):
@@ -31,14 +31,14 @@ def value(parent: Element, tag: str, name: str, content: npt.ArrayLike) -> None:
     SubElement(parent, tag, {"name": name, **values})
 
 
-#: For each light, its direction in the display's frame, and its fraction of the light
-#: on a surface that faces the viewer. The first light is at the viewer's head, so that
-#: nothing visible is black; the others are the key light and a weak light.
+#: For each default light, its direction in the display's frame, and its fraction of the
+#: light on a surface that faces the viewer. The first light comes from the viewer, so
+#: that nothing visible is black; the others are a key light and a weak fill light.
 LIGHTS = (((0.0, 0.0, 1.0), 0.35), ((-0.5, 0.7, 1.0), 0.5), ((0.8, -0.3, 0.5), 0.15))
 
 
 def add_lights(scene: Element, scene_from_display: Floats) -> None:
-    """Add `LIGHTS`, rotated by `scene_from_display` (3, 3). A surface towards the viewer shows its albedo."""
+    """Add `LIGHTS`, rotated by `scene_from_display` (3, 3). Surfaces towards the viewer show their albedo."""
     for direction, fraction in LIGHTS:
         towards = np.array(direction) / np.linalg.norm(direction)
         light = plugin(scene, "emitter", "directional")
@@ -48,7 +48,7 @@ def add_lights(scene: Element, scene_from_display: Floats) -> None:
 
 
 def to_world(parent: Element, step: str, **numbers: float) -> None:
-    """Add a transform of one step, such as `scale` with x and y."""
+    """Add a `to_world` transform of one step, such as `scale` with x and y."""
     transform = SubElement(parent, "transform", {"name": "to_world"})
     SubElement(transform, step, {name: repr(float(number)) for name, number in numbers.items()})
 
@@ -68,7 +68,7 @@ def new_scene() -> Element:
 
 
 def unique(names: Iterable[str]) -> list[str]:
-    """Return file names that differ even if case is ignored; a second `leaf` becomes `leaf-2`."""
+    """Return unique file names, ignoring case; a second `leaf` becomes `leaf-2`."""
     used: dict[str, str] = {}
     for name in names:
         plain = re.sub(r"[^\w.-]", "_", name) or "shape"

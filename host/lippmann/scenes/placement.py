@@ -1,4 +1,4 @@
-"""The placement of a scene in front of the display: scale, rotation, offset, and depths of interest."""
+"""Defines a scene's placement at the display: scale, rotation, offset, and depths of interest."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from lippmann.scenes.scene import Scene
 
 Matrix = npt.NDArray[np.float64]
-#: Number in the range in which float32 scenes and cubic paths are exact enough.
+#: Number in a range where float32 scenes and cubic paths are accurate enough.
 Number = Annotated[float, key("", low=-1e9, high=1e9)]
 Triple = tuple[Number, Number, Number]
 ORIGIN = (0.0, 0.0, 0.0)
@@ -65,7 +65,7 @@ class Placement:
 
     @property
     def display_from_scene(self) -> Matrix:
-        """(4, 4) matrix from scene points to the display's frame."""
+        """Matrix (4, 4) that maps scene points to the display's frame."""
         rotation = np.eye(3)
         for axis, angle in enumerate(self.rotation_deg):
             c, s = exact_rotation(angle)
@@ -80,12 +80,12 @@ class Placement:
 
     @property
     def scene_from_display(self) -> Matrix:
-        """(4, 4) inverse of `display_from_scene`."""
+        """Inverse (4, 4) of the matrix `display_from_scene`."""
         return np.asarray(np.linalg.inv(self.display_from_scene), np.float64)
 
     def keeping_depths(self, before: Placement) -> Placement:
-        """Return this placement with the depths of an earlier placement, moved with the scene."""
-        # If the scene is tilted in between, the bounding box gives the depths instead.
+        """Return this placement; it takes missing depths from `before`, moved with the scene."""
+        # If the scene was tilted after `before`, the bounding box gives missing depths.
         step = self.display_from_scene @ before.scene_from_display
         if np.abs(step[2, :2]).max() > 1e-9 * step[2, 2]:
             return self
@@ -96,15 +96,15 @@ class Placement:
         return replace(self, near_mm=near, far_mm=far)
 
     def then(self, other: Placement) -> Placement:
-        """Return this placement followed by another placement, which also moves the depths."""
+        """Return the placement that applies this one, then `other`, also to the depths."""
         placed = Placement.of(other.display_from_scene @ self.display_from_scene, self.scale * other.scale)
         return placed.keeping_depths(self)
 
     @classmethod
     def of(cls, matrix: Matrix, scale: float) -> Placement:
-        """Return the placement that equals a (4, 4) matrix with this scale, without depths."""
+        """Return the placement for a (4, 4) matrix that contains `scale`; it has no depths."""
         rotation = matrix[:3, :3] / scale
-        # rotation = Rz Ry Rx.
+        # The rotation is Rz Ry Rx: about x, then y, then z.
         level = math.hypot(rotation[0, 0], rotation[1, 0])
         y = math.atan2(-rotation[2, 0], level)
         if level > 1e-9:
@@ -118,39 +118,39 @@ class Placement:
 
 @dataclass(frozen=True)
 class PlacementFile:
-    """The file beside a scene; it may contain tables of other programs."""
+    """The TOML file beside a scene; it may contain tables of other programs."""
 
     other_tables: ClassVar = True
     placement: Placement
 
 
 def load_placement(path: Path) -> Placement:
-    """Read `[placement]` of a TOML file; raises InputError with file, key and remedy."""
+    """Read `[placement]` from a TOML file; raise InputError with file, key and remedy."""
     return toml.read(PlacementFile, toml.load(path, "placement"), str(path)).placement
 
 
 def placement_beside(path: Path) -> Placement:
-    """Return the placement in NAME.toml beside a scene; by default 1 mm per unit and `usual_rotation`."""
+    """Return the placement in NAME.toml beside a scene, or 1 mm per unit and `usual_rotation`."""
     file = _placement_file(path)
     return Placement(rotation_deg=usual_rotation(path)) if file is None else load_placement(file)
 
 
 def usual_arrange(path: Path) -> Arrange | None:
-    """Return the default arrangement of another tool's scene without a placement; else None."""
+    """Return the default arrangement for a scene without a placement; None for Mitsuba scenes."""
     usual: dict[Kind | None, Arrange] = {"quilt": "fill", "views": "fill", "mesh": "fit", "splats": "fit"}
     usual["depth picture"] = "camera"
     return usual.get(kind_of(path)) if _placement_file(path) is None else None
 
 
 def warn_if_unplaced(path: Path) -> None:
-    """Warn of a scene that has neither a placement nor units."""
+    """Warn if a scene has neither a placement nor units."""
     if usual_arrange(path) is not None:
-        what = "its units are taken as mm, its origin as the display's"
-        warn_user(f"nothing places {path.name}: {what}; write {path.with_suffix('.toml').name}")
+        what = "its units are read as mm, its origin as the display's"
+        warn_user(f"{path.name} has no placement: {what}; write {path.with_suffix('.toml').name}")
 
 
 def _placement_file(path: Path) -> Path | None:
-    """Return NAME.toml beside a scene, unless it describes only a film, display or depth picture."""
+    """Return NAME.toml beside a scene; None if it describes only a film, display or depth picture."""
     file = path.with_suffix(".toml")
     keys = toml.load(file, "placement").keys() if file.exists() else {"panel"}
     return None if "placement" not in keys and {"depth_picture", "frames", "panel"} & keys else file
@@ -162,7 +162,7 @@ def front_of(low: Matrix, high: Matrix) -> float:
 
 
 def arranged(scene: Scene, display: Display, arrange: Arrange) -> Scene:
-    """Return a scene placed for a display. Only "fit" keeps the scene's own rotation."""
+    """Return a scene placed for a display. Only "fit" keeps the scene's rotation."""
     check_choice("arrange", arrange, get_args(Arrange))
     if arrange == "camera":
         return scene.placed(_by_camera(scene, display))
@@ -176,19 +176,19 @@ def arranged(scene: Scene, display: Display, arrange: Arrange) -> Scene:
 
 
 def fitting(low: Matrix, high: Matrix, display: Display) -> Placement:
-    """Return the placement that fits a box (corners (3,), mm) into the depth range, or raise InputError."""
+    """Return the placement that fits a box (mm) into a display's depth range, or raise InputError."""
     # An eye in front of the panel's centre sees the whole front of the box.
     panel, eye = display.panel, viewing_distance(display)
     far, near = display_properties(display).depth_range_mm
     middle = 0.5 * (far + near)
     x, y, z = (float(side) for side in high - low)
-    # The box's front, middle + scale z / 2, must be in the pyramid from eye to panel.
+    # The box's front, z = middle + scale z / 2, must be in the pyramid eye to panel.
     widths = ((side, panel_side) for side, panel_side in ((x, panel.width_mm), (y, panel.height_mm)))
     scales = [full * (1.0 - middle / eye) / (side + 0.5 * full * z / eye) for side, full in widths if side + z > 0.0]
     scale = min([*scales, (near - far) / z] if z > 0.0 else scales)
     if not SCALE_RANGE[0] <= scale <= SCALE_RANGE[1]:
         sides = " x ".join(f"{side:.3g}" for side in (x, y, z))
-        raise InputError(f"the scene is {sides} units, and cannot be fitted by a scale of {scale:.3g}; scale its file")
+        raise InputError(f"a scene of {sides} units would need a scale of {scale:.3g}; scale the scene's file")
     offset = -0.5 * scale * (low + high)
     return Placement(scale, offset_mm=(float(offset[0]), float(offset[1]), float(offset[2]) + middle))
 
@@ -203,7 +203,7 @@ def _filling(scene: Scene, display: Display) -> Placement:
 
 
 def _by_camera(scene: Scene, display: Display) -> Placement:
-    """Return the placement that puts the camera at the eye, its picture as wide as the panel."""
+    # The camera is at the eye, and its picture is as wide as the panel.
     sensor = scene.mitsuba.sensors()[0] if scene.has_camera else None
     parameters = {} if sensor is None else mi.traverse(sensor)
     if sensor is None or "x_fov" not in parameters:
@@ -214,7 +214,7 @@ def _by_camera(scene: Scene, display: Display) -> Placement:
     x_fov = math.radians(float(np.array(parameters["x_fov"]).ravel()[0]))
     matrix = np.array(sensor.world_transform().matrix, np.float64).reshape(4, 4)
     origin, ahead, up = matrix[:3, 3], *(matrix[:3, k] / np.linalg.norm(matrix[:3, k]) for k in (2, 1))
-    # The panel is at the first surface on the camera's axis, or at the scene's centre.
+    # Put the panel at the first surface on the camera's axis, else at the box's centre.
     hit = scene.mitsuba.ray_intersect(mi.Ray3f(mi.Point3f(origin), mi.Vector3f(ahead)))
     distance = float(np.array(hit.t).ravel()[0])
     if not math.isfinite(distance):

@@ -1,4 +1,4 @@
-"""Loads a scene or a part of it, with moved shapes."""
+"""Loads a scene or a part of a scene, and moves its shapes."""
 
 from __future__ import annotations
 
@@ -27,14 +27,14 @@ from lippmann.scenes.placement import Arrange, Matrix, Placement, front_of, plac
 if TYPE_CHECKING:
     import mitsuba as mts
 
-#: A bounding box: its lowest and its highest corner, (3,) each.
+#: A bounding box: the corners with the lowest and the highest x, y, z, (3,) each.
 Box = tuple[Matrix, Matrix]
-#: A shape this many times larger than the others on each axis surrounds them.
+#: Size of surroundings on each axis: at least this many times all other shapes.
 SURROUNDS = 3.0
-#: Box of most splats: percentiles of centres, relative margin, and sigmas of a splat.
+#: Box around most splats: percentiles, relative margin, a splat's extent in sigmas.
 STRAY_PERCENT, STRAY_REACH, SIGMAS = (5.0, 95.0), 0.25, 3.0
 LISTED_IDS = 8
-#: Maximum number of values in a lamp's property; a property with more is a picture.
+#: Maximum number of values in a lamp's property; a picture has more.
 LAMP_NUMBERS = 16
 
 
@@ -48,7 +48,7 @@ class Move:
 
 @dataclass(frozen=True)
 class Part:
-    """All lights, and the shapes whose id matches a pattern (`*`, `?`), or the others if not `matching`."""
+    """A part of a scene: all lights, and the shapes whose id matches a pattern (`*`, `?`) or not."""
 
     shapes: str
     matching: bool = True
@@ -56,18 +56,18 @@ class Part:
 
 @dataclass(frozen=True)
 class Scene:
-    """A loaded scene: file, `mitsuba.Scene`, and placement with both depths."""
+    """A loaded scene: path, `mitsuba.Scene`, and placement with both depths."""
 
     path: Path
     mitsuba: mts.Scene
     placement: Placement
-    #: The integrator in the file, before Mitsuba adds a missing one.
+    #: The file's own integrator; if it is None, Mitsuba adds one.
     integrator: str | None = None
-    #: Whether the file has a camera, before Mitsuba adds a missing one.
+    #: Whether the file has its own camera; if not, Mitsuba adds one.
     has_camera: bool = False
-    #: The arrangement for a display, if the scene has no placement (`usual_arrange`).
+    #: The default arrangement (`usual_arrange`), if the scene has no placement.
     usual: Arrange | None = None
-    #: Lines that the file's reader writes for the user.
+    #: Lines for the user from the reader of the file.
     notes: tuple[str, ...] = ()
 
     @cached_property
@@ -77,24 +77,24 @@ class Scene:
 
     @property
     def width_mm(self) -> float:
-        """Largest side of the placed bounding box, mm, or 0 without a surface."""
+        """Largest side of the placed scene's bounding box, mm; 0 if it has no surface."""
         low, high = self.bounds
         return float(self.placement.scale * (high - low).max()) if np.isfinite(high - low).all() else 0.0
 
     @property
     def depth_range_mm(self) -> tuple[float, float]:
-        """Depth range (far, near) in z, mm."""
+        """Depth range z of the placed scene, (far, near), mm."""
         near, far = self.placement.near_mm, self.placement.far_mm
         assert near is not None
         assert far is not None
         return far, near
 
     def box(self, placement: Placement) -> Box:
-        """Return the bounding box of the scene after `placement`, mm; infinite without bounds."""
+        """Return the scene's bounding box after `placement`, mm; infinite if the scene is unbounded."""
         return placed_box(self.bounds, placement)
 
     def placed(self, placement: Placement) -> Scene:
-        """Return the scene with another placement; its box gives missing depths. May raise InputError."""
+        """Return the scene with another placement; its box gives missing depths. Raises InputError if unbounded."""
         check_type("placement", placement, Placement, "a lippmann.Placement")
         near, far = placement.near_mm, placement.far_mm
         if near is None or far is None:
@@ -120,7 +120,7 @@ def check_scene_file(path: str | Path) -> Path:
 
 
 def _check_files(path: Path) -> None:
-    """Refuse a scene file, or an include, that would crash Mitsuba's parser."""
+    """Refuse a scene file or an included file that would crash Mitsuba's parser."""
     files = [path]
     for file in files:  # the loop appends to `files`
         for include in map(_file_of, check_xml(file, "mend the scene file")):
@@ -132,8 +132,8 @@ def _check_files(path: Path) -> None:
 def parsed(
     path: Path, scene_from_display: Matrix | None = None, notes: list[str] | None = None
 ) -> Iterator[tuple[mts.parser.ParserConfig, mts.parser.ParserState]]:
-    """Yield the configuration and state of Mitsuba's parser; its errors become InputError."""
-    # For another tool's file, `as_mitsuba` gets the arguments.
+    """Parse a scene; yield configuration and state of Mitsuba's parser, or raise InputError."""
+    # `as_mitsuba` uses `scene_from_display` and `notes` to convert other formats.
     register_light_field()
     before = mi.file_resolver()
     try:
@@ -142,9 +142,9 @@ def parsed(
             resolver = mi.FileResolver(before)
             resolver.prepend(mi.filesystem.path(str(file.parent)))
             mi.set_file_resolver(resolver)
-            configuration = mi.parser.ParserConfig(mi.variant())
+            config = mi.parser.ParserConfig(mi.variant())
             _check_files(file)
-            yield configuration, mi.parser.parse_file(configuration, str(file))
+            yield config, mi.parser.parse_file(config, str(file))
     except InputError:
         raise
     except OSError as error:
@@ -164,7 +164,7 @@ def without_places(error: Exception) -> str:
 def load_scene(
     path: str | Path, placement: Placement | None = None, moves: Sequence[Move] = (), part: Part | None = None
 ) -> Scene:
-    """Load a scene file or a part of it, apply `moves`, and place it (default: `placement_beside`).
+    """Load a scene file or a part of it, move shapes, and place it, by default by `placement_beside`.
 
     Raises InputError for an invalid file, a move that matches no shape, and a part that
     matches no shape or all shapes.
@@ -175,7 +175,7 @@ def load_scene(
         usual, placement = usual_arrange(path), placement_beside(path)
     check_type("placement", placement, Placement, "a lippmann.Placement or None")
     rotation = placement.scene_from_display[:3, :3] * placement.scale
-    with parsed(path, rotation, notes) as (configuration, state):
+    with parsed(path, rotation, notes) as (config, state):
         kinds = mi.ObjectType.Shape, mi.ObjectType.Integrator, mi.ObjectType.Sensor
         shapes, integrators, cameras = ([node.props for node in state.nodes if node.type == kind] for kind in kinds)
         # The parser's next step invalidates the nodes that are read here.
@@ -186,11 +186,11 @@ def load_scene(
                 props["to_world"] = motion @ props["to_world"] if "to_world" in props else motion
         if part is not None:
             _keep(part, state, path)
-        mi.parser.transform_all(configuration, state)
+        mi.parser.transform_all(config, state)
         for node in state.nodes:
             if node.props.plugin_name() == "ply" and "filename" in node.props:
                 check_faces(_file_of(str(node.props["filename"])))
-        scene = mi.parser.instantiate(configuration, state)
+        scene = mi.parser.instantiate(config, state)
     if not isinstance(scene, mi.Scene):
         raise input_error(path, "contains no scene", "make <scene> its outermost element")
     _check_numbers(scene, str(path))
@@ -199,12 +199,12 @@ def load_scene(
 
 
 def scene_of(scene: mts.Scene | dict[str, object], placement: Placement | None = None) -> Scene:
-    """Return the scene of a `mitsuba.Scene` or its dictionary, or raise InputError."""
+    """Return a Scene for a `mitsuba.Scene` or its dictionary, or raise InputError."""
     if isinstance(scene, dict):
         try:
             scene = mi.load_dict(scene)
         except Exception as error:  # Mitsuba's errors have no common base
-            raise InputError(f"the scene's dictionary: {' '.join(str(error).split())[:400]}") from None
+            raise InputError(f"the scene's dictionary is invalid: {' '.join(str(error).split())[:400]}") from None
     if not isinstance(scene, mi.Scene):
         what = f"{type(scene).__name__} is not a scene"
         raise InputError(f"{what}; give a path, a mitsuba.Scene or a dictionary of the type scene")
@@ -241,7 +241,7 @@ def _keep(part: Part, state: mts.parser.ParserState, path: Path) -> None:
 
 
 def _matching(shapes: Sequence[mts.Properties], pattern: str, path: Path) -> list[mts.Properties]:
-    """Return the shapes whose id matches; if there are none, raise InputError with a list of ids."""
+    """Return shapes whose id matches a pattern; if none does, raise InputError with a list of ids."""
     matches = [props for props in shapes if fnmatch.fnmatchcase(props.id(), pattern)]
     if not matches:
         ids = [props.id() for props in shapes if props.id()]
@@ -255,13 +255,13 @@ def _matching(shapes: Sequence[mts.Properties], pattern: str, path: Path) -> lis
 def digest_of(path: str | Path) -> str:
     """Return a hash (64 hexadecimal digits) of all files of a scene.
 
-    Raises the errors of `load_scene`.
+    Raises errors of `load_scene`.
     """
-    # The files are the converted file, its includes, spectra, and files in properties.
+    # Files: converted scene, included files, spectra, and files named in properties.
     path = check_scene_file(path)
     digest = hashlib.sha256()
-    with parsed(path) as (configuration, state):
-        mi.parser.transform_resolve(configuration, state)
+    with parsed(path) as (config, state):
+        mi.parser.transform_resolve(config, state)
         files = [Path(str(file)) for file in state.files]
         for name, value in itertools.chain.from_iterable(node.props.items() for node in state.nodes):
             if isinstance(value, str) and (name == "filename" or _file_of(value).is_file()):
@@ -306,8 +306,8 @@ def _union(boxes: Sequence[Box]) -> Box:
 
 
 def bounds_of(scene: mts.Scene) -> Box:
-    """Return a `mitsuba.Scene`'s bounding box, scene units, without its surroundings."""
-    # Rays that start outside a studio or a sky would see nothing inside it.
+    """Return a `mitsuba.Scene`'s bounding box, in scene units, without its surroundings."""
+    # Rays that start outside a studio or a sky would not see the scene inside.
     boxes = sorted(_boxes(scene), key=lambda box: float(np.prod(box[1] - box[0])))
     while len(boxes) > 1:
         (low, high), (outer_low, outer_high) = _union(boxes[:-1]), boxes[-1]
@@ -319,7 +319,7 @@ def bounds_of(scene: mts.Scene) -> Box:
 
 
 def _closed(scene: mts.Scene, low: Matrix, high: Matrix) -> bool:
-    """Return whether rays outwards from all six faces of a box hit something."""
+    # A ray outwards from each of the box's six faces must hit a surface.
     middle, half = (low + high) / 2, (high - low) / 2
     outwards = np.concatenate([np.eye(3), -np.eye(3)])
     starts = middle + (half + 1e-3 * half.max()) * outwards
@@ -328,7 +328,7 @@ def _closed(scene: mts.Scene, low: Matrix, high: Matrix) -> bool:
 
 
 def placed_box(bounds: Box, placement: Placement) -> Box:
-    """Map a box from scene units to the display's frame, mm; without bounds it is infinite."""
+    """Map a box from scene units to the display's frame, mm; an unbounded box becomes infinite."""
     low, high = bounds
     if not (np.isfinite(low).all() and np.isfinite(high).all() and (low <= high).all()):
         return np.full(3, -np.inf), np.full(3, np.inf)

@@ -1,8 +1,8 @@
-"""Converts 3D Gaussian splats (.ply of a training program) to a Mitsuba scene with the shape `ellipsoids`.
+"""Converts 3D Gaussian splats (a trainer's .ply) to a Mitsuba scene with the shape `ellipsoids`.
 
 A splat has a centre, the logarithms of three scales, a quaternion, the logit of its
-opacity, and spherical harmonics of its sRGB colour: f_dc_0..2, and f_rest_* for red,
-green and blue in order.
+opacity, and spherical harmonics of its sRGB colour: f_dc_0..2, then f_rest_* for red,
+for green and for blue.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ import numpy.typing as npt
 from lippmann.errors import input_error
 from lippmann.scenes.mitsuba_xml import new_scene, plugin, value, write
 
-#: Permitted degrees of harmonics; a file has 3 (degree + 1)^2 coefficients.
+#: Permitted degrees of spherical harmonics; 3 (degree + 1)^2 coefficients each.
 DEGREES = (0, 1, 2, 3)
 PLACE = ("x", "y", "z")
 NORMAL = ("nx", "ny", "nz")
@@ -29,7 +29,7 @@ REMEDY = "export it again from the trainer or an editor of splats"
 
 
 def write_scene(path: Path, folder: Path) -> Path:
-    """Write the splats' scene into an empty folder; return its path, or raise InputError."""
+    """Write a scene of a file's splats into an empty folder; return its path, or raise InputError."""
     table = _read(path)
     file = folder / "splats.ply"
     write_table(file, table)
@@ -40,7 +40,7 @@ def write_scene(path: Path, folder: Path) -> Path:
 
 
 def write_table(path: Path, table: npt.NDArray[np.void]) -> None:
-    """Write a table of splats; each column has the name of a property."""
+    """Write a PLY file of splats; the table's columns have the names of properties."""
     import plyfile
 
     plyfile.PlyData([plyfile.PlyElement.describe(table, "vertex")], byte_order="<").write(str(path))
@@ -63,7 +63,7 @@ def _read(path: Path) -> npt.NDArray[np.void]:
         raise input_error(path, f"{what}: no property {', '.join(missing)}", REMEDY)
     harmonics = [name for name in (f"f_rest_{k}" for k in range(3 * (DEGREES[-1] + 1) ** 2 - 3)) if name in there]
     if len(harmonics) + 3 not in [3 * (degree + 1) ** 2 for degree in DEGREES]:
-        raise input_error(path, f"has {len(harmonics)} properties f_rest_*, which match no degree", REMEDY)
+        raise input_error(path, f"has {len(harmonics)} properties f_rest_*: no degree has as many", REMEDY)
     names = (*PLACE, *COLOUR, *harmonics, *SHAPE)
     # Mitsuba requires normals, and ignores them.
     table = np.zeros(vertex.count, [(name, "<f4") for name in (*PLACE, *NORMAL, *names[len(PLACE) :])])

@@ -1,12 +1,11 @@
-"""Reads views of a window from a folder or quilt, and writes a Mitsuba scene that shows each eye its view.
+"""Converts eyes' views of a window, in a folder or quilt, to a Mitsuba scene that shows them.
 
 The eyes are in a row or a grid in front of the window. A point in the window's plane is
 at the same pixel position in all views.
 
 A quilt contains the views as tiles in Looking Glass' order: the leftmost eye's view is
-at the bottom left, the next views follow to the right, then upward. The file's name
-contains tiling and aspect: `NAME_qs8x6a0.75.png` has 8 columns and 6 rows of views that
-are 0.75 times as wide as high.
+at the bottom left, the next views follow to the right, then upward. A quilt with the
+name `NAME_qs8x6a0.75.png` has 8 columns and 6 rows of views 0.75 times as wide as high.
 """
 
 from __future__ import annotations
@@ -42,7 +41,7 @@ FORM = '{"window_mm": [64, 48], "views": [{"file": "view_0000.png", "eye_mm": [-
 
 @dataclass(frozen=True)
 class Views:
-    """Linear pictures (rows, columns, height, width, 3) of a window (mm) from eyes on a grid."""
+    """Linear pictures (rows, columns, height, width, 3) of a window as eyes on a grid see it, mm."""
 
     pictures: npt.NDArray[np.float16]
     x_mm: Sequence[float]
@@ -64,7 +63,7 @@ class Views:
         value(plugin(shape, "emitter", "light_field"), "string", "filename", "views.npz")
 
     def write_scene(self, folder: Path) -> Path:
-        """Write the scene into an empty folder; return its path."""
+        """Write a scene of the views into an empty folder; return its path."""
         scene = new_scene()
         shape = plugin(scene, "shape", "rectangle", id="window")
         to_world(shape, "scale", x=0.5 * self.size_mm[0], y=0.5 * self.size_mm[1], z=1)
@@ -73,7 +72,7 @@ class Views:
 
 
 def eyes_text(size_mm: Sequence[float], names: Sequence[str], eyes: Sequence[Sequence[float]], **more: object) -> str:
-    """Return the text of the file `EYES` for a window, view files `names` and `eyes` (mm)."""
+    """Return the text of the file `EYES`: window's size, names of views, eyes' positions, mm."""
     views = [{"file": name, "eye_mm": list(eye)} for name, eye in zip(names, eyes, strict=True)]
     return json.dumps({"window_mm": list(size_mm), **more, "views": views}, indent=1) + "\n"
 
@@ -81,7 +80,7 @@ def eyes_text(size_mm: Sequence[float], names: Sequence[str], eyes: Sequence[Seq
 def read_folder(folder: Path) -> Views:
     """Read a folder of views.
 
-    Raises InputError for invalid files, and eyes that form no row or grid.
+    Raises InputError for invalid files, and for eyes that form no row or grid.
     """
     path = folder / EYES
     try:
@@ -91,6 +90,7 @@ def read_folder(folder: Path) -> Views:
     except (ValueError, TypeError, KeyError, IndexError, RecursionError) as error:
         reason = f"no {error}" if isinstance(error, KeyError) else str(error)[:100]
         raise input_error(path, f"does not describe the views ({reason})", f"write {FORM}") from None
+
     eyes = np.array([eye for _, eye in views if len(eye) == 3])
     if not (min(size) > 0.0 and math.isfinite(sum(size))):
         raise input_error(path, f"window_mm is {size[0]:g} x {size[1]:g}", "give width and height above 0")
@@ -103,8 +103,9 @@ def read_folder(folder: Path) -> Views:
         raise input_error(path, what, "give all eyes the same z above 0")
     (x, columns), (y, rows) = _steps(path, eyes[:, 0]), _steps(path, eyes[:, 1])
     if len(x) * len(y) != len(views) or len(set(zip(rows.tolist(), columns.tolist(), strict=True))) != len(views):
-        what = f"has {len(views)} eyes at {len(x)} places across and {len(y)} up"
+        what = f"has {len(views)} eyes on {len(x)} columns and {len(y)} rows"
         raise input_error(path, what, "give one view per position of a row or grid")
+
     pictures: npt.NDArray[np.float16] | None = None
     for (name, _), row, column in zip(views, rows, columns, strict=True):
         one, _ = read_light(folder / name, len(views))
@@ -119,10 +120,10 @@ def read_folder(folder: Path) -> Views:
 
 
 def _steps(path: Path, places: Floats) -> tuple[list[float], npt.NDArray[np.intp]]:
-    """Return a grid's lines, in rising order, and the index of each eye's line."""
+    """Return the ascending positions of a grid's lines, and the index of each eye's line."""
     rising = np.sort(places)
     gaps = np.diff(rising)
-    # Eyes nearer to each other than an eighth of a typical step are on one line.
+    # Eyes nearer to each other than 1/8 of a typical grid step are on one line.
     steps = gaps[gaps > 1e-6 * max(1.0, float(np.abs(places).max()))]
     wide = gaps > (0.125 * float(np.quantile(steps, 0.75)) if len(steps) else math.inf)
     groups = np.split(rising, np.flatnonzero(wide) + 1)
@@ -130,7 +131,7 @@ def _steps(path: Path, places: Floats) -> tuple[list[float], npt.NDArray[np.intp
     number = np.abs(places[:, None] - lines).argmin(axis=1)
     step = float(np.diff(lines).min()) if len(lines) > 1 else math.inf
     if np.abs(places - lines[number]).max() > GRID_TOLERANCE * step:
-        raise input_error(path, "has eyes that form no row or grid", "give eyes in equal rows")
+        raise input_error(path, "has eyes that form no row or grid", "put eyes in equal rows")
     return lines.tolist(), number
 
 
@@ -141,9 +142,9 @@ def _check_size(path: Path, pixels: int) -> None:
 
 
 def read_light(path: Path, count: int = 1) -> tuple[Radiance, dict[str, str]]:
-    """Return a picture's linear light (height, width, 3) and metadata.
+    """Read a picture; return linear light (height, width, 3) and metadata.
 
-    Raises InputError if `count` pictures are too large.
+    Raises InputError if `count` such pictures are too large.
     """
     # The size is checked before memory for the pixels is allocated.
     if path.suffix.lower() in (".png", *LINEAR_SUFFIXES):
@@ -163,20 +164,20 @@ def _read_by_pillow(path: Path, count: int) -> Radiance:
             _check_size(path, count * opened.width * opened.height)
             return decode(np.asarray(opened.convert("RGB"), np.float32) / np.float32(255.0), "srgb")
     except FileNotFoundError:
-        raise input_error(path, "no such picture", "put it there, or leave it out of the list") from None
+        raise input_error(path, "no such picture", "add the picture, or remove it from the list") from None
     except (OSError, ValueError, SyntaxError, Image.DecompressionBombError) as error:
         raise input_error(path, f"cannot be read ({str(error)[:100]})", f"give {', '.join(PICTURES)}") from None
 
 
 #: Pattern of the tiling in a quilt's name: columns, rows, aspect of a view.
 TILING = re.compile(r"_qs([1-9][0-9]{0,2})x([1-9][0-9]{0,2})a([0-9]{1,4}(?:\.[0-9]{1,9})?)$")
-#: Looking Glass' cameras: angles of the cone of eyes and of the window's height, degrees.
+#: Looking Glass' angles, degrees: between outermost eyes, and of the window's height.
 CONE_DEG, FIELD_DEG = 40.0, 14.0
 EYES_KEY = "eyes"
 
 
 def quilt_path(path: Path, columns: int, rows: int, aspect: float) -> Path:
-    """Return a quilt's path with the tiling in its name; raises InputError for another tiling."""
+    """Add the tiling to a quilt's name; raise InputError if the name has another tiling."""
     aspect_text = f"{aspect:.5f}".rstrip("0").rstrip(".")
     ending = f"_qs{columns}x{rows}a{aspect_text}"
     tiling = TILING.search(path.stem)
@@ -188,7 +189,7 @@ def quilt_path(path: Path, columns: int, rows: int, aspect: float) -> Path:
 
 
 def tiled(views: Iterable[Radiance], columns: int, rows: int) -> Radiance:
-    """Return the quilt of views (height, width, 3) that are in order from left to right."""
+    """Return a quilt of views (height, width, 3), which are ordered from left to right."""
     quilt: Radiance | None = None
     for number, view in enumerate(views):
         if quilt is None:
@@ -200,12 +201,12 @@ def tiled(views: Iterable[Radiance], columns: int, rows: int) -> Radiance:
 
 
 def eyes_note(size_mm: Sequence[float], eyes: Sequence[Sequence[float]]) -> dict[str, str]:
-    """Return a quilt's metadata with the window's size and the eyes' positions, mm."""
+    """Return a quilt's metadata: window's size, first and last eye's position, mm."""
     return {EYES_KEY: json.dumps({"window_mm": list(size_mm), "first_mm": list(eyes[0]), "last_mm": list(eyes[-1])})}
 
 
 def read_quilt(path: Path) -> Views:
-    """Read a quilt; the default eyes are Looking Glass'. Raises InputError for an invalid picture."""
+    """Read a quilt; default eye positions are Looking Glass'. Raises InputError for an invalid picture."""
     tiling = TILING.search(path.stem)
     assert tiling is not None
     columns, rows, aspect = int(tiling[1]), int(tiling[2]), float(tiling[3])
@@ -213,7 +214,7 @@ def read_quilt(path: Path) -> Views:
     height, width = quilt.shape[0] // rows, quilt.shape[1] // columns
     if not (height and width and aspect > 0.0):
         what = f"has {quilt.shape[1]} x {quilt.shape[0]} pixels, too few for {columns} x {rows} views"
-        raise input_error(path, what, "correct the tiling in its name")
+        raise input_error(path, what, "correct the tiling in the file's name")
     tiles = quilt[: rows * height, : columns * width].reshape(rows, height, columns, width, 3)
     # The first view is at the bottom left.
     views = tiles[::-1].transpose(0, 2, 1, 3, 4).reshape(1, rows * columns, height, width, 3)
@@ -226,6 +227,6 @@ def read_quilt(path: Path) -> Views:
             size = (float(eyes["window_mm"][0]), float(eyes["window_mm"][1]))
             (first_x, y, distance), last_x = map(float, eyes["first_mm"]), float(eyes["last_mm"][0])
         except (ValueError, TypeError, KeyError, IndexError):
-            raise input_error(path, "its metadata of the eyes is broken", "export it again") from None
+            raise input_error(path, "its metadata about eyes is invalid", "export it again") from None
     x = np.linspace(first_x, last_x, rows * columns).tolist()
     return Views(np.ascontiguousarray(views, np.float16), x, [y], distance, size)
