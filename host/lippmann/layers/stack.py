@@ -263,7 +263,7 @@ def nearest(rgba: Bytes, palette: Bytes) -> np.ndarray:
 
 
 def _palette(colours: Bytes, counts: np.ndarray) -> Bytes:
-    """Return 255 colours for visible colours (N, 4), which `counts` (N,) texels have."""
+    """Return 255 colours for visible colours (N, 4); `counts` (N,) texels have each colour."""
     from PIL import Image
 
     # Pillow's octree supports opacity. The image `start` has each colour once.

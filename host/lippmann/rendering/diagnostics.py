@@ -21,13 +21,13 @@ from lippmann.rendering.sampling import Window, colours_of
 from lippmann.scenes.scene import Scene
 
 logger = logging.getLogger("lippmann")
-#: Minimum and maximum width of a scene, in panel widths, without a warning.
+#: Range of a scene's width, in panel widths; others cause a warning.
 SIZE_RANGE = (0.02, 1000.0)
 #: Width of the trial view in pixels, each with one ray.
 TRIAL_PX = 96
-#: Minimum fraction of visible points in the depth range without a warning.
+#: A smaller fraction of visible points in the depth range causes a warning.
 MIN_SHARP = 0.1
-#: Maximum noise without a warning, as a fraction of the mean light.
+#: More noise, as a fraction of the mean light, causes a warning.
 MAX_NOISE = 0.1
 
 

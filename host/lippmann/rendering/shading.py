@@ -106,7 +106,7 @@ class IrradianceCache:
     def __init__(self, scene: Scene, spacing: float, max_points: int = MAX_POINTS) -> None:
         """Lay lattices, with points at most `spacing` scene units apart (`lay_lattices`)."""
         self.lattices, self.points = lay_lattices(scene.mitsuba, spacing, max_points)
-        # Irradiance (red, green, blue) and lamp mask; only computed points are read.
+        # Irradiance (red, green, blue) and lamp mask of each point, once computed.
         self._light = dr.empty(mi.Float, 4 * 2 * self.points)
         # Lamp masks, 0 for points not yet computed, and marks of points to compute.
         self._lamps = dr.zeros(mi.UInt32, 2 * self.points)
