@@ -130,10 +130,10 @@ NO_TEXT = (b"\xff\xfe\x00\x01", b"u,v\n\0\n")
             ("rays.csv", words_of(status=code), None, f"status of ray 0 is {code}, beyond its 3 bits; give 0 to 7")
             for code in (-1, 8)
         ),
-        ("rays.mem", "12_ab // a ray\nxyz\n", "0\n", "rays.mem:2: 'xyz' is not hexadecimal; give a line per ray"),
+        ("rays.mem", "12_ab // a ray\nxyz\n", "0\n", "rays.mem:2: 'xyz' is not hexadecimal; give one hexadecimal line"),
         ("rays.mem", "\n" + "f" * 40, "0\n", "rays.mem:2: has more than the 141 bits of a ray; see vectors.json"),
-        ("rays.mem", "0\n", "0\n0\n", "rays.mem: inputs and outputs differ in number, or are empty"),
-        ("rays.mem", "", "", "rays.mem: inputs and outputs differ in number, or are empty"),
+        ("rays.mem", "0\n", "0\n0\n", "rays.mem: numbers of input and output rays differ, or are 0"),
+        ("rays.mem", "", "", "rays.mem: numbers of input and output rays differ, or are 0"),
         *(("rays.csv", content, None, "rays.csv: is not text") for content in NO_TEXT),
         *(("rays.mem", content, "0\n", "rays.mem: is not text") for content in NO_TEXT),
         *(("rays.mem", "0\n", inputs, "inputs.mem: is not text") for inputs in NO_TEXT),
@@ -142,8 +142,8 @@ NO_TEXT = (b"\xff\xfe\x00\x01", b"u,v\n\0\n")
         ("rays.npz", arrays_of([[0, 0]], [[0j, 0, 0]]), None, "direction is complex128; give real"),
         ("rays.npz", arrays_of([["a", "b"]], [[0, 0, 0]]), None, "pixel is <U1; give real"),
         ("rays.npz", arrays_of(3.0, [[0, 0, 0]]), None, "pixel has shape"),
-        ("rays.npz", arrays_of([[0, 0]]), None, "has no array direction; give at least pixel and direction"),
-        ("rays.npz", arrays_of([[np.nan] * 2], [[0, 0, 0]]), None, "pixel contains values that are not finite"),
+        ("rays.npz", arrays_of([[0, 0]]), None, "has no array direction; add arrays pixel and direction"),
+        ("rays.npz", arrays_of([[np.nan] * 2], [[0, 0, 0]]), None, "array pixel contains NaN or infinity"),
     ],
 )
 def test_files_that_cannot_be_judged_are_bad_input(name, content, inputs, says, tmp_path, refusal_of):

@@ -150,11 +150,11 @@ def test_aims_that_the_words_do_not_promise_to_hold_are_refused(grid):
     [
         ({"grid": "oct"}, 'Build: grid: "oct" is not valid; choose from "hex", "square"'),
         ({"model": "thin"}, 'model: "thin" is not valid; choose from "exact", "paraxial", "pinhole"'),
-        ({"model": "paraxial", "viewer": True}, "viewer belongs to exact builds; leave it out of a paraxial build"),
+        ({"model": "paraxial", "viewer": True}, "viewer requires model exact; leave viewer out of a paraxial build"),
         ({"fraction_bits": 24}, "fraction_bits: 24 is not valid; give a whole number from 14 to 23"),
         ({"max_cell_steps": 5, "aims": True}, "max_cell_steps: 5 is not valid; give a whole number from 0 to 4"),
         ({"max_cell_steps": 1}, "max_cell_steps must be 0 in a build whose rays"),
-        ({"model": "pinhole", "aims": True}, "a pinhole build has none; leave aims out"),
+        ({"model": "pinhole", "aims": True}, "a pinhole build lacks; leave aims out"),
     ],
 )
 def test_what_the_rtl_refuses_is_no_build(parameters, says):
@@ -177,7 +177,7 @@ def test_what_the_rtl_refuses_is_no_build(parameters, says):
          r"register y_from_v: 0.254034 is outside its range \[-0.25, 0.25\); give rows .* more than 4 pixels apart"),
         ({"thickness": 9.01}, False, r"register depth: a thickness of 6.01 radii is outside its range, below 6"),
         ({"thickness": 0.5, "gap": 0.0}, True,
-         r"register.* slope_x and slope_y: they make slopes .* up to [\d.]+, outside the range \[0, 1.732\)"),
+         r"register.* slope_x and slope_y: a ray's slope is up to [\d.]+, outside the range \[0, 1.732\)"),
         ({"radius": 0.75, "thickness": 3.1, "gap": 3.0, "side": "viewer"}, False,
          r"register depth: .* outside its range"),
         ({"index": 1.1599}, False, r"register index: 1.1599 is outside its range \[1.16, 2.2\]"),

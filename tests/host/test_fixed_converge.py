@@ -130,7 +130,7 @@ REFUSED = [
     ),
     (
         {"viewing_distance_mm": 100.0}, {},  # (197.47 3 / 103 + 0.5774) / 3
-        r"registers slope_x and slope_y: they make slopes of a ray up to 2\.11, .* of 60 degrees; the eye is too near",
+        r"registers slope_x and slope_y: a ray's slope is up to 2\.11, .* of 60 degrees; the eye is too near",
     ),
     (
         {"viewing_distance_mm": 160.0, "gap_mm": 17.0}, {},  # (197.47 / 9 + 0.5774) 8 / 9 / 0.866

@@ -347,8 +347,8 @@ def test_bounds_of_steps_and_cases(urad, nm, right, tracer, tmp_path):
         ("colour = 1", "colour"),
         ('[[case]]\npoint = "grazing-exits"', "did you mean grazing-exit?"),
         ('[[step]]\narray = "pixel"\npoint_nm = 1.0', "array"),
-        ('[[case]]\npoint = "tie"', "case[0]: it has no bound"),
-        ('[[case]]\npoint = "tie"\npoint_nm = 1.0\n' * 2, "case[1]: 'tie' is bounded twice"),
+        ('[[case]]\npoint = "tie"', "case[0]: the case has no bound"),
+        ('[[case]]\npoint = "tie"\npoint_nm = 1.0\n' * 2, "case[1]: 'tie' has two bounds"),
     ],
 )
 def test_bad_bounds(text, said, tmp_path, refusal_of):
@@ -430,7 +430,7 @@ def test_a_cut_stream_says_so_in_every_file(kept, tracer, tmp_path):
     page = (tmp_path / "page/errors.md").read_text()
     assert "**The stream ended early**" in page
     judged = max(0, kept - 1)
-    assert ("**Right**, in 2 sets" if judged else "Nothing was judged") in page
+    assert ("**All rays are correct**, in 2 sets" if judged else "No rays were checked") in page
     assert len(list(suite_in(tmp_path / "j.xml"))) == judged + 1
     if not as_json:
         assert b"no rays were checked" in done.stdout

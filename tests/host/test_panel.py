@@ -398,7 +398,7 @@ BAD_CURVES = [
 ]
 BAD_LAYOUTS = [
     ([QUAD[0], QUAD[2], QUAD[3]], "the layout has no green; add a sub-pixel of that colour"),
-    ([*QUAD, QUAD[1]], "the green sub-pixel at [0.25, 0.25] shares its pixel with a green sub-pixel"),
+    ([*QUAD, QUAD[1]], "the green sub-pixel at [0.25, 0.25] shares its pixel with another green sub-pixel"),
     ([*QUAD[:3], ["white", 0.25, -0.25, 0.6, 0.5]], "white sub-pixel at [0.25, -0.25], 0.6 x 0.5 pixels, is not"),
     ([*QUAD[:3], ["white", 0.25, -0.25, 0.0, 0.5]], "not inside its pixel"),
     ([*QUAD[:3], ["white", -0.75, 0.0, 0.1, 0.1]], "right of and below the first"),
@@ -407,7 +407,7 @@ BAD_LAYOUTS = [
     ([*QUAD[:3], ["white", 0.25, "up", 0.5, 0.5]], '[3][2]: "up" is not valid; give a finite number'),
     (
         [*QUAD[:3], ["white", 0.15, -0.25, 0.5, 0.5]],
-        "the blue sub-pixel at [-0.25, -0.25] overlaps the white sub-pixel at [0.15, -0.25]; make one smaller",
+        "the blue sub-pixel at [-0.25, -0.25] overlaps the white sub-pixel at [0.15, -0.25]; shrink or move one",
     ),
     ([], 'choose from "bgr", "none", "pentile", "rgb", "rgbw" or give a list of [colour, x, y, width, height]'),
 ]  # fmt: skip

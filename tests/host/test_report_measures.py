@@ -89,7 +89,7 @@ def test_a_display_that_no_word_holds_is_measured_without_the_twin(caplog):
     assert engine_report.engines_for(display) == ["golden", "fast", "twin", "rtl"]
     assert caplog.text == ""
     assert engine_report.engines_for(thin) == ["golden", "fast"]
-    assert "vga-square: measured without the twin and the RTL: register index: 1.05" in caplog.text
+    assert "vga-square: the twin and the RTL are not measured: register index: 1.05" in caplog.text
 
 
 @pytest.mark.parametrize("levels", [0.5, 2.0, 8.0])

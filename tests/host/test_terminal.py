@@ -36,7 +36,7 @@ def test_a_name_of_two_lines_is_refused(tmp_path, capsys):
     (tmp_path / "d.toml").write_text(NAMED.replace("evil", r"two\nlines"))
     assert run(["inspect", str(tmp_path / "d.toml")]) == 2
     (line,) = capsys.readouterr().err.splitlines()
-    assert line.endswith("d.toml: name: has a line break; write it on one line")
+    assert line.endswith("d.toml: name: has a line break; write the name on one line")
 
 
 def test_bytes_that_are_no_text_in_a_name(tmp_path):

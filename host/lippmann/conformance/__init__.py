@@ -1,1 +1,1 @@
-"""Judge rays and engines: hard cases, test vectors, faults, coverage, speed and error."""
+"""Test ray tracers: hard cases, test vectors, fault diagnosis, coverage, speed and error."""

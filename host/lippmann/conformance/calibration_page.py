@@ -1,4 +1,4 @@
-"""Create the page of `lippmann calibrate report`."""
+"""Create the report page of `lippmann calibrate report`."""
 
 from __future__ import annotations
 
@@ -17,18 +17,18 @@ from lippmann.display.description import Display
 from lippmann.eye.observer import Eye, observe, whole_window
 from lippmann.optics.rays import Floats
 
-#: Columns of `calibration.result.Calibration.field`.
+#: Names of the columns of `calibration.result.Calibration.field`.
 FIELD = ("position", "i", "j", "x_mm", "y_mm", "right_px", "down_px", "kept")
 POSITION, _, _, X, Y, RIGHT, DOWN, KEPT = range(len(FIELD))
 
 
 def draw_residuals(field: Floats, cameras: Rows) -> Plot:
-    """Draw the residuals over the array, with one plot per camera position."""
+    """Draw the residuals as arrows over the array, one plot per camera position."""
     picture, axes = make_axes(1, max(1, len(cameras)))
     rng = np.random.default_rng(1)
     for axis, k in zip(axes[0], range(len(cameras)), strict=False):
         rows = field[(field[:, POSITION] == k) & (field[:, KEPT] > 0)]
-        rows = rows[np.sort(rng.permutation(len(rows))[:600])]  # more arrows would overlap
+        rows = rows[np.sort(rng.permutation(len(rows))[:600])]  # more than 600 arrows would overlap
         typical = max(1e-3, float(np.median(np.hypot(rows[:, RIGHT], rows[:, DOWN]))) if len(rows) else 1.0)
         span = max(1e-6, float(np.ptp(rows[:, X])) if len(rows) else 1.0)
         scale = {"angles": "xy", "scale_units": "xy", "scale": 40.0 * typical / span}
@@ -39,7 +39,7 @@ def draw_residuals(field: Floats, cameras: Rows) -> Plot:
 
 
 def draw_histogram(field: Floats) -> Plot:
-    """Draw histograms of the residuals."""
+    """Draw histograms of the residuals' x and y components."""
     picture, axes = make_axes(1, 2)
     used = field[field[:, KEPT] > 0]
     for axis, column, label in zip(axes[0], (RIGHT, DOWN), ("residual to the right", "residual down"), strict=True):
@@ -49,7 +49,7 @@ def draw_histogram(field: Floats) -> Plot:
 
 
 def draw_views(nominal: Display, display: Display, eye: Eye) -> Plot:
-    """Draw an eye's views of rings: with nominal file, calibrated file, and ideal display."""
+    """Draw an eye's view of rings before calibration, after it, and on an ideal display."""
     window = whole_window(display, min(640, display.panel.width_px))
     picture, axes = make_axes(1, 3, (4.0, 3.2))
     views = {"before": (nominal, display), "after": (display, display), "ideal": (nominal, nominal)}
@@ -65,7 +65,7 @@ def draw_views(nominal: Display, display: Display, eye: Eye) -> Plot:
 
 
 def digits(number: float, half: float) -> str:
-    """Return a number rounded to two digits of its uncertainty, and never "-0"."""
+    """Format a number so that its uncertainty `half` has two digits."""
     places = max(0, 1 - math.floor(math.log10(half))) if half > 0.0 else 6
     return f"{round(number, places) + 0.0:.{places}f}"
 
@@ -73,7 +73,7 @@ def digits(number: float, half: float) -> str:
 def calibration_page(
     origin: Mapping[str, str], calibration: Calibration, eye_mm: tuple[float, float, float] | None = None
 ) -> Page:
-    """Return the page of a calibration; by default, the eye is at the first camera position."""
+    """Return a calibration's report page; by default, the eye is at the first camera position."""
     summary, nominal, display = calibration.summary(), calibration.nominal, calibration.display
     place = tuple(summary["cameras"][0]["place_mm"]) if eye_mm is None else eye_mm
     views_plot = draw_views(nominal, display, Eye((place[0], place[1], place[2])))

@@ -1,4 +1,4 @@
-"""Compare foreign rays with golden's. A ray is on an edge if rounding can change its lenslet or status."""
+"""Compare tested rays with golden rays. A ray is on an edge if rounding can change its lenslet or status."""
 
 from __future__ import annotations
 
@@ -20,23 +20,23 @@ from lippmann.optics.rays import Floats
 
 Urad = Annotated[float, key("maximum error of directions, microradians", above=0.0)]
 Nm = Annotated[float, key("maximum error of points, nm", above=0.0)]
-#: Names of the arrays of points; each belongs to a step of the trace.
+#: Names of the point arrays, each the result of a trace step.
 Step = Literal["panel_mm", "start_mm", "near_mm", "centre_mm", "local_mm", "origin_mm"]
 
-#: Names of the integer arrays.
+#: Names of the integer arrays of rays.
 INTEGERS = ("home", "lenslet", "status")
-#: Directions of the displacements that find edges.
+#: Directions in which rays are moved to find rays on an edge.
 AXES = np.array([[1.0, 0.0], [0.0, 1.0], [-1.0, 0.0], [0.0, -1.0]])
 AROUND = np.concatenate([AXES, AXES @ [[1.0, 1.0], [-1.0, 1.0]]])
 SHARES = (1.0, 0.5, 0.25, 0.0625)
-#: Number of rays displaced at once; each needs some ten kilobytes.
+#: Maximum number of rays moved at once; a ray needs about 10 kB.
 AT_ONCE = 4096
 
 
 @documented
 @dataclass(frozen=True, kw_only=True)
 class StepBound:
-    """The error bound of a step."""
+    """The maximum error of a trace step."""
 
     array: Annotated[Step, key("array of the step, as in a file of rays")]
     point_nm: Nm
@@ -45,7 +45,7 @@ class StepBound:
 @documented
 @dataclass(frozen=True, kw_only=True)
 class CaseBound:
-    """The error bounds of a hard case; a ray in several cases gets the largest bound."""
+    """The maximum errors of rays at a coverage point; a ray at several points gets the largest."""
 
     point: Annotated[str, key("coverage point, such as `grazing-exit`")]
     direction_urad: Urad | None = None
@@ -55,7 +55,7 @@ class CaseBound:
 @documented
 @dataclass(frozen=True, kw_only=True)
 class Bounds:
-    """Contents of a file of bounds. A step or case without its own bound has the bound of all rays."""
+    """Contents of an error-bounds file. A step or case without its own bound has the general bound."""
 
     direction_urad: Urad = 2.0
     point_nm: Nm = 50.0
@@ -63,7 +63,7 @@ class Bounds:
     case: Annotated[tuple[CaseBound, ...], key("")] = ()
 
     def limits(self, inputs: PanelRays, rays: Arrays) -> Arrays:
-        """Return the bounds (N,) of each array, radians or mm; `rays` are golden's rays."""
+        """Return the error bounds (N,), radians or mm, keyed by array; `rays` are the golden rays."""
         steps = {one.array: one.point_nm for one in self.step}
         met = points_met(inputs, rays) if self.case else {}
         limits: Arrays = {}
@@ -78,24 +78,24 @@ class Bounds:
 
 
 def load_bounds(path: Path) -> Bounds:
-    """Read a file of bounds; raise InputError for an invalid file."""
+    """Read an error-bounds file. Raises InputError for an invalid file."""
     bounds = toml.read(Bounds, toml.load(path, "bounds"), str(path))
     for name, bounded in (("step", [one.array for one in bounds.step]), ("case", [one.point for one in bounds.case])):
         for number, one in enumerate(bounded):
             if one in bounded[:number]:
-                raise input_error(f"{path}: {name}[{number}]", f"'{one}' is bounded twice", "keep one of them")
+                raise input_error(f"{path}: {name}[{number}]", f"'{one}' has two bounds", "remove one bound")
     for number, case in enumerate(bounds.case):
         if case.point not in POINTS:
             remedy = did_you_mean(case.point, POINTS) or f"choose from {', '.join(POINTS)}"
             raise input_error(f"{path}: case[{number}].point", f"there is no coverage point '{case.point}'", remedy)
         if case.direction_urad is None and case.point_nm is None:
-            raise input_error(f"{path}: case[{number}]", "it has no bound", "add direction_urad or point_nm")
+            raise input_error(f"{path}: case[{number}]", "the case has no bound", "add direction_urad or point_nm")
     return bounds
 
 
 @dataclass(frozen=True)
 class FieldSummary:
-    """Summary of an array: maximum difference (`worst`), range of allowed differences (`limits`)."""
+    """Errors of a ray array: maximum (`worst`), and range of allowed errors (`limits`)."""
 
     field: str
     stage: str
@@ -108,11 +108,11 @@ class FieldSummary:
 
 @dataclass(frozen=True)
 class Comparison:
-    """Comparison of N foreign rays with golden's rays.
+    """Comparison of N tested rays with the golden engine's rays.
 
-    `limits` (N,) are the allowed differences, keyed by array. `edge` (N,) marks rays on
-    an edge. `excused` marks rays on an edge that equal golden's ray on one side of the
-    edge. For rays in `alone`, only the status is compared.
+    `limits` contains the allowed errors (N,), keyed by array. `edge` (N,) marks rays on
+    an edge. `excused` (N,) marks rays on an edge that agree with a golden ray on one
+    side of the edge. `alone` (N,) marks rays of which only the status is compared.
     """
 
     inputs: PanelRays
@@ -125,25 +125,25 @@ class Comparison:
 
     @cached_property
     def wrong_by(self) -> dict[str, Bools]:
-        """Masks (N,) of wrong rays, keyed by array."""
+        """Masks (N,) of rays whose error exceeds the limit, keyed by array."""
         return {name: self.wrong_in(name, values) for name, values in self.fields.items()}
 
     @cached_property
     def wrong(self) -> Bools:
-        """Mask (N,) of rays that are wrong in at least one array."""
+        """Mask (N,) of rays with a wrong value in at least one array."""
         return np.asarray(np.any(list(self.wrong_by.values()), axis=0))
 
     @property
     def wrong_arrays(self) -> list[str]:
-        """Names of the arrays with at least one wrong ray."""
+        """Names of the arrays that contain wrong values."""
         return [name for name, wrong in self.wrong_by.items() if wrong.any()]
 
     def far(self, name: str, values: Floats, other: Arrays) -> Floats:
-        """Return the `distance` of values from `other`; 0 where the file contains no value."""
+        """Return the `distance` of values from `other[name]`; 0 for rays without a value."""
         return np.where(self.alone & (name != "status"), 0.0, distance(name, values, other[name]))
 
     def wrong_in(self, name: str, values: Floats) -> Bools:
-        """Return a mask (N,) of wrong values of an array."""
+        """Return a mask (N,) of the wrong values of the array `name`."""
         far = self.far(name, values, self.golden)
         excused = self.excused & np.isfinite(far) & (name != "panel_mm")
         return (far > self.limits[name]) & ~excused
@@ -157,13 +157,13 @@ class Comparison:
         return Comparison(self.inputs.select(rays), fields, golden, limits, *masks)
 
     def later(self, lag: int) -> Comparison:
-        """Return the comparison of golden's ray k with the foreign values of ray k + `lag`."""
+        """Compare golden ray k with tested ray k + `lag`."""
         rays = np.arange(max(0, -lag), len(self.edge) - max(0, lag))
         fields = {name: values[rays + lag] for name, values in self.fields.items()}
         return replace(self.select(rays), fields=fields, alone=self.alone[rays + lag])
 
     def summary(self, name: str) -> FieldSummary:
-        """Return the summary of an array."""
+        """Return the error summary of the array `name`."""
         unit, scale = ("microradian" if name == "direction" else "nm"), 1e6
         if name in INTEGERS:
             unit, scale = "rays", 1.0
@@ -175,15 +175,15 @@ class Comparison:
         return FieldSummary(name, FIELDS[name][0], len(plain), wrong, float(far.max(initial=0.0)), limits, unit)
 
 
-@np.errstate(all="ignore")  # values may overflow
+@np.errstate(all="ignore")  # tested values may overflow
 def compare(
     foreign: ForeignRays, bounds: Bounds, moves_mm: tuple[Floats, Floats] | None = None, every: bool = True
 ) -> Comparison:
-    """Compare foreign rays with golden's rays.
+    """Compare tested rays with the golden engine's rays.
 
-    The allowed difference of a ray is its bound plus the effect of moving its panel
-    point and its aim by `moves_mm`, (N, 2) each; the default moves are the `roundings`.
-    Without `every`, only rays that exceed their bounds are moved.
+    A ray's allowed error is its bound plus its change if panel point or aperture point
+    move by `moves_mm`, (N, 2) each, by default the `roundings`. If `every` is false,
+    only rays that exceed their bounds are moved.
     """
     inputs = foreign.inputs
     rays, n = golden(inputs), len(inputs.pixels)
@@ -206,7 +206,6 @@ def compare(
 
 
 def _effect_of_moves(compared: Comparison, panel_mm: Floats, aim_mm: Floats) -> tuple[Arrays, Bools]:
-    """Return how far displacements move rays, and a mask (N,) of rays that change status or lenslet."""
     n = len(compared.edge)
     largest = {name: np.zeros(n) for name in ("direction", "local_mm", "origin_mm")}
     edge = np.zeros(n, bool)
@@ -240,7 +239,7 @@ def _on_some_side(compared: Comparison, panel_mm: Floats, aim_mm: Floats) -> Boo
         values = np.array([side[name] for side in sides])
         low = np.where(same[..., None], values, np.inf).min(axis=0)
         high = np.where(same[..., None], values, -np.inf).max(axis=0)
-        # Values may exceed the displaced rays' range by the range's width plus the limits.
+        # A value may lie outside the moved rays' range, by the range's width plus the limit.
         beyond = np.maximum(low - fields[name], fields[name] - high) - np.maximum(high - low, 0.0)
         far = np.where(np.isfinite(beyond), np.maximum(beyond, 0.0), np.inf)
         right &= alone | (np.linalg.norm(far, axis=1) <= compared.limits[name])
@@ -248,7 +247,7 @@ def _on_some_side(compared: Comparison, panel_mm: Floats, aim_mm: Floats) -> Boo
 
 
 def roundings(inputs: PanelRays) -> tuple[Floats, Floats]:
-    """Return float32 rounding errors of points and aims, (N, 2) mm; at least four times that of half a pitch."""
+    """Return float32 rounding errors, (N, 2) mm, of panel and aperture points; the minimum is that of 2 pitches."""
     pitch, pixel = inputs.display.array.coarsest_mm, np.array(inputs.display.panel.pitches_mm)
 
     def rounding(values: Floats) -> Floats:
@@ -259,7 +258,7 @@ def roundings(inputs: PanelRays) -> tuple[Floats, Floats]:
 
 
 def distance(name: str, values: Floats, expected: Floats) -> Floats:
-    """Return the distances (N,) of values from expected values, never NaN; integers give 0 or 1."""
+    """Return distances (N,) from expected values; NaN gives infinity, integers give 0 or 1."""
     if name in INTEGERS:
         return np.asarray((values != expected).any(axis=1), np.float64)
     far = np.linalg.norm(values - expected, axis=1)

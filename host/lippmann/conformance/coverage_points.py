@@ -1,4 +1,4 @@
-"""Coverage points: count which hard cases occur in a set of rays."""
+"""Count the rays of a set that meet each coverage point, a numerically hard case."""
 
 from __future__ import annotations
 
@@ -17,14 +17,14 @@ from lippmann.optics.model_choice import in_cells_mm
 from lippmann.optics.rays import Floats, Status, gets_through
 
 Arrays = Mapping[str, Floats]
-#: Maximum cosine of a grazing ray, and of a ray at the onset of total reflection.
+#: Maximum cosine to the face normal: grazing ray, onset of total reflection.
 GRAZING, FLAT = 0.05, 1e-3
-#: Maximum radius of a steep dome, minimum radius of a flat dome, in half diagonals.
+#: Maximum radius of a steep dome, minimum radius of a flat dome, in half cell diagonals.
 STEEP, NEARLY_FLAT = 1.05, 100.0
 
-#: Meaning of each coverage point, in the order in which a ray passes them.
+#: Description of each coverage point, in the order of a ray's path.
 POINTS = {
-    # Panel and lattice.
+    # Points of the panel and the lattice.
     "pixel-on-an-edge": "A pixel's point lies on the edge of a cell, within rounding error.",
     "pixel-on-a-corner": "A pixel's point lies where three or four cells meet, within rounding error.",
     "tie": "A pixel's point lies exactly on an edge, so the tie rule decides.",
@@ -57,7 +57,7 @@ POINTS = {
     "blocked": "A dome, a wall or the array's end stops a ray.",
     "crosstalk": "A ray leaves through another lenslet.",
 }
-#: Coverage points that rays in RTL words cannot meet, with the reason.
+#: Coverage points that rays in fixed-point words cannot meet, and the reasons.
 BEYOND_WORDS = {
     "tiny-coordinate": "words are fixed-point numbers",
     "wide-panel": "registers are limited to 16383 pixels",
@@ -67,7 +67,7 @@ BEYOND_WORDS = {
 
 
 def points_met(inputs: PanelRays, rays: Arrays) -> dict[str, Bools]:
-    """Return a mask (N,) of the rays that meet each of `POINTS`; `rays` are golden's rays."""
+    """Return masks (N,) of the rays at each coverage point, keyed by point; `rays` are the golden rays."""
     display, aims = inputs.display, inputs.aims
     array, panel = display.array, display.panel
     on_edge, on_corner = _border(inputs, in_cells_mm(display, inputs.pixels))
@@ -108,12 +108,12 @@ def points_met(inputs: PanelRays, rays: Arrays) -> dict[str, Bools]:
 
 
 def covered(inputs: PanelRays, rays: Arrays) -> dict[str, int]:
-    """Return the number of rays that meet each coverage point."""
+    """Count the rays at each coverage point."""
     return {name: int(np.count_nonzero(which)) for name, which in points_met(inputs, rays).items()}
 
 
 def summary(sets: Iterable[Mapping[str, int]], words: bool = False) -> tuple[dict[str, int], str]:
-    """Return the rays per point (for words without `BEYOND_WORDS`), and a line that names unmet points."""
+    """Return the number of rays at each coverage point, and a summary line; `words` omits `BEYOND_WORDS`."""
     totals = sum(map(Counter, sets), Counter[str]())
     counts = {name: totals[name] for name in POINTS if not (words and name in BEYOND_WORDS)}
     missing = [name for name, rays in counts.items() if not rays]
@@ -122,7 +122,7 @@ def summary(sets: Iterable[Mapping[str, int]], words: bool = False) -> tuple[dic
 
 
 def tied_sides(inputs: PanelRays) -> tuple[Bools, ...]:
-    """Return masks (N,) of pixels exactly on a cell's left side and, if square, lower side."""
+    """Return masks (N,) of pixels exactly on a cell's left side and, on a square grid, lower side."""
     array = inputs.display.array
     x, y = in_cells_mm(inputs.display, inputs.pixels).T
     left_side = x - array.shear * y == -0.5 * array.pitches_mm[0]
@@ -131,12 +131,11 @@ def tied_sides(inputs: PanelRays) -> tuple[Bools, ...]:
 
 
 def tied(inputs: PanelRays) -> Bools:
-    """Return a mask (N,) of pixels that lie on any of the `tied_sides`."""
+    """Return a mask (N,) of pixels exactly on a side from `tied_sides`."""
     return np.asarray(np.any(tied_sides(inputs), axis=0))
 
 
 def _border(inputs: PanelRays, points: Floats) -> tuple[Bools, Bools]:
-    """Return which points (N, 2), mm, lie on an edge, and which on two edges, within rounding error."""
     array, panel = inputs.display.array, inputs.display.panel
     lattice = Lattice.of(array)
     roundings = 8.0 * np.spacing(np.abs(inputs.pixels).max() * panel.coarsest_mm + array.coarsest_mm)

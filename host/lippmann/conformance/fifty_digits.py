@@ -1,8 +1,8 @@
-"""Trace rays with 50 digits, and compute their condition: the effect of rounding each input.
+"""Trace rays with 50 digits, and compute their sensitivity to rounding of inputs.
 
-Golden and these rays share their formulas, so the distance between them is golden's
-rounding error. An independent tracer (tests/host/truth.py) shows that the formulas are
-correct. docs/reference/stability.md states the engines' promises.
+The golden engine uses the same formulas, so its distance from 50-digit rays is its
+rounding error. The independent tracer tests/host/truth.py verifies the formulas.
+docs/reference/stability.md states the engines' error limits.
 """
 
 from __future__ import annotations
@@ -22,21 +22,21 @@ from lippmann.optics.rays import Floats, Hits, Rays
 from lippmann.optics.system import Convergence, PanelFrame, System
 from lippmann.optics.trace import hits_of, pixels_from_rays, rays_from_pixels, rays_of
 
-#: Private mpmath context; changes of mpmath.mp do not affect its precision.
+#: A private mpmath context, whose precision does not change with mpmath.mp.
 mp = mpmath.mp.clone()
 mp.dps = 50
 
-#: Type of arrays of mpf and of single mpf numbers; mpmath has no type hints.
+#: Type of a 50-digit mpf number or an array of them; mpmath has no type hints.
 Digits = Any
 
-#: Relative step of finite differences: below a float64's resolution, above 50 digits'.
+#: Relative step of finite differences, between float64 and 50-digit resolution.
 STEP = mp.mpf(10) ** -24
 
 _convert_number = mp.npconvert
 
 
 def _convert(value: Any) -> Digits:
-    # mpmath would format the complete array in an error for each product.
+    # For each product, mpmath would format the complete array in an error message.
     if isinstance(value, np.ndarray) and value.ndim:
         raise TypeError("an array is not a number")
     return _convert_number(value)
@@ -48,24 +48,24 @@ _root = np.frompyfunc(mp.sqrt, 1, 1)
 
 
 def exact_array(values: npt.ArrayLike) -> Digits:
-    """Convert numbers to an array of mpf with the exact same values."""
+    """Convert numbers to an array of mpf without rounding."""
     return np.asarray(_number(values), object)
 
 
 class FiftyDigits(NumpyBackend):
-    """Backend that computes with arrays of mpf, 50 digits each."""
+    """Backend that computes with arrays of 50-digit mpf numbers."""
 
     def __init__(self) -> None:
         super().__init__()
         self.floor, self.sqrt = np.frompyfunc(mp.floor, 1, 1), _root
-        self.real = self.double = exact_array  # keep exact values
+        self.real = self.double = exact_array  # convert without rounding
 
 
 def exact_inputs(rays: PanelRays | WorldRays) -> dict[str, Digits]:
-    """Return the exact inputs of rays: columns (N,) of arrays, and display parameters in mm and degrees.
+    """Return the exact inputs of a trace: ray arrays (N,), and display parameters in mm and degrees.
 
-    The columns of rays from the panel are `u`, `v` and, with aperture points, `a`, `b`.
-    The columns of rays from the world are `x`, `y`, `z`, `dx`, `dy`, `dz`.
+    Rays from the panel have the arrays `u`, `v` and, with aperture points, `a`, `b`.
+    Rays from the world have the arrays `x`, `y`, `z`, `dx`, `dy`, `dz`.
     """
     display = rays.display
     panel, array = display.panel, display.array
@@ -95,17 +95,16 @@ def _lengths(name: str, value: float | tuple[float, ...]) -> dict[str, float]:
 
 
 def _system(rays: PanelRays | WorldRays, n: SimpleNamespace) -> System:
-    """Return the optical system for `exact_inputs`, in mpf; docs/reference/optics.md states the formulas."""
     display, panel, array = rays.display, rays.display.panel, rays.display.array
     to_panel = array.plano_side == "panel"
-    # The optics are annotated with float, but compute with any number type.
+    # The optics functions are annotated with float, but also accept mpf.
     pitches, pixels = (
         tuple(getattr(n, f"{name}_{axis}", None) or getattr(n, f"{name}_mm") for axis in ("x_mm", "y_mm"))
         for name in ("pitch", "pixel")
     )
     lattice = Lattice(array.grid, pitches, mp.sqrt(3) / 2, n.shear, array.half_steps)
     (px, py), shear = pitches, abs(n.shear)
-    # Corners of the cell: upper right, and top for hexagons.
+    # Corners of the cell: the upper right corner, and the top corner of a hexagon.
     corners = [(px + shear * py) / 2, py / 2], [0, 0]
     if array.grid == "hex":
         corners = [px / 2 + shear * py / mp.sqrt(12), py / mp.sqrt(12)], [shear * py / mp.sqrt(3), py / mp.sqrt(3)]
@@ -133,7 +132,7 @@ def _system(rays: PanelRays | WorldRays, n: SimpleNamespace) -> System:
 
 
 def true_rays(rays: PanelRays, **moved: Digits) -> Rays:
-    """Trace rays from the panel in mpf; `moved` replaces some of the `exact_inputs`."""
+    """Trace rays from the panel with 50 digits; `moved` replaces some of the `exact_inputs`."""
     n = SimpleNamespace(**exact_inputs(rays) | moved)
     points = None if rays.aperture is None else (n.a, n.b)
     out = rays_from_pixels(FiftyDigits(), _system(rays, n), n.u, n.v, points, rays.model)
@@ -141,7 +140,7 @@ def true_rays(rays: PanelRays, **moved: Digits) -> Rays:
 
 
 def true_hits(rays: WorldRays, **moved: Digits) -> Hits:
-    """Trace rays from the world in mpf, with directions normalised in 50 digits; `moved` as in `true_rays`."""
+    """Normalise and trace rays from the world with 50 digits; `moved` replaces some `exact_inputs`."""
     n = SimpleNamespace(**exact_inputs(rays) | moved)
     length = _root(n.dx * n.dx + n.dy * n.dy + n.dz * n.dz)
     unit = n.dx / length, n.dy / length, n.dz / length
@@ -150,7 +149,7 @@ def true_hits(rays: WorldRays, **moved: Digits) -> Hits:
 
 
 def truth(rays: PanelRays | WorldRays, **moved: Digits) -> Rays | Hits:
-    """Trace rays from the panel or from the world in 50 digits."""
+    """Trace rays from the panel or from the world with 50 digits."""
     return true_rays(rays, **moved) if isinstance(rays, PanelRays) else true_hits(rays, **moved)
 
 
@@ -159,12 +158,12 @@ def _length(vectors: Digits) -> Digits:
 
 
 def size(vectors: Digits) -> Floats:
-    """Return the lengths (N,) float64 of vectors of mpf or float64."""
+    """Return the lengths (N,), as float64, of vectors of mpf or float64."""
     return np.asarray(_length(vectors), np.float64)
 
 
 def apart(rays: Rays | Hits, true: Rays | Hits) -> tuple[Digits, Digits]:
-    """Return distances (N,) mpf from true rays, in radians and in mm; for hits, both are in pixels."""
+    """Return errors (N,) of direction, radians, and of point, mm; for `Hits`, both are in pixels."""
     if isinstance(rays, Hits):
         pixels = _length(rays.pixel - true.pixel)
         return pixels, pixels
@@ -173,19 +172,18 @@ def apart(rays: Rays | Hits, true: Rays | Hits) -> tuple[Digits, Digits]:
 
 
 def has_other_fate(rays: Rays | Hits, true: Rays | Hits) -> Bools:
-    """Return a mask (N,) of rays whose status or lenslet differs."""
+    """Return a mask (N,) of rays whose status or lenslet differs from the true ray's."""
     return np.asarray((rays.status != true.status) | (rays.lenslet != true.lenslet).any(axis=1))
 
 
 def movable_inputs(rays: PanelRays | WorldRays) -> list[tuple[str, Digits, Floats]]:
-    """Return name, exact value and float64 value of the inputs, without display parameters of 0."""
+    """Return name, exact value and float64 value of each input, but no display parameters of 0."""
     inputs = exact_inputs(rays).items()
     return [(name, x, np.asarray(x, np.float64)) for name, x in inputs if isinstance(x, np.ndarray) or x]
 
 
 def _slopes(rays: PanelRays | WorldRays, true: Rays | Hits, name: str, value: Digits) -> list[Floats]:
-    """Return the distances that rays move per unit of an input, as in `apart`."""
-    # If a step changes lenslet or status, use the opposite step; if both do, use 0.
+    # If a step changes lenslet or status, use the opposite step; if both steps do, use 0.
     step = STEP if isinstance(value, np.ndarray) else STEP * abs(value)
     ahead = truth(rays, **{name: value + step})
     other, slopes = has_other_fate(ahead, true), apart(ahead, true)
@@ -198,20 +196,20 @@ def _slopes(rays: PanelRays | WorldRays, true: Rays | Hits, name: str, value: Di
 
 
 class Condition(NamedTuple):
-    """Movement (N,) float64 of rays for rounding each input and the result by one ulp."""
+    """Changes (N,) of rays, summed, if each input and the result change by one ulp."""
 
-    #: Change of direction, radians. For rays from the world: shift / array pitch.
+    #: Change of the ray's direction, radians; for rays from the world, `shift_mm` / pitch.
     turn: Floats
-    #: Shift of the exit point, whose ulp is that of pitch or thickness. For rays from
-    #: the world: shift of the point on the panel.
+    #: Shift of the exit point, with the ulp of pitch or thickness; for rays from the
+    #: world, shift of the point on the panel.
     shift_mm: Floats
-    #: Change of direction, radians, per mm of shift of the start and aperture points. For rays from the
-    #: world: 0.
+    #: Change of direction, radians, per mm of shift of the start point and the aperture
+    #: point; 0 for rays from the world.
     start: Floats
 
 
 def condition(rays: PanelRays | WorldRays, true: Rays | Hits) -> Condition:
-    """Return the condition of rays of the model `exact`. Inputs of 0 are not rounded."""
+    """Return the rounding sensitivity of rays of model `exact`. Inputs of 0 stay 0."""
     array, pixel_mm = rays.display.array, rays.display.panel.coarsest_mm
     turn = np.full(len(true.status), float(np.spacing(1.0)))
     shift = np.full(len(turn), float(np.spacing(max(array.coarsest_mm, array.thickness_mm))))

@@ -1,4 +1,4 @@
-"""Tables of measured values with their spreads (columns NAME_spread), and comparisons of two runs."""
+"""Store and compare tables of measured values with their spreads (columns NAME_spread)."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ import numpy as np
 from lippmann.base.files import replacing
 from lippmann.errors import InputError, input_error, reason
 
-#: Suffix of the names of spread columns.
+#: Suffix of the name of a column of spreads.
 SPREAD = "_spread"
 
 
@@ -27,13 +27,13 @@ class Measured:
 
     @classmethod
     def of(cls, repeats: Iterable[float]) -> Measured:
-        """Return the median and spread of at least one repeat."""
+        """Return the median and spread of one or more repeated measurements."""
         values = list(repeats)
         return cls(float(np.median(values)), float(np.ptp(values)))
 
     @classmethod
     def finite(cls, value: float) -> Measured | None:
-        """Return a single measurement; None for infinity, such as the PSNR of equal pictures."""
+        """Return a single measurement, or None if infinite, such as the PSNR of equal images."""
         return cls(value) if math.isfinite(value) else None
 
 
@@ -44,7 +44,7 @@ Rows = Sequence[Row]
 
 
 def groups(rows: Iterable[Row], *keys: str) -> list[list[Row]]:
-    """Return the rows, grouped by their values in the columns `keys`."""
+    """Group rows that have equal values in the columns `keys`."""
     rows_of: dict[tuple[Value, ...], list[Row]] = {}
     for row in rows:
         rows_of.setdefault(tuple(row[key] for key in keys), []).append(row)
@@ -58,7 +58,7 @@ class Figures:
     name: str
     #: Names of the columns that identify a row.
     keys: tuple[str, ...]
-    #: Rows with the same columns; columns other than keys contain `Measured` or None.
+    #: Rows with equal columns; columns that are not keys contain `Measured` or None.
     rows: Rows
 
     @property
@@ -67,7 +67,7 @@ class Figures:
         return tuple(key for key in (self.rows[0] if self.rows else ()) if key not in self.keys)
 
     def values(self) -> dict[tuple[str, ...], Measured]:
-        """Return the measured values, keyed by the texts of the row's keys and the column name."""
+        """Return the measured values, keyed by row keys (texts) and column name."""
         return {
             (*(str(row[key]) for key in self.keys), column): value
             for row in self.rows
@@ -76,7 +76,7 @@ class Figures:
         }
 
     def flat(self) -> Rows:
-        """Return the rows of the CSV file, with median and spread of each measured value as two columns."""
+        """Return rows for a CSV file; a measured value has two columns, median and spread."""
         return [{k: v for column in row for k, v in self._cells(column, row[column]).items()} for row in self.rows]
 
     def _cells(self, column: str, value: Value) -> dict[str, Value]:
@@ -87,16 +87,16 @@ class Figures:
 
 @dataclass(frozen=True)
 class Stored:
-    """An earlier run: its origin (machine, date, ...), and its tables keyed by name."""
+    """An earlier run: its origin (machine, date, ...) and its tables, keyed by name."""
 
     origin: dict[str, str]
     tables: dict[str, Figures]
 
 
 def read_stored(folder: Path, names: Sequence[str]) -> Stored | None:
-    """Read the tables of a run from a folder; return None if the folder contains none.
+    """Read the tables of a run from a folder; return None for a folder without tables.
 
-    Raises InputError for a file that is not such a table, or belongs to another run.
+    Raises InputError for a file that is not a table of measured values of one run.
     """
     paths = [path for path in (folder / f"{name}.csv" for name in names) if path.exists()]
     read = [read_figures(path) for path in paths]
@@ -110,7 +110,7 @@ def read_stored(folder: Path, names: Sequence[str]) -> Stored | None:
 
 
 def read_figures(path: Path) -> tuple[dict[str, str], Figures]:
-    """Read a table of measured values and its origin.
+    """Read a table of measured values and its origin from a CSV file.
 
     Raises InputError for an invalid file.
     """
@@ -119,7 +119,7 @@ def read_figures(path: Path) -> tuple[dict[str, str], Figures]:
     figures = [column for column in columns if column + SPREAD in columns]
     keys = tuple(c for c in columns if c not in figures and c.removesuffix(SPREAD) not in figures)
     if not (figures and keys):
-        raise _broken(path, "contains no measured values with their spread")
+        raise _broken(path, "contains no pair of columns NAME and NAME_spread")
     try:
         values = [{c: row[c] if c in keys else _measured(row, c) for c in (*keys, *figures)} for row in rows]
     except (TypeError, ValueError) as error:
@@ -139,8 +139,8 @@ def _measured(row: Row, column: str) -> Measured | None:
 def read_csv(path: Path) -> tuple[dict[str, str], list[dict[str, Value]]]:
     """Read a report's CSV file; return its origin (lines `# key: value`) and rows. Empty cells become None.
 
-    Raises InputError for an unreadable file, or a row whose length differs from the
-    heading's length.
+    Raises InputError for an unreadable file, or a row of another length than the
+    heading.
     """
     try:
         lines = path.read_text(encoding="utf-8").splitlines()
@@ -170,7 +170,7 @@ def _broken(path: Path, what: str) -> InputError:
 
 @dataclass(frozen=True)
 class Move:
-    """A measured value that changed; `row` lists the keys of its row."""
+    """A measured value that changed between two runs; `row` lists the keys of its row."""
 
     table: str
     row: str
@@ -192,29 +192,29 @@ class Move:
 
 @dataclass(frozen=True)
 class Comparison:
-    """Result of the comparison of two runs."""
+    """Result of comparing two runs; `before` is the earlier run's origin."""
 
     before: Mapping[str, str]
-    #: Which of command and seed differ; if any differs, nothing was compared.
+    #: The keys `command` and `seed`, if they differ; then no values are compared.
     differs: tuple[str, ...] = ()
-    #: Which of machine and versions differ.
+    #: The keys `machine` and `versions`, if they differ.
     changed: tuple[str, ...] = ()
     #: Number of values present in both runs.
     compared: int = 0
     moved: tuple[Move, ...] = ()
-    #: Numbers of values present only in the new run, and only in the earlier run.
+    #: Number of values only in the new run, and number of values only in the earlier run.
     new: int = 0
     gone: int = 0
 
 
 def has_moved(before: Measured, now: Measured) -> bool:
-    """Return whether a value changed by more than the noise."""
+    """Return whether a value changed by more than the sum of both spreads."""
     apart = abs(now.median - before.median)
-    return apart > max(before.spread + now.spread, 1e-6 * abs(before.median))  # 1e-6 allows rounding errors
+    return apart > max(before.spread + now.spread, 1e-6 * abs(before.median))  # 1e-6 allows for rounding
 
 
 def compare(origin: Mapping[str, str], tables: Sequence[Figures], before: Stored | None) -> Comparison:
-    """Compare the origin and tables of a run with an earlier run, if there is one."""
+    """Compare a run's origin and tables with an earlier run (None: there is no earlier run)."""
     if before is None:
         return Comparison({})
     differs = tuple(key for key in ("command", "seed") if origin[key] != before.origin.get(key))
@@ -243,19 +243,19 @@ def where(rows: Rows, **requested: Value) -> list[Row]:
 
 
 def values(rows: Sequence[Value], key: str, unit: float = 1.0) -> list[Value]:
-    """Return a column of rows or dataclasses, divided by a unit; measured values become medians."""
+    """Return a column divided by `unit`; a measured value becomes its median."""
     plain = (row.get(key) if isinstance(row, Mapping) else getattr(row, key) for row in rows)
     medians = (value.median if isinstance(value, Measured) else value for value in plain)
     return [value if unit == 1.0 or value is None else value / unit for value in medians]
 
 
 def columns(rows: Rows, names: Mapping[str, str | tuple[str, float]]) -> dict[str, list[Value]]:
-    """Return a table's columns; `names` maps a heading to a key, or to a key and a unit."""
+    """Return columns keyed by heading; `names` maps a heading to a key, or to a key and a unit."""
     return {heading: values(rows, *([key] if isinstance(key, str) else key)) for heading, key in names.items()}
 
 
 def spanned(numbers: Sequence[float | None], digits: int = 1) -> str:
-    """Return the range of numbers as text, such as "21.5 to 23.3"; "-" means no numbers."""
+    """Format a range of numbers, such as "21.5 to 23.3"; return "-" if all are None."""
     present = [number for number in numbers if number is not None]
     ends = [f"{number:.{digits}f}" for number in (min(present), max(present))] if present else ["-"]
     return " to ".join(dict.fromkeys(ends))
@@ -286,12 +286,12 @@ def table(columns: Mapping[str, Sequence[Value]]) -> str:
 
 
 def column_names(rows: Rows) -> list[str]:
-    """Return the names of all columns, in order of their first occurrence."""
+    """Return the column names of all rows, in order of occurrence."""
     return list(dict.fromkeys(name for row in rows for name in row))
 
 
 def write_csv(path: Path, origin: Mapping[str, str], rows: Rows) -> None:
-    """Write a CSV file: the origin as lines `# key: value`, then the rows; missing cells stay empty."""
+    """Write a CSV file: the origin as lines `# key: value`, then the rows; missing cells are empty."""
     with replacing(path) as partial, partial.open("w", newline="") as stream:
         stream.writelines(f"# {key}: {value}\n" for key, value in origin.items())
         writer = csv.DictWriter(stream, column_names(rows), lineterminator="\n")

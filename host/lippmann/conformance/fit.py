@@ -1,9 +1,10 @@
-"""Choose the cheapest lens model, number of samples and RTL build for chief rays within a tolerance.
+"""Choose the cheapest lens model, sample count and RTL build within an error tolerance.
 
-All errors are in pixels of the reconstructed view (docs/models.md). Along each axis,
-the light of a panel pixel spreads to the width w = |z| q / D at depth z, which is w /
-max(p, w) reconstructed pixels. The error of n samples is their `gap` in a rectangle
-with these sides. The error has its maximum at the farthest depth.
+All errors are for chief rays, in pixels of the reconstructed view (docs/models.md). At
+depth z, the light of a panel pixel of pitch q spreads to the width w = |z| q / D, with
+the aperture distance D. This is w / max(p, w) reconstructed pixels for the lenslet
+pitch p. The sampling error is the samples' `gap` in the rectangle to which the light of
+a pixel spreads at the farthest depth.
 """
 
 from __future__ import annotations
@@ -40,19 +41,19 @@ from lippmann.optics.sample_points import R2_STEPS, pixel_steps
 from lippmann.optics.system import System
 
 MOST_SAMPLES = 1024
-#: Candidate numbers of samples, in steps of 1 or of about 5 % (1024^(1/142) is 1.05).
+#: Candidate sample counts, in steps of 1 or of about 5 % (1024^(1/142) is 1.05).
 TRIED_SAMPLES = sorted({round(MOST_SAMPLES ** (k / 142)) for k in range(143)})
-#: Scale of the cell for probes; outside it, rounding may choose the neighbour.
+#: Scale of the cell in which test rays start; outside, rounding may change the lenslet.
 INSIDE = 0.97
-#: Number of rays in a build's second test, and the fraction added for other rays'
-#: rounding errors.
+#: Number of rays in the second test of an RTL build, and safety margin, as a fraction,
+#: for the rounding errors of other rays.
 SPREAD_RAYS, ROUNDING_MARGIN = 200_000, 0.05
 
 
 @documented
 @dataclass(frozen=True)
 class Fit:
-    """Chosen model, samples and build with their errors, in pixels of the reconstructed view."""
+    """Chosen lens model, sample count and RTL build, with errors in pixels of the reconstructed view."""
 
     choice: Annotated[Choice, key("lens model")]
     samples: Annotated[int | None, key("rays per pixel; None if MOST_SAMPLES rays are too few")]
@@ -62,9 +63,9 @@ class Fit:
 
 
 def fit(display: Display, depth_range_mm: Pair, tolerance: float = TOLERANCE) -> Fit:
-    """Choose model, samples and build within a tolerance; parameters and errors are those of `choose_model`."""
+    """Choose lens model, sample count and RTL build; parameters and errors are as in `choose_model`."""
     choice = choose_model(display, depth_range_mm, "chief", tolerance)
-    # Spread of a panel pixel along each axis, in reconstructed pixels.
+    # Spread of a panel pixel's light along each axis, in reconstructed pixels.
     farthest = max(map(abs, depth_range_mm)) / display.aperture_distance_mm
     x, y = (farthest * q / max(display.array.finest_mm, farthest * q) for q in display.panel.pitches_mm)
     samples = choose_samples((x, y), tolerance)
@@ -73,21 +74,21 @@ def fit(display: Display, depth_range_mm: Pair, tolerance: float = TOLERANCE) ->
 
 
 def choose_samples(spread_px: Pair, tolerance: float) -> int | None:
-    """Return the first of TRIED_SAMPLES whose gap is within the tolerance, or None."""
-    # The gap is not monotonic, as an added sample moves all samples.
+    """Return the smallest of TRIED_SAMPLES whose gap is within the tolerance, or None."""
+    # The gap is not monotonic, because an added sample moves all samples.
     return next((samples for samples in TRIED_SAMPLES if gap(samples, spread_px) <= tolerance), None)
 
 
 @cache
 def gap(samples: int, sides: Pair) -> float:
-    """Return the maximum distance in a rectangle to the nearest sample, for mirrored or transposed samples.
+    """Return the maximum distance of a point in a rectangle to the nearest sample, also for swapped axes.
 
-    The maximum lies at a corner of a Voronoi cell; reflected samples clip the cells at
+    The maximum is at a corner of a Voronoi cell. Reflected samples clip the cells at
     the rectangle's sides.
     """
     if samples == 1:
         return 0.5 * math.hypot(*sides)
-    from scipy.spatial import KDTree, Voronoi  # slow to load
+    from scipy.spatial import KDTree, Voronoi  # slow import
 
     steps = np.arange(samples)[:, None]
     first, step = np.transpose(pixel_steps(samples))
@@ -106,9 +107,9 @@ def gap(samples: int, sides: Pair) -> float:
 
 
 def choose_build(display: Display, depth_range_mm: Pair, tolerance: float) -> tuple[Build | None, float]:
-    """Return the cheapest RTL build within a tolerance and its error; or None and the smallest error."""
+    """Return the cheapest RTL build within the tolerance and its error; else None and the least error."""
     try:
-        # Pixels are rounded to words first, so rounding moves no pixel across a border.
+        # Round the pixels to words first, so that rounding moves no pixel across a cell border.
         probes = {
             name: away_from_borders(display, pixels_of_words(display, *words_of_pixels(display, pixels)))
             for name, pixels in (("few", probe(display, "chief", INSIDE)[0]), ("many", _spread(display)))
@@ -145,14 +146,14 @@ def _spread(display: Display) -> Floats:
     numbers = np.arange(SPREAD_RAYS)
     everywhere = np.outer(numbers, R2_STEPS) % 1.0 * panel_size(display)
     corners = INSIDE * corners_mm(display.array)
-    # The outer tenth of the line from a cell's centre to its corner.
+    # Points on the outer tenth of the line from a cell's centre to its corner.
     local = corners[numbers % len(corners)] * np.linspace(0.9, 1.0, SPREAD_RAYS)[:, None]
     in_corners = pixels_from_cells(display, located(display, everywhere)[0], local)
     return np.concatenate([everywhere, on_panel(display, in_corners)])
 
 
 def away_from_borders(display: Display, pixels: Floats) -> Floats:
-    """Return those pixel coordinates (N, 2) that lie in their cell scaled by INSIDE."""
+    """Return the pixel coordinates (N, 2) in their lenslet's cell scaled by INSIDE."""
     lattice = System.of(display).lattice
     axes = np.array(lattice.axes)
     across = np.abs(in_cells_mm(display, pixels) @ axes.T).max(axis=1)

@@ -1,4 +1,4 @@
-"""Hard cases: named sets of numerically difficult rays, partly on extreme displays."""
+"""Generate hard cases: named sets of numerically difficult rays, some on extreme displays."""
 
 from __future__ import annotations
 
@@ -35,14 +35,14 @@ from lippmann.optics.rays import Floats, Status
 from lippmann.optics.system import PanelFrame
 from lippmann.optics.trace import FARTHEST_LENSLETS
 
-#: Distances of aims from an onset, in units of the aim's last place.
+#: Distances of an aperture point from the point where the status changes, in ulps.
 ULPS = (-64, -16, -4, -2, -1, 0, 1, 2, 4, 16, 64)
 
 Sets = Iterator[PanelRays | WorldRays]
 Generator = Callable[[Display, Random, int], Sets]
 
 
-#: Generators of all cases, keyed by name; their docstrings describe the cases.
+#: Generator functions of all cases, keyed by name; each docstring describes a case.
 CASES: dict[str, Generator] = {}
 
 
@@ -55,7 +55,7 @@ def _of_displays(displays: Callable[[Display], Mapping[str, Display]]) -> Genera
     @wraps(displays)
     def make(display: Display, random: Random, count: int) -> Sets:
         variants, case = displays(display), displays.__name__.replace("_", "-")
-        each = count if len(variants) <= 10 else max(4, count // 3)  # as many rays as other cases
+        each = count if len(variants) <= 10 else max(4, count // 3)  # as many rays in total as other cases
         for variant, other in variants.items():
             pixels = random_pixels(other, random, each)
             yield PanelRays(f"{case}/{variant}", other, pixels, random_aims(other, random, each))
@@ -64,7 +64,7 @@ def _of_displays(displays: Callable[[Display], Mapping[str, Display]]) -> Genera
 
 
 def hard_sets(display: Display, name: str = "all", seed: int = 0, count: int = 24) -> Sets:
-    """Yield the sets, about `count` rays each, of a case or of "all".
+    """Yield the sets, of about `count` rays each, of the case `name` or, for "all", of all cases.
 
     Raises InputError for an unknown case.
     """
@@ -76,7 +76,7 @@ def hard_sets(display: Display, name: str = "all", seed: int = 0, count: int = 2
 
 
 def changed(display: Display, *, gap_mm: float | None = None, **array: Any) -> Display:
-    """Return a display with changed array keys; the index replaces the glass, thickness and eye stay valid."""
+    """Return the display with changed array keys, no glass, and valid thickness and eye distance."""
     thickness_mm = array.pop("thickness_mm", display.array.thickness_mm)
     domes = replace(display.array, **{"glass": None, **array})
     domes = replace(domes, thickness_mm=max(thickness_mm, domes.sag_mm))
@@ -86,12 +86,12 @@ def changed(display: Display, *, gap_mm: float | None = None, **array: Any) -> D
 
 
 def without_eye(display: Display) -> Display:
-    """Return the display with each elemental image directly behind its lenslet."""
+    """Return the display without a viewing distance, as for an infinitely distant eye."""
     return replace(display, viewing_distance_mm=None, viewing_axis_mm=(0.0, 0.0))
 
 
 def steep(display: Display, share: float = 1.02) -> Display:
-    """Return the display with thin, nearly hemispherical domes, one pitch away from the panel."""
+    """Return the display with thin, nearly hemispherical lenslets, one pitch away from the panel."""
     array = display.array
     return changed(display, radius_mm=share * array.half_diagonal_mm, thickness_mm=0.0, gap_mm=array.coarsest_mm)
 
@@ -105,12 +105,12 @@ def _near_onset(name: str, display: Display, pixels: Floats, aims: Floats) -> Pa
     return PanelRays(name, display, np.repeat(pixels, len(ULPS), axis=0), near.reshape(-1, 2))
 
 
-# ---- special points on one display ----
+# ---- hard points on one display ----
 
 
 @_case
 def chief_ray(display: Display, random: Random, count: int) -> Sets:
-    """Test rays from behind a lenslet's vertex through the vertex: they are not refracted."""
+    """Test rays from the point behind a lenslet's vertex through the vertex: they are not refracted."""
     lenslets = random.integers(-3, 4, (count, 2))
     at = pixels_from_cells(display, lenslets, np.zeros((count, 2)))
     yield PanelRays("chief-ray", display, np.concatenate([at, _nudged(at, random)]), None)
@@ -118,13 +118,13 @@ def chief_ray(display: Display, random: Random, count: int) -> Sets:
 
 @_case
 def cell_edges(display: Display, random: Random, count: int) -> Sets:
-    """Test pixels and aims within a few roundings of cell edges: each ray belongs to exactly one lenslet."""
+    """Test pixels and aperture points within a few ulps of cell edges: a ray has exactly one lenslet."""
     yield from _on_border("cell-edges", display, random, edge_points(display, random, 2 * count), (1, -2))
 
 
 @_case
 def cell_corners(display: Display, random: Random, count: int) -> Sets:
-    """Test pixels and aims within a few roundings of the corners of cells."""
+    """Test pixels and aperture points within a few ulps of the corners of cells."""
     corners = corners_mm(display.array)
     points = corners[random.integers(0, len(corners), 2 * count)]
     yield from _on_border("cell-corners", display, random, points, (-1, 3))
@@ -140,7 +140,7 @@ def _on_border(case: str, display: Display, random: Random, points: Floats, lens
 
 @_case
 def cell_ties(display: Display, random: Random, count: int) -> Sets:
-    """Test pixels exactly on edges and corners: the tie rule decides the lenslet."""
+    """Test pixels exactly on the edges and corners of cells: the tie rule decides the lenslet."""
     del random
     square = replace(display.panel, width_px=400, height_px=320, pixel_pitch_mm=0.0625)
     plain = changed(display, shear=0.0, extent_mm=None, rotation_deg=0.0, offset_mm=(0.0, 0.0))
@@ -153,9 +153,9 @@ def cell_ties(display: Display, random: Random, count: int) -> Sets:
 
 @_case
 def grazing_launch(display: Display, random: Random, count: int) -> Sets:
-    """Test rays at decreasing angles to the panel, down to parallel or to the array's end."""
+    """Test rays that leave the panel at ever smaller angles to it, as far as the engines accept."""
     pixels = random_pixels(display, random, count)
-    # Half of the engines' limit leaves room for rounding and tolerances.
+    # Use half of the engines' limit, to leave room for rounding and tolerances.
     farthest = 0.5 * FARTHEST_LENSLETS * display.array.finest_mm / display.aperture_distance_mm
     far = display.aperture_distance_mm * random_sizes(random, 1.0, min(1e8, farthest), count)
     yield PanelRays("grazing-launch", display, pixels, far * random_directions(random, count))
@@ -164,14 +164,14 @@ def grazing_launch(display: Display, random: Random, count: int) -> Sets:
 def _flips(
     display: Display, random: Random, count: int, status: Status, reach: float = 1.5, centres: bool = False
 ) -> tuple[Floats, Floats, Floats]:
-    """Return pixels, the last aims before rays get a status, and aims far before, (M, 2) each; M <= `count`."""
+    """Return pixels, the last aims without `status` on lines to aims with it, and the lines' starts."""
 
     def has(aims: Floats) -> Bools:
         return np.asarray(trace(display, pixels, aims).status == int(status))
 
     many = 400 * count
     pixels = pixels_at(display, random_aims(display, random, many))[0]
-    if centres:  # exact in every word length
+    if centres:  # centres are exact in every word length
         pixels = np.floor(pixels) + 0.5
     inner = random_aims(display, random, many)
     outer = random_aims(display, random, many, reach)
@@ -182,7 +182,7 @@ def _flips(
 
 @_case
 def total_reflection(display: Display, random: Random, count: int) -> Sets:
-    """Test rays within 64 roundings of total internal reflection in steep, high-index lenslets."""
+    """Test rays with aims within 64 ulps of total internal reflection, in steep, high-index lenslets."""
     dense = changed(steep(display), index=1.9)
     pixels, aims, _ = _flips(dense, random, max(2, count // 4), Status.INTERNAL_REFLECTION)
     yield _near_onset("total-reflection", dense, pixels, aims)
@@ -190,10 +190,9 @@ def total_reflection(display: Display, random: Random, count: int) -> Sets:
 
 @_case
 def grazing_exit(display: Display, random: Random, count: int) -> Sets:
-    """Test exit rays at decreasing angles to the last face, down to 10^-15 of the distance to total reflection.
+    """Test rays that leave the last face at ever smaller angles to it, almost at total internal reflection.
 
-    The second set starts at pixel centres, and is as near to total reflection as words
-    allow.
+    The second set starts at pixel centres, as near to total reflection as words allow.
     """
     dense = changed(steep(display), index=1.9)
     for name, nearest, farthest, centres in (("", 1e-15, 0.1, False), ("/words", 3e-8, 3e-6, True)):
@@ -204,10 +203,9 @@ def grazing_exit(display: Display, random: Random, count: int) -> Sets:
 
 @_case
 def far_cells(display: Display, random: Random, count: int) -> Sets:
-    """Test rays that leave through the lenslet beyond the neighbour, aimed up to 1.4 pitches off at steep domes.
+    """Test rays that leave through a lenslet two steps away, with aims up to 1.4 pitches at steep domes.
 
-    If the domes face the viewer, there are no such rays, because farther cells need
-    farther aims.
+    If the domes face the viewer, the set is empty: two steps would need larger aims.
     """
     far = changed(steep(display), gap_mm=1.5 * display.array.coarsest_mm)
     many = 400 * count
@@ -222,7 +220,7 @@ def far_cells(display: Display, random: Random, count: int) -> Sets:
 
 @_case
 def fates(display: Display, random: Random, count: int) -> Sets:
-    """Test rays on both sides of the onsets of crosstalk, of blocking by a dome, and of missing the array."""
+    """Test rays on both sides of the limit of crosstalk, of blocking by a dome, and of missing the domes."""
     array = display.array
     thin = changed(display, radius_mm=1.02 * array.half_diagonal_mm, index=1.25, thickness_mm=0.0, gap_mm=0.0)
     canyon = changed(display, radius_mm=400.0 * array.coarsest_mm, thickness_mm=0.0, gap_mm=0.0)
@@ -235,11 +233,11 @@ def fates(display: Display, random: Random, count: int) -> Sets:
 
 @_case
 def losses(display: Display, random: Random, count: int) -> Sets:
-    """Test rays that a dome, a wall or the array's end stops, far from where the status changes."""
+    """Test rays that a dome, a wall or the array's end stops, far from a change of status."""
     array, panel = display.array, display.panel
     domes = changed(display, radius_mm=1.02 * array.half_diagonal_mm, index=1.25, thickness_mm=0.0, gap_mm=0.0)
     walls = changed(domes, shear=1.0, radius_mm=1.02 * replace(array, shear=1.0).half_diagonal_mm)
-    # The array ends between centres of lenslets.
+    # Let the array end between two lenslet centres.
     sides = ((panel.width_mm, array.pitches_mm[0]), (panel.height_mm, array.row_pitch_mm))
     extent_mm = tuple(2.0 * (math.floor(0.3 * side / pitch) + 0.7) * pitch for side, pitch in sides)
     ends = changed(steep(without_eye(display)), shear=0.0, offset_mm=(0.0, 0.0), extent_mm=extent_mm)
@@ -249,7 +247,7 @@ def losses(display: Display, random: Random, count: int) -> Sets:
         aims = random_aims(extreme, random, many, reach)
         rays = PanelRays(f"losses/{name}", extreme, pixels, aims)
         status = rays.trace().status
-        if name == "ends":  # only rays from existing lenslets
+        if name == "ends":  # only rays whose own lenslet exists
             there = Lattice.of(extreme.array).present(NumpyBackend(), *rays.steps()["home"].T)
             status = np.where(there, status, len(Status))
         yield rays.select(np.concatenate([np.flatnonzero(status == int(one))[:count] for one in Status]))
@@ -257,15 +255,15 @@ def losses(display: Display, random: Random, count: int) -> Sets:
 
 @_case
 def tangent(display: Display, random: Random, count: int) -> Sets:
-    """Test rays in air that touch a dome: the discriminant is near zero, on both sides, or exceeds zero."""
+    """Test rays in air almost tangent to a dome: the discriminant is near zero, of either sign."""
     hilly = without_eye(steep(display, 1.001))
     R = hilly.array.radius_mm
-    # Points near a dome that bulges to +z, with tangent directions, lens coordinates.
+    # Points near a dome that bulges to +z, and tangent directions, in lens coordinates.
     foot = random_aims(hilly, random, 40 * count)
     slope = np.hypot(*foot.T) / R
     foot = foot[slope > 0.75][: 2 * count]
     normal = np.column_stack([foot / R, np.sqrt(1.0 - (foot**2).sum(axis=1) / R**2)])
-    # Downhill directions, rotated to both sides.
+    # Take the steepest descent, then rotate it to either side.
     down = unit_vectors(np.column_stack([foot, np.zeros(len(foot))]))
     down = unit_vectors(down - (down * normal).sum(axis=1)[:, None] * normal)
     turn = random.uniform(-0.6, 0.6, (len(foot), 1))
@@ -274,32 +272,32 @@ def tangent(display: Display, random: Random, count: int) -> Sets:
     lift *= random.choice((-1.0, 1.0), (len(foot), 1))
     point = R * normal - (0.0, 0.0, R) + lift * normal
     if display.array.plano_side == "panel":
-        # These rays come from the world, because the domes face away from the panel.
+        # The rays start in the world, because the domes face away from the panel.
         frame = PanelFrame.of(hilly)
         x, y, z = (point - 10.0 ** random.uniform(0.0, 2.0, (len(point), 1)) * direction).T
         origin = np.column_stack([*frame.panel_from_array(x, y), z])
         yield WorldRays("tangent", hilly, origin, np.column_stack([*frame.turn(*direction[:, :2].T), direction[:, 2]]))
         return
-    # These rays come from the panel, which is above the mirrored dome.
+    # The rays start on the panel, which is above the mirrored dome.
     start = point + (hilly.gap_mm - point[:, 2:]) / direction[:, 2:] * direction
     aim = point + (hilly.gap_mm - hilly.aperture_distance_mm - point[:, 2:]) / direction[:, 2:] * direction
     pixels, own = pixels_at(hilly, start[:, :2])
     yield PanelRays("tangent", hilly, pixels, aim[:, :2] - own)
 
 
-# ---- displays with a property at an extreme ----
+# ---- displays with an extreme parameter ----
 
 
 @_of_displays
 def flat_domes(display: Display) -> dict[str, Display]:
-    """Test nearly flat lenslets, with R from 10 mm to 10^6 mm: errors must not grow with R."""
+    """Test nearly flat domes, with radii R from 10 mm to 10^6 mm: errors must not grow with R."""
     least = 1.1 * display.array.half_diagonal_mm
     return {f"1e{k}-mm": changed(display, radius_mm=max(10.0**k, least)) for k in range(1, 7)}
 
 
 @_of_displays
 def full_spheres(display: Display) -> dict[str, Display]:
-    """Test near hemispheres with vertical rims: R exceeds the half diagonal by 10 % down to one rounding."""
+    """Test nearly hemispherical domes, with radii 10 % down to 1 ulp above the cell's half diagonal."""
     rho = display.array.half_diagonal_mm
     radii = {f"1e-{k}": rho * (1.0 + 10.0**-k) for k in (1, 3, 6, 12)} | {"1-ulp": math.nextafter(rho, math.inf)}
     return {name: changed(display, radius_mm=radius) for name, radius in radii.items()}
@@ -313,7 +311,7 @@ def indices(display: Display) -> dict[str, Display]:
 
 @_of_displays
 def f_numbers(display: Display) -> dict[str, Display]:
-    """Test focal lengths of 0.6 to 50 pitches with the panel in focus; the shortest need an index of 2.2."""
+    """Test focal lengths of 0.6 to 50 pitches with the panel in focus; the shortest needs an index of 2.2."""
     array, displays = display.array, {}
     for number in (0.6, 0.8, 1.0, 2.0, 10.0, 50.0):
         focal = number * array.coarsest_mm
@@ -326,7 +324,7 @@ def f_numbers(display: Display) -> dict[str, Display]:
 
 @_of_displays
 def gaps(display: Display) -> dict[str, Display]:
-    """Test panels in contact, almost in contact, and within rounding errors of the focus."""
+    """Test panels in contact with the array, almost in contact, and within rounding errors of the focus."""
     array = display.array
     focus = array.focal_length_mm - (array.thickness_mm / array.index if array.plano_side == "panel" else 0.0)
     focus = focus if focus > 0.0 else array.focal_length_mm
@@ -337,7 +335,7 @@ def gaps(display: Display) -> dict[str, Display]:
 
 @_of_displays
 def rotations(display: Display) -> dict[str, Display]:
-    """Test arrays rotated by 30, 45 and 90 degrees, and by a rounding, 10^-9 or 10^-4 degrees more or less."""
+    """Test arrays rotated by 30, 45 and 90 degrees, exactly and with errors of 1 ulp to 10^-4 degrees."""
     turns: dict[str, float] = {}
     for angle in (30.0, 45.0, 90.0):
         up, down = math.nextafter(angle, 360.0), math.nextafter(angle, 0.0)
@@ -348,11 +346,11 @@ def rotations(display: Display) -> dict[str, Display]:
 
 @_of_displays
 def offsets(display: Display) -> dict[str, Display]:
-    """Test arrays offset by half a lenslet, a third of a lenslet, a metre, and 10^-300 mm."""
+    """Test array offsets of half a lenslet, a third of a lenslet, 1 m, and 10^-300 mm."""
     p, row = display.array.pitches_mm[0], display.array.row_pitch_mm
     moves = {"half": (0.5 * p, 0.5 * row), "third": (p / 3.0, -row / 3.0)}
     moves |= {"metre": (1e3, -1e3), "1e-300": (1e-300, -1e-300)}
-    # A finite array would have no lenslet in front of the panel.
+    # An offset of 1 m would move a finite array away from the panel.
     ends = dict.fromkeys(moves, display.array.extent_mm) | {"metre": None}
     return {name: changed(display, offset_mm=offset, extent_mm=ends[name]) for name, offset in moves.items()}
 
@@ -382,7 +380,7 @@ def tiny_values(display: Display, random: Random, count: int) -> Sets:
 
 @_case
 def far_origins(display: Display, random: Random, count: int) -> Sets:
-    """Test rays from the world that start 1 m away, as from an eye, and 1 km away, as from a distant source."""
+    """Test rays from the world that start 1 m away (like an eye) or 1 km away (a distant source)."""
     panel = display.panel
     for name, distance in (("1-m", 1e3), ("1-km", 1e6)):
         half = 0.45 * np.array([panel.width_mm, panel.height_mm])
@@ -394,7 +392,7 @@ def far_origins(display: Display, random: Random, count: int) -> Sets:
 
 @_of_displays
 def register_limits(display: Display) -> dict[str, Display]:
-    """Test displays with the maximum or minimum value of each register; displays beyond these are refused."""
+    """Test displays with registers at their limits; displays beyond the limits are refused."""
     array, p, rho = display.array, display.array.finest_mm, display.array.half_diagonal_mm
     deepest = 3.999 if array.plano_side == "viewer" else 5.999
     limits = {
@@ -405,7 +403,7 @@ def register_limits(display: Display) -> dict[str, Display]:
         "depth-high": changed(display, radius_mm=1.5 * rho, thickness_mm=deepest * 1.5 * rho),
         "slope-high": changed(display, gap_mm=0.0, radius_mm=3.0 * p, thickness_mm=1.3 * rho * array.index),
     }
-    # Just above 4 pixels per lenslet, and the maximum number of lenslets for 12 bits.
+    # Just above 4 pixels per lenslet, and as many lenslets as 12-bit indices allow.
     widest = 4.001 if array.grid == "square" else 6.0
     panel = replace(display.panel, width_px=8000, height_px=8000, pixel_pitch_mm=p / widest)
     limits["x-from-u-high"] = replace(display, panel=panel)
@@ -415,7 +413,7 @@ def register_limits(display: Display) -> dict[str, Display]:
 
 @_of_displays
 def converged(display: Display) -> dict[str, Display]:
-    """Test elemental images that converge on an eye: near, aside, far, behind steep lenslets, beside the panel."""
+    """Test elemental images that converge on an eye: near, far, off the axis, or at steep lenslets."""
     panel = display.panel
 
     def converge(display: Display, eye_mm: float, axis_mm: Pair = (0.0, 0.0)) -> Display:
@@ -433,7 +431,7 @@ def converged(display: Display) -> dict[str, Display]:
 
 @_of_displays
 def skewed(display: Display) -> dict[str, Display]:
-    """Test arrays with two pitches and a shear, up to a file's limits, and arrays smaller than the panel."""
+    """Test arrays with two pitches and a shear, up to their limits, and an array smaller than the panel."""
     array, panel = display.array, display.panel
     px, py = array.pitches_mm
 

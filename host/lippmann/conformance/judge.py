@@ -1,4 +1,4 @@
-"""Judge foreign rays: count wrong rays, find the first wrong step, and the fault that explains them."""
+"""Check tested rays: count wrong rays, and find the first wrong step and the fault behind it."""
 
 from __future__ import annotations
 
@@ -23,25 +23,25 @@ from lippmann.optics.rays import Floats
 from lippmann.optics.system import System
 
 USUAL = Bounds()
-#: Number of rays on which variants are tried, and to which parameters are fitted.
+#: Number of wrong rays for trials of known faults, and for fits of parameters.
 SAMPLE, FIT_SAMPLE = 1500, 300
 #: Number of wrong rays on which pairs of faults are tried first.
 FEW = 90
-#: Minimum fraction of rays that a diagnosed fault matches.
+#: Minimum fraction of rays that a fault must match to be the diagnosis.
 EXPLAINED = 0.97
-#: Maximum ratio of a fault's distance to golden's distance in wrong arrays, and
-#: maximum excess of the distance in other arrays.
+#: Maximum ratio of the rays' distance from a fault to that from golden, in wrong
+#: arrays, and maximum increase in any array.
 NEARER, SAME = 0.5, 1e-9
-#: Maximum difference of correct words from golden, units of the aims' last place.
+#: Maximum difference of correct words from golden rays, in units of the last place.
 WORD_UNITS = 64.0
-#: Maximum difference from the twin's words that a different rounding explains.
+#: Maximum difference from the twin's words that another rounding explains, in units.
 ROUNDING_WORDS = 8
-#: Tried delays of outputs, in rays, and minimum number of rays for a diagnosis.
+#: Tried delays of outputs, in rays; minimum number of rays for a diagnosis.
 LAGS, MANY = (1, -1, 2, -2, 3, -3), 8
 
 
 class Finding(NamedTuple):
-    """The first wrong step (None if all rays are correct), the fault, and the fraction of rays it explains."""
+    """The diagnosis: first wrong step (None if all is correct), fault, fraction of rays explained."""
 
     stage: str | None = None
     fault: str | None = None
@@ -50,10 +50,10 @@ class Finding(NamedTuple):
 
 @dataclass(frozen=True)
 class Verdict:
-    """Verdict on foreign rays: counts, index of the first wrong ray, and the `Finding`.
+    """Verdict on tested rays: counts, index of the first wrong ray, and diagnosis (`Finding`).
 
     `on_edge` is the number of rays that exceed the bounds but lie on an edge. `covered`
-    contains the counts for `coverage_points.POINTS`.
+    contains the number of rays at each coverage point.
     """
 
     rays: int
@@ -68,7 +68,7 @@ class Verdict:
 
     @property
     def right(self) -> bool:
-        """Whether no ray is wrong."""
+        """Whether all rays are correct."""
         return not self.wrong
 
     @property
@@ -81,12 +81,12 @@ class Verdict:
 
     @property
     def searched(self) -> bool:
-        """Whether a pair of faults was searched for, provided that the search was allowed."""
+        """Whether a search for a pair of faults was necessary."""
         return self.wrong >= MANY and (self.fault is None or PAIR in self.fault)
 
     @property
     def lines(self) -> list[str]:
-        """A summary line for each array."""
+        """A text line per array, with error counts."""
         lines = []
         for entry in self.compared:
             least, largest = entry.limits
@@ -98,12 +98,12 @@ class Verdict:
         return lines
 
 
-@np.errstate(all="ignore")  # values of any size are compared
+@np.errstate(all="ignore")  # tested values may overflow
 def judge(foreign: ForeignRays, bounds: Bounds = USUAL, two_faults: bool = True) -> Verdict:
-    """Judge foreign rays: compare numbers with golden within `bounds`, and words with the twin bit by bit.
+    """Check tested rays: numbers against golden rays within `bounds`, words against the twin, bit by bit.
 
-    With `two_faults`, a pair of faults is searched for if no single fault explains the
-    rays; the search takes some ten seconds.
+    `two_faults` allows a search for a pair of faults if no single fault explains the
+    rays. The search takes about ten seconds.
     """
     if foreign.words is None:
         comparison = compare(foreign, bounds, every=False)
@@ -126,7 +126,7 @@ def _judge_numbers(
     if "lenslet" in foreign.fields:
         other = (foreign.fields["lenslet"] != compared.golden["lenslet"]).any(axis=1)
         sides = tied_sides(foreign.inputs)
-        # A corner lies on two sides, so it cannot show which side is wrong.
+        # A corner lies on two sides of a cell, so it cannot show which side has the wrong owner.
         alone = [side & (np.sum(sides, axis=0) == 1) for side in sides]
         turned = [side.sum() > 2 and other[side].all() for side in alone]
         if any(turned):
@@ -136,14 +136,14 @@ def _judge_numbers(
     return compared.wrong, Finding()
 
 
-# ---- diagnosis ----
+# ---- diagnosis of numbers ----
 
 
 def _diagnose(compared: Comparison, two_faults: bool) -> Finding:
     bad = compared.wrong_arrays
     first = min((FIELDS[name][0] for name in bad), key=STAGES.index)
     codes = None
-    # If a lost ray's status is wrong, its other values carry no information.
+    # If a ray's status is wrong, its other values may have no meaning.
     if "status" in bad and not (compared.wrong & ~compared.wrong_by["status"]).any():
         codes = _wrong_codes(compared.fields["status"], compared.golden["status"], compared.wrong)
     if first == "status":
@@ -227,7 +227,7 @@ def _find_stale_register(compared: Comparison) -> Finding | None:
 
 
 def _find_delay(right: Callable[[int], Bools]) -> Finding | None:
-    # Nearly equal rays may match at a delay, too; then more match without a delay.
+    # Nearly equal rays may match at any delay; a true delay matches more rays than no delay.
     own = right(0).mean()
     for lag in LAGS:
         same = right(lag)
@@ -247,7 +247,7 @@ def _wrapped(compared: Comparison) -> bool:
     apart = (compared.fields["direction"] - right)[wrong]
     turns = np.round(apart / 2.0)
     residual = np.linalg.norm(apart - 2.0 * turns, axis=1)
-    # A component of size 1 with a wrong sign is also off by 2.
+    # A component of magnitude 1 with the wrong sign also has an error of 2.
     return bool(
         wrong.any()
         and (np.abs(turns).sum(axis=1) == 1.0).all()
@@ -259,7 +259,7 @@ def _wrapped(compared: Comparison) -> bool:
 
 def _find_fault(compared: Comparison) -> Finding | None:
     random = np.random.default_rng(0)
-    # Leave out rays on an edge, as a variant may take the edge's other side.
+    # Omit rays on an edge: a fault may move them to the other side.
     bad = np.flatnonzero(compared.wrong & ~compared.edge)
     bad = bad if len(bad) else np.flatnonzero(compared.wrong)
     if not len(bad):
@@ -289,7 +289,7 @@ def _find_two_faults(compared: Comparison) -> Finding | None:
     random = np.random.default_rng(0)
     bad = np.flatnonzero(compared.wrong & ~compared.edge)
     good = np.flatnonzero(~compared.wrong & ~compared.edge)
-    if len(bad) < MANY:  # two fitted parameters explain any few rays
+    if len(bad) < MANY:  # two fitted parameters explain any small set of rays
         return None
     some = np.concatenate([random.permutation(bad)[:FEW], random.permutation(good)[: FEW // 3]])
     small_sample = compared.select(np.sort(some))
@@ -323,7 +323,6 @@ def _apart(sample: Comparison, variant: Variant) -> float:
 
 
 def _match(variant: Variant, sample: Comparison) -> tuple[float, float]:
-    """Return the fraction of rays that a variant explains (0 if golden is as near), and its relative distance."""
     bad, ratios = sample.wrong, []
     right = np.ones(len(bad), bool)
     for name, far, own in _distances(variant, sample):
@@ -331,7 +330,7 @@ def _match(variant: Variant, sample: Comparison) -> tuple[float, float]:
         wrong = sample.wrong_by[name]
         if wrong.any():
             golden_far = _middle(name, own[wrong])
-            if not golden_far:  # no ratio, as for rays on an edge
+            if not golden_far:  # golden matches, for example on an edge
                 return 0.0, np.inf
             ratios.append(_middle(name, far[wrong]) / golden_far)
         if _middle(name, far[bad]) > _middle(name, own[bad]) + SAME:
@@ -341,14 +340,14 @@ def _match(variant: Variant, sample: Comparison) -> tuple[float, float]:
     return float(min(right.mean(), right[bad].mean())), max(ratios)
 
 
-# ---- words ----
+# ---- diagnosis of words ----
 
-#: Words that encode real numbers.
+#: Names of words that encode real numbers.
 REALS = ("x", "y", "z", "dx", "dy", "dz")
 WORD_STAGES = dict(zip(FixedRays._fields, ["lenslet"] * 2 + ["dome"] * 3 + ["exit"] * 3 + ["status"], strict=True))
-#: Words that a design may swap.
+#: Words that a faulty design may swap.
 SWAPS = ({"x": "y", "y": "x"}, {"dx": "dy", "dy": "dx"}, {"x": "y", "y": "x", "dx": "dy", "dy": "dx"})
-#: Words that may have the wrong sign.
+#: Groups of words that may have the wrong sign.
 SIGNS = (*((name,) for name in REALS), ("x", "dx"), ("y", "dy"), ("x", "y", "dx", "dy"))
 
 
@@ -394,8 +393,6 @@ def _diagnose_words(
 
 
 def _find_word_fault(words: FixedRays, twin: FixedRays) -> Finding | None:
-    """Find a delay, sign, swap or constant that converts the twin's words into these words."""
-
     def equal(lag: int, right: FixedRays = twin) -> Bools:
         rays = np.arange(max(0, -lag), len(twin.status) - max(0, lag))
         return np.asarray(np.all([a[rays + lag] == b[rays] for a, b in zip(words, right, strict=True)], axis=0))

@@ -14,10 +14,9 @@ from lippmann.errors import printable
 def write_junit(
     path: Path, verdicts: Sequence[tuple[str, Verdict]], ended: str | None, about: Mapping[str, str]
 ) -> None:
-    """Write a test case per set of rays; `ended` is the error of a stream that ended early, or None.
+    """Write one test case per ray set; `ended` is the error if the stream ended early.
 
-    `about` contains the suite's properties. Raises InputError if the file cannot be
-    written.
+    `about` contains suite properties. Raises InputError if the file cannot be written.
     """
     wrong = [None if one.right else ("failure", one.stage or "", one.headline, one.lines) for _, one in verdicts]
     cases = [(name, problem) for (name, _), problem in zip(verdicts, wrong, strict=True)]

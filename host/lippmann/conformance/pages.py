@@ -1,4 +1,4 @@
-"""Create pages from Jinja2 templates: Markdown for the documentation, and self-contained HTML."""
+"""Create pages in Markdown and self-contained HTML from Jinja2 templates."""
 
 from __future__ import annotations
 
@@ -26,15 +26,15 @@ TEMPLATES = Path(__file__).with_name("templates")
 
 @dataclass(frozen=True)
 class Page:
-    """A page; its template and its file are named `name` plus extension."""
+    """A report page; its template and output files have the name `name` plus extension."""
 
     name: str
-    #: Machine, date, command and versions with which the figures were measured.
+    #: Machine, date, command and software versions of the measurement.
     origin: Mapping[str, str]
     plots: Sequence[Plot] = ()
     #: Rows of the CSV files, keyed by file name without extension.
     tables: Mapping[str, Rows] = field(default_factory=dict)
-    #: Variables for the template.
+    #: Variables for the page's template.
     context: Row = field(default_factory=dict)
     templates: Path = TEMPLATES
 
@@ -54,10 +54,10 @@ class Page:
         return environment
 
     def text(self, form: Literal["markdown", "html"] = "markdown") -> str:
-        """Return the page as Markdown text; plots and tables are in Markdown or HTML, as `form` says."""
+        """Return the page as Markdown; `form` selects Markdown or HTML for plots and tables."""
         origin = {key: html.escape(str(value), quote=False) for key, value in self.origin.items()}
         names = {
-            "repeat_origin": False,  # repeat the origin below each plot and table
+            "repeat_origin": False,  # whether each plot and table repeats the origin
             **self.context,
             "macros": f"{form}.jinja",
             "plots": {plot.name: plot.png for plot in self.plots},
@@ -83,7 +83,7 @@ class Page:
         )
 
     def write(self, folder: Path, as_html: bool = False) -> list[Path]:
-        """Write page, plots and CSV files into a folder; return their paths, or raise InputError."""
+        """Write page, plots and CSV files into a folder; return the paths, or raise InputError."""
         make_folder(folder)
         pages = {folder / f"{self.name}.md": f"{self.text()}\n"}
         if as_html:
@@ -100,7 +100,7 @@ class Page:
 
 
 def stamped(png: bytes, origin: Mapping[str, str]) -> bytes:
-    """Return a PNG with the origin of its figures added as text chunks."""
+    """Return a PNG image with the origin of its values added as text chunks."""
     texts, out = PngInfo(), io.BytesIO()
     for key, value in origin.items():
         texts.add_text(f"lippmann:{key}", value)

@@ -1,4 +1,4 @@
-"""Draw the plots of reports; colours and marks differ even without colour vision."""
+"""Draw the plots of reports, for readers with any colour vision."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from lippmann.optics.rays import ENGINES, MODELS
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-#: Colours of Okabe and Ito, which people with any colour vision can distinguish.
+#: Colour palette of Okabe and Ito, for readers with any colour vision.
 COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#000000")
 MARKS = ("o", "s", "^", "x", "D", "v", "+")
 
@@ -29,7 +29,7 @@ class Plot:
 
 
 def make_axes(down: int, across: int, size: tuple[float, float] = (5.2, 3.8)) -> tuple[Figure, npt.NDArray[np.object_]]:
-    """Return a figure and its axes, an array (down, across); `size` is the size of one axis in inches."""
+    """Return a figure and an array (down, across) of axes; `size` is the size of one axis, inches."""
     import matplotlib as mpl
 
     mpl.use("Agg")
@@ -51,7 +51,7 @@ def finish_picture(picture: Figure) -> bytes:
 
 
 def draw_engines(data: Figures) -> Plot:
-    """Draw error over speed of all models and engines for the first display of each grid."""
+    """Plot error against speed of all models and engines, for one display of each lattice type."""
     kinds = (
         ("chief", "max_mm", "chief rays: largest error in the scene, mm", "log"),
         ("full", "max_mm", "full aperture: largest error in the scene, mm", "log"),

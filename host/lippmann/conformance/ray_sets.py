@@ -1,4 +1,4 @@
-"""Sets of rays as numbers and as words of the RTL, and random inputs."""
+"""Define ray sets as numbers and as RTL words, and create random inputs."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ Random = np.random.Generator
 #: Selection of rays: indices, a mask (N,) or a slice.
 Selection = npt.NDArray[np.intp] | Bools | slice
 
-#: Names of the words of an input ray and of an output ray, most significant first.
+#: Names of the words of input and output rays, most significant word first.
 INPUTS = ("u", "v", "a", "b")
 OUTPUTS = FixedRays._fields
 #: Number of bits of the status, the only unsigned word.
@@ -40,7 +40,7 @@ REGISTER_BITS = 64
 
 @dataclass(frozen=True)
 class PanelRays:
-    """Rays from the panel: `pixels` (N, 2), and `aperture` points (N, 2) in mm or None for chief rays."""
+    """N rays from `pixels` (N, 2) through `aperture` points (N, 2), mm, or (None) chief rays."""
 
     name: str
     display: Display
@@ -50,25 +50,25 @@ class PanelRays:
 
     @property
     def aims(self) -> Floats:
-        """Aperture points (N, 2), mm; 0 for chief rays."""
+        """Aperture points (N, 2) of the rays, mm; 0 for chief rays."""
         return np.zeros_like(self.pixels) if self.aperture is None else self.aperture
 
     def trace(self, engine: Engine = "golden", device: str = "llvm") -> Rays:
-        """Trace the rays."""
+        """Trace the rays with an engine."""
         return trace(self.display, self.pixels, self.aperture, self.model, engine, device)
 
     def select(self, rays: Selection) -> PanelRays:
-        """Return the selected rays."""
+        """Return a set of the selected rays."""
         aperture = None if self.aperture is None else self.aperture[rays]
         return replace(self, pixels=self.pixels[rays], aperture=aperture)
 
     def steps(self) -> dict[str, Floats]:
-        """Return golden's intermediate values, (N, 2) each.
+        """Return the golden engine's intermediate values, (N, 2) each, keyed by name.
 
         `panel_mm` is the pixel's point in the panel frame. `home` contains the indices
-        of the lenslet that owns the point. `start_mm` is the same point, and `near_mm`
-        the ray's point on the array's near plane, both relative to this lenslet's
-        centre, in the array's axes.
+        of the lenslet that owns the pixel's point. `start_mm` and `near_mm` are the
+        pixel's point and the ray's point in the array's near plane, from the centre of
+        lenslet `home`, in the array's axes.
         """
         panel = np.stack(PanelFrame.of(self.display).panel_from_pixel(*self.pixels.T), axis=1)
         home, start = located(self.display, self.pixels)
@@ -78,7 +78,7 @@ class PanelRays:
 
 @dataclass(frozen=True)
 class WorldRays:
-    """Rays from the world, with `origin_mm` (N, 3) and unit `direction` (N, 3)."""
+    """N rays from the world towards the display: origins (N, 3), mm, and unit directions (N, 3)."""
 
     name: str
     display: Display
@@ -86,7 +86,7 @@ class WorldRays:
     direction: Floats
 
     def select(self, rays: Selection) -> WorldRays:
-        """Return the selected rays."""
+        """Return a set of the selected rays."""
         return replace(self, origin_mm=self.origin_mm[rays], direction=self.direction[rays])
 
 
@@ -96,7 +96,7 @@ def random_pixels(display: Display, random: Random, count: int) -> Floats:
 
 
 def random_aims(display: Display, random: Random, count: int, reach: float = 1.0) -> Floats:
-    """Return random points (count, 2), mm, in a lenslet's cell that is scaled by `reach`."""
+    """Return random points (count, 2), mm, in a lenslet's cell scaled by `reach`."""
     array = display.array
     lattice = Lattice.of(array)
     points = random.uniform(-0.6, 0.6, (4 * count + 64, 2)) * array.pitches_mm
@@ -106,7 +106,7 @@ def random_aims(display: Display, random: Random, count: int, reach: float = 1.0
 
 
 def random_directions(random: Random, count: int) -> Floats:
-    """Return random unit vectors (count, 2), without sines, whose last bit depends on the machine."""
+    """Return random unit vectors (count, 2); avoid sines, which depend on the machine."""
     x, y = random.uniform(-1.0, 1.0, (2, count))
     return np.asarray(np.stack([x, y], axis=1) / np.sqrt(x * x + y * y)[:, None])
 
@@ -119,14 +119,14 @@ def unit_vectors(vectors: Floats) -> Floats:
 
 def random_sizes(random: Random, low: float, high: float, count: int) -> Floats:
     """Return random numbers (count, 1) of all magnitudes from `low` to `high`."""
-    # Use binary exponents, as the last bit of a power depends on the machine.
+    # Use binary exponents, because the last bit of a power depends on the machine.
     (_, first), (_, last) = math.frexp(low), math.frexp(high)
     sizes = np.ldexp(random.uniform(0.5, 1.0, (count, 1)), random.integers(first, last + 1, (count, 1)))
     return np.clip(sizes, low, high)
 
 
 def edge_points(display: Display, random: Random, count: int, vertices: float = 0.0) -> Floats:
-    """Return random points (count, 2), mm, on the edges of a cell; the fraction `vertices` lies on vertices."""
+    """Return random points (count, 2), mm, on a cell's edges, the fraction `vertices` on corners."""
     corners = corners_mm(display.array)
     side, along = random.integers(0, len(corners), count), random.random((count, 1))
     along = np.maximum(along - vertices, 0.0) / (1.0 - vertices)
@@ -134,10 +134,10 @@ def edge_points(display: Display, random: Random, count: int, vertices: float = 
 
 
 def pixels_at(display: Display, local_mm: Floats, lenslet: tuple[int, int] = (0, 0)) -> tuple[Floats, Floats]:
-    """Return pixel coordinates (N, 2) of points relative to a lenslet's centre, in the array's axes.
+    """Convert points (N, 2), mm from a lenslet's centre in the array's axes, to pixel coordinates (N, 2).
 
-    The second result (N, 2), mm, is the centre of the cell that contains the point;
-    aims are relative to this centre.
+    The second result (N, 2), mm, is the centre of the cell that contains the point.
+    Aperture points are relative to this centre.
     """
     lattice = System.of(display).lattice
     i, j, _, _ = lattice.locate(NumpyBackend(), local_mm[:, 0], local_mm[:, 1])
@@ -145,7 +145,7 @@ def pixels_at(display: Display, local_mm: Floats, lenslet: tuple[int, int] = (0,
 
 
 def cell_steps(display: Display, between: Floats) -> Floats:
-    """Return the number of steps (N,) between neighbours for index differences (N, 2)."""
+    """Return the number of cell steps (N,) for lenslet index differences (N, 2)."""
     # Square grids allow diagonal steps. In the skewed hexagonal grid, (1, 1) is two
     # steps and (1, -1) is one step.
     i, j = np.abs(between).T
@@ -154,7 +154,7 @@ def cell_steps(display: Display, between: Floats) -> Floats:
 
 
 def onset(inner: Floats, outer: Floats, has: Callable[[Floats], Bools]) -> Floats:
-    """Return the last aims (N, 2), on lines from `inner` to `outer`, for which `has` is false; bisection."""
+    """Bisect lines from `inner` to `outer` for the last aims (N, 2) for which `has` is false."""
     low, high = np.zeros(len(inner)), np.ones(len(inner))
     for _ in range(64):  # 64 bisections make any two floats adjacent
         middle = 0.5 * (low + high)
@@ -163,11 +163,11 @@ def onset(inner: Floats, outer: Floats, has: Callable[[Floats], Bools]) -> Float
     return inner + low[:, None] * (outer - inner)
 
 
-# ---- words of the RTL ----
+# ---- fixed-point words of the RTL ----
 
 
 def formats(fraction_bits: int) -> dict[str, tuple[int, int]]:
-    """Return the numbers of bits and of fraction bits of each word in `INPUTS` and `OUTPUTS`."""
+    """Return (bits, fraction bits) of each word in `INPUTS` and `OUTPUTS`, keyed by word name."""
     near = fraction_bits + 2
     return {
         **dict.fromkeys("uv", (PIXEL_BITS, 4)),
@@ -180,17 +180,17 @@ def formats(fraction_bits: int) -> dict[str, tuple[int, int]]:
 
 
 def widths(words: Sequence[str], fraction_bits: int) -> tuple[int, ...]:
-    """Return the numbers of bits of words."""
+    """Return the number of bits of each named word."""
     return tuple(formats(fraction_bits)[word][0] for word in words)
 
 
 def hex_digits(widths: Sequence[int]) -> int:
-    """Return the number of hexadecimal digits in a line of words."""
+    """Return the number of hexadecimal digits of a line of words."""
     return (sum(widths) + 3) // 4
 
 
 def memory_lines(words: Sequence[Ints], widths: Sequence[int]) -> list[str]:
-    """Return a hexadecimal line per ray; the first word is in the most significant bits."""
+    """Return a hexadecimal line per ray, with the first word in the most significant bits."""
     rays: Any = 0
     for word, width in zip(words, widths, strict=True):
         rays = rays << width | word.astype(object) & ((1 << width) - 1)
@@ -198,9 +198,9 @@ def memory_lines(words: Sequence[Ints], widths: Sequence[int]) -> list[str]:
 
 
 def words_of_lines(lines: Sequence[str], widths: Sequence[int], where: Callable[[int], str]) -> list[Ints]:
-    """Return the words of `memory_lines`.
+    """Convert hexadecimal lines, one per ray, to words.
 
-    Raises InputError, located by `where(ray)`, for an invalid line.
+    Raises InputError for an invalid line; the message begins with `where(ray)`.
     """
     rays, total = [], sum(widths)
     for ray, text in enumerate(lines):
@@ -209,7 +209,7 @@ def words_of_lines(lines: Sequence[str], widths: Sequence[int], where: Callable[
         except ValueError:
             bits = -1
         if bits < 0:
-            raise input_error(where(ray), f"'{text[:20]}' is not hexadecimal", "give a line per ray")
+            raise input_error(where(ray), f"'{text[:20]}' is not hexadecimal", "give one hexadecimal line per ray")
         if bits >> total:
             raise input_error(where(ray), f"has more than the {total} bits of a ray", "see vectors.json")
         rays.append(bits)
@@ -223,7 +223,7 @@ def words_of_lines(lines: Sequence[str], widths: Sequence[int], where: Callable[
 
 @dataclass(frozen=True)
 class FixedCase:
-    """Inputs and registers as words of a build; `mask` marks the rays of the set that the words represent."""
+    """Input words and registers for an RTL build; `mask` marks the set's rays that fit the words."""
 
     build: Build
     words: Words
@@ -235,26 +235,26 @@ class FixedCase:
         return pipeline(*self.words, self.registers, self.build)
 
     def count_differences(self, pipeline: Pipeline) -> int:
-        """Return the number of words that differ between another pipeline and the twin."""
+        """Count the words that differ between another pipeline and the twin."""
         return int(sum((a != b).sum() for a, b in zip(self.trace(pipeline), self.trace(), strict=True)))
 
     @property
     def input_lines(self) -> list[str]:
-        """Lines of `inputs.mem`."""
+        """Hexadecimal lines of the file `inputs.mem`."""
         return memory_lines(self.words, widths(INPUTS, self.build.fraction_bits))
 
     @property
     def register_lines(self) -> list[tuple[str, str]]:
-        """Line of `registers.mem` and name, for each register."""
+        """Hexadecimal line in `registers.mem` and register name, for each register."""
         mask, digits = (1 << REGISTER_BITS) - 1, REGISTER_BITS // 4
         return [(f"{word & mask:0{digits}x}", name) for name, word in asdict(self.registers).items()]
 
 
 def fixed_words(rays: PanelRays, fraction_bits: int, max_cell_steps: int | None = None) -> tuple[FixedCase | None, str]:
-    """Return a set as words, or None if no ray fits, and the reason of the last refusal.
+    """Convert rays to words, or None if no ray fits; also return why rays were left out.
 
-    Rays with aims beyond the words' range are left out; if the registers refuse the
-    rest, rays with aims outside the cell are also left out.
+    Rays with aims beyond the words' range are left out. If the registers refuse the
+    remaining rays, rays aimed outside their cell are also left out.
     """
     display, array, aims = rays.display, rays.display.array, rays.aims
     build = Build.of(display, rays.model, fraction_bits, True, max_cell_steps)
@@ -275,10 +275,10 @@ def fixed_words(rays: PanelRays, fraction_bits: int, max_cell_steps: int | None 
 
 @dataclass(frozen=True)
 class ForeignRays:
-    """N foreign rays: their inputs, and `fields`, which contains some of the arrays `faults.FIELDS`.
+    """N rays under test: their inputs, and `fields`, which contains some of the arrays `faults.FIELDS`.
 
-    `words` contains the words of inputs and rays, if the rays are words. `alone` (N,)
-    marks rays of which only the status is known.
+    `words` contains the input and output words if the rays are fixed-point. `alone`
+    (N,) marks rays of which only the status is known.
     """
 
     inputs: PanelRays
@@ -288,7 +288,7 @@ class ForeignRays:
 
 
 def foreign_from_words(columns: dict[str, Ints], display: Display, model: Model, fraction_bits: int) -> ForeignRays:
-    """Convert columns (N,) of words to foreign rays."""
+    """Convert columns (N,) of input and output words to rays under test."""
     u, v, a, b = (columns[name] for name in INPUTS)
     outputs = FixedRays(*(columns[name] for name in OUTPUTS))
     pixels = pixels_of_words(display, u, v)

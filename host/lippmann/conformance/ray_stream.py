@@ -1,4 +1,4 @@
-"""Write and read text streams of rays, to and from a foreign program (docs/reference/stream.md)."""
+"""Write text streams of rays, and read a tested program's answers (docs/reference/stream.md)."""
 
 from __future__ import annotations
 
@@ -37,13 +37,13 @@ NAME, VERSION = "lippmann-stream", 1
 #: Maximum number of random rays in a set.
 MAX_RANDOM = 100_000
 
-#: Numbers of words in a question, a complete answer, and the answer of a lost ray.
+#: Number of words in a question, a complete answer, and the answer for a lost ray.
 ASKED, ANSWERED, LOST = 5, 9, 1
-#: Maximum numbers of bytes per line, rays per set, and notes per set.
+#: Maximum bytes per line, rays per set, and notes per set.
 MAX_LINE, MAX_RAYS, MAX_NOTES = 4096, 200_000, 1000
 #: Maximum absolute value of a status or an index.
 MAX_INTEGER = 2.0**31
-#: Patterns of the first line of a stream, and of parsed notes.
+#: Regular expressions for a stream's first line and for the parsed notes.
 FIRST = re.compile(rf"# {NAME} (\d{{1,9}})")
 SET = re.compile(r"[\w.+/-]{1,100}", re.ASCII)
 NUMBERS = re.compile("decimal (MODEL)|words (MODEL) (.+)".replace("MODEL", "|".join(MODELS)))
@@ -55,7 +55,10 @@ AGAIN = "copy each line that begins with #, and append to each other line"
 
 @dataclass(frozen=True)
 class Stream:
-    """Rays of a case or of all cases, and `random` more rays; as numbers, or as words of `fraction_bits`."""
+    """A stream with the rays of one case or of all cases, and `random` more rays.
+
+    The rays are fixed-point words, or decimal numbers if `fraction_bits` is None.
+    """
 
     display: Display
     case: str
@@ -78,7 +81,7 @@ class Stream:
             yield PanelRays(f"random/{number}", self.display, pixels, aims, self.model)
 
     def lines(self, command: str) -> Iterator[str]:
-        """Yield the stream's lines; skip sets that do not fit the words, and raise InputError if no set fits."""
+        """Yield the stream's lines; skip sets that do not fit the words. Raises InputError if no set fits."""
         hashes: list[str] = []
         for rays in self.sets():
             if not (set_lines := self._questions(rays)):
@@ -95,7 +98,7 @@ class Stream:
         if not hashes:
             which = " that fit the words" * (self.fraction_bits is not None)
             what = f"has no rays from the panel{which} on {self.display.name}"
-            raise input_error(f"--case {self.case}", what, "take another case or display")
+            raise input_error(f"--case {self.case}", what, "choose another case or display")
         yield f"# end {len(hashes)} {digest_of_all(hashes)}"
 
     def _questions(self, rays: PanelRays) -> tuple[list[str], list[str], str] | None:
@@ -117,19 +120,19 @@ class Stream:
 
 
 def digest_of_set(notes: Iterable[str], questions: Floats | list[str]) -> str:
-    """Return the hash of notes (with single blanks) and questions (numbers (N, 4) or words)."""
+    """Return the hash of a set's notes, with single blanks, and questions: numbers (N, 4) or words."""
     lines = "".join(" ".join(line.split()) + "\n" for line in notes)
     numbers = np.ascontiguousarray(questions, "<f8").tobytes() if isinstance(questions, np.ndarray) else None
     return hashlib.sha256(lines.encode() + (numbers or "\n".join(questions).encode())).hexdigest()
 
 
 def digest_of_all(hashes: Iterable[str]) -> str:
-    """Return the hash of a complete stream."""
+    """Return the hash of a complete stream from its sets' hashes."""
     return hashlib.sha256("\n".join(hashes).encode()).hexdigest()
 
 
 def values(display: Display) -> dict[str, str]:
-    """Return a display's values as text, keyed by name; lengths in mm, angles in degrees."""
+    """Return a display's parameters as text, keyed by name, in mm and degrees."""
     panel, array = display.panel, display.array
     numbers: dict[str, float | str | tuple[float, ...]] = {
         "width_px": panel.width_px,
@@ -156,27 +159,25 @@ def values(display: Display) -> dict[str, str]:
     return texts
 
 
-# ---- answers ----
+# ---- reading of answers ----
 
 
 @dataclass
 class _Set:
-    """A partly read set: the contents of its notes, and its lines."""
-
     name: str
     model: Model | None = None
     fraction_bits: int | None = None
     notes: list[str] = field(default_factory=list)
     file: list[str] = field(default_factory=list)
     lines: list[bytes] = field(default_factory=list)
-    #: Line number of the first ray in the stream.
+    #: Line number of the set's first ray in the stream.
     first: int = 0
 
 
 class StreamReader:
-    """Reads the sets of a stream of answers.
+    """Reads the answers of a program under test, set by set.
 
-    Raises InputError that names the invalid line.
+    Raises InputError for an invalid line; the message names the line.
     """
 
     def __init__(self, lines: Iterable[bytes]) -> None:
@@ -243,11 +244,11 @@ class StreamReader:
             if first:
                 return
         what = f"none of its {self.number} lines is # {NAME} {VERSION}" if self.number else "is empty"
-        raise input_error(WHERE, what, "run lippmann vectors --stream | YOUR PROGRAM alone to see why")
+        raise input_error(WHERE, what, "run only lippmann vectors --stream | YOUR PROGRAM to see its error")
 
     def _read_note(self, now: _Set, kind: str, text: str) -> None:
         words = " ".join(text.split())
-        if kind in ("numbers", "display", "value", "register"):  # the hash covers these
+        if kind in ("numbers", "display", "value", "register"):  # the hash covers these notes
             now.notes.append(f"{kind} {words}")
             if now.lines or len(now.notes) > MAX_NOTES:
                 excess = "a note after its rays" if now.lines else f"more than {MAX_NOTES} notes"
@@ -356,12 +357,12 @@ class StreamReader:
 
 
 def bounded_lines(file: BinaryIO) -> Iterator[bytes]:
-    """Yield the lines of a file as they arrive; a line that is too long is split into parts."""
+    """Yield the lines of a file as they arrive; split a line beyond MAX_LINE into parts."""
     return iter(partial(file.readline, MAX_LINE + 1), b"")
 
 
 def _complete_rows(lines: list[bytes]) -> Floats | None:
-    if lines[0].isspace():  # numpy warns about blank lines
+    if lines[0].isspace():  # numpy would warn about a blank line
         return None
     try:
         table = np.loadtxt(lines, comments=None, ndmin=2)

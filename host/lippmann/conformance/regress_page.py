@@ -1,4 +1,4 @@
-"""Create the page of `lippmann regress`: maximum errors and error counts of a stream."""
+"""Create the page of `lippmann regress`, with maximum errors and error histograms."""
 
 from __future__ import annotations
 
@@ -18,20 +18,20 @@ from lippmann.fixed.conversion import rays_of_words, word_unit
 from lippmann.fixed.words import Ints
 from lippmann.optics.rays import Floats
 
-#: Number of cells along each side of a map.
+#: Number of cells along each side of an error map.
 CELLS = 48
-#: Half the width of a lenslet's map in pitches; the map contains a hexagon's corners.
+#: Half width of a lenslet's error map, in pitches; a hexagon fits in the map.
 REACH = 0.6
 
 
 @dataclass
 class ErrorMap:
-    """Errors of an array, in microradian or nm.
+    """Errors of one ray array, in microradian or nm.
 
     `panel` and `lenslet` (CELLS, CELLS) contain the maximum error in each cell, or -1
-    in cells without rays. Row 0 is the top of the panel, and the bottom of the lenslet.
-    `counts` are the numbers of rays that are exact, in each bin of `edges()`, and
-    above.
+    in cells without rays. Row 0 is at the top of the panel, but at the bottom of the
+    lenslet. `counts` contains the number of exact rays, of rays in each bin of
+    `edges()`, and of rays above the bins.
     """
 
     unit: str
@@ -43,23 +43,23 @@ class ErrorMap:
 
     @property
     def rays(self) -> int:
-        """Total number of rays."""
+        """Total number of rays in the map."""
         return int(self.counts.sum())
 
 
 def edges() -> Floats:
-    """Return the edges of the histogram's bins, in units of the last place."""
+    """Return the edges of the error histogram's bins, in units of the last place."""
     return 10.0 ** np.linspace(-12, 9, 21 * 4 + 1)  # four bins per decade
 
 
 class ErrorMaps(dict[str, ErrorMap]):
-    """Errors of all judged rays, keyed by array."""
+    """Error maps of all checked rays, keyed by array."""
 
     def add(self, foreign: ForeignRays, bounds: Bounds) -> None:
-        """Add the errors of a set, except for rays on an edge and rays with only a status.
+        """Add the errors of a ray set, without rays on an edge or with only a status.
 
-        The unit of the last place is that of a word, or of the vector's largest
-        component as float32.
+        The unit is the last bit of a word, or of the vector's largest component as
+        float32.
         """
         inputs, fields = foreign.inputs, foreign.fields
         judged = np.ones(len(inputs.pixels), bool)
@@ -78,7 +78,7 @@ class ErrorMaps(dict[str, ErrorMap]):
         self.count(inputs, far, units, judged)
 
     def count(self, inputs: PanelRays, apart: Arrays, units: Arrays, judged: Bools) -> None:
-        """Add the finite errors `apart` (N,), rad or mm, of judged rays; `units` are the units of the last place."""
+        """Add the finite errors `apart` (N,), rad or mm, of the rays in mask `judged`; `units` are ulps."""
         panel = inputs.display.panel
         on_panel = inputs.pixels / np.array([panel.width_px, panel.height_px])
         on_lenslet = inputs.aims / (2.0 * REACH * inputs.display.array.coarsest_mm) + 0.5
@@ -95,14 +95,13 @@ class ErrorMaps(dict[str, ErrorMap]):
 
 
 def _largest(cells: Floats, places: Floats, errors: Floats) -> None:
-    """Raise each cell of a map to the maximum error of the points (N, 2), 0 to 1, in the cell."""
     column, row = np.floor(places * CELLS).astype(np.int64).T
     inside = (np.minimum(column, row) >= 0) & (np.maximum(column, row) < CELLS)
     np.maximum.at(cells, (row[inside], column[inside]), errors[inside])
 
 
 def map_plot(maps: Mapping[str, ErrorMap]) -> Plot:
-    """Draw maps of the maximum errors over panel and lenslet, with a row per array."""
+    """Draw maps of the maximum errors over panel and lenslet, with one row per array."""
     from matplotlib.colors import LogNorm
 
     picture, axes = make_axes(len(maps), 2)
@@ -119,16 +118,16 @@ def map_plot(maps: Mapping[str, ErrorMap]) -> Plot:
             ("lenslet", error_map.lenslet, "lower", span, "pitch", "pitch"),
         )
         for axis, (place, cells, origin, extent, across, up) in zip(row, views, strict=True):
-            # Exact cells have no logarithm; give them the lowest colour.
+            # An error of 0 has no logarithm; give a cell without error the lowest colour.
             visible = np.ma.masked_less(np.where((cells >= 0.0) & (cells < low), low if norm else 0.0, cells), 0.0)
             image = axis.imshow(visible, norm=norm, cmap="viridis", extent=extent, origin=origin)
-            axis.set(title=f"{name} over the {place}", xlabel=f"shares of the {across}", ylabel=f"shares of the {up}")
+            axis.set(title=f"{name} over the {place}", xlabel=f"fraction of {across}", ylabel=f"fraction of {up}")
             picture.colorbar(image, ax=axis, label=f"largest error, {error_map.unit}")
     return Plot("errors-map", finish_picture(picture))
 
 
 def histogram_plot(maps: Mapping[str, ErrorMap], last_place: str) -> Plot:
-    """Draw the histogram of the errors of all arrays."""
+    """Draw a histogram of the errors of each array."""
     picture, axes = make_axes(1, 1, (8.0, 3.8))
     axis, ends = axes[0, 0], np.append(edges(), 10.0 * edges()[-1])
     used = np.flatnonzero(np.any([error_map.counts[1:] for error_map in maps.values()], axis=0))
@@ -148,7 +147,7 @@ def errors_page(
     words: bool,
     ended: str | None = None,
 ) -> Page:
-    """Return the page of verdicts and errors; `ended` is the error of a stream that ended early."""
+    """Return the page of verdicts and errors; `ended` is the error if the stream ended early."""
     last_place = "a word" if words else "a float32"
     maps = {name: maps[name] for name in FIELDS if name in maps}
     values = ("rays", "worst", "unit", "worst_units")

@@ -39,10 +39,10 @@ from lippmann.optics.rays import Model
 
 logger = logging.getLogger(__name__)
 
-#: Entry of a set in `vectors.json`.
+#: Entry of a ray set in `vectors.json`.
 Entry = dict[str, Any]
 
-#: Arrays of `rays.npz`, with shape and meaning.
+#: Arrays in `rays.npz`: shape and meaning, keyed by name.
 ARRAYS = {
     "pixel": "(N, 2) pixel coordinates of the rays' starts",
     "aperture_mm": "(N, 2) aperture points, mm from the centre of the pixel's lenslet, array's axes",
@@ -73,13 +73,13 @@ WORLD_ARRAYS = {
 def write_vectors(
     folder: Path, sets: Iterable[PanelRays | WorldRays], model: Model, fraction_bits: int, about: Mapping[str, object]
 ) -> list[Entry]:
-    """Write sets into a new or empty folder, all sets or none; return the entries of `vectors.json`.
+    """Write ray sets into a new or empty folder; return the entries of `vectors.json`.
 
-    Rays from the world are written only for the model `exact`. Raises InputError if the
-    folder contains files.
+    Omit rays from the world unless `model` is exact. Refuse a folder that contains
+    files.
     """
     if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
-        raise input_error(str(folder), "exists already", "give a new folder")
+        raise input_error(str(folder), "exists already", "give a new or empty folder")
     if not folder.parent.is_dir():
         raise input_error(str(folder), f"the folder {folder.parent} does not exist", "create it first")
     entries = []
@@ -134,7 +134,6 @@ def _write_set(top: Path, rays: PanelRays | WorldRays, model: Model, fraction_bi
 
 
 def _save(place: Path, **arrays: Any) -> None:
-    """Write rays.npz; 50-digit numbers are rounded to float64 once, statuses become bytes."""
     arrays = {name: np.asarray(a, np.float64) if a.dtype == object else a for name, a in arrays.items()}
     arrays["status"] = arrays["status"].astype(np.uint8)
     np.savez(place / "rays.npz", **arrays)
@@ -161,19 +160,19 @@ def _write_header(top: Path, entries: list[Entry], fraction_bits: int, about: Ma
     (top / "README.md").write_text(page.format(**bits, outputs=", ".join(OUTPUTS), arrays=rows))
 
 
-# ---- reading ----
+# ---- reading of files of rays ----
 
-#: Names of the input arrays; each has two columns.
+#: Names of the arrays of input rays; each array has two columns.
 INPUT_ARRAYS = ("pixel", "aperture_mm")
 
 
 def read_foreign(
     path: Path, display: Display, model: Model, fraction_bits: int, inputs: Path | None = None
 ) -> ForeignRays:
-    """Read `.npz` (arrays of `lippmann trace`), `.csv` (like `words.csv`) or `.mem` (like `expected.mem`).
+    """Read rays from `.npz` (of `lippmann trace`), `.csv` (like `words.csv`) or `.mem` (like `expected.mem`).
 
-    `inputs` is the `.mem` file of the inputs; the default is `inputs.mem` in the same
-    folder. Raises InputError for invalid files.
+    `inputs` is the `.mem` file of the input rays, by default `inputs.mem` in the same
+    folder as `path`. Raises InputError for an invalid file.
     """
     if not path.is_file():
         raise input_error(str(path), not_there(path), "give a .npz, .csv or .mem file of rays")
@@ -185,28 +184,25 @@ def read_foreign(
     elif suffix in (".mem", ".hex"):
         inputs_path = inputs or path.with_name("inputs.mem")
         if not inputs_path.is_file():
-            raise input_error(str(inputs_path), not_there(inputs_path), "name the file of the inputs with --inputs")
+            raise input_error(str(inputs_path), not_there(inputs_path), "give the file of input rays with --inputs")
         files = ((inputs_path, INPUTS), (path, OUTPUTS))
         words = [word for file, names in files for word in words_of_memory(file, widths(names, fraction_bits))]
         columns = dict(zip((*INPUTS, *OUTPUTS), words, strict=True))
     else:
-        raise input_error(str(path), f"unknown extension '{path.suffix}'", "choose from .npz, .csv, .mem")
+        raise input_error(str(path), f"unknown extension '{path.suffix}'", "give a .npz, .csv or .mem file")
     lengths = {len(column) for column in columns.values()}
     if len(lengths) != 1 or not lengths.pop():
-        raise input_error(str(path), "inputs and outputs differ in number, or are empty", "give a line for each ray")
+        raise input_error(str(path), "numbers of input and output rays differ, or are 0", "give one line per ray")
     return foreign_from_words(columns, display, model, fraction_bits)
 
 
 def _csv_columns(path: Path, fraction_bits: int) -> dict[str, Ints]:
-    """Return the columns (N,) of a table of words; missing aperture points are 0."""
     lines = (line for line in lines_of(text_of(path)) if not line.startswith("#"))
     heading = [name.strip(' "') for name in next(lines, "").split(",")]
     names = (*INPUTS, *OUTPUTS)
     missing = [name for name in names if name not in heading and name not in ("a", "b")]
     if missing:
-        raise input_error(
-            str(path), f"has no columns {', '.join(missing)}", f"start with the heading {','.join(names)}"
-        )
+        raise input_error(str(path), f"has no columns {', '.join(missing)}", f"begin the file with {','.join(names)}")
     first = next(lines, None)
     if first is None:
         return dict.fromkeys(names, np.zeros(0, np.int64))
@@ -224,29 +220,27 @@ def _csv_columns(path: Path, fraction_bits: int) -> dict[str, Ints]:
         if out.any():
             ray = int(np.argmax(out))
             what = f"{name} of ray {ray} is {columns[name][ray]}, beyond its {bits} bits"
-            raise input_error(str(path), what, f"give {low} to {high}, or the word length with --fraction-bits")
+            raise input_error(str(path), what, f"give {low} to {high}, or another --fraction-bits")
     return columns
 
 
 def _of_arrays(path: Path, display: Display, model: Model) -> ForeignRays:
-    raw, there = load_arrays(path, (*INPUT_ARRAYS, *FIELDS), "give an .npz of numbers", 1000)  # bytes per ray
+    raw, there = load_arrays(path, (*INPUT_ARRAYS, *FIELDS), "give an .npz of numbers", 1000)  # limit per ray, bytes
     if "from_world" in there:
-        raise input_error(
-            str(path), "contains rays from the world", "give rays from the panel; regress judges no others"
-        )
+        raise input_error(str(path), "contains rays from the world", "give rays from the panel")
     arrays = {name: np.atleast_1d(array).astype(np.float64) for name, array in raw.items()}
     for name in ("pixel", "direction"):
         if name not in arrays:
-            raise input_error(str(path), f"has no array {name}", "give at least pixel and direction, see vectors.json")
+            raise input_error(str(path), f"has no array {name}", "add arrays pixel and direction (see vectors.json)")
     n = len(arrays["pixel"])
     if not n:
         raise input_error(str(path), "contains no rays", "give at least one ray")
     for name, array in arrays.items():
         shape = (n, 2 if name in INPUT_ARRAYS else FIELDS[name][1])
         if (array[:, None] if array.ndim == 1 else array).shape != shape:
-            raise input_error(str(path), f"{name} has shape {array.shape}", f"give {shape}")
+            raise input_error(str(path), f"array {name} has shape {array.shape}", f"give {shape}")
         if name in INPUT_ARRAYS and not np.isfinite(array).all():
-            raise input_error(str(path), f"{name} contains values that are not finite", "remove them")
+            raise input_error(str(path), f"array {name} contains NaN or infinity", "remove its ray")
         arrays[name] = array.reshape(shape)
     inputs = PanelRays("foreign", display, arrays.pop("pixel"), arrays.pop("aperture_mm", None), model)
     return ForeignRays(inputs, arrays)

@@ -1,4 +1,4 @@
-"""The display: a panel behind a microlens array (docs/reference/display-file.md, optics.md)."""
+"""Describe a display: a panel behind a microlens array (docs/reference/display-file.md, optics.md)."""
 
 from __future__ import annotations
 
@@ -25,11 +25,11 @@ SubpixelsName = Literal["none", "rgb", "bgr", "rgbw", "pentile"]
 TransferName = Literal["srgb", "linear", "gamma2.2"]
 
 Pair = tuple[float, float]
-#: A single pitch, or the pitches in x and y.
+#: Type of a pitch: one number, or the pitches in x and y.
 Pitch = float | tuple[float, ...]
 
 MM_PER_INCH = 25.4
-#: Minimum viewing distance divided by the longer of focal length and panel distance D.
+#: Minimum viewing distance, divided by the longer of focal length and distance D.
 NEAREST_EYE = 4.0
 #: Maximum ratio of an array's two pitches; a higher ratio gives slits, not lenslets.
 MAX_PITCH_RATIO = 4.0
@@ -37,13 +37,13 @@ MAX_PITCH_RATIO = 4.0
 MAX_EXTENT = 100.0
 #: Keys of a panel that do not affect the rays.
 TONES = ("bits", "transfer", "white_cd_m2", "black_cd_m2")
-#: Maximum width or height of a panel, px, for picture files and 16-bit indices.
+#: Maximum width or height of a panel, px; image files and 16-bit indices limit it.
 MAX_SIDE_PX = 65535
 #: Range of lengths in a file, mm, in which squares and quotients do not overflow.
 MIN_LENGTH_MM, MAX_LENGTH_MM = 1e-9, 1e12
 Length = Annotated[float, key("", low=MIN_LENGTH_MM, high=MAX_LENGTH_MM)]
 Gap = Annotated[float, key("", low=0.0, high=MAX_LENGTH_MM)]
-#: msgspec would fail on the union of tuple[Length, Length] with a bounded number.
+#: Not tuple[Length, Length], because msgspec refuses its union with a bounded number.
 LengthPair = Annotated[tuple[Length, ...], key("", shape="[x, y], numbers more than 0", lengths=(2, 2))]
 Shear = Annotated[float, key("shift of the rows along x, as a fraction of their height", low=-1.0, high=1.0)]
 _EXTENT = "width along the rows and height across them of the area with lenslets, about `offset_mm`"
@@ -55,7 +55,7 @@ MeasuredCurve = Annotated[Curve, key("", shape="a list of [panel value, light]",
 Subpixels = Annotated[tuple[Subpixel, ...], key("", shape="a list of [colour, x, y, width, height]", lengths=(1, 1024))]
 Luminance = Annotated[float, key("", above=0.0, high=MAX_LENGTH_MM)] | None
 Darkness = Annotated[float, key("", low=0.0, high=MAX_LENGTH_MM)] | None
-#: Refractive index between that of air and that of the densest optical materials.
+#: Refractive index, from that of air to that of the densest optical materials.
 Index = Annotated[float, key("refractive index, the same for all colours", above=1.0, high=4.0)]
 Glass = Annotated[str, key(f"glass that gives the index: {', '.join(SELLMEIER)}", instead_of="index")]
 
@@ -81,7 +81,7 @@ class Panel(Checked):
 
     @property
     def keys(self) -> dict[str, object]:
-        """Return the keys and values, without empty keys."""
+        """The panel's keys and values in a display file, without keys of None."""
         return {name: value for name, value in dataclasses.asdict(self).items() if value is not None}
 
     @property
@@ -110,7 +110,7 @@ class Panel(Checked):
         return self.height_px * self.pitches_mm[1]
 
     def with_columns(self, width_px: int) -> Panel:
-        """Return a panel of the same size in mm with `width_px` columns and matching rows."""
+        """Return a panel of equal size in mm with `width_px` columns and as many rows in proportion."""
         height_px = max(1, round(width_px * self.height_px / self.width_px))
         x, y = (self.width_px * side / width_px for side in self.pitches_mm)
         pitch = (x, y) if isinstance(self.pixel_pitch_mm, tuple) else x
@@ -143,14 +143,14 @@ class Array(Checked):
 
     @property
     def keys(self) -> dict[str, object]:
-        """Return the keys and values, without a default `shear` or `extent_mm`."""
+        """The array's keys and values in a display file, without a default `shear` or `extent_mm`."""
         defaults = {"shear": 0.0, "extent_mm": None}
         fields = dataclasses.asdict(self).items()
         return {name: value for name, value in fields if name not in defaults or value != defaults[name]}
 
     @property
     def pitches_mm(self) -> Pair:
-        """Pitch px along a row, and pitch py, which determines the row distance, mm."""
+        """Lenslet pitches, mm: px along a row, and py, which determines the row distance."""
         return both_pitches(self.pitch_mm)
 
     @property
@@ -192,10 +192,11 @@ class Array(Checked):
 
     @property
     def half_steps(self) -> tuple[int, int] | None:
-        """Maximum half steps of a lenslet within the extent, or None without an extent.
+        """Maximum half steps from the centre to a lenslet in the extent; None if there is no extent.
 
-        Lenslet (i, j) has 2 i half steps along the rows, 2 i + j if hexagonal, and 2 j
-        across. A centre at the extent's end, within rounding error, is included.
+        Lenslet (i, j) is 2 i half steps along the rows from the centre, 2 i + j if
+        hexagonal, and 2 j across. Rounding does not exclude a lenslet at the extent's
+        end.
         """
         if self.extent_mm is None:
             return None
@@ -205,15 +206,15 @@ class Array(Checked):
 
     @property
     def flat_distance_mm(self) -> float:
-        """Distance d from the sphere's centre to the rims' plane, mm (paper, equations 3 and 4)."""
-        # R^2 - rho^2 is factored, because it loses digits for nearly a hemisphere.
+        """Distance d from the sphere's centre to the rim's plane, mm (paper, equations 3 and 4)."""
+        # Factor R^2 - rho^2, because the difference loses digits if R is near rho.
         rho = self.half_diagonal_mm
         return math.sqrt((self.radius_mm - rho) * (self.radius_mm + rho))
 
     @property
     def sag_mm(self) -> float:
         """Depth of the dome from its vertex to the cell's corners, mm."""
-        # This equals R - d, but without cancellation for a nearly flat lens.
+        # This formula for R - d avoids cancellation for a nearly flat dome.
         return self.half_diagonal_mm**2 / (self.radius_mm + self.flat_distance_mm)
 
     @property
@@ -236,9 +237,9 @@ class Display(Checked):
 
     @property
     def convergence(self) -> float:
-        """Ratio D / E, 0 without a viewing distance.
+        """Ratio of aperture distance D to viewing distance E; 0 if there is no viewing distance.
 
-        Elemental images have 1 + D / E times the lenslet pitch.
+        The pitch of elemental images is 1 + D / E times the lenslet pitch.
         """
         distance = self.viewing_distance_mm
         return 0.0 if distance is None else self.aperture_distance_mm / distance
@@ -250,18 +251,18 @@ class Display(Checked):
 
     @property
     def aperture_distance_mm(self) -> float:
-        """Distance D from the panel to the aperture plane, mm; rays aim at this plane."""
+        """Distance D from the panel to the aperture plane, mm; rays aim at points in this plane."""
         if self.array.plano_side == "panel":
             return self.gap_mm + self.array.thickness_mm / self.array.index
         return max(self.gap_mm, self.array.sag_mm)
 
     @cached_property
     def identity(self) -> str:
-        """Hash of the optical keys, 16 hexadecimal digits; an image stores its display's hash."""
+        """Hash of the keys that affect rays, 16 hexadecimal digits; images store it."""
         array = self.array.keys
         panel = {key: value for key, value in self.panel.keys.items() if key not in TONES}
         if self.array.glass is not None:
-            # A display has the same identity at every wavelength.
+            # Omit the index: the identity does not depend on the wavelength.
             del array["index"]
         optical: dict[str, object] = {"panel": panel, "array": array, "gap_mm": self.gap_mm}
         if self.viewing_distance_mm is not None:
@@ -270,9 +271,9 @@ class Display(Checked):
         return hashlib.sha256(text.encode()).hexdigest()[:16]
 
     def at_wavelength(self, wavelength_nm: float) -> Display:
-        """Return the display at a wavelength (nm).
+        """Return the display with its index at a wavelength, nm.
 
-        Raises InputError without a glass or for a value out of range.
+        Raises InputError if there is no glass or the wavelength is out of range.
         """
         if self.array.glass is None:
             what = f"display '{self.name}' has an index without dispersion"
@@ -286,9 +287,9 @@ class Display(Checked):
         gap_mm: float = 0.0,
         pitch_scale: float = 1.0,
     ) -> Display:
-        """Return the display with the array rotated, moved, lifted and scaled.
+        """Return the display with its array rotated, shifted, lifted and scaled.
 
-        Raises InputError if such a display is impossible.
+        Raises InputError if the misaligned display is impossible.
         """
         errors = Misalignment(rotation_deg, offset_mm, gap_mm, pitch_scale)
         array, extent, where = self.array, self.array.extent_mm, f"display '{self.name}', misaligned: "
@@ -301,12 +302,12 @@ class Display(Checked):
             extent_mm=None if extent is None else tuple(side * scale for side in extent),
         )
         if scale > 1.0:
-            # Larger lenslets have deeper domes: the thickness becomes at least the sag.
+            # Larger lenslets have deeper domes: raise the thickness to the sag.
             check_radius(moved, f"{where}array.radius_mm")
             moved = replace(moved, thickness_mm=max(moved.thickness_mm, moved.sag_mm))
         built_gap_mm = self.gap_mm + errors.gap_mm
         if built_gap_mm < 0.0:
-            raise input_error(f"{where}gap_mm", f"{built_gap_mm:g} mm is negative", "make it 0 or more")
+            raise input_error(f"{where}gap_mm", f"{built_gap_mm:g} mm is negative", "raise gap_mm to at least 0")
         display = replace(self, array=moved, gap_mm=built_gap_mm)
         _check(display, where)
         return display
@@ -314,7 +315,7 @@ class Display(Checked):
 
 @dataclass(frozen=True)
 class Misalignment(Checked):
-    """The parameters of `Display.misaligned`, checked."""
+    """Parameters of `Display.misaligned`; types and ranges are checked."""
 
     rotation_deg: float
     offset_mm: Pair
@@ -323,19 +324,19 @@ class Misalignment(Checked):
 
 
 def load_display(path: str | Path) -> Display:
-    """Read a display file; raises InputError (file, key, remedy) for a wrong key or value."""
+    """Read a display file. Raises InputError (file, key, remedy) for a wrong key or value."""
     return _read(toml.load(path_of(path, "a display file"), "display"), str(path))
 
 
 def display_at(display: str | Path | Display) -> Display:
-    """Return a display; read it from its file if `display` is a path."""
+    """Return the display, read from its file if `display` is a path."""
     if isinstance(display, Display):
         return display
     return load_display(display)
 
 
 def parse_display(text: str, source: str = "display") -> Display:
-    """Read a display from TOML text; `source` is the text's name in errors (see `load_display`)."""
+    """Read a display from TOML text; `source` names the text in messages. See `load_display`."""
     for name, value in (("text", text), ("source", source)):
         check_type(name, value, str, "text")
     return _read(toml.parse(text, source), source)
@@ -349,12 +350,12 @@ _Dpi = Annotated[Length, key("pixels per inch, 25.4 / `pixel_pitch_mm`", instead
 _Focal = Annotated[Length, key("focal length in air at 587.56 nm", instead_of="radius_mm")]
 _PanelFile = variant(Panel, ("pixel_pitch_mm", "dpi"), dpi=_Dpi)
 _ArrayFile = variant(Array, ("radius_mm", "index", "thickness_mm", "focal_length_mm"), focal_length_mm=_Focal)
-#: A display file: the keys of `Display`, and alternative keys.
+#: Type of a display file: the keys of `Display`, and alternative keys such as `dpi`.
 DisplayFile = variant(Display, ("name",), panel=_PanelFile, array=_ArrayFile)
 
 
 def display_of(keys: Any, name: str, where: str) -> Display:
-    """Return the display for a file's keys; `name` is the default name; errors begin with `where`."""
+    """Return the display for a file's keys; `name` is the default name. Messages begin with `where`."""
     panel, array = toml.values(keys.panel), toml.values(keys.array)
     dpi, focal_mm = panel.pop("dpi"), array.pop("focal_length_mm")
     if dpi is not None:
@@ -386,19 +387,19 @@ def display_of(keys: Any, name: str, where: str) -> Display:
         lenslets = replace(lenslets, thickness_mm=max(lenslets.sag_mm, MIN_LENGTH_MM))
     title = keys.name if keys.name is not None else name
     if len(title.splitlines()) > 1 or title != title.strip("\r\n"):
-        raise input_error(f"{where}name", "has a line break", "write it on one line")
+        raise input_error(f"{where}name", "has a line break", "write the name on one line")
     display = Display(title, Panel(**panel), lenslets, keys.gap_mm, keys.viewing_distance_mm, keys.viewing_axis_mm)
     _check(display, where)
     return display
 
 
 def both_pitches(pitch_mm: Pitch) -> Pair:
-    """Return a pitch key's pitches in x and y."""
+    """Return the pitches in x and y for the value of a pitch key."""
     return (pitch_mm[0], pitch_mm[1]) if isinstance(pitch_mm, tuple) else (pitch_mm, pitch_mm)
 
 
 def plain_pitch(pitch_mm: Pitch) -> Pitch:
-    """Return two equal pitches as one number, so that both forms have the same identity."""
+    """Replace two equal pitches by one number: both forms have the same identity."""
     return pitch_mm[0] if isinstance(pitch_mm, tuple) and len(set(pitch_mm)) == 1 else pitch_mm
 
 
@@ -423,7 +424,7 @@ def display_text(display: Display) -> str:
 
 
 def check_radius(array: Array, where: str) -> None:
-    """Refuse domes that do not cover their cells; `where` is the key in errors."""
+    """Refuse a dome that does not cover its cell; `where` is the key in the message."""
     rho = array.half_diagonal_mm
     if not array.radius_mm >= rho:
         what = f"radius {array.radius_mm:g} mm is too small to span its cell, whose half diagonal is {rho:g} mm"
@@ -439,13 +440,13 @@ def _check(display: Display, where: str) -> None:
         raise input_error(f"{where}panel.pixel_pitch_mm", what, mend)
     if array.finest_mm < pixel_mm:
         what = f"{array.finest_mm:g} mm is finer than the panel's pixels ({pixel_mm:.6g} mm)"
-        raise input_error(f"{where}array.pitch_mm", what, "give at least one pixel pitch")
+        raise input_error(f"{where}array.pitch_mm", what, "give a pitch_mm of at least one pixel pitch")
     if array.extent_mm is not None:
         _check_extent(display, f"{where}array.extent_mm")
     if display.viewing_distance_mm is None:
         if display.viewing_axis_mm != (0.0, 0.0):
             what = "has no effect without viewing_distance_mm"
-            raise input_error(f"{where}viewing_axis_mm", what, "add viewing_distance_mm, or leave both out")
+            raise input_error(f"{where}viewing_axis_mm", what, "add viewing_distance_mm, or remove viewing_axis_mm")
         return
     nearest = display.nearest_eye_mm
     if not display.viewing_distance_mm >= nearest:
@@ -453,10 +454,10 @@ def _check(display: Display, where: str) -> None:
         inside = f"within the lenslets' focal zone, which ends at {nearest:.4g} mm"
         farther = f"a viewing_distance_mm such as {float(f'{1.01 * nearest:.3g}'):g}"
         in_focus = array.focal_length_mm - (display.aperture_distance_mm - gap)
-        # The gap is wrong if the eye would be far enough with the panel in focus.
+        # Report the gap if the eye would be far enough with the panel in focus.
         if 0.0 <= in_focus < gap and eye >= NEAREST_EYE * array.focal_length_mm:
             what = f"{gap:g} mm puts the eye at {eye:g} mm {inside}"
-            raise input_error(f"{where}gap_mm", what, f"give {in_focus:.4g}, in focus, or {farther}")
+            raise input_error(f"{where}gap_mm", what, f"give a gap_mm of {in_focus:.4g} (in focus), or {farther}")
         if 0.1 <= eye <= 10.0 and 1000.0 * eye >= nearest:  # probably metres
             farther = f"{1000.0 * eye:g}, if {eye:g} m are meant, or {farther}"
         raise input_error(f"{where}viewing_distance_mm", f"{eye:g} mm is {inside}", f"give {farther}")
@@ -468,11 +469,11 @@ def _check_extent(display: Display, where: str) -> None:
     size, column_mm, row_mm = f"{width:g} x {height:g} mm", array.pitches_mm[0], array.row_pitch_mm
     if width < column_mm or height < row_mm:
         what = f"{size} contains no lenslet of {column_mm:.4g} x {row_mm:.4g} mm"
-        raise input_error(where, what, "give the width and height of the area with lenslets, mm, or leave it out")
+        raise input_error(where, what, "give width and height of the area with lenslets, mm, or omit the key")
     if max(width, height) > MAX_EXTENT * math.hypot(panel.width_mm, panel.height_mm):
         what = f"{size} is over {MAX_EXTENT:g} times the panel, {panel.width_mm:.4g} x {panel.height_mm:.4g} mm"
-        raise input_error(where, what, "give it in mm, or leave it out for lenslets everywhere")
-    # Two parallelograms are disjoint if one of their four directions separates them.
+        raise input_error(where, what, "give extent_mm in mm, or omit the key for lenslets everywhere")
+    # Two parallelograms are disjoint if the normal of one of their sides separates them.
     turn = math.radians(array.rotation_deg)
     c, s = math.cos(turn), math.sin(turn)
     rows = (c, s)
@@ -488,9 +489,9 @@ def _check_extent(display: Display, where: str) -> None:
 
 
 def check_array(array: Array, where: str) -> None:
-    """Refuse lenslets that cannot be built; `where` precedes the key in errors."""
+    """Refuse lenslets that cannot be built; `where` precedes the key in the message."""
     check_radius(array, f"{where}radius_mm")
-    # The factor allows for a sag rounded to 15 digits.
+    # The factor accepts a thickness that is the sag, rounded to 15 digits.
     if array.thickness_mm < array.sag_mm * (1.0 - 1e-12):
         what = f"{array.thickness_mm:g} mm is below the sag of the dome, {array.sag_mm:.6g} mm"
         remedy = "make it at least the sag, or leave it out for the thinnest lenslet"

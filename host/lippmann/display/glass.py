@@ -1,4 +1,4 @@
-"""Refractive indices of lenslet glasses.
+"""Compute the refractive indices of lenslet glasses.
 
 Each glass has a Sellmeier formula n^2 - 1 = sum B w^2 / (w^2 - C), where w is the
 vacuum wavelength in micrometres. The sources of B and C are:
@@ -15,13 +15,13 @@ import math
 
 from lippmann.errors import InputError, as_number, did_you_mean
 
-#: Wavelength of a display file's focal length, nm: the helium d line.
+#: Wavelength for which a display file states the focal length, nm: the helium d line.
 DESIGN_WAVELENGTH_NM = 587.5618
 
 #: Accepted wavelengths, nm. The plastics' formulas extrapolate below 436.8 nm.
 WAVELENGTH_RANGE_NM = (380.0, 1060.0)
 
-#: Pairs (B, C) of each glass, C in square micrometres.
+#: Sellmeier coefficients (B, C) of each glass, C in square micrometres.
 SELLMEIER: dict[str, tuple[tuple[float, float], ...]] = {
     "N-BK7": ((1.03961212, 0.00600069867), (0.231792344, 0.0200179144), (1.01046945, 103.560653)),
     "PMMA": ((1.1819, 0.011313),),

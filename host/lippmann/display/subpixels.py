@@ -1,4 +1,4 @@
-"""Describes where a pixel, or a neighbour that has the colour, emits each colour."""
+"""Describe where a pixel, or its nearest neighbour with the colour, emits each colour."""
 
 from __future__ import annotations
 
@@ -11,10 +11,10 @@ from typing import Any, Literal, NamedTuple
 from lippmann.errors import InputError
 
 Colour = Literal["red", "green", "blue", "white"]
-#: An array of numpy or Dr.Jit, or one of these libraries.
+#: Type of a numpy or Dr.Jit array, or of a backend for such arrays.
 Numbers = Any
 COLOURS: tuple[Colour, ...] = ("red", "green", "blue", "white")
-#: Colour, centre (x, y upwards, from the first pixel's centre), width, height; pixels.
+#: A sub-pixel, in pixels: colour, centre (x, y upwards, from the first pixel's), width, height.
 Subpixel = tuple[Colour, float, float, float, float]
 #: Maximum period of a layout along x and y, pixels.
 MAX_PERIOD = 16
@@ -29,7 +29,7 @@ def _row(order: str, column: int = 0, row: int = 0) -> tuple[Subpixel, ...]:
     return tuple((names[letter], x, -float(row), 1.0 / n, 1.0) for letter, x in stripes)
 
 
-#: Layouts by name. In pentile, red-green pixels alternate with blue-green pixels.
+#: Layouts, keyed by name. In `pentile`, red-green pixels alternate with blue-green pixels.
 LAYOUTS: dict[str, tuple[Subpixel, ...]] = {
     **{order: _row(order) for order in ("rgb", "bgr", "rgbw")},
     "pentile": (*_row("rg"), *_row("bg", 1), *_row("bg", 0, 1), *_row("rg", 1, 1)),
@@ -37,7 +37,7 @@ LAYOUTS: dict[str, tuple[Subpixel, ...]] = {
 
 
 class Box(NamedTuple):
-    """A rectangle in pixels: its centre from a pixel's centre (u right, v down), its width and height."""
+    """A rectangle, in pixels: centre from a pixel's centre (u right, v down), width, height."""
 
     u: float
     v: float
@@ -54,12 +54,12 @@ class Layout:
     rows: int
 
     def gain(self, colour: Colour) -> float:
-        """Return a sub-pixel's brightness over its pixel's: the panel's area divided by the colour's area."""
+        """Return a sub-pixel's brightness relative to its pixel, panel area / area of the colour."""
         area = sum(w * h for name, _, _, w, h in self.subpixels if name == colour)
         return self.columns * self.rows / area
 
     def emitters(self, b: Numbers, u: Numbers, v: Numbers) -> Iterator[tuple[int, float, Numbers]]:
-        """Yield each sub-pixel's colour (index in `COLOURS`), gain, and a mask of the coordinates (u, v) inside it."""
+        """Yield each sub-pixel's colour (index in `COLOURS`) and gain, and a mask of points (u, v) inside it."""
         tile_u = u - self.columns * b.floor(u / self.columns)
         tile_v = v - self.rows * b.floor(v / self.rows)
         for colour, u_min, v_min, u_max, v_max in self.edges():
@@ -67,21 +67,21 @@ class Layout:
             yield COLOURS.index(colour), self.gain(colour), inside
 
     def edges(self) -> Iterator[tuple[Colour, float, float, float, float]]:
-        """Yield each sub-pixel's colour, left, top, right and bottom edge, in pixels from the layout's top left."""
+        """Yield each sub-pixel's colour and edges (left, top, right, bottom), pixels from the layout's top left."""
         for colour, x, y, w, h in self.subpixels:
-            # Edges are rounded, so that neighbours share an edge.
+            # Round the edges, so that neighbouring sub-pixels share an edge.
             u_min, u_max = (round(0.5 + x + side * w, 12) for side in (-0.5, 0.5))
             v_min, v_max = (round(0.5 - y + side * h, 12) for side in (-0.5, 0.5))
             yield colour, u_min, v_min, u_max, v_max
 
     def split_light(self, light: Sequence[Numbers], darkest: Numbers) -> list[Numbers]:
-        """Return the light of red, green, blue and white sub-pixels; white emits `darkest`, the others the rest."""
+        """Split a pixel's light: white sub-pixels emit `darkest`, the others the remainder."""
         if "white" not in (colour for colour, *_ in self.subpixels):
             return list(light)
         return [*(colour - darkest for colour in light), darkest]
 
     def boxes(self, colour: Colour) -> list[Box]:
-        """Return the sub-pixel of a colour for each pixel, row by row: the pixel's own or the nearest."""
+        """Return each pixel's sub-pixel of a colour, its own or the nearest, row by row."""
         own = [sub for sub in self.subpixels if sub[0] == colour]
         boxes = []
         for number in range(self.columns * self.rows):
@@ -93,7 +93,7 @@ class Layout:
 
     @property
     def borrows(self) -> bool:
-        """Whether some pixels lack one of the three colours."""
+        """Whether some pixel lacks a red, green or blue sub-pixel."""
         boxes = (box for colour in COLOURS[:3] for box in self.boxes(colour))
         return any(max(abs(box.u), abs(box.v)) > 0.5 + ROUNDING for box in boxes)
 
@@ -119,16 +119,16 @@ def layout_of(subpixels: str | tuple[Subpixel, ...]) -> Layout | None:
     for (colour, x, y, w, h), (column, row), subject in zip(table, pixels, titles, strict=True):
         if not (0 <= column < MAX_PERIOD and 0 <= row < MAX_PERIOD):
             place = f"is not in the {MAX_PERIOD} pixels right of and below the first"
-            raise InputError(f"{subject} {place}; give x and y in pixels from the first one's centre, y upwards")
+            raise InputError(f"{subject} {place}; give x and y in pixels from the first pixel's centre, y upwards")
         room = 0.5 + ROUNDING
         fits = abs(x - column) + 0.5 * w <= room and abs(y + row) + 0.5 * h <= room
         if not (w > 0.0 and h > 0.0 and fits):
             raise InputError(f"{subject}, {w:g} x {h:g} pixels, is not inside its pixel; make it smaller or move it")
         if owned.count((colour, (column, row))) > 1:
             remedy = "remove one, or describe two pixels"
-            raise InputError(f"{subject} shares its pixel with a {colour} sub-pixel; {remedy}")
+            raise InputError(f"{subject} shares its pixel with another {colour} sub-pixel; {remedy}")
     for ((_, *first), one), ((_, *second), other) in combinations(zip(table, titles, strict=True), 2):
         gaps = (abs(first[k] - second[k]) - 0.5 * (first[k + 2] + second[k + 2]) for k in (0, 1))
         if max(gaps) < -ROUNDING:
-            raise InputError(f"{one} overlaps {other}; make one smaller or move it")
+            raise InputError(f"{one} overlaps {other}; shrink or move one of them")
     return Layout(table, 1 + max(column for column, _ in pixels), 1 + max(row for _, row in pixels))

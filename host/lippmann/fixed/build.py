@@ -1,4 +1,4 @@
-"""`Build`: the parameters of the optics' RTL, such as lens model and word length."""
+"""Define `Build`: the parameters of the optics RTL, such as lens model and word length."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from lippmann.fixed.words import FRACTIONS, extra_bits
 from lippmann.optics.rays import Model
 from lippmann.optics.system import System
 
-#: Lens models of the RTL. Model `thin` runs on paraxial hardware with other coefficients.
+#: Lens models of the RTL. A `paraxial` build also traces the model `thin`.
 HardwareModel = Literal["pinhole", "paraxial", "exact"]
 
 
@@ -42,11 +42,11 @@ class Build:
             raise InputError("max_cell_steps must be 0 in a build whose rays cannot leave their cell")
         if self.viewer and self.model != "exact":
             raise InputError(
-                f"viewer belongs to exact builds; leave it out of a {self.model} build, whose registers set the side"
+                f"viewer requires model exact; leave viewer out of a {self.model} build, whose registers set the side"
             )
         if self.aims and self.model == "pinhole":
             raise InputError(
-                "aims sets the aperture points, and a pinhole build has none; leave aims out, or choose another model"
+                "aims requires aperture points, which a pinhole build lacks; leave aims out, or choose another model"
             )
 
     @classmethod
@@ -60,10 +60,10 @@ class Build:
         converge: bool | None = None,
         shear: bool | None = None,
     ) -> Build:
-        """Return the build that traces a display with a model.
+        """Return the RTL build that traces a display with a lens model.
 
-        By default, `max_cell_steps` is 2 where rays can leave their cell, else 0;
-        `converge` and `shear` are True where the display needs them.
+        By default, `max_cell_steps` is 2 if rays can leave their cell, else 0;
+        `converge` and `shear` are True if the display needs them.
         """
         viewer, exact = display.array.plano_side == "viewer", model == "exact"
         hardware: HardwareModel = "paraxial" if model == "thin" else model
@@ -79,36 +79,36 @@ class Build:
 
     @property
     def near(self) -> int:
-        """Bits of a near or wide word, W."""
+        """Number of bits W of a near word or a wide word."""
         return self.fraction_bits + 2
 
     @property
     def extra(self) -> int:
-        """Extra bits E of slopes and directions in the air."""
+        """Number of extra bits E of slopes and of directions in air."""
         return extra_bits(self.fraction_bits) if self.model == "exact" and not self.viewer else 0
 
     @property
     def local(self) -> int:
-        """Bits of a pixel's point measured from its lenslet's centre."""
+        """Number of bits of a pixel's point relative to its lenslet's centre."""
         return self.fraction_bits + (4 if self.converge or self.shear else 2)
 
     @property
     def aim(self) -> int:
-        """Bits of an aperture point measured from its lenslet's centre."""
+        """Number of bits of an aperture point relative to its lenslet's centre."""
         return self.fraction_bits + (4 if self.shear else 2)
 
     @property
     def slope_aims(self) -> bool:
-        """Whether the slope has a coefficient for the aperture point."""
+        """Whether a ray's slope has a coefficient for the aperture point."""
         return self.aims and (self.converge or self.model == "paraxial")
 
     def as_dict(self) -> dict[str, int | str]:
-        """Return the parameters for JSON; until the next version, `walk` repeats `max_cell_steps` by its old name."""
+        """Return the parameters for JSON; `walk` is `max_cell_steps` by its old name."""
         return {**dataclasses.asdict(self), "walk": self.max_cell_steps}
 
 
 def shift_mm(display: Display) -> float:
-    """Return the maximum distance, mm, of a pixel outside its lenslet's cell, if images converge."""
+    """Return the maximum shift, mm, of a pixel out of its cell if elemental images converge."""
     system = System.of(display)
     axis = system.convergence
     return axis.share * max(math.hypot(x - axis.axis_x, y - axis.axis_y) for x, y in system.frame.corners)
@@ -117,8 +117,8 @@ def shift_mm(display: Display) -> float:
 def _chief_rays_stray(display: Display) -> bool:
     """Return whether a chief ray towards the eye may leave its lenslet's cell before the dome.
 
-    Snell's law refracts a steep ray less than the thin lens that defines the display.
-    With the plano side to the viewer, the ray meets the dome near its vertex.
+    A dome refracts a steep ray less than a thin lens. If the plano side faces the
+    viewer, a chief ray meets the dome near its vertex.
     """
     array, shift = display.array, shift_mm(display)
     if not shift or array.plano_side == "viewer":
@@ -127,6 +127,6 @@ def _chief_rays_stray(display: Display) -> bool:
     nearest_side = lattice.half_mm / max(math.hypot(*axis) for axis in lattice.axes)
     slope = (shift + array.half_diagonal_mm) / display.aperture_distance_mm
     sine = slope / math.hypot(1.0, slope) / array.index
-    # In the plane of the rims, the ray is farthest from the axis.
+    # A ray is farthest from the axis in the plane of the dome's rim.
     depth = array.thickness_mm - array.sag_mm
     return slope * array.thickness_mm / array.index - depth * sine / math.sqrt(1.0 - sine**2) >= nearest_side

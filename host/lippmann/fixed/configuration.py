@@ -1,4 +1,4 @@
-"""Computes the optics' register values (`optics_config_t`) for one display."""
+"""Compute the optics block's register values (`optics_config_t`) for one display."""
 
 from __future__ import annotations
 
@@ -18,22 +18,23 @@ from lippmann.optics.models import ray_matrix
 from lippmann.optics.rays import Model
 from lippmann.optics.system import System
 
-#: Square of a ray's maximum slope, which is 60 degrees (`unit_slope`).
+#: Square of a ray's maximum slope, tan 60 degrees (`unit_slope`).
 MAX_SLOPE_SQUARE = 3.0
-#: Maximum distance of a ray from the axis on the first face, radii.
+#: Maximum distance of a ray from the lenslet's axis on the first face, radii.
 MAX_POINT = 4.0
-#: Maximum distance of a pixel from its lenslet with `converge`, pitches or rows.
+#: Maximum distance of a pixel from its lenslet in a `converge` build, pitches or rows.
 MAX_LOCAL = 8.0
-#: Range of the index. In it, the normal's factor at a dome is below 2, and a ray in the
-#: glass steeper than 60 degrees is totally reflected at the flat face.
+#: Range of the refractive index. In this range, the factor k of a dome's normal is
+#: below 2, and the flat face totally reflects rays in the glass steeper than 60
+#: degrees.
 INDEX_LIMITS = (1.16, 2.2)
-#: Minimum half of a cell, in units of the last bit. The measured error of an exit point
-#: where no ray grazes the dome is at most (5 + 1.2 (T/R)^2) R 2^-(F + 1), which is a
-#: thousandth of the pitch at T <= 1.5 R.
+#: Minimum half width of a cell, in units of the last bit. If no ray grazes the dome,
+#: the error of an exit point is at most (5 + 1.2 (T/R)^2) R 2^-(F + 1) for radius R and
+#: thickness T (measured): 1/1000 of the pitch for T <= 1.5 R.
 LEAST_HALF = 1 << 12
 #: Values of `extent_i` and `extent_j` for an array without missing lenslets.
 EVERYWHERE = (1 << (words.INDEX_BITS + 1)) - 1, (1 << words.INDEX_BITS) - 1
-#: Maximum steps from a pixel's lenslet to its exit's: aims of 1.5 pitches, 4 cell steps.
+#: Maximum lattice steps from a pixel's lenslet to the ray's exit lenslet.
 MAX_ASTRAY = 8
 
 _PITCHES = "(array.pitch_mm, panel.pixel_pitch_mm)"
@@ -48,7 +49,7 @@ _INDEX = f"array.index must be {INDEX_LIMITS[0]} to {INDEX_LIMITS[1]}"
 
 @dataclass(frozen=True)
 class Configuration:
-    """Register values: an integer for each field of `optics_config_t`, with its name."""
+    """Register values of the optics block, named as the fields of `optics_config_t`."""
 
     x_from_u: int
     x_from_v: int
@@ -87,8 +88,6 @@ class Configuration:
 
 
 class _Format(NamedTuple):
-    """A register's bits and fraction bits, the remedy for a value that does not fit, and whether builds read it."""
-
     bits: int
     fraction: int
     remedy: str
@@ -98,9 +97,9 @@ class _Format(NamedTuple):
 def nearest_word(
     value: float, bits: int, fraction: int, register: str, remedy: str, share: float = 1.0, unit: str = ""
 ) -> int:
-    """Return the word nearest to a value. Raises InputError if the value does not fit the register.
+    """Round a value to a word. Raises InputError if the value does not fit the register.
 
-    The message states the value and the limits, multiplied by `share`, in `unit`.
+    The message contains value and limits, multiplied by `share`, in `unit`.
     """
     word = math.floor(math.ldexp(value, fraction) + 0.5)
     if not -(1 << (bits - 1)) <= word < 1 << (bits - 1):
@@ -154,14 +153,14 @@ def _formats(build: Build) -> dict[str, _Format]:
 
 
 def in_words(config: Configuration, build: Build) -> tuple[Configuration, words.Bools | np.bool_]:
-    """Return registers truncated to a build's words, and whether a register does not fit its word.
+    """Truncate registers to a build's word lengths; also return whether a register does not fit.
 
-    The affine coefficients and offsets are as wide as their words.
+    Affine coefficients and offsets have the same length in all builds.
     """
     narrow = {name: form for name, form in _formats(build).items() if form.bits < words.SLOPE_BITS}
     read = {name: (form.bits, form.is_read) for name, form in narrow.items()}
     read |= {"extent_i": (words.INDEX_BITS + 2, True), "extent_j": (words.INDEX_BITS + 1, True)}
-    cut: dict[str, Any] = {}  # integers, or arrays in tests
+    cut: dict[str, Any] = {}  # integers (arrays in tests)
     beyond: words.Bools | np.bool_ = np.False_
     for name, (bits, is_read) in read.items():
         value = getattr(config, name)
@@ -172,16 +171,16 @@ def in_words(config: Configuration, build: Build) -> tuple[Configuration, words.
 
 
 def configuration(display: Display, build: Build, model: Model, reach_mm: float | None = None) -> Configuration:
-    """Return the register values with which a build traces a display.
+    """Return the register values with which an RTL build traces a display.
 
     `reach_mm` is the maximum distance of an aperture point from its lenslet's centre,
-    by default the distance of a cell's corner. Raises InputError if the build does not
-    fit this display, or a value does not fit its register.
+    by default that of a cell's corner. Raises InputError if the build does not fit this
+    display, or a value does not fit its register.
     """
     _check_build(display, build, model)
     _check_panel(display)
     slope, point = _sums(display, build, model)
-    # Narrower ranges are checked first, as their messages are more specific.
+    # Check narrower ranges first: their messages are more specific.
     _check_lens(display, build)
     _check_reach(display, build, slope, point, reach_mm)
     numbers = _lattice_numbers(display) | _lens_numbers(display, build, model, slope, point)
@@ -189,7 +188,7 @@ def configuration(display: Display, build: Build, model: Model, reach_mm: float 
     for name, value in numbers.items():
         form = formats[name]
         registers[name] = nearest_word(value, form.bits, form.fraction, f"register {name}", form.remedy)
-    # Half a unit is added, so that truncation rounds the lattice coordinates.
+    # Add half a unit, so that the RTL's truncation rounds the lattice coordinates.
     half = 1 << (words.OFFSET_FRACTION - 1 - build.fraction_bits)
     registers["x_offset"] += half
     registers["y_offset"] += half
@@ -200,7 +199,6 @@ def configuration(display: Display, build: Build, model: Model, reach_mm: float 
 
 
 def _lattice_numbers(display: Display) -> dict[str, float]:
-    """Return the real values of the registers that map pixels (right, upward) to the lattice."""
     (p, _), row, lean = display.array.pitches_mm, display.array.row_pitch_mm, display.array.shear
     system = System.of(display)
     frame, convergence = system.frame, system.convergence
@@ -220,13 +218,12 @@ def _lattice_numbers(display: Display) -> dict[str, float]:
 def _lens_numbers(
     display: Display, build: Build, model: Model, slope: tuple[float, float], point: tuple[float, float]
 ) -> dict[str, float]:
-    """Return the real values of the registers for a ray in its lenslet, in pitches, rows or radii."""
     array, f, exact = display.array, build.fraction_bits, build.model == "exact"
     (p, tall), row, R, lean = array.pitches_mm, array.row_pitch_mm, array.radius_mm, array.shear
-    # Other models do not read these registers, so any values that fit are allowed.
+    # Only exact builds read index and depth; other builds get values that fit.
     T, n = (array.thickness_mm, array.index) if exact else (R, 1.5)
     flat_exit, square = model in ("paraxial", "exact") and array.plano_side == "viewer", array.grid == "square"
-    # On a converged display, the RTL multiplies local points by 1 - share.
+    # Division by `shrink` compensates the factor 1 - share of `converge` builds.
     convergence = System.of(display).convergence
     share, shrink = convergence.share, 1.0 - convergence.share
     axis_x = convergence.axis_x - lean * convergence.axis_y
@@ -265,8 +262,8 @@ def _lens_numbers(
 def _sums(display: Display, build: Build, model: Model) -> tuple[tuple[float, float], tuple[float, float]]:
     """Return (k, l) of the slope k x + l a, and (k, l) of the point k x + l a, mm, on the first face.
 
-    x is the pixel's point, a the aperture point. Without `converge` the slope of an
-    exact ray is k (a - x).
+    x is the pixel's point, a the aperture point. If `converge` is false, an exact ray
+    has the slope k (a - x).
     """
     D = display.aperture_distance_mm
     share = display.gap_mm / D
@@ -310,7 +307,7 @@ def _check_panel(display: Display) -> None:
             f"register raster_panel: a panel of {panel.width_px} x {panel.height_px} is outside its range, 1 to "
             f"{limit - 1} in each direction; lower panel.width_px and panel.height_px"
         )
-    # The panel's corners in lenslets; on a hexagonal grid, i has an oblique axis.
+    # Convert the panel's corners to lattice coordinates; the hexagonal i axis is oblique.
     system = System.of(display)
     x, y = system.convergence.towards_eye(*np.array(system.frame.corners).T)
     x, y = (x - array.shear * y) / array.pitches_mm[0], y / array.row_pitch_mm
@@ -331,10 +328,10 @@ def _check_reach(
     array, exact = display.array, build.model == "exact"
     rho = array.half_diagonal_mm
     reach = rho if reach_mm is None else reach_mm
-    # A ray aimed outside its cell belongs to another lenslet.
+    # A ray aimed outside its pixel's cell belongs to another, farther lenslet.
     pixel = rho if reach <= rho * (1.0 + 1e-9) else 2.0 * rho + reach
     aim = rho if build.aims else 0.0
-    # The lenslet's size, or its shift towards the eye, may make rays too steep.
+    # The lenslet's size or its shift towards the eye may make rays too steep.
     shift = shift_mm(display)
     distances = math.hypot(1.0, array.shear) / array.pitches_mm[0], 1.0 / array.row_pitch_mm
     local = (pixel + shift) * (1.0 - System.of(display).convergence.share) * max(distances)
@@ -355,7 +352,7 @@ def _check_reach(
     steepest += abs(slope[0]) * shift
     if steepest**2 >= MAX_SLOPE_SQUARE:
         raise InputError(
-            f"registers {names('slope')}: they make slopes of a ray up to {steepest:.3g}, outside the range "
+            f"registers {names('slope')}: a ray's slope is up to {steepest:.3g}, outside the range "
             f"[0, {math.sqrt(MAX_SLOPE_SQUARE):.3f}) of 60 degrees; {remedy}"
         )
     furthest = (abs(point[0]) * pixel + abs(point[1]) * aim) / array.radius_mm
@@ -363,17 +360,12 @@ def _check_reach(
     furthest += abs(point[0]) * shift / array.radius_mm
     if furthest >= MAX_POINT:
         raise InputError(
-            f"registers {names('point')}: they make points on the first face up to {furthest:.3g} radii from the axis, "
+            f"registers {names('point')}: a ray's point on the first face is up to {furthest:.3g} radii from the axis, "
             f"outside the range [0, {MAX_POINT:g}); {remedy}"
         )
 
 
 def _check_lens(display: Display, build: Build) -> None:
-    """Refuse a dome so flat that its cell, in radii, has too few significant bits.
-
-    In exact builds, refuse an index out of range, and a substrate in which a ray's length
-    exceeds a far word, 8 radii.
-    """
     array, f, widest = display.array, build.fraction_bits, words.FRACTIONS[-1]
     half, least = 0.5 * array.finest_mm / array.radius_mm, math.ldexp(LEAST_HALF, -f - 1)
     if build.model != "pinhole" and half < least:

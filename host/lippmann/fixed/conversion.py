@@ -1,4 +1,4 @@
-"""Converts pixels, aperture points (mm) and rays to fixed-point words, and back."""
+"""Convert pixels and aperture points to fixed-point words and back, and words to rays."""
 
 from __future__ import annotations
 
@@ -13,10 +13,10 @@ from lippmann.optics.system import System
 
 
 def words_of_pixels(display: Display, pixels: Floats) -> tuple[Ints, Ints]:
-    """Return pixel coordinates (N, 2) as words from the panel's centre, rounded to 1/16 pixel.
+    """Convert pixel coordinates (N, 2) to words from the panel's centre, in 1/16 pixel.
 
-    Raises InputError for pixels that do not fit the words, and for pixels outside a
-    panel whose elemental images converge on an eye, as their rays may be too steep.
+    Raises InputError for pixels that do not fit the words and, if elemental images
+    converge, for pixels outside the panel, whose rays may be too steep.
     """
     scale, half = 1 << PIXEL_FRACTION, 0.5 * np.array([display.panel.width_px, display.panel.height_px])
     words = np.floor((pixels - half) * (scale, -scale) + 0.5)
@@ -24,7 +24,7 @@ def words_of_pixels(display: Display, pixels: Floats) -> tuple[Ints, Ints]:
         reach = 1 << (PIXEL_BITS - 1 - PIXEL_FRACTION)
         raise InputError(
             f"pixels lie outside [-{reach}, {reach}) from the panel's centre, the range of the fixed-point engines' "
-            "pixel coordinates; give pixels nearer to it"
+            "pixel coordinates; give pixels nearer to the centre"
         )
     if display.viewing_distance_mm is not None and (np.abs(words) > half * scale).any():
         raise InputError(
@@ -35,13 +35,13 @@ def words_of_pixels(display: Display, pixels: Floats) -> tuple[Ints, Ints]:
 
 
 def pixels_of_words(display: Display, u: Ints, v: Ints) -> Floats:
-    """Return the pixel coordinates (N, 2) of the words (u, v)."""
+    """Convert the words (u, v) to pixel coordinates (N, 2)."""
     panel, scale = display.panel, 1.0 / (1 << PIXEL_FRACTION)
     return np.stack([u * scale + 0.5 * panel.width_px, 0.5 * panel.height_px - v * scale], axis=1)
 
 
 def words_of_aims(display: Display, aperture_mm: Floats, fraction_bits: int) -> tuple[Ints, Ints]:
-    """Return aperture points (N, 2), lens-local mm, as wide words in pitches and rows along the lattice.
+    """Convert aperture points (N, 2), mm from the lenslet's centre, to wide words in pitches and rows.
 
     Raises InputError for points more than 1.5 pitches from their lenslet's centre.
     """
@@ -51,14 +51,14 @@ def words_of_aims(display: Display, aperture_mm: Floats, fraction_bits: int) -> 
     if (np.abs(scaled) > 1.5).any():
         raise InputError(
             "aperture points lie more than 1.5 pitches from their lenslet's centre; give the fixed-point engines "
-            "points nearer to it"
+            "points nearer to the centre"
         )
     words = np.floor(np.ldexp(scaled, fraction_bits) + 0.5).astype(np.int64)
     return words[:, 0], words[:, 1]
 
 
 def aims_of_words(display: Display, a: Ints, b: Ints, fraction_bits: int) -> Floats:
-    """Return the aperture points (N, 2), mm, of the words (a, b)."""
+    """Convert the words (a, b) to aperture points (N, 2), mm."""
     array = display.array
     x = np.ldexp(a * array.pitches_mm[0], -fraction_bits)
     y = np.ldexp(b * array.row_pitch_mm, -fraction_bits)
@@ -66,12 +66,12 @@ def aims_of_words(display: Display, a: Ints, b: Ints, fraction_bits: int) -> Flo
 
 
 def word_unit(fraction_bits: int) -> float:
-    """Return the value of the last bit of a direction, and of a point in radii."""
+    """Return the value of the last bit of a direction word, and of a point word in radii."""
     return 2.0 ** -(fraction_bits + 1)
 
 
 def rays_of_words(display: Display, pixel: Floats, rays: FixedRays, fraction_bits: int) -> Rays:
-    """Return rays in mm along the panel's axes; `pixel` (N, 2) are their pixels."""
+    """Convert words to rays in mm, in the panel's axes; `pixel` (N, 2) are pixel coordinates."""
     system = System.of(display)
     frame = system.frame
     unit = word_unit(fraction_bits)

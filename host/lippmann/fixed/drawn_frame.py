@@ -1,4 +1,4 @@
-"""Draws a stack of layers on a display in integers, as a board does."""
+"""Draw a stack of layers on a display in integer arithmetic, as a board does."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from lippmann.layers.stack import LayerStack
 
 
-#: Offsets of a pixel's samples from its centre, right and upward, 1/16 pixel.
+#: Offsets of samples from a pixel's centre, right and upward, in 1/16 pixel.
 SAMPLE_OFFSETS: dict[int, tuple[tuple[int, int], ...]] = {
     1: ((0, 0),),
     2: ((-4, 4), (4, -4)),
@@ -30,7 +30,7 @@ SAMPLE_OFFSETS: dict[int, tuple[tuple[int, int], ...]] = {
 }
 #: Maximum number of rays drawn at once.
 _CHUNK_RAYS = 1 << 16
-#: A function that draws exit rays, called like `scene_pipeline.scene`.
+#: A function that draws exit rays, with the parameters of `scene_pipeline.scene`.
 Scene = Callable[[FixedRays, SceneWords, Mapping[int, Bytes], Bytes, SceneBuild, int], Bytes]
 
 
@@ -45,12 +45,12 @@ def draw(
     threads: int = 1,
     rows: range | None = None,
 ) -> Bytes:
-    """Return the pixels (rows, width, 3) of a stack, drawn by builds of the optics and of the drawing.
+    """Draw a layer stack with an optics build and a scene build; return the pixels (rows, width, 3).
 
-    `model` is the lens model, by default the build's. `rows` are the panel's rows to draw,
-    by default all. `pipeline` traces the rays and `shade` draws them, by default with the
-    twin; several threads call both. Raises InputError if the display or the stack does
-    not fit the builds.
+    `model` is the lens model, by default the build's. `rows` are the panel's rows to
+    draw, by default all. `pipeline` traces rays and `shade` draws them, by default as
+    in the twin. Threads call `pipeline` and `shade`. Raises InputError if the display
+    or the stack does not fit the builds.
     """
     panel, f = display.panel, build.fraction_bits
     rows = range(panel.height_px) if rows is None else rows
@@ -66,14 +66,14 @@ def draw(
         return shade(rays, words, slots, table, scene_build, f)
 
     with ThreadPoolExecutor(threads) as pool:
-        # After an error or Ctrl-C, `map` starts no further part.
+        # After an error or Ctrl-C, `map` starts no further band.
         bands = (rows[first : first + at_once] for first in range(0, len(rows), at_once))
         parts = list(pool.map(draw_rows, bands))
     return np.concatenate(parts).reshape(len(rows), panel.width_px, 3)
 
 
 def sample_words(width: int, height: int, samples: int, drawn_rows: range) -> tuple[Ints, Ints]:
-    """Return the words (u, v) of the samples of a panel's rows, in raster order."""
+    """Return the pixel words (u, v) of all samples in the given rows, in raster order."""
     offsets = np.array(SAMPLE_OFFSETS[samples])
     rows, columns = np.mgrid[drawn_rows.start : drawn_rows.stop, :width]
     u = 8 * (2 * columns + 1 - width)[..., None] + offsets[:, 0]

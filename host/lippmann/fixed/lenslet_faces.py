@@ -1,8 +1,8 @@
-"""Steps 4 to 6 (rtl/optics): a ray enters the glass of a lenslet, meets its dome and leaves the glass.
+"""Compute steps 4 to 6 of a ray (rtl/optics): entry into the glass, dome, and exit from the glass.
 
 In the glass, dx and dy are near words with E = `extra_bits` more bits, and dz has 3 E
-more. Squared sines and cosines have F + 3 fraction bits. A ray overflows if a word does
-not fit, or is out of range by more than rounding errors.
+more bits. Squared sines and cosines have F + 3 fraction bits; M is 2^(F+3) - 1. A ray
+overflows if a value exceeds its word, or its range by more than rounding errors.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ from lippmann.fixed.words import (
 
 
 class Meeting(NamedTuple):
-    """Unit normal N where a ray meets the dome, cosine to N, squared sine, flags of miss and overflow."""
+    """Intersection with the dome: unit normal N, cosine and squared sine to N, miss, overflow."""
 
     nx: Ints
     ny: Ints
@@ -47,9 +47,9 @@ def meet_dome(
 ) -> Meeting:
     """Intersect rays from (hx, hy, zc) with the unit sphere around the origin.
 
-    For upward rays zc is `depth`, and `depth_rest` is 1 - zc^2. For downward rays zc is 1,
-    and products of `dz`, which is |dz|, are truncated, then subtracted. A ray that misses
-    continues for half a radius from its point nearest to the centre.
+    For upward rays zc is `depth`, and `depth_rest` is 1 - zc^2. For downward rays zc is
+    1, `dz` is |dz|, and products of `dz` are truncated, then subtracted. A ray that
+    misses the sphere continues for half a radius from its point nearest to the centre.
 
         b    = ((hx dx >> F-4+E) + (hy dy >> F-4+E) + (zc dz >> F-4+3E) + 1) >> 1
         C    = (1 - zc^2) - (hx hx >> F-3) - (hy hy >> F-3) + (b b >> F+5)
@@ -58,13 +58,14 @@ def meet_dome(
         N_x  = saturate(((hx << 4) + (l dx >> F-3+E) + 4) >> 3),  N_y likewise
         N_z  = saturate(((zc << 4) + (l dz >> F-3+3E) + 4) >> 3).
 
-    b has F + 4 fraction bits, l has F. A ray is missed if C < 0. It overflows if b or l
-    does not fit, if C > 1 or, unless missed, if a coordinate of N is outside [-1, 1].
+    b has F + 4 fraction bits, l has F fraction bits. A ray misses if C < 0. A ray
+    overflows if b or l does not fit its word, if C > 1 or, unless missed, if a
+    coordinate of N is outside [-1, 1].
     """
     near, wide, far, foot = f + 2, f + 3, f + 4, f + 8
     extra = extra_bits(f)
     near_d, axial = near + extra, near + 3 * extra
-    # b = V . d, with four bits more than the cosine
+    # b = V . d, with V = (hx, hy, zc); b has four bits more than the cosine
     drop = f - 1 - GUARD
     total = multiplier(hx, dx, wide, near_d, drop + extra) + multiplier(hy, dy, wide, near_d, drop + extra)
     along = multiplier(dz, depth, axial, far, drop + 3 * extra) if upward else -(dz << 4 >> 3 * extra)
@@ -102,16 +103,16 @@ def cell_step(
 ) -> tuple[Ints, Ints, Bools]:
     """Return the step (di, dj) to the next cell to try, and a mask of the points inside their own cell.
 
-    `half` is px / (2 R) and `half_y` is py / (2 R), near words. `lean` is the shear s,
-    a wide word. `rise` is h = (sqrt(3)/2) px / py - s / 2, W + 2 bits, F + 1 of them
-    fraction bits. q0 is nx without `shear`, q1 is ny on the square grid. On the hexagonal
-    grid, the step crosses the flat with the largest of |q0|, |q1|, |q2|, where
-    q2 = q1 - q0 and |q| is ~q for q < 0:
+    `half` is px / (2 R) and `half_y` is py / (2 R), near words, for pitches px, py and
+    radius R. `lean` is the shear s, a wide word. `rise` is h = (sqrt(3)/2) px / py - s
+    / 2, W + 2 bits, F + 1 of them fraction bits. q0 is nx if `shear` is false, q1 is ny
+    on the square grid. On the hexagonal grid, the step crosses the side with the
+    largest of |q0|, |q1|, |q2|, where q2 = q1 - q0 and |q| is ~q for q < 0:
 
         q0   = ((nx << 3) - (ny s >> F-3) + 4) >> 3
         q1   = ((ny m >> F-2) + (nx << 2) + (n ny << 3) + 4) >> 3,  h = n 2^(F+1) + m.
 
-    with 0 <= m < 2^(F+1).
+    m is in [0, 2^(F+1)).
     """
     word = f + 2
     q0 = guarded((nx << GUARD) - multiplier(ny, lean, word, word, f - GUARD)) if shear else nx
@@ -129,7 +130,7 @@ def cell_step(
     inside = (side(q, half) == 0).all(axis=0)
     first = np.argmax(np.where(q < 0, ~q, q), axis=0)
     sign = np.where(inside, 0, np.where(np.choose(first, q) < 0, -1, 1))
-    # Steps to the cells beyond the three flats with q > 0.
+    # Steps to the cells beyond the three sides with q > 0.
     di, dj = sign * np.array([(1, 0, -1), (0, 1, 1)])[:, first]
     return di, dj, inside
 
@@ -137,7 +138,7 @@ def cell_step(
 def move_lenslet(
     hx: Ints, hy: Ints, di: Ints, dj: Ints, cx: int, cy: int, rx: int, grid: Grid, f: int, shear: bool
 ) -> tuple[Ints, Ints, Bools]:
-    """Return (hx - di cx - dj rx, hy - dj cy), F fraction bits, and a mask of overflows."""
+    """Return points from the next lenslet, (hx - di cx - dj rx, hy - dj cy); mask overflows."""
     if not shear:
         rx = cx >> 1 if grid == "hex" else 0
     word = f + 3
@@ -146,14 +147,14 @@ def move_lenslet(
 
 
 def enter_flat(ex: Ints, ey: Ints, index_inverse: int, f: int) -> tuple[Ints, Ints, Ints, Bools]:
-    """Return the direction in the glass from (ex, ey) in the air, and a mask of directions over 60 degrees.
+    """Refract directions (ex, ey) at the flat face into the glass; mask directions over 60 degrees.
 
         t_x  = ((e_x i >> F-2) + 4) >> 3,  t_y likewise
         g    = max((t_x t_x >> F-3+2E) + (t_y t_y >> F-3+2E), 0) >> 2
         dz   = sqrt(M - g)
 
-    i is 1/n, g has F + 3 fraction bits, dz has 3 E bits more. A direction is steeper than
-    60 degrees if M - g < 1/4.
+    i is 1/n for the index n. g has F + 3 fraction bits, and dz has 3 E extra bits. A
+    direction is steeper than 60 degrees if M - g < 1/4.
     """
     word, extra = f + 2, extra_bits(f)
     tx = guarded(multiplier(ex, index_inverse, word + extra, word, f + 1 - GUARD))
@@ -163,7 +164,7 @@ def enter_flat(ex: Ints, ey: Ints, index_inverse: int, f: int) -> tuple[Ints, In
 
 
 def axial_square(dx: Ints, dy: Ints, f: int, extra: int = 0) -> tuple[Ints, Bools]:
-    """Return the square of dz, and a mask where the squared lateral direction is 1 or more."""
+    """Return dz^2 = 1 - dx^2 - dy^2, and a mask of directions with dx^2 + dy^2 >= 1."""
     word, drop = f + 2 + extra, f - 3 + 2 * extra
     total = multiplier(dx, dx, word, word, drop) + multiplier(dy, dy, word, word, drop)
     g = np.maximum(total, 0) >> 2
@@ -172,12 +173,12 @@ def axial_square(dx: Ints, dy: Ints, f: int, extra: int = 0) -> tuple[Ints, Bool
 
 
 def below_quarter(square: Ints, f: int) -> Bools:
-    """Mark squares, F + 3 fraction bits, below 1/4, which the roots do not accept."""
+    """Mark squares (F + 3 fraction bits) below 1/4, which the root functions do not accept."""
     return square < 1 << (f + 1)
 
 
 def cosine_behind(s: Ints, ratio_square: int, f: int) -> tuple[Ints, Ints]:
-    """Return the squared cosine behind a face from the squared sine `s` before it, and the clipped cosine."""
+    """Return the squared cosine after refraction, from the squared sine `s` before, and the clipped cosine."""
     far = f + 4
     c = (1 << (f + 3)) - multiplier(s, ratio_square, far, far, f)
     return c, sqrt(np.clip(c, 0, (1 << (f + 3)) - 1), f)
@@ -186,15 +187,15 @@ def cosine_behind(s: Ints, ratio_square: int, f: int) -> tuple[Ints, Ints]:
 def enter_dome(
     met: Meeting, ex: Ints, ey: Ints, index_inverse: int, index_inverse_square: int, f: int
 ) -> tuple[Ints, Ints, Bools]:
-    """Return the lateral direction in the glass (near words) from (ex, ey) in the air, and a mask of overflows.
+    """Refract directions (ex, ey) at the dome into the glass; return dx, dy (near words) and overflow.
 
         C'   = 2^(F+3) - (s i2 >> F)
         cos' = sqrt(min(max(C', 0), M))
         k    = (4 cos' - (cos i >> F-1) + 4) >> 3
         d'_x = saturate(((e_x i >> F-2) - (k N_x >> F-3) + 4) >> 3),  d'_y likewise.
 
-    k is a wide word, i is 1/n, i2 is 1/n^2. A ray overflows if C' is below 0 or above 1,
-    or if the direction is outside [-1, 1].
+    k is a wide word, i is 1/n, i2 is 1/n^2. A ray overflows if C' is below 0 or above
+    1, or if d'_x or d'_y is outside [-1, 1].
     """
     near = f + 2
     c, cos_glass = cosine_behind(met.s, index_inverse_square, f)
@@ -212,7 +213,7 @@ def enter_dome(
 def leave_dome(
     met: Meeting, ex: Ints, ey: Ints, dz: Ints, index: int, index_square: int, f: int
 ) -> tuple[Ints, Ints, Ints, Bools, Bools]:
-    """Return the direction in the air (near words), and masks of reflected and overflowing rays.
+    """Refract rays at the dome into air; return directions (near words), reflection and overflow.
 
         C'   = 2^(F+3) - (s n2 >> F)
         cos' = sqrt(min(max(C', 0), M))
@@ -220,9 +221,9 @@ def leave_dome(
         d'_x = saturate(((e_x << 3-E) + (k N_x >> F-3) + 4) >> 3),  d'_y likewise
         d'_z = saturate(((dz n >> F-3+3E) + (k N_z >> F-3) + 4) >> 3).
 
-    e is the direction in the air before the flat face, k a wide word, n2 is n^2. A ray is
-    reflected if C' <= 0. It overflows if C' > 1 or, unless reflected, if k does not fit or
-    d' exceeds 1.
+    e is the direction in air before the flat face. k is a wide word, and n2 is n^2. A
+    ray is reflected if C' <= 0. A ray overflows if C' > 1 or, unless reflected, if k
+    does not fit its word or d' exceeds 1.
     """
     near = f + 2
     c, cos_air = cosine_behind(met.s, index_square, f)
@@ -241,7 +242,7 @@ def leave_dome(
 
 
 class FlatExit(NamedTuple):
-    """Point on the flat face (F + 4 bits, F + 1 fraction bits), direction (near words), reflection, overflow."""
+    """Exit points (F + 4 bits, F + 1 fraction bits) on the flat face, directions (near words), masks."""
 
     x: Ints
     y: Ints
@@ -267,14 +268,15 @@ def leave_flat(met: Meeting, dx: Ints, dy: Ints, depth: int, index: int, index_s
         d'_x = saturate(((dx n >> F-3) + 4) >> 3),  d'_y likewise
         d'_z = sqrt(min(max(C', 0), M)),  reflected ((y r >> F+1) + 1) >> 1.
 
-    y has F + 3 fraction bits; rsqrt reads it as 4 y, so r = 1 / (2 dz). u is the remaining
-    depth and l the length, both far words; zc = 1 - T/R (`depth`), n2 is n^2. A ray is
-    reflected if C' <= 0. It overflows if g >= 1, if C' > 1, or, unless reflected, if y is
-    below 1/4, u, l, X or Y does not fit, or d'_x or d'_y is outside [-1, 1].
+    y has F + 3 fraction bits; `rsqrt` reads y as 4 y, so r = 1 / (2 dz). u is the depth
+    to the flat face and l the path length, both far words. zc is `depth`, 1 - T/R, and
+    n2 is n^2. A ray is reflected if C' <= 0. A ray overflows if g >= 1, if C' > 1, or,
+    unless reflected, if y is below 1/4, u, l, X or Y does not fit its word, or d'_x or
+    d'_y is outside [-1, 1].
     """
     near, far = f + 2, f + 4
     square, over = axial_square(dx, dy, f)
-    half_inverse = np.minimum(rsqrt(square, f), (1 << (f + 1)) - 1)  # 1 does not fit a near word
+    half_inverse = np.minimum(rsqrt(square, f), (1 << (f + 1)) - 1)  # the value 1 does not fit a near word
     # to_go is the depth to the flat face, path is the length of the path to it.
     to_go = (met.nz + (1 - 2 * depth)) >> 1
     path = halved(multiplier(wrapped(to_go, far), half_inverse, far, near, f - 1))

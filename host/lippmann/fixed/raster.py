@@ -1,4 +1,4 @@
-"""A frame's rays and their jitter (rtl/optics/lipp_raster.sv), and positions in cells for test patterns."""
+"""Compute a frame's jittered rays (rtl/optics/lipp_raster.sv), and cell positions for test patterns."""
 
 from __future__ import annotations
 
@@ -18,10 +18,10 @@ from lippmann.fixed.words import MUL_BITS, PIXEL_BITS, PIXEL_FRACTION, SLOPE_BIT
 Jitter = Literal["off", "table", "lfsr"]
 
 TABLE_ENTRIES = 64
-#: Bits and fraction bits of the aperture point in a jitter entry.
+#: Bits and fraction bits of an aperture coordinate in a jitter entry.
 AIM_BITS = 12
 AIM_FRACTION = 10
-#: Maximum number of columns or rows of a panel, and of rays per pixel.
+#: Maximum number of columns or rows of a panel, and maximum number of rays per pixel.
 MAX_PANEL = (1 << (PIXEL_BITS - PIXEL_FRACTION)) - 1
 MAX_SAMPLES = 1 << 16
 
@@ -64,7 +64,7 @@ class Raster:
 
 
 class RasterRays(NamedTuple):
-    """Rays (N,) in order: words of pixel and aperture point, and flags of the frame's first and last ray."""
+    """A frame's rays (N,): words of pixel and aperture point, flags of first and last ray."""
 
     u: Ints
     v: Ints
@@ -75,7 +75,7 @@ class RasterRays(NamedTuple):
 
 
 def raster(frame: Raster, table: Ints, f: int) -> RasterRays:
-    """Return a frame's rays; `table` (64,) is the jitter table."""
+    """Return a frame's rays in order; `table` (64,) is the jitter table."""
     (first_column, last_column), (first_row, last_row) = frame.columns, frame.rows
     window = np.mgrid[first_row : last_row + 1, first_column : last_column + 1, : frame.samples]
     rows, columns, sample = window.reshape(3, -1)
@@ -113,7 +113,6 @@ def lfsr(seed: int, count: int) -> Ints:
 
 
 def _times(states: Ints, factor: int) -> Ints:
-    """Multiply polynomials over GF(2) by `factor`, modulo the LFSR's polynomial."""
     product = np.zeros_like(states)
     for bit in reversed(range(32)):
         product = (product << 1) ^ np.where(product >> 31, (1 << 32) | POLYNOMIAL, 0)
@@ -125,7 +124,7 @@ def _times(states: Ints, factor: int) -> Ints:
 def locate_pixels(
     config: Configuration, grid: Grid, f: int, width: int, height: int, columns: Ints, rows: Ints
 ) -> tuple[Ints, Ints, Ints, Ints]:
-    """Return the pixels' lenslets (i, j), and the pixels (x in pitches, y in rows) from the lenslets' centres."""
+    """Return the lenslets (i, j) of pixels, and the pixels from the centres, x in pitches, y in rows."""
     u, v = 8 * (2 * columns + 1 - width), 8 * (height - 1 - 2 * rows)
     x, _ = pixel_to_lattice(u, v, config.x_from_u, config.x_from_v, config.x_offset, f)
     y, _ = pixel_to_lattice(u, v, config.y_from_u, config.y_from_v, config.y_offset, f)
@@ -134,7 +133,7 @@ def locate_pixels(
 
 
 def holds_centre(config: Configuration, f: int, x: Ints, y: Ints) -> Bools:
-    """Mark pixels that contain their lenslet's centre, (-x, -y) from the pixel."""
+    """Mark pixels that contain their lenslet's centre, at (-x, -y) from the pixel."""
     cut = SLOPE_BITS - MUL_BITS
     xu, xv = config.x_from_u >> cut, config.x_from_v >> cut
     yu, yv = config.y_from_u >> cut, config.y_from_v >> cut
@@ -145,6 +144,6 @@ def holds_centre(config: Configuration, f: int, x: Ints, y: Ints) -> Bools:
 
 
 def places_in_cell(grid: Grid, f: int, x: Ints, y: Ints) -> tuple[Ints, Ints]:
-    """Return positions in the cell, to the right and upward, 0 to 255."""
+    """Return positions of pixels in their cell, to the right and upward, 0 to 255."""
     up = y - (y >> 2) if grid == "hex" else y
     return np.clip((256 * x + (128 << f)) >> f, 0, 255), np.clip((256 * up + (128 << f)) >> f, 0, 255)

@@ -1,4 +1,4 @@
-"""The path of a ray from pixel to exit ray, in integers (rtl/optics/lipp_ray_pipeline.sv)."""
+"""Trace rays from pixel to exit in integer arithmetic (rtl/optics/lipp_ray_pipeline.sv)."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ class FixedRays(NamedTuple):
 def ray_pipeline(u: Ints, v: Ints, a: Ints, b: Ints, config: Configuration, build: Build) -> FixedRays:
     """Trace rays from pixels (u, v), 4 fraction bits, through aperture points (a, b), wide words.
 
-    A ray is missed if one of its words, or a register, wraps or saturates.
+    A ray is `missed` if one of its words, or a register, wraps or saturates.
     """
     f, grid = build.fraction_bits, build.grid
     config, unfit = in_words(config, build)
@@ -107,7 +107,6 @@ def ray_pipeline(u: Ints, v: Ints, a: Ints, b: Ints, config: Configuration, buil
 def _sums(
     x: Ints, y: Ints, from_x: Ints, from_y: Ints, a: Ints, b: Ints, config: Configuration, build: Build
 ) -> tuple[Ints, Ints, Ints, Ints, Bools]:
-    """Return the rays' slopes and points on the first face, and a mask of rays whose words overflow."""
     f, near, bits = build.fraction_bits, build.near, (build.local, build.aim)
     to_a, to_b = (a, b) if build.slope_aims else (None, None)
     slope = near + build.extra, *bits, build.extra
@@ -125,10 +124,7 @@ def _sums(
 def _through_lenslet(
     i: Ints, j: Ints, hx: Ints, hy: Ints, air: tuple[Ints, Ints, Ints], config: Configuration, build: Build
 ) -> tuple[FixedRays, Bools, Bools, Bools]:
-    """Trace exact rays through both faces; `air` is their direction in the air.
-
-    Returns the rays with status ok, and masks of missed, reflected and overflowing rays.
-    """
+    """Trace rays of an exact build through both lenslet faces; `air` is the direction in air."""
     f, grid = build.fraction_bits, build.grid
     ex, ey, ez = air
     beyond = np.zeros(ex.shape, np.bool_)
@@ -168,7 +164,7 @@ def _through_lenslet(
     else:
         air_dx, air_dy, air_dz, reflected, over = leave_dome(met, ex, ey, dz, config.index, config.index_square, f)
         keeps = reflected | met.missed
-        # The direction in the glass is rounded to near words.
+        # Round the direction in the glass to near words.
         dx, dy = (wrapped((d + more) >> more, build.near) for d in (dx, dy))
         dz = np.minimum((dz + (1 << 3 * more >> 1)) >> 3 * more, (1 << (f + 1)) - 1)
         dx, dy, dz = np.where(keeps, dx, air_dx), np.where(keeps, dy, air_dy), np.where(keeps, dz, air_dz)

@@ -1,6 +1,6 @@
-"""Steps 1 to 3 of a ray (rtl/optics): its pixel's lenslet, its point, slope and direction.
+"""Compute steps 1 to 3 of a ray (rtl/optics): lenslet, point, slope and direction.
 
-The last mask that a function returns marks rays with a word that does not fit and wraps.
+The last mask that a function returns marks rays with a word that overflows and wraps.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ LOW_BITS = SLOPE_BITS - MUL_BITS
 
 
 def pixel_to_lattice(u: Ints, v: Ints, from_u: int, from_v: int, offset: int, f: int) -> tuple[Ints, Bools]:
-    """Return one lattice coordinate, F fraction bits, of pixels (u, v), words from the panel's centre.
+    """Return one lattice coordinate (F fraction bits) of pixels at (u, v) from the panel's centre.
 
     Each coefficient and offset is 2^17 ah + al, so that products fit a multiplier:
 
@@ -45,7 +45,7 @@ def pixel_to_lattice(u: Ints, v: Ints, from_u: int, from_v: int, offset: int, f:
 
 
 def lenslet_square(x: Ints, y: Ints, f: int) -> tuple[Ints, Ints, Ints, Ints, Bools]:
-    """Return the indices i = floor(x + 1/2), j of a point's lenslet, and the point from the lenslet's centre."""
+    """Return the indices i = floor(x + 1/2), j of a point's lenslet, and the point from its centre."""
     half = 1 << (f - 1)
     i, j = (x + half) >> f, (y + half) >> f
     beyond = ~fits(i, INDEX_BITS) | ~fits(j, INDEX_BITS)
@@ -53,12 +53,12 @@ def lenslet_square(x: Ints, y: Ints, f: int) -> tuple[Ints, Ints, Ints, Ints, Bo
 
 
 def lenslet_hex(x: Ints, y: Ints, f: int) -> tuple[Ints, Ints, Ints, Ints, Bools]:
-    """Return the same values as `lenslet_square`, on a hexagonal lattice."""
-    # q0 and q1 choose the nearest of the corners around (s, t) = (x - y / 2, y).
-    s = 2 * x - y  # F + 1 fraction bits
+    """Return the same values as `lenslet_square`, for a hexagonal lattice."""
+    # q0 and q1 select the nearest of the four lattice points around (s, t) = (x - y / 2, y).
+    s = 2 * x - y  # s has F + 1 fraction bits
     i, j = s >> (f + 1), y >> f
     fs, ft = s - (i << (f + 1)), y - (j << f)
-    q0, q1 = fs + ft, fs + 4 * ft  # units of 2^-(F + 1) and 2^-(F + 2)
+    q0, q1 = fs + ft, fs + 4 * ft  # q0 in units of 2^-(F + 1), q1 of 2^-(F + 2)
     near = (q0 < 1 << f) & (q1 < 1 << (f + 1))
     far = (q0 >= 1 << (f + 1)) & (q1 >= 1 << (f + 2))
     right = 2 * ft < fs
@@ -71,7 +71,7 @@ def lenslet_hex(x: Ints, y: Ints, f: int) -> tuple[Ints, Ints, Ints, Ints, Bools
 
 
 class Aimed(NamedTuple):
-    """Lenslet (i, j), pixel (x, y) and aperture point (a, b) from its centre; stray if it is not the pixel's."""
+    """The lenslet (i, j) that a ray aims at, and pixel (x, y) and aperture point (a, b) from its centre."""
 
     i: Ints
     j: Ints
@@ -84,7 +84,7 @@ class Aimed(NamedTuple):
 
 
 def aim(i: Ints, j: Ints, x: Ints, y: Ints, a: Ints, b: Ints, grid: Grid, f: int) -> Aimed:
-    """Measure rays from the centre of the lenslet whose cell contains their aperture point, in wide words."""
+    """Find each aperture point's lenslet and measure its ray from it; `stray` marks a change of lenslet."""
     locate = lenslet_hex if grid == "hex" else lenslet_square
     di, dj, a, b, _ = locate(a, b, f)
     i, j = i + di, j + dj
@@ -97,22 +97,22 @@ def aim(i: Ints, j: Ints, x: Ints, y: Ints, a: Ints, b: Ints, grid: Grid, f: int
 
 
 def extent(i: Ints, j: Ints, along: int, across: int, grid: Grid) -> Bools:
-    """Mark missing lenslets: |2 i + j| > along (square: |2 i|), or |j| > across."""
+    """Mark lenslets beyond the array: |2 i + j| > along (square: |2 i|), or |j| > across."""
     return (np.abs(2 * i + j if grid == "hex" else 2 * i) > along) | (np.abs(j) > across)
 
 
 def converge(
     i: Ints, j: Ints, x: Ints, y: Ints, share: int, offset_x: int, offset_y: int, grid: Grid, f: int
 ) -> tuple[Ints, Ints, Bools]:
-    """Return 1 - s times the pixels' points from their lenslets' centres, F + 4 bits, if images converge.
+    """Return 1 - s times the pixels' points from their lenslets' centres, F + 4 bits.
 
-    (x, y) is the point where the line from pixel to eye crosses the lenslet's cell. A is
-    the point in front of the eye. C is the lenslet's centre in half pitches and half
-    rows: (2 i + j, 2 j), on the square grid (2 i, 2 j).
+    (x, y) is the point where the line from pixel to eye crosses the lenslet's cell. A
+    is the panel point in front of the eye. C is the lenslet's centre in half pitches
+    and half rows, (2 i + j, 2 j) or, on the square grid, (2 i, 2 j).
 
         t_x  = (x << 2) + (16 C_x s >> 14) + o_x + 2,   x' = t_x >> 2,   y' likewise.
 
-    s is `share`, F + 11 fraction bits; o = -s A has F + 2.
+    s is `share`, with F + 11 fraction bits; o = -s A has F + 2 fraction bits.
     """
 
     def measured(point: Ints, half_steps: Ints, offset: int) -> Ints:
@@ -126,7 +126,7 @@ def converge(
 
 
 def shear(x: Ints, y: Ints, g: int, f: int, bits: int) -> tuple[Ints, Bools]:
-    """Return x + g y, F + 4 bits.
+    """Return the sheared coordinate x + g y, F + 4 bits.
 
     g is a far word; x and y have `bits` bits.
 
@@ -140,9 +140,10 @@ def shear(x: Ints, y: Ints, g: int, f: int, bits: int) -> tuple[Ints, Bools]:
 def blend(
     k: int, x: Ints, m: int, a: Ints | None, f: int, y_bits: int, x_bits: int, a_bits: int, extra: int = 0
 ) -> tuple[Ints, Bools]:
-    """Return y = k x + m a, or k x without `a`.
+    """Return y = k x + m a, or k x if `a` is None.
 
-    k, m and y have F + `extra` fraction bits, x and a have F. The formula writes l for m:
+    k, m and y have F + `extra` fraction bits, x and a have F. The formula writes l for
+    m:
 
         y    = ((k x >> F-3) + (l a >> F-3) + 4) >> 3.
     """
@@ -155,10 +156,10 @@ def blend(
 
 
 def unit_slope(mx: Ints, my: Ints, f: int, extra: int = 0) -> tuple[Ints, Ints, Ints, Bools]:
-    """Return (m_x, m_y, 1) / sqrt(1 + m^2), near words, of a slope in wide words.
+    """Return the directions (m_x, m_y, 1) / sqrt(1 + m^2), near words, of slopes in wide words.
 
-    Slopes of 60 degrees and more, m^2 >= 3, overflow: x and e_x keep their lowest bits,
-    as the RTL does. All words have E = `extra` more fraction bits:
+    Slopes of 60 degrees or more, m^2 >= 3, overflow: x and e_x keep only their lowest
+    bits, as in the RTL. All words have E = `extra` more fraction bits:
 
         x    = ((m_x m_x >> F-4+2E) + (m_y m_y >> F-4+2E) + 2^(F+4) + 4) >> 3
         e_z  = min(rsqrt(x), 2^(F+1+E) - 1)
@@ -169,7 +170,7 @@ def unit_slope(mx: Ints, my: Ints, f: int, extra: int = 0) -> tuple[Ints, Ints, 
     x = guarded(square) + (1 << (f + 1))
     beyond = x >= 1 << (f + 3)
     ez = rsqrt(x & ((1 << (f + 3)) - 1), f, extra)
-    ez = np.minimum(ez, (1 << (f + 1 + extra)) - 1)  # 1 does not fit a near word
+    ez = np.minimum(ez, (1 << (f + 1 + extra)) - 1)  # the value 1 does not fit a near word
     ex = wrapped(guarded(multiplier(mx, ez, word, word, f - GUARD + extra)), word)
     ey = wrapped(guarded(multiplier(my, ez, word, word, f - GUARD + extra)), word)
     return ex, ey, ez, beyond

@@ -1,4 +1,4 @@
-"""Register maps of the optics block, the board and its scene, and the words that software writes.
+"""Load the register maps of optics block, board and scene, and compute register writes.
 
 `make registers` generates the maps, generated/*.json, from rtl/registers.rdl.
 """
@@ -24,10 +24,10 @@ from lippmann.fixed.words import Ints
 
 @dataclass(frozen=True)
 class Field:
-    """Bits `low` to `low + width - 1` of a register; `reset` is None if the hardware drives the value.
+    """A register's bits `low` to `low + width - 1`; `reset` is None if the hardware drives the value.
 
-    `fraction` is the number of fraction bits, or a formula in the build's F. If only some
-    values have a meaning, `names` lists these values with their names.
+    `fraction` is the number of fraction bits, or a formula with the build's F. `names`
+    lists values with their names if only the listed values have a meaning.
     """
 
     low: int
@@ -54,13 +54,13 @@ class Field:
         return value - (1 << self.width) if value > self.limits[1] else value
 
     def bits(self, value: int) -> int:
-        """Return the word with a value, within the limits, in this field and 0 elsewhere."""
+        """Return the register word with `value` in this field and 0 elsewhere."""
         return value << self.low & self.mask
 
 
 @dataclass(frozen=True)
 class Register:
-    """A register of 32 bits at a byte address, or a memory of `entries` such words without fields.
+    """A 32-bit register at a byte address, or a memory of `entries` 32-bit words without fields.
 
     `access` is "read", "write" or "read, write".
     """
@@ -84,12 +84,12 @@ def _load(name: str) -> dict[str, Register]:
     return msgspec.convert(items["registers"], dict[str, Register])
 
 
-#: Registers keyed by group and name (`group_name`), with byte addresses in their block.
+#: Registers keyed by `group_name`; addresses are byte offsets in the block.
 OPTICS_REGISTERS = _load("optics.json")
 BOARD_REGISTERS = _load("board.json")
 SCENE_REGISTERS = _load("scene.json")
 
-#: Boolean parameters of `Build`, also fields of the register `build`.
+#: Boolean parameters of `Build` that are also fields of the register `build`.
 _FLAGS = ("viewer", "aims", "cross_cells", "converge", "shear")
 
 
@@ -101,7 +101,7 @@ class Write(NamedTuple):
 
 
 def write(name: str, **values: int) -> Write:
-    """Return the write of values to a register's fields; other fields get their reset values.
+    """Return the write that sets fields of a register; other fields get their reset values.
 
     Raises InputError for an unknown register or field, and for a value out of range.
     """
@@ -119,20 +119,20 @@ def write(name: str, **values: int) -> Write:
 
 
 def optics_writes(config: Configuration) -> list[Write]:
-    """Return the writes of a display's configuration, which the command `apply` makes effective."""
+    """Return the writes of a display's configuration; the command `apply` activates it."""
     writes = []
     for field, value in dataclasses.asdict(config).items():
         name = f"optics_{field}"
         if name in OPTICS_REGISTERS:
             writes.append(write(name, value=value))
-        else:  # a word that is too wide for one register
+        else:  # the value is too wide for one register
             high, low = divmod(value, 1 << 32)
             writes += [write(f"{name}_low", value=low), write(f"{name}_high", value=high)]
     return writes
 
 
 def raster_writes(frame: Raster) -> list[Write]:
-    """Return the writes of a frame's window and jitter; the command `start` begins the frame."""
+    """Return the writes of a frame's window and jitter; the command `start` starts the frame."""
     mode = get_args(Jitter).index(frame.jitter)
     return [
         write("raster_columns", first=frame.columns[0], last=frame.columns[1]),
@@ -144,7 +144,7 @@ def raster_writes(frame: Raster) -> list[Write]:
 
 
 def table_writes(table: Ints, first: int = 0) -> list[Write]:
-    """Return the writes of jitter entries (N,) from index `first` on; refuse entries beyond the end."""
+    """Return the writes of jitter entries (N,) from index `first`; refuse entries beyond the table."""
     if not 0 <= first <= TABLE_ENTRIES - len(table):
         raise InputError(f"jitter table: {len(table)} entries from {first} do not fit; the table has {TABLE_ENTRIES}")
     start = OPTICS_REGISTERS["jitter_table"].address + 4 * first
@@ -152,9 +152,9 @@ def table_writes(table: Ints, first: int = 0) -> list[Write]:
 
 
 def build_of(words: Mapping[str, int]) -> Build:
-    """Return an optics block's build from the words of its registers `identity`, `version` and `build`.
+    """Return an optics block's RTL build from its registers `identity`, `version` and `build`.
 
-    Raises InputError if a word is missing, or if the block is unsupported.
+    Raises InputError if a word is missing, or if this host does not support the block.
     """
     if missing := [name for name in ("identity", "version", "build") if name not in words]:
         raise InputError(f"register {', '.join(missing)} was not read; read identity, version and build")
@@ -178,7 +178,7 @@ def build_of(words: Mapping[str, int]) -> Build:
 
 
 def build_word(build: Build) -> int:
-    """Return the word of an optics block's register `build`, which is also the RTL's parameter `Build`."""
+    """Return the word of the optics register `build`, which is also the RTL's parameter `Build`."""
     return OPTICS_REGISTERS["build"].word(
         fraction_bits=build.fraction_bits,
         grid=get_args(Grid).index(build.grid),

@@ -1,4 +1,4 @@
-"""`SceneBuild`: the parameters of the drawing's RTL, such as layers and slots."""
+"""Define `SceneBuild`: the parameters of the scene RTL, such as layers and texture slots."""
 
 from __future__ import annotations
 
@@ -9,12 +9,12 @@ from lippmann.base.toml import check_fields, documented, key
 from lippmann.errors import InputError
 from lippmann.fixed.registers import SCENE_REGISTERS
 
-#: Maximum numbers of layers and of slots; slot 15 is the panel's curve.
+#: Maximum number of layers, and of texture slots; slot 15 is the panel's transfer curve.
 MAX_LAYERS, MAX_SLOTS = 8, 15
 CURVE_SLOT = 15
-#: Bytes of a block, the unit in which slots are loaded.
+#: Number of bytes of a block, the unit in which slots are loaded.
 BLOCK_BYTES = 1024
-#: Bytes of a palette, the block after the texels.
+#: Number of bytes of a palette, the block after a slot's texels.
 PALETTE_BYTES = 256 * 4
 #: Maximum number of blocks of texels in a slot.
 MAX_TEXEL_BLOCKS = 255
@@ -53,7 +53,7 @@ class SceneBuild:
 
     @property
     def slots_built(self) -> int:
-        """Number of slots."""
+        """Number of texture slots."""
         return self.slots if self.slots is not None else self.layers + 1
 
     @property
@@ -63,22 +63,22 @@ class SceneBuild:
 
     @property
     def slot_bytes(self) -> int:
-        """Bytes of a slot: its texels, then its palette."""
+        """Number of bytes of a slot, for its texels, then its palette."""
         return self.texels + PALETTE_BYTES
 
     @property
     def blocks(self) -> int:
-        """Number of blocks of a slot."""
+        """Number of 1024-byte blocks of a slot."""
         return self.slot_bytes // BLOCK_BYTES
 
     @property
     def samples_bits(self) -> int:
-        """Binary logarithm of the number of samples."""
+        """Binary logarithm of the number of samples per pixel."""
         return self.samples.bit_length() - 1
 
     @property
     def word(self) -> int:
-        """Word of `scene_build_t`, 26 bits: the RTL's parameter `Scene` and its register `build`."""
+        """The build as a word, 26 bits: RTL parameter `Scene` and scene register `build`."""
         return SCENE_REGISTERS["build"].word(
             layers=self.layers,
             slots=self.slots_built,
@@ -90,13 +90,13 @@ class SceneBuild:
 
     @classmethod
     def of_word(cls, word: int) -> SceneBuild:
-        """Return the build of a register's word.
+        """Return the scene build that the word of the register `build` describes.
 
-        Raises InputError if the RTL refuses the build.
+        Raises InputError for unknown bits or an impossible build.
         """
         register = SCENE_REGISTERS["build"]
         values = register.values(word)
         if unknown := word - register.word(**values):
-            raise InputError(f"the register of the scene's build has unknown bits {unknown:#x}; update the host")
+            raise InputError(f"the scene's register build has unknown bits {unknown:#x}; update the host")
         width, samples = 1 << values["width_bits"], 1 << values["samples_bits"]
         return cls(values["layers"], values["slots"], width, values["height"], bool(values["bilinear"]), samples)

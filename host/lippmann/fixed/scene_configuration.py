@@ -1,4 +1,4 @@
-"""Computes a layer stack's register values (`scene_config_t`) and slot contents."""
+"""Compute a layer stack's register values (`scene_config_t`) and texture slots."""
 
 from __future__ import annotations
 
@@ -33,12 +33,12 @@ if TYPE_CHECKING:
     from lippmann.layers.stack import Layer, LayerStack
 
 
-#: Maximum distance of a ray at z = 0, and of a texture, from the array's origin, radii.
+#: Maximum distance from the array's origin, in radii, of a ray at z = 0 and of a texture.
 MAX_PLACE = 2048.0
-#: Factor of a sky's slopes: the maximum power of two that keeps slopes below 4 in range.
+#: Scale of a sky's slopes: the largest power of two that keeps slopes below 4 in range.
 SKY_DEPTH = 512.0
-#: Maximum distance of an exit from its pixel along x or y, radii: 8 pitches of 2 radii
-#: to the lenslet, and 4 radii on the lenslet.
+#: Maximum distance along x or y from a pixel to its ray's exit point, in radii: 8
+#: pitches of 2 radii, and 4 radii on the exit lenslet.
 EXIT_RADII = 20.0
 
 
@@ -49,11 +49,12 @@ def scene_words(
     slots: tuple[int, ...] | None = None,
     names: Sequence[str] | None = None,
 ) -> SceneWords:
-    """Return the register values with which a build draws a stack on a display.
+    """Return the register values with which a scene build draws a layer stack on a display.
 
-    `slots` are the slots of the layers' textures; by default, slot k contains layer k.
-    `names` are the layers' names in errors, by default their numbers. Raises InputError
-    if the build has too few layers or slots, or a value does not fit its register.
+    `slots` are the slot numbers of the layers' textures; by default, layer k has slot
+    k. `names` are the layers' names in messages, by default their numbers. Raises
+    InputError if the build has too few layers or slots, or a value does not fit its
+    register.
     """
     if len(stack.layers) > build.layers:
         raise InputError(
@@ -68,7 +69,7 @@ def scene_words(
                 f"layer {title}, register look: slot {slot} is outside its range, 0 to {build.slots_built - 1}"
             )
     if len(set(slots)) < len(slots):
-        raise InputError(f"registers look: slots {', '.join(map(str, slots))}: give each layer a slot of its own")
+        raise InputError(f"registers look: slots {', '.join(map(str, slots))} repeat; give each layer its own slot")
     _check_place(display)
     layers = tuple(layer_words(display, *one) for one in zip(stack.layers, titles, slots, strict=True))
     radius = display.array.radius_mm
@@ -83,11 +84,12 @@ def scene_words(
 
 
 def layer_words(display: Display, layer: Layer, number: int | str, slot: int) -> LayerWords:
-    """Return a layer's register values, with its texture in a slot; `number` names the layer in errors.
+    """Return a layer's register values, with its texture in a slot; `number` names the layer in messages.
 
-    (X, Y) are in the array's frame, in radii: (x, y) = turn(X, Y) R + offset. At the
-    layer's plane s = s0 + a X' + b Y', with (a, b) = R (m00, m01) turn and
-    s0 = m02 + (m00, m01) offset. For a sky, x and y are slopes, without offset.
+    (X, Y) are in the array's frame, in radii: (x, y) = turn (X, Y) R + offset, with the
+    rotation matrix `turn`. In the layer's plane, the texture coordinate is s = s0 + a
+    X' + b Y', with (a, b) = R (m00, m01) turn, s0 = m02 + (m00, m01) offset and the
+    layer's matrix m. For a sky, x and y are slopes, and the offset is not added.
     """
     frame = System.of(display).frame
     radius, (ox, oy) = display.array.radius_mm, frame.offset_mm
@@ -101,7 +103,7 @@ def layer_words(display: Display, layer: Layer, number: int | str, slot: int) ->
 
     name = f"layer {number}, register"
     nearer = "bring the layer nearer, or take a lenslet of larger array.radius_mm"
-    # Errors use the units of the layers file: mm, texels, texels per mm or slope of 1.
+    # Messages use the layers file's units: mm, texels, texels per mm or per slope of 1.
     share, unit = (SKY_DEPTH, " texels a slope of 1") if layer.sky else (1.0 / radius, " texels/mm")
     words = {"depth": nearest_word(depth, 32, DEPTH_FRACTION, f"{name} depth", nearer, radius, " mm")}
     for register, value in zip("abcd", linear.ravel().tolist(), strict=True):
@@ -117,7 +119,7 @@ def layer_words(display: Display, layer: Layer, number: int | str, slot: int) ->
 
 
 def slot_bytes(layer: Layer, build: SceneBuild) -> Bytes:
-    """Return the content of a layer's slot: its texels row by row, then its palette (r, g, b, a of each entry).
+    """Return the content of a layer's slot: texels row by row, then the palette (r, g, b, a per entry).
 
     Raises InputError when the texture does not fit a slot of the build.
     """
@@ -125,7 +127,7 @@ def slot_bytes(layer: Layer, build: SceneBuild) -> Bytes:
 
 
 def build_curve_table(display: Display) -> Bytes:
-    """Return the table of a panel's curve, 8192 bytes; values of fewer than 8 bits are scaled to 8."""
+    """Return the table of a panel's transfer curve, 8192 bytes; values under 8 bits are scaled to 8."""
     panel = display.panel
     return encoded_values(entry_light(), panel.transfer, min(panel.bits, 8)).astype(np.uint8)
 

@@ -1,4 +1,4 @@
-"""Computes pixels from exit rays in integers, in the stages of rtl/scene/lipp_scene.sv.
+"""Compute pixels from exit rays in integers, in the stages of rtl/scene/lipp_scene.sv.
 
 Light, weights and opacities have 16 fraction bits; coordinates of texels have 8.
 """
@@ -17,16 +17,16 @@ from lippmann.fixed.scene_build import MAX_LAYERS, SceneBuild
 from lippmann.fixed.words import MUL_BITS, Bools, Bytes, Ints, fits, guarded, multiplier, quadratic, wrapped
 from lippmann.optics.rays import gets_through
 
-#: Fraction bits of s0 and t0, of depth, and of a to d.
+#: Fraction bits of a layer's registers s0 and t0, of depth, and of a to d.
 TEXEL_FRACTION, DEPTH_FRACTION, COEFFICIENT_FRACTION = 16, 20, 24
-#: Register value of a brightness of 1.
+#: Register value for a brightness of 1.
 FULL_BRIGHTNESS = 256
 _WORD = (1 << 32) - 1
 
 
 @dataclass(frozen=True)
 class LayerWords:
-    """A layer's registers: seven signed words, and the fields of the eighth, `look`."""
+    """A layer's registers: seven signed words, and the fields of the eighth word, `look`."""
 
     s0: int = 0
     t0: int = 0
@@ -42,19 +42,19 @@ class LayerWords:
 
     @property
     def look(self) -> int:
-        """The eighth word: bit 0 visible, bit 1 infinite, bits 7 to 4 slot, bits 16 to 8 brightness."""
+        """Register `look`: bits 0 visible, 1 infinite, 7 to 4 slot, 16 to 8 brightness."""
         return int(self.visible) | int(self.infinite) << 1 | self.slot << 4 | self.brightness << 8
 
     @property
     def words(self) -> tuple[int, ...]:
-        """The eight words, 0 to 2^32 - 1, in the order of their addresses."""
+        """The layer's eight words, 0 to 2^32 - 1, in the order of their addresses."""
         moves = (self.s0, self.t0, self.depth, self.a, self.b, self.c, self.d)
         return tuple(word & _WORD for word in (*moves, self.look))
 
 
 @dataclass(frozen=True)
 class SceneWords:
-    """A scene's registers: layers from front to back, the lattice's words, the background's light."""
+    """A scene's registers: layers from front to back, lattice words, and the background's light."""
 
     layers: tuple[LayerWords, ...]
     lattice_xi: int
@@ -64,13 +64,13 @@ class SceneWords:
 
     @property
     def slots(self) -> tuple[int | None, ...]:
-        """The slot that each layer reads, or `None`. Only the first visible layer with a slot reads it."""
+        """The slot that each layer reads, or None. If visible layers share a slot, only the first reads it."""
         visible = [layer.slot if layer.visible else None for layer in self.layers]
         return tuple(None if slot in visible[:k] else slot for k, slot in enumerate(visible))
 
     @property
     def bits(self) -> int:
-        """The bits of `scene_config_t`: its first field, the layers, is the most significant."""
+        """The bits of `scene_config_t`; the first field, the layers, is most significant."""
         word = 0
         layers = [*self.layers, *[LayerWords()] * (MAX_LAYERS - len(self.layers))]
         words = [one for layer in reversed(layers) for one in layer.words]
@@ -81,13 +81,13 @@ class SceneWords:
         return word
 
 
-#: Fraction bits of the lattice's words, and the shift of a lenslet's index as a factor.
+#: Fraction bits of the lattice words, and left shift of a lenslet index as a factor.
 LATTICE_FRACTION = 30
 _INDEX_SHIFT = 6
 
 
 class Lines(NamedTuple):
-    """Lines (N,): points in the plane z = 0, radii (F - 3 fraction bits), slopes (F + 1), mask of lines that draw."""
+    """Lines (N,): points at z = 0, radii (F - 3 fraction bits), slopes (F + 1), mask of drawing lines."""
 
     x: Ints
     y: Ints
@@ -97,11 +97,11 @@ class Lines(NamedTuple):
 
 
 def exit_line(rays: FixedRays, xi: int, xj: int, yj: int, f: int) -> Lines:
-    """Return the lines of exit rays; `xi`, `xj` and `yj` are the lattice's words, 30 fraction bits.
+    """Return the lines along exit rays; `xi`, `xj` and `yj` are the lattice words, 30 fraction bits.
 
-    A ray draws if it exits, dz is 1/4 or more, and x_o and y_o are in [-2048, 2048).
+    A ray draws if it leaves the array, dz >= 1/4, and x_o and y_o are in [-2048, 2048).
 
-    With q the reciprocal root of 4 dz:
+    q is the reciprocal root of 4 dz:
 
         r        = q q >> F+2                                    1 / dz, F + 4 fraction bits
         slope_x  = ((dx r >> F+1) + 4) >> 3,  slope_y likewise    F + 1 fraction bits
@@ -133,24 +133,24 @@ def exit_line(rays: FixedRays, xi: int, xj: int, yj: int, f: int) -> Lines:
 
 #: Bits of a texture coordinate.
 COORDINATE_BITS = 20
-#: Offset of bilinear coordinates, 16 fraction bits: half a unit minus half a texel.
+#: Offset of bilinear coordinates, 16 fraction bits: half a unit of s_o minus half a texel.
 _BILINEAR = (1 << 7) - (1 << 15)
 
 
 def coefficient_bits(f: int) -> int:
-    """Return A, how many of a coefficient's 24 fraction bits a build reads."""
+    """Return A, the number of a coefficient's 24 fraction bits that a build reads."""
     return min(f + 4, 24)
 
 
 def layer_coordinate(lines: Lines, layer: LayerWords, bilinear: bool, f: int) -> tuple[Ints, Ints, Bools]:
-    """Return the coordinates s, t where lines meet a layer, and a mask of coordinates that overflow.
+    """Return the texture coordinates s, t at which lines meet a layer, and a mask of overflows.
 
         X'  = (2 (infinite ? 0 : x) + 1 + (depth slope_x >> F)) >> 1       F - 3 fraction bits
         Y'  = (2 (infinite ? 0 : y) + 1 + (depth slope_y >> F)) >> 1
         s_o = (s0 + h + (a X' >> A+F-19) + (b Y' >> A+F-19)) >> 8           8 fraction bits
         t_o = (t0 + h + (c X' >> A+F-19) + (d Y' >> A+F-19)) >> 8.
 
-    depth is read with F - 3 fraction bits, a to d with A; h = 2^7 - 2^15 for bilinear.
+    `depth` has F - 3 fraction bits, a to d have A; h is 2^7 - 2^15 if bilinear, else 0.
     """
     bits, fraction = f + 9, coefficient_bits(f)
     plane, beyond = [], np.zeros(lines.x.shape, np.bool_)
@@ -171,16 +171,16 @@ def layer_coordinate(lines: Lines, layer: LayerWords, bilinear: bool, f: int) ->
     return coordinates[0], coordinates[1], beyond
 
 
-#: The value 1 of a weight, an opacity or a transmittance.
+#: Integer for a weight, an opacity or a transmittance of 1.
 WHOLE = 1 << 16
 
 
 def texel_fetch(s: Ints, t: Ints, hidden: Bools, slot: Bytes | None, build: SceneBuild) -> tuple[Ints, Ints]:
     """Return the colours (N, taps, 4) of the texels at coordinates (N,), and their weights (N, taps).
 
-    `slot` is the content of the layer's slot (`slot_bytes`), or `None`. Bilinear builds
-    take four texels, each in tap 2 (row & 1) + (column & 1), with the weights
-    (256 - f) (256 - g), f (256 - g), (256 - f) g and f g, f = s & 255, g = t & 255.
+    `slot` is the content of the layer's slot (`slot_bytes`), or None. Bilinear builds
+    read four texels, each into tap 2 (row & 1) + (column & 1). With f = s & 255 and g =
+    t & 255, the weights are (256 - f) (256 - g), f (256 - g), (256 - f) g and f g.
     Hidden rays, and texels outside the texture, have the weight 0 and the colour 0.
     """
     i, j = s >> 8, t >> 8
@@ -205,9 +205,9 @@ def texel_fetch(s: Ints, t: Ints, hidden: Bools, slot: Bytes | None, build: Scen
 
 
 def texel_blend(colours: Ints, weights: Ints) -> tuple[Ints, Ints]:
-    """Return the premultiplied light (N, 3) and the opacity (N,) of texels (N, taps, 4) with weights (N, taps).
+    """Return premultiplied light (N, 3) and opacity (N,) of weighted texels (N, taps, 4).
 
-    Texel n has the opacity A = a + [a >= 128], the bytes r, g, b and the weight w_n:
+    Texel n has the bytes r, g, b, a, the opacity A = a + [a >= 128] and the weight w_n:
 
         share_n = (w_n A + 2^7) >> 8        16 fraction bits
         light_o = (sum over n of (share_n r^2 >> 8) + 2^7) >> 8,  g and b likewise
@@ -222,17 +222,17 @@ def texel_blend(colours: Ints, weights: Ints) -> tuple[Ints, Ints]:
 def composite(
     light: Sequence[Ints], opacity: Sequence[Ints], draws: Bools, brightness: Sequence[int], background: Ints
 ) -> Ints:
-    """Return the light (N, 3) of rays through layers and background (3,); 0 for rays that do not draw.
+    """Composite layers and background (3,) to light (N, 3); 0 for rays that do not draw.
 
-    Layers from front to back have premultiplied light P (N, 3), opacity A (N,) and
-    brightness B, at most 256. With C_0 = 0 and T_0 = 65536:
+    The layers, front to back, have premultiplied light P (N, 3), opacity A (N,) and
+    brightness B, at most 256. Light C_0 is 0, and transmittance T_0 is 65536:
 
         G_k     = (T_k B_k + 2^7) >> 8
         C_(k+1) = C_k + ((P_k G_k + 2^15) >> 16)        for each of red, green and blue
         T_(k+1) = T_k - ((T_k A_k + 2^15) >> 16)
         light_o = min(C_n + ((background T_n + 2^15) >> 16), 65535), or 0 where draws_i is low.
     """
-    half, mask = 1 << 15, (1 << 17) - 1  # the sum has 17 bits
+    half, mask = 1 << 15, (1 << 17) - 1  # the sum of light has 17 bits
     total = np.zeros((len(draws), 3), np.int64)
     passing = np.full(len(draws), WHOLE)
     for one, covered, bright in zip(light, opacity, brightness, strict=True):
@@ -255,17 +255,17 @@ def sample_mean(light: Ints, samples_bits: int) -> Ints:
     return (total + (count >> 1)) >> samples_bits
 
 
-#: Number of curve table entries, and the light from which an entry covers 16 values.
+#: Number of curve-table entries, and light value from which an entry covers 16 values.
 ENTRIES = 1 << 13
 COARSE_FROM = 1 << 12
-#: Light of white.
+#: Light value of white.
 WHITE = 255 * 255
 
 
 def curve_table(light: Ints, table: Bytes) -> Bytes:
-    """Convert light to bytes with the table of the panel's curve.
+    """Convert light to bytes with the table of the panel's transfer curve.
 
-    With L the light
+    L is the light:
 
         rgb_o = table[L < 4096 ? L : 4096 + (L >> 4)]        for each of red, green and blue.
     """
@@ -273,7 +273,7 @@ def curve_table(light: Ints, table: Bytes) -> Bytes:
 
 
 def entry_light() -> npt.NDArray[np.float64]:
-    """Return the light (8192,) at the middle of each table entry, 7.5 of 16 values; white is 1."""
+    """Return the light (8192,) at the middle of each curve-table entry; white is 1."""
     entry = np.arange(ENTRIES)
     return np.where(entry < COARSE_FROM, entry, 16 * (entry - COARSE_FROM) + 7.5) / WHITE
 
@@ -281,17 +281,17 @@ def entry_light() -> npt.NDArray[np.float64]:
 def scene(
     rays: FixedRays, words: SceneWords, slots: Mapping[int, Bytes], table: Bytes, build: SceneBuild, f: int
 ) -> Bytes:
-    """Return the pixels (N, 3) of exit rays of an optics build with F fraction bits.
+    """Compute pixels (N, 3) from the exit rays of an optics build with F = `f` fraction bits.
 
-    The `build.samples` rays of a pixel follow each other. `slots` maps slot numbers to
-    contents (`slot_bytes`); other slots contain zeros. `table` is the panel's curve,
-    8192 bytes. Layers that the build lacks are ignored.
+    The `build.samples` rays of a pixel are adjacent. `slots` maps slot numbers to
+    contents (`slot_bytes`); other slots contain zeros. `table` is the panel's transfer
+    curve, 8192 bytes. Layers beyond `build.layers` are ignored.
     """
     return curve_table(sample_mean(scene_light(rays, words, slots, build, f), build.samples_bits), table)
 
 
 def scene_light(rays: FixedRays, words: SceneWords, slots: Mapping[int, Bytes], build: SceneBuild, f: int) -> Ints:
-    """Return the light (N, 3) of exit rays before the mean of samples; parameters as in `scene`."""
+    """Return the light (N, 3) of exit rays before averaging; parameters are those of `scene`."""
     lines = exit_line(rays, words.lattice_xi, words.lattice_xj, words.lattice_yj, f)
     empty = np.zeros(build.slot_bytes, np.uint8)
     light, opacity = [], []

@@ -1,8 +1,8 @@
-"""Fixed-point word formats, and the twin's rounding, saturation, products and roots.
+"""Define fixed-point word formats, and the twin's rounding, saturation, products and roots.
 
-F is a build's number of fraction bits and W = F + 2 the bits of its words. `near` words
-have F + 1 fraction bits and span [-1, 1); `wide` words have F and span [-2, 2). `far`
-words have W + 2 bits, F of them fraction bits, and span [-8, 8).
+F is the number of fraction bits of an RTL build, and W = F + 2 its word length. Near
+words have F + 1 fraction bits and span [-1, 1). Wide words have F fraction bits and
+span [-2, 2). Far words have W + 2 bits, F of them fraction bits, and span [-8, 8).
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ Bytes = npt.NDArray[np.uint8]
 #: Bits and fraction bits of a signed pixel coordinate, from the panel's centre.
 PIXEL_BITS = 18
 PIXEL_FRACTION = 4
-#: Bits and fraction bits of signed affine coefficients, and of signed affine offsets.
+#: Bits and fraction bits of coefficients, and of offsets, from pixels to lattice coordinates.
 SLOPE_BITS = 35
 SLOPE_FRACTION = 36
 OFFSET_BITS = 52
@@ -35,16 +35,16 @@ MUL_BITS = 18
 GUARD = 3
 #: Units by which rounding errors may exceed the range of a word, and of a square.
 SLACK, SQUARE_SLACK = 1 << 6, 1 << 9
-#: Legal numbers of fraction bits.
+#: Allowed numbers of fraction bits F.
 FRACTIONS = range(14, 24)
-#: F of the widest, and of the compact configurations.
+#: Number of fraction bits of the widest RTL build, and of the compact build.
 WIDEST, COMPACT = 23, 16
 
 
 def extra_bits(f: int) -> int:
     """Return E, the extra bits of slopes and lateral directions: 0 if words fit a multiplier, else 1.
 
-    Only exact builds with the plano side to the panel use E; their dz has 3 E extra bits.
+    Only exact builds with the plano side to the panel use E; dz has 3 E extra bits.
     """
     return 1 if f + 2 > MUL_BITS else 0
 
@@ -55,17 +55,17 @@ def share_bits(f: int) -> int:
 
 
 def guarded(x: Ints, more: int = 0) -> Ints:
-    """Round to K = `more` guard bits: (x + (4 >> K)) >> (3 - K)."""
+    """Round from 3 to K = `more` guard bits: (x + (4 >> K)) >> (3 - K)."""
     return (x + (1 << (GUARD - 1) >> more)) >> (GUARD - more)
 
 
 def halved(x: Ints) -> Ints:
-    """Remove the lowest bit by rounding: floor((x + 1) / 2)."""
+    """Halve a number and round it: floor((x + 1) / 2)."""
     return (x + 1) >> 1
 
 
 def wrapped(x: Ints, bits: int) -> Ints:
-    """Return the lowest bits of a word as a signed number."""
+    """Return the lowest `bits` bits of a number as a signed number."""
     half = 1 << (bits - 1)
     return ((x + half) & ((1 << bits) - 1)) - half
 
@@ -76,12 +76,12 @@ def above_one(square: Ints, f: int) -> Bools:
 
 
 def fits(x: Ints | npt.NDArray[np.float64], bits: int) -> Bools:
-    """Mark the numbers that fit a signed word."""
+    """Mark the numbers that fit a signed word of `bits` bits."""
     return (x >= -(1 << (bits - 1))) & (x < 1 << (bits - 1))
 
 
 def saturate(x: Ints, bits: int) -> Ints:
-    """Return the nearest numbers that fit a signed word."""
+    """Clip numbers to the range of a signed word of `bits` bits."""
     return np.clip(x, -(1 << (bits - 1)), (1 << (bits - 1)) - 1)
 
 
@@ -92,9 +92,10 @@ def beyond(x: Ints, bits: int, slack: int = SLACK) -> Bools:
 
 
 def multiplier(a: Ints, b: Ints | int, a_bits: int, b_bits: int, drop: int) -> Ints:
-    """Return the product of two words, truncated by `drop` bits, without the product of their lower parts.
+    """Multiply two words without the product of their lower parts, and truncate `drop` bits.
 
-    With a = ah 2^la + al, where la is the number of bits beyond 18, and b = bh 2^lb + bl:
+    Each word is split: a = ah 2^la + al, where la is the bits beyond 18, and b
+    likewise:
 
         (ah bh >> drop-la-lb) + ((ah bl 2^la + al bh 2^lb) >> drop)
     """
@@ -114,10 +115,10 @@ Root = Literal["reciprocal", "square"]
 
 @dataclass(frozen=True)
 class RootTable:
-    """Coefficients of a root's polynomials, one per segment.
+    """Coefficients of the quadratics that approximate a root, one per segment.
 
-    c0 has F + 4 fraction bits, c1 has `slope_fraction`, and c2 has two more than c1. A
-    position in a segment has `place_bits` bits.
+    c0 has F + 4 fraction bits, c1 has `slope_fraction` fraction bits, and c2 has two
+    more than c1. A position in a segment has `place_bits` bits.
     """
 
     segment_bits: int
@@ -130,7 +131,7 @@ class RootTable:
 
 @cache
 def root_table(root: Root, f: int) -> RootTable:
-    """Return the quadratics that interpolate a root at each segment's Chebyshev nodes, 0 and +-sqrt(3)/4."""
+    """Return quadratics that interpolate a root at each segment's Chebyshev nodes, 0 and +-sqrt(3)/4."""
     a = f // 3
     place_bits = min(f + 2 - a, MUL_BITS)
     slope_fraction = min(a + 18, f + 4)
@@ -159,7 +160,7 @@ def root_table(root: Root, f: int) -> RootTable:
 
 
 def quadratic(x: Ints, root: Root, f: int) -> Ints:
-    """Return the root y, with F + 4 fraction bits, of x in [1, 4), with F + 1 fraction bits.
+    """Return the root y (F + 4 fraction bits) of x in [1, 4) (F + 1 fraction bits) from the table.
 
     z is the position in the segment; c2 z has one fraction bit more than c1:
 
@@ -177,9 +178,9 @@ def quadratic(x: Ints, root: Root, f: int) -> Ints:
 
 
 def rsqrt(x: Ints, f: int, extra: int = 0) -> Ints:
-    """Return 1 / sqrt(x) in [1/2, 1], with `extra` more bits (up to 3), of x in [1, 4) with F + 1 fraction bits.
+    """Return 1 / sqrt(x), with `extra` more bits (at most 3), for x in [1, 4) with F + 1 fraction bits.
 
-    With K = `extra` and q from `quadratic`:
+    K is `extra`, and q is the result of `quadratic`:
 
         y    = (q + (4 >> K)) >> (3 - K).
     """
@@ -187,10 +188,10 @@ def rsqrt(x: Ints, f: int, extra: int = 0) -> Ints:
 
 
 def sqrt(x: Ints, f: int, normalise: bool = True, extra: int = 0) -> Ints:
-    """Return sqrt(x), a near word with `extra` more bits (up to 3), of x in [0, 1) with F + 3 fraction bits.
+    """Return sqrt(x), a near word with `extra` more bits (at most 3), for x in [0, 1) with F + 3 fraction bits.
 
     K is `extra`, and q is the root (`quadratic`) of 4^k x in [1/4, 1). k is at most 15,
-    and 0 without `normalise`. The root of 0 is 0; else
+    and 0 if `normalise` is false. The root of 0 is 0; else
 
         y    = min(((q >> k) + (4 >> K)) >> (3 - K), 2^(F+1+K) - 1).
     """
