@@ -658,7 +658,7 @@ def test_the_page_tells_the_verdict(added, tmp_path, capsys):
     page = (tmp_path / "page/errors.md").read_text()
     assert "# Errors of 300 rays" in page
     if added:
-        assert "**1 of 1 sets are wrong.** In the first, mine, 300 of 300 rays are wrong, from step exit; a constant added" in page
+        assert "In the first, mine, 300 of 300 rays are wrong, from step exit; a constant added" in page
         assert "| exit | direction | 300 | 100 | microradian |" in page
     else:
         assert "**All rays are correct**, in 1 set." in page

@@ -45,7 +45,7 @@ class StepBound:
 @documented
 @dataclass(frozen=True, kw_only=True)
 class CaseBound:
-    """The maximum errors of rays at a coverage point; a ray at several points gets the largest."""
+    """The maximum errors of rays at a coverage point; a ray at several points gets the largest bound."""
 
     point: Annotated[str, key("coverage point, such as `grazing-exit`")]
     direction_urad: Urad | None = None
@@ -181,9 +181,9 @@ def compare(
 ) -> Comparison:
     """Compare tested rays with the golden engine's rays.
 
-    A ray's allowed error is its bound plus its change if panel point or aperture point
-    move by `moves_mm`, (N, 2) each, by default the `roundings`. If `every` is false,
-    only rays that exceed their bounds are moved.
+    The allowed error of a ray is its bound plus the ray's change if panel point or
+    aperture point move by `moves_mm`, (N, 2) each; the default moves are the
+    `roundings`. If `every` is false, only rays that exceed their bounds are moved.
     """
     inputs = foreign.inputs
     rays, n = golden(inputs), len(inputs.pixels)
@@ -247,7 +247,10 @@ def _on_some_side(compared: Comparison, panel_mm: Floats, aim_mm: Floats) -> Boo
 
 
 def roundings(inputs: PanelRays) -> tuple[Floats, Floats]:
-    """Return float32 rounding errors, (N, 2) mm, of panel and aperture points; the minimum is that of 2 pitches."""
+    """Return the float32 rounding errors, (N, 2) mm each, of panel points and aperture points.
+
+    The minimum of each error is one ulp of the pitch.
+    """
     pitch, pixel = inputs.display.array.coarsest_mm, np.array(inputs.display.panel.pitches_mm)
 
     def rounding(values: Floats) -> Floats:

@@ -17,7 +17,7 @@ from lippmann.optics.model_choice import in_cells_mm
 from lippmann.optics.rays import Floats, Status, gets_through
 
 Arrays = Mapping[str, Floats]
-#: Maximum cosine to the face normal: grazing ray, onset of total reflection.
+#: Maximum cosine to the face normal of a grazing ray, and at the onset of total reflection.
 GRAZING, FLAT = 0.05, 1e-3
 #: Maximum radius of a steep dome, minimum radius of a flat dome, in half cell diagonals.
 STEEP, NEARLY_FLAT = 1.05, 100.0
@@ -57,7 +57,7 @@ POINTS = {
     "blocked": "A dome, a wall or the array's end stops a ray.",
     "crosstalk": "A ray leaves through another lenslet.",
 }
-#: Coverage points that rays in fixed-point words cannot meet, and the reasons.
+#: Coverage points that rays in fixed-point words cannot meet, with reasons.
 BEYOND_WORDS = {
     "tiny-coordinate": "words are fixed-point numbers",
     "wide-panel": "registers are limited to 16383 pixels",
@@ -113,7 +113,10 @@ def covered(inputs: PanelRays, rays: Arrays) -> dict[str, int]:
 
 
 def summary(sets: Iterable[Mapping[str, int]], words: bool = False) -> tuple[dict[str, int], str]:
-    """Return the number of rays at each coverage point, and a summary line; `words` omits `BEYOND_WORDS`."""
+    """Return the number of rays at each coverage point, and a summary line.
+
+    If `words` is true, the points `BEYOND_WORDS` are omitted.
+    """
     totals = sum(map(Counter, sets), Counter[str]())
     counts = {name: totals[name] for name in POINTS if not (words and name in BEYOND_WORDS)}
     missing = [name for name, rays in counts.items() if not rays]
@@ -131,7 +134,7 @@ def tied_sides(inputs: PanelRays) -> tuple[Bools, ...]:
 
 
 def tied(inputs: PanelRays) -> Bools:
-    """Return a mask (N,) of pixels exactly on a side from `tied_sides`."""
+    """Return a mask (N,) of pixels exactly on a cell's side (`tied_sides`)."""
     return np.asarray(np.any(tied_sides(inputs), axis=0))
 
 

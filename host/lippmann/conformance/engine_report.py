@@ -46,7 +46,7 @@ from lippmann.simulation.harness import ray_harness
 
 #: Function that traces rays and returns the rate in rays/s.
 Rate = Callable[[], float]
-#: Eye position, mm: off the axis, in the viewing angle of the shipped displays.
+#: Eye position, mm, off the axis, but in the shipped displays' viewing angle.
 EYE_MM = (20.0, -20.0, 600.0)
 #: Number of rays per pixel of a rendered view.
 VIEW_SAMPLES = 64
@@ -66,11 +66,11 @@ class Plan:
     display_files: tuple[str, ...] = ()
     #: Number of rays for error statistics.
     rays: int = 400_000
-    #: Number of rays in a timed run of the engines golden, twin and rtl.
+    #: Number of rays in a timed run of golden, twin and rtl.
     timed_rays: int = 300_000
     #: Number of rays in a timed run of the fast engine.
     fast_rays: int = 1 << 24
-    #: Number of rays that are compared with 50-digit rays.
+    #: Number of rays compared with 50-digit rays.
     digits_rays: int = 200
     #: Number of repeats of each timed run.
     rounds: int = 5
@@ -88,7 +88,7 @@ class Plan:
         return displays
 
 
-#: Small plan for trial runs, with a scene that compiles quickly.
+#: Small plan for trial runs; its scene compiles quickly.
 QUICK = Plan(
     scene="knot",
     displays=("vga-square",),
@@ -144,7 +144,10 @@ def random_rays(display: Display, aperture: Aperture, count: int, seed: int) -> 
 
 
 def in_turn(works: Mapping[Name, Rate], rounds: int) -> dict[Name, list[float]]:
-    """Call functions alternately, so that other load slows all equally; return `rounds` rates of each."""
+    """Call the functions alternately, and return `rounds` rates of each.
+
+    Other programs then slow all functions equally.
+    """
     results = [{name: work() for name, work in works.items()} for _ in range(rounds)]
     return {name: [times[name] for times in results] for name in works}
 
@@ -180,7 +183,7 @@ def fast_rate(display: Display, model: Model, aperture: Aperture, rays: int) -> 
             s, t = points_in_square(index, mi.UInt32(0), 0)
             points = square_to_cell(b, s, t, Lattice.of(display.array))
         out = rays_from_pixels(b, system, u, v, points, model)
-        # Sum all outputs, so that the time does not include memory traffic.
+        # Sum all outputs, so that memory traffic is not timed.
         value = mi.Float(out.centre_x + out.centre_y) + sum(out.ray[1:], out.ray[0])
         dr.eval(dr.sum(dr.select(gets_through(out.status), mi.Float(value), 0.0)))
         dr.sync_thread()

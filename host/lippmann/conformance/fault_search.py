@@ -30,7 +30,7 @@ from lippmann.optics.rays import Floats
 
 #: Separator between the names of two faults.
 PAIR = "; and "
-#: Display parameters that are fitted, with the trace step that uses each parameter.
+#: Fitted display parameters, with the trace step that uses each parameter.
 FITTED = {
     "array.index": "first face",
     "gap_mm": "first face",
@@ -48,7 +48,7 @@ FITTED = {
     "array.offset_mm[1]": "panel",
 }
 
-#: Relative changes that a fit tries; fractions of the pitch for offsets and zeros.
+#: Relative changes that a fit tries; relative to the pitch for offsets and zero values.
 LOOKED = (-0.5, -0.3, -0.2, -0.1, -0.05, -0.02, -0.01, 0.01, 0.02, 0.05, 0.1, 0.2, 0.3, 0.5)
 
 
@@ -70,7 +70,7 @@ def fitted(inputs: PanelRays, values: Arrays) -> Iterator[Variant]:
 
 
 def fitted_together(inputs: PanelRays, values: Arrays) -> Iterator[tuple[Variant, ...]]:
-    """Yield faults in two parameters fitted together; omit unchanged parameters."""
+    """Yield pairs of faults in parameters fitted together; omit unchanged parameters."""
     from scipy.optimize import least_squares  # slow import; correct rays need no fit
 
     numbers = _numbers(inputs.display)
@@ -125,7 +125,7 @@ def _word_lengths(direction: Floats) -> Iterator[Variant]:
 
 
 def _fit_number(name: str, value: float, inputs: PanelRays, direction: Floats) -> Iterator[Variant]:
-    # Offsets that differ by a pitch are equivalent, so an offset does not predict the error.
+    # Offsets that differ by a pitch are equivalent, so their size does not predict their error.
     unit = value if value and "offset" not in name else inputs.display.array.coarsest_mm
 
     @cache
@@ -149,7 +149,7 @@ def _fit_number(name: str, value: float, inputs: PanelRays, direction: Floats) -
     # Rotations that differ by a lattice symmetry fit equally well; take the smallest change.
     best = min(candidates, key=lambda candidate: (round(loss(candidate), 9), abs(candidate - value)))
     width = 0.02 * abs(unit)
-    for _ in range(48):  # reduces the width by 2e-11
+    for _ in range(48):  # shrinks the width to 2e-11 of its start
         best = min((best - width, best, best + width), key=loss)
         width *= 0.6
     if math.isfinite(loss(best)):
@@ -165,7 +165,7 @@ def pairs(inputs: PanelRays, fields: Arrays, apart: Callable[[Variant], float]) 
     units = list(fitted(inputs, fields | {"direction": unit_vectors(fields["direction"])}))
     yield from (both(one, number) for one in ranked if one.bend is not None for number in units)
     yield from (both(*numbers) for numbers in fitted_together(inputs, fields))
-    # Fit a fault after one of the 12 nearest, a fitted fault, or any change of outputs.
+    # Fit a second fault after one of the 12 nearest, a fitted one, or a change of outputs.
     changes = [one for one in (*ranked[:12], *numbers) if one.change is not None]
     for one in (*changes, *(one for one in ranked if one.bend is not None)):
         with suppress(*NO_RAYS, KeyError):

@@ -24,7 +24,7 @@ from lippmann.optics.system import PanelFrame, System
 #: Steps of a ray's trace, in order.
 STAGES = ("panel", "lenslet", "aim", "first face", "dome", "exit", "status", "words")
 
-#: Arrays in a file of rays: the trace step that computes each array, and its columns.
+#: Arrays in a file of rays: trace step that computes the array, and number of columns.
 FIELDS = {
     "panel_mm": ("panel", 2),
     "home": ("lenslet", 2),
@@ -42,12 +42,12 @@ FIELDS = {
 BESIDE = ((1, 0), (-1, 0), (0, 1), (0, -1), (1, 1), (-1, -1))
 
 TIE_RULE = "cells closed on their other side (tie rule)"
-#: Name of the index if the radius changes with it, at constant focal length.
+#: Name of the index when it changes with the radius, at constant focal length.
 GLASS = "another glass, of the same focal length: array.index"
 #: Exceptions from a fault that makes the display or all rays invalid.
 NO_RAYS = (LippmannError, ValueError, ZeroDivisionError)
 
-#: Type of a value in a display file.
+#: A value in a display file.
 Number = Any
 #: A function that changes points, lenslet indices or directions.
 Bend = Callable[[Floats], Floats]
@@ -56,7 +56,10 @@ Arrays = dict[str, Floats]
 
 
 class Variant(NamedTuple):
-    """A fault changes inputs, trace or outputs. A fault does not predict the arrays in `silent`."""
+    """A fault changes inputs, trace or outputs.
+
+    A fault does not predict the arrays in `silent`.
+    """
 
     stage: str
     name: str
@@ -98,12 +101,12 @@ def with_number(name: str, value: Number, inputs: PanelRays) -> PanelRays:
     part, _, key = path.rpartition(".")
     if entry:
         old = attrgetter(path)(display)
-        pair = old if isinstance(old, tuple) else (old, old)  # another fault may have set one value
+        pair = old if isinstance(old, tuple) else (old, old)  # another fault may have set one pitch
         value = tuple(value if f"{k}]" == entry else one for k, one in enumerate(pair))
     if part == "array":
         array = replace(display.array, **{"glass": None, key: value})
         if key in ("pitch_mm", "shear") and display.array.thickness_mm == display.array.sag_mm:
-            array = replace(array, thickness_mm=array.sag_mm)  # keep the default, the sag
+            array = replace(array, thickness_mm=array.sag_mm)  # keep the default thickness
         key, value = part, array
     elif part == "panel":
         key, value = part, replace(display.panel, **{key: value})

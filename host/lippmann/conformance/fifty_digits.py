@@ -2,7 +2,6 @@
 
 The golden engine uses the same formulas, so its distance from 50-digit rays is its
 rounding error. The independent tracer tests/host/truth.py verifies the formulas.
-docs/reference/stability.md states the engines' error limits.
 """
 
 from __future__ import annotations
@@ -22,11 +21,11 @@ from lippmann.optics.rays import Floats, Hits, Rays
 from lippmann.optics.system import Convergence, PanelFrame, System
 from lippmann.optics.trace import hits_of, pixels_from_rays, rays_from_pixels, rays_of
 
-#: A private mpmath context, whose precision does not change with mpmath.mp.
+#: A private mpmath context; mpmath.mp does not change its precision.
 mp = mpmath.mp.clone()
 mp.dps = 50
 
-#: Type of a 50-digit mpf number or an array of them; mpmath has no type hints.
+#: An mpf number or an array of them; mpmath has no type hints.
 Digits = Any
 
 #: Relative step of finite differences, between float64 and 50-digit resolution.

@@ -58,7 +58,7 @@ class Figures:
     name: str
     #: Names of the columns that identify a row.
     keys: tuple[str, ...]
-    #: Rows with equal columns; columns that are not keys contain `Measured` or None.
+    #: Rows with the same columns; columns that are not keys contain `Measured` or None.
     rows: Rows
 
     @property
@@ -87,7 +87,7 @@ class Figures:
 
 @dataclass(frozen=True)
 class Stored:
-    """An earlier run: its origin (machine, date, ...) and its tables, keyed by name."""
+    """An earlier run: origin (machine, date, ...), and tables keyed by name."""
 
     origin: dict[str, str]
     tables: dict[str, Figures]
@@ -96,7 +96,7 @@ class Stored:
 def read_stored(folder: Path, names: Sequence[str]) -> Stored | None:
     """Read the tables of a run from a folder; return None for a folder without tables.
 
-    Raises InputError for a file that is not a table of measured values of one run.
+    Raises InputError for an invalid table, or for tables of different runs.
     """
     paths = [path for path in (folder / f"{name}.csv" for name in names) if path.exists()]
     read = [read_figures(path) for path in paths]
@@ -170,7 +170,7 @@ def _broken(path: Path, what: str) -> InputError:
 
 @dataclass(frozen=True)
 class Move:
-    """A measured value that changed between two runs; `row` lists the keys of its row."""
+    """A measured value that changed; `row` lists the keys of its row."""
 
     table: str
     row: str
@@ -202,7 +202,7 @@ class Comparison:
     #: Number of values present in both runs.
     compared: int = 0
     moved: tuple[Move, ...] = ()
-    #: Number of values only in the new run, and number of values only in the earlier run.
+    #: Number of values only in the new run, and only in the earlier run.
     new: int = 0
     gone: int = 0
 
@@ -214,7 +214,7 @@ def has_moved(before: Measured, now: Measured) -> bool:
 
 
 def compare(origin: Mapping[str, str], tables: Sequence[Figures], before: Stored | None) -> Comparison:
-    """Compare a run's origin and tables with an earlier run (None: there is no earlier run)."""
+    """Compare a run's origin and tables with those of an earlier run, if one exists."""
     if before is None:
         return Comparison({})
     differs = tuple(key for key in ("command", "seed") if origin[key] != before.origin.get(key))

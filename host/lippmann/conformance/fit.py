@@ -2,9 +2,9 @@
 
 All errors are for chief rays, in pixels of the reconstructed view (docs/models.md). At
 depth z, the light of a panel pixel of pitch q spreads to the width w = |z| q / D, with
-the aperture distance D. This is w / max(p, w) reconstructed pixels for the lenslet
-pitch p. The sampling error is the samples' `gap` in the rectangle to which the light of
-a pixel spreads at the farthest depth.
+the aperture distance D. The width w is w / max(p, w) reconstructed pixels for the
+lenslet pitch p. The sampling error is the samples' `gap` in the rectangle to which the
+light of a pixel spreads at the farthest depth.
 """
 
 from __future__ import annotations
@@ -107,7 +107,7 @@ def gap(samples: int, sides: Pair) -> float:
 
 
 def choose_build(display: Display, depth_range_mm: Pair, tolerance: float) -> tuple[Build | None, float]:
-    """Return the cheapest RTL build within the tolerance and its error; else None and the least error."""
+    """Return the cheapest RTL build within the tolerance and its error, or None and the smallest error."""
     try:
         # Round the pixels to words first, so that rounding moves no pixel across a cell border.
         probes = {

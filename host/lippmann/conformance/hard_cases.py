@@ -155,7 +155,7 @@ def cell_ties(display: Display, random: Random, count: int) -> Sets:
 def grazing_launch(display: Display, random: Random, count: int) -> Sets:
     """Test rays that leave the panel at ever smaller angles to it, as far as the engines accept."""
     pixels = random_pixels(display, random, count)
-    # Use half of the engines' limit, to leave room for rounding and tolerances.
+    # Half of the engines' limit leaves room for rounding and tolerances.
     farthest = 0.5 * FARTHEST_LENSLETS * display.array.finest_mm / display.aperture_distance_mm
     far = display.aperture_distance_mm * random_sizes(random, 1.0, min(1e8, farthest), count)
     yield PanelRays("grazing-launch", display, pixels, far * random_directions(random, count))
@@ -164,14 +164,12 @@ def grazing_launch(display: Display, random: Random, count: int) -> Sets:
 def _flips(
     display: Display, random: Random, count: int, status: Status, reach: float = 1.5, centres: bool = False
 ) -> tuple[Floats, Floats, Floats]:
-    """Return pixels, the last aims without `status` on lines to aims with it, and the lines' starts."""
-
     def has(aims: Floats) -> Bools:
         return np.asarray(trace(display, pixels, aims).status == int(status))
 
     many = 400 * count
     pixels = pixels_at(display, random_aims(display, random, many))[0]
-    if centres:  # centres are exact in every word length
+    if centres:  # pixel centres are exact in every word length
         pixels = np.floor(pixels) + 0.5
     inner = random_aims(display, random, many)
     outer = random_aims(display, random, many, reach)
@@ -182,7 +180,7 @@ def _flips(
 
 @_case
 def total_reflection(display: Display, random: Random, count: int) -> Sets:
-    """Test rays with aims within 64 ulps of total internal reflection, in steep, high-index lenslets."""
+    """Test rays with aims within 64 ulps of total reflection, in steep, high-index lenslets."""
     dense = changed(steep(display), index=1.9)
     pixels, aims, _ = _flips(dense, random, max(2, count // 4), Status.INTERNAL_REFLECTION)
     yield _near_onset("total-reflection", dense, pixels, aims)
@@ -192,7 +190,8 @@ def total_reflection(display: Display, random: Random, count: int) -> Sets:
 def grazing_exit(display: Display, random: Random, count: int) -> Sets:
     """Test rays that leave the last face at ever smaller angles to it, almost at total internal reflection.
 
-    The second set starts at pixel centres, as near to total reflection as words allow.
+    Rays of the second set start at pixel centres, as near to total reflection as
+    fixed-point words allow.
     """
     dense = changed(steep(display), index=1.9)
     for name, nearest, farthest, centres in (("", 1e-15, 0.1, False), ("/words", 3e-8, 3e-6, True)):
@@ -220,7 +219,7 @@ def far_cells(display: Display, random: Random, count: int) -> Sets:
 
 @_case
 def fates(display: Display, random: Random, count: int) -> Sets:
-    """Test rays on both sides of the limit of crosstalk, of blocking by a dome, and of missing the domes."""
+    """Test rays on both sides of the limits of crosstalk, blocking by a dome, and missing the domes."""
     array = display.array
     thin = changed(display, radius_mm=1.02 * array.half_diagonal_mm, index=1.25, thickness_mm=0.0, gap_mm=0.0)
     canyon = changed(display, radius_mm=400.0 * array.coarsest_mm, thickness_mm=0.0, gap_mm=0.0)
@@ -263,7 +262,7 @@ def tangent(display: Display, random: Random, count: int) -> Sets:
     slope = np.hypot(*foot.T) / R
     foot = foot[slope > 0.75][: 2 * count]
     normal = np.column_stack([foot / R, np.sqrt(1.0 - (foot**2).sum(axis=1) / R**2)])
-    # Take the steepest descent, then rotate it to either side.
+    # Take the steepest descent, then rotate this direction to either side.
     down = unit_vectors(np.column_stack([foot, np.zeros(len(foot))]))
     down = unit_vectors(down - (down * normal).sum(axis=1)[:, None] * normal)
     turn = random.uniform(-0.6, 0.6, (len(foot), 1))
@@ -350,7 +349,7 @@ def offsets(display: Display) -> dict[str, Display]:
     p, row = display.array.pitches_mm[0], display.array.row_pitch_mm
     moves = {"half": (0.5 * p, 0.5 * row), "third": (p / 3.0, -row / 3.0)}
     moves |= {"metre": (1e3, -1e3), "1e-300": (1e-300, -1e-300)}
-    # An offset of 1 m would move a finite array away from the panel.
+    # An offset of 1 m would move a finite array off the panel.
     ends = dict.fromkeys(moves, display.array.extent_mm) | {"metre": None}
     return {name: changed(display, offset_mm=offset, extent_mm=ends[name]) for name, offset in moves.items()}
 

@@ -29,12 +29,12 @@ SAMPLE, FIT_SAMPLE = 1500, 300
 FEW = 90
 #: Minimum fraction of rays that a fault must match to be the diagnosis.
 EXPLAINED = 0.97
-#: Maximum ratio of the rays' distance from a fault to that from golden, in wrong
-#: arrays, and maximum increase in any array.
+#: Maximum distance of rays from a fault, relative to golden, in wrong arrays, and
+#: maximum increase of the distance in any array.
 NEARER, SAME = 0.5, 1e-9
-#: Maximum difference of correct words from golden rays, in units of the last place.
+#: Maximum difference of correct words from golden rays, in ulps of the words.
 WORD_UNITS = 64.0
-#: Maximum difference from the twin's words that another rounding explains, in units.
+#: Maximum difference from the twin's words that another rounding explains, in ulps.
 ROUNDING_WORDS = 8
 #: Tried delays of outputs, in rays; minimum number of rays for a diagnosis.
 LAGS, MANY = (1, -1, 2, -2, 3, -3), 8
@@ -100,10 +100,11 @@ class Verdict:
 
 @np.errstate(all="ignore")  # tested values may overflow
 def judge(foreign: ForeignRays, bounds: Bounds = USUAL, two_faults: bool = True) -> Verdict:
-    """Check tested rays: numbers against golden rays within `bounds`, words against the twin, bit by bit.
+    """Check rays under test, and diagnose wrong rays.
 
-    `two_faults` allows a search for a pair of faults if no single fault explains the
-    rays. The search takes about ten seconds.
+    Numbers are compared with golden rays within `bounds`, words with the twin bit by
+    bit. `two_faults` allows a search for a pair of faults if no single fault explains
+    the rays. The search takes about ten seconds.
     """
     if foreign.words is None:
         comparison = compare(foreign, bounds, every=False)

@@ -40,7 +40,7 @@ REGISTER_BITS = 64
 
 @dataclass(frozen=True)
 class PanelRays:
-    """N rays from `pixels` (N, 2) through `aperture` points (N, 2), mm, or (None) chief rays."""
+    """N rays from `pixels` (N, 2) through `aperture` points (N, 2), mm; None means chief rays."""
 
     name: str
     display: Display
@@ -137,7 +137,7 @@ def pixels_at(display: Display, local_mm: Floats, lenslet: tuple[int, int] = (0,
     """Convert points (N, 2), mm from a lenslet's centre in the array's axes, to pixel coordinates (N, 2).
 
     The second result (N, 2), mm, is the centre of the cell that contains the point.
-    Aperture points are relative to this centre.
+    Aperture points are relative to a cell's centre.
     """
     lattice = System.of(display).lattice
     i, j, _, _ = lattice.locate(NumpyBackend(), local_mm[:, 0], local_mm[:, 1])
@@ -275,7 +275,7 @@ def fixed_words(rays: PanelRays, fraction_bits: int, max_cell_steps: int | None 
 
 @dataclass(frozen=True)
 class ForeignRays:
-    """N rays under test: their inputs, and `fields`, which contains some of the arrays `faults.FIELDS`.
+    """N rays under test: their inputs, and some arrays of `faults.FIELDS` in `fields`.
 
     `words` contains the input and output words if the rays are fixed-point. `alone`
     (N,) marks rays of which only the status is known.

@@ -43,7 +43,7 @@ class ErrorMap:
 
     @property
     def rays(self) -> int:
-        """Total number of rays in the map."""
+        """Number of rays in the map."""
         return int(self.counts.sum())
 
 
@@ -58,7 +58,7 @@ class ErrorMaps(dict[str, ErrorMap]):
     def add(self, foreign: ForeignRays, bounds: Bounds) -> None:
         """Add the errors of a ray set, without rays on an edge or with only a status.
 
-        The unit is the last bit of a word, or of the vector's largest component as
+        Also count them in ulps of the word, or of the vector's largest component as
         float32.
         """
         inputs, fields = foreign.inputs, foreign.fields
@@ -118,7 +118,7 @@ def map_plot(maps: Mapping[str, ErrorMap]) -> Plot:
             ("lenslet", error_map.lenslet, "lower", span, "pitch", "pitch"),
         )
         for axis, (place, cells, origin, extent, across, up) in zip(row, views, strict=True):
-            # An error of 0 has no logarithm; give a cell without error the lowest colour.
+            # An error of 0 has no logarithm; give its cell the lowest colour.
             visible = np.ma.masked_less(np.where((cells >= 0.0) & (cells < low), low if norm else 0.0, cells), 0.0)
             image = axis.imshow(visible, norm=norm, cmap="viridis", extent=extent, origin=origin)
             axis.set(title=f"{name} over the {place}", xlabel=f"fraction of {across}", ylabel=f"fraction of {up}")

@@ -75,8 +75,8 @@ def write_vectors(
 ) -> list[Entry]:
     """Write ray sets into a new or empty folder; return the entries of `vectors.json`.
 
-    Omit rays from the world unless `model` is exact. Refuse a folder that contains
-    files.
+    Omit rays from the world unless `model` is exact. Raises InputError if the folder
+    contains files.
     """
     if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
         raise input_error(str(folder), "exists already", "give a new or empty folder")
@@ -192,7 +192,9 @@ def read_foreign(
         raise input_error(str(path), f"unknown extension '{path.suffix}'", "give a .npz, .csv or .mem file")
     lengths = {len(column) for column in columns.values()}
     if len(lengths) != 1 or not lengths.pop():
-        raise input_error(str(path), "numbers of input and output rays differ, or are 0", "give one line per ray")
+        raise input_error(
+            str(path), "input and output files differ in number of rays, or are empty", "give one line per ray"
+        )
     return foreign_from_words(columns, display, model, fraction_bits)
 
 
@@ -225,7 +227,7 @@ def _csv_columns(path: Path, fraction_bits: int) -> dict[str, Ints]:
 
 
 def _of_arrays(path: Path, display: Display, model: Model) -> ForeignRays:
-    raw, there = load_arrays(path, (*INPUT_ARRAYS, *FIELDS), "give an .npz of numbers", 1000)  # limit per ray, bytes
+    raw, there = load_arrays(path, (*INPUT_ARRAYS, *FIELDS), "give an .npz of numbers", 1000)  # maximum bytes per ray
     if "from_world" in there:
         raise input_error(str(path), "contains rays from the world", "give rays from the panel")
     arrays = {name: np.atleast_1d(array).astype(np.float64) for name, array in raw.items()}

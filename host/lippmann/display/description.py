@@ -25,7 +25,7 @@ SubpixelsName = Literal["none", "rgb", "bgr", "rgbw", "pentile"]
 TransferName = Literal["srgb", "linear", "gamma2.2"]
 
 Pair = tuple[float, float]
-#: Type of a pitch: one number, or the pitches in x and y.
+#: A pitch: one number, or the pitches in x and y.
 Pitch = float | tuple[float, ...]
 
 MM_PER_INCH = 25.4
@@ -81,7 +81,7 @@ class Panel(Checked):
 
     @property
     def keys(self) -> dict[str, object]:
-        """The panel's keys and values in a display file, without keys of None."""
+        """The panel's keys and values in a display file, without keys whose value is None."""
         return {name: value for name, value in dataclasses.asdict(self).items() if value is not None}
 
     @property
@@ -96,7 +96,7 @@ class Panel(Checked):
 
     @property
     def coarsest_mm(self) -> float:
-        """The larger pixel pitch, mm, which limits depth range and resolution."""
+        """The larger pixel pitch, mm; it limits depth range and resolution."""
         return max(self.pitches_mm)
 
     @property
@@ -110,7 +110,7 @@ class Panel(Checked):
         return self.height_px * self.pitches_mm[1]
 
     def with_columns(self, width_px: int) -> Panel:
-        """Return a panel of equal size in mm with `width_px` columns and as many rows in proportion."""
+        """Return a panel of equal size in mm with `width_px` columns and a proportional number of rows."""
         height_px = max(1, round(width_px * self.height_px / self.width_px))
         x, y = (self.width_px * side / width_px for side in self.pitches_mm)
         pitch = (x, y) if isinstance(self.pixel_pitch_mm, tuple) else x
@@ -350,12 +350,15 @@ _Dpi = Annotated[Length, key("pixels per inch, 25.4 / `pixel_pitch_mm`", instead
 _Focal = Annotated[Length, key("focal length in air at 587.56 nm", instead_of="radius_mm")]
 _PanelFile = variant(Panel, ("pixel_pitch_mm", "dpi"), dpi=_Dpi)
 _ArrayFile = variant(Array, ("radius_mm", "index", "thickness_mm", "focal_length_mm"), focal_length_mm=_Focal)
-#: Type of a display file: the keys of `Display`, and alternative keys such as `dpi`.
+#: A display file: the keys of `Display`, and alternative keys such as `dpi`.
 DisplayFile = variant(Display, ("name",), panel=_PanelFile, array=_ArrayFile)
 
 
 def display_of(keys: Any, name: str, where: str) -> Display:
-    """Return the display for a file's keys; `name` is the default name. Messages begin with `where`."""
+    """Return the display for a file's keys; `name` is the default name.
+
+    Messages begin with `where`.
+    """
     panel, array = toml.values(keys.panel), toml.values(keys.array)
     dpi, focal_mm = panel.pop("dpi"), array.pop("focal_length_mm")
     if dpi is not None:

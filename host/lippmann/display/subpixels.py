@@ -11,7 +11,7 @@ from typing import Any, Literal, NamedTuple
 from lippmann.errors import InputError
 
 Colour = Literal["red", "green", "blue", "white"]
-#: Type of a numpy or Dr.Jit array, or of a backend for such arrays.
+#: A numpy or Dr.Jit array, or a backend for such arrays.
 Numbers = Any
 COLOURS: tuple[Colour, ...] = ("red", "green", "blue", "white")
 #: A sub-pixel, in pixels: colour, centre (x, y upwards, from the first pixel's), width, height.
@@ -81,7 +81,10 @@ class Layout:
         return [*(colour - darkest for colour in light), darkest]
 
     def boxes(self, colour: Colour) -> list[Box]:
-        """Return each pixel's sub-pixel of a colour, its own or the nearest, row by row."""
+        """Return the sub-pixel that emits a colour for each pixel, row by row.
+
+        If a pixel lacks the colour, the nearest sub-pixel emits the colour.
+        """
         own = [sub for sub in self.subpixels if sub[0] == colour]
         boxes = []
         for number in range(self.columns * self.rows):

@@ -117,8 +117,7 @@ def shift_mm(display: Display) -> float:
 def _chief_rays_stray(display: Display) -> bool:
     """Return whether a chief ray towards the eye may leave its lenslet's cell before the dome.
 
-    A dome refracts a steep ray less than a thin lens. If the plano side faces the
-    viewer, a chief ray meets the dome near its vertex.
+    If the plano side faces the viewer, a chief ray meets the dome near its vertex.
     """
     array, shift = display.array, shift_mm(display)
     if not shift or array.plano_side == "viewer":

@@ -316,7 +316,7 @@ def _check_panel(display: Display) -> None:
     limit = (1 << (words.INDEX_BITS - 1)) - MAX_ASTRAY
     if lenslets >= limit:
         raise InputError(
-            f"registers x_from_u, x_from_v, x_offset and those for y place the panel's corner {lenslets:.6g} "
+            f"registers x_from_u to y_offset place the panel's corner {lenslets:.6g} "
             f"lenslets from the axis, outside the range (-{limit}, {limit}) of their sum; raise array.pitch_mm, take a "
             "smaller panel, or bring array.offset_mm nearer to it"
         )

@@ -23,13 +23,12 @@ def words_of_pixels(display: Display, pixels: Floats) -> tuple[Ints, Ints]:
     if not fits(words, PIXEL_BITS).all():
         reach = 1 << (PIXEL_BITS - 1 - PIXEL_FRACTION)
         raise InputError(
-            f"pixels lie outside [-{reach}, {reach}) from the panel's centre, the range of the fixed-point engines' "
-            "pixel coordinates; give pixels nearer to the centre"
+            f"pixels lie outside [-{reach}, {reach}) from the panel's centre, the range of the fixed-point "
+            "engines; give pixels nearer to the centre"
         )
     if display.viewing_distance_mm is not None and (np.abs(words) > half * scale).any():
         raise InputError(
-            "pixels lie outside the panel; on a display with viewing_distance_mm give the fixed-point engines "
-            "pixels of the panel"
+            "pixels lie outside the panel; with viewing_distance_mm, give fixed-point engines only pixels of the panel"
         )
     return words[:, 0].astype(np.int64), words[:, 1].astype(np.int64)
 
@@ -50,8 +49,7 @@ def words_of_aims(display: Display, aperture_mm: Floats, fraction_bits: int) -> 
     scaled = np.stack([(x - array.shear * y) / array.pitches_mm[0], y / array.row_pitch_mm], axis=1)
     if (np.abs(scaled) > 1.5).any():
         raise InputError(
-            "aperture points lie more than 1.5 pitches from their lenslet's centre; give the fixed-point engines "
-            "points nearer to the centre"
+            "aperture points lie more than 1.5 pitches from their lenslet's centre; give points nearer to the centre"
         )
     words = np.floor(np.ldexp(scaled, fraction_bits) + 0.5).astype(np.int64)
     return words[:, 0], words[:, 1]

@@ -49,8 +49,7 @@ def draw(
 
     `model` is the lens model, by default the build's. `rows` are the panel's rows to
     draw, by default all. `pipeline` traces rays and `shade` draws them, by default as
-    in the twin. Threads call `pipeline` and `shade`. Raises InputError if the display
-    or the stack does not fit the builds.
+    in the twin. Raises InputError if the display or the stack does not fit the builds.
     """
     panel, f = display.panel, build.fraction_bits
     rows = range(panel.height_px) if rows is None else rows

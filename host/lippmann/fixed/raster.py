@@ -21,7 +21,7 @@ TABLE_ENTRIES = 64
 #: Bits and fraction bits of an aperture coordinate in a jitter entry.
 AIM_BITS = 12
 AIM_FRACTION = 10
-#: Maximum number of columns or rows of a panel, and maximum number of rays per pixel.
+#: Maximum columns or rows of a panel, and maximum rays per pixel.
 MAX_PANEL = (1 << (PIXEL_BITS - PIXEL_FRACTION)) - 1
 MAX_SAMPLES = 1 << 16
 
@@ -101,7 +101,7 @@ def fields(entry: Ints) -> tuple[Ints, Ints, Ints, Ints]:
 
 
 def lfsr(seed: int, count: int) -> Ints:
-    """Return the first random words (count,) of a seed: s_k = seed x^(32 k) modulo the polynomial.
+    """Return the first random words (count,) of a seed: s_k = seed x^(32 k) modulo POLYNOMIAL.
 
     Each iteration doubles the number of words: s_(k + n) = s_k x^(32 n).
     """
@@ -124,7 +124,7 @@ def _times(states: Ints, factor: int) -> Ints:
 def locate_pixels(
     config: Configuration, grid: Grid, f: int, width: int, height: int, columns: Ints, rows: Ints
 ) -> tuple[Ints, Ints, Ints, Ints]:
-    """Return the lenslets (i, j) of pixels, and the pixels from the centres, x in pitches, y in rows."""
+    """Return the lenslets (i, j) of pixels, and positions from their centres, x in pitches, y in rows."""
     u, v = 8 * (2 * columns + 1 - width), 8 * (height - 1 - 2 * rows)
     x, _ = pixel_to_lattice(u, v, config.x_from_u, config.x_from_v, config.x_offset, f)
     y, _ = pixel_to_lattice(u, v, config.y_from_u, config.y_from_v, config.y_offset, f)

@@ -71,7 +71,7 @@ def lenslet_hex(x: Ints, y: Ints, f: int) -> tuple[Ints, Ints, Ints, Ints, Bools
 
 
 class Aimed(NamedTuple):
-    """The lenslet (i, j) that a ray aims at, and pixel (x, y) and aperture point (a, b) from its centre."""
+    """Lenslet (i, j) that a ray aims at; pixel (x, y) and aperture point (a, b) from the lenslet's centre."""
 
     i: Ints
     j: Ints
@@ -84,7 +84,10 @@ class Aimed(NamedTuple):
 
 
 def aim(i: Ints, j: Ints, x: Ints, y: Ints, a: Ints, b: Ints, grid: Grid, f: int) -> Aimed:
-    """Find each aperture point's lenslet and measure its ray from it; `stray` marks a change of lenslet."""
+    """Measure rays, in wide words, from the lenslet whose cell contains their aperture point.
+
+    `stray` marks rays for which this is not the pixel's lenslet.
+    """
     locate = lenslet_hex if grid == "hex" else lenslet_square
     di, dj, a, b, _ = locate(a, b, f)
     i, j = i + di, j + dj

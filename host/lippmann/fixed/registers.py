@@ -27,7 +27,7 @@ class Field:
     """A register's bits `low` to `low + width - 1`; `reset` is None if the hardware drives the value.
 
     `fraction` is the number of fraction bits, or a formula with the build's F. `names`
-    lists values with their names if only the listed values have a meaning.
+    lists the allowed values and their names if not all are allowed.
     """
 
     low: int
@@ -119,7 +119,7 @@ def write(name: str, **values: int) -> Write:
 
 
 def optics_writes(config: Configuration) -> list[Write]:
-    """Return the writes of a display's configuration; the command `apply` activates it."""
+    """Return the writes of a display's configuration; the command `apply` activates the values."""
     writes = []
     for field, value in dataclasses.asdict(config).items():
         name = f"optics_{field}"

@@ -78,7 +78,7 @@ class SceneBuild:
 
     @property
     def word(self) -> int:
-        """The build as a word, 26 bits: RTL parameter `Scene` and scene register `build`."""
+        """The build as a 26-bit word, as in the RTL parameter `Scene` and the scene register `build`."""
         return SCENE_REGISTERS["build"].word(
             layers=self.layers,
             slots=self.slots_built,

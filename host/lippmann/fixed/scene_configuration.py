@@ -51,7 +51,7 @@ def scene_words(
 ) -> SceneWords:
     """Return the register values with which a scene build draws a layer stack on a display.
 
-    `slots` are the slot numbers of the layers' textures; by default, layer k has slot
+    `slots` are the slot numbers of the layers' textures; by default, slot k for layer
     k. `names` are the layers' names in messages, by default their numbers. Raises
     InputError if the build has too few layers or slots, or a value does not fit its
     register.
@@ -86,8 +86,8 @@ def scene_words(
 def layer_words(display: Display, layer: Layer, number: int | str, slot: int) -> LayerWords:
     """Return a layer's register values, with its texture in a slot; `number` names the layer in messages.
 
-    (X, Y) are in the array's frame, in radii: (x, y) = turn (X, Y) R + offset, with the
-    rotation matrix `turn`. In the layer's plane, the texture coordinate is s = s0 + a
+    (X, Y) are in the array's frame, in radii. With the rotation matrix `turn`, (x, y) =
+    turn (X, Y) R + offset. In the layer's plane, the texture coordinate is s = s0 + a
     X' + b Y', with (a, b) = R (m00, m01) turn, s0 = m02 + (m00, m01) offset and the
     layer's matrix m. For a sky, x and y are slopes, and the offset is not added.
     """

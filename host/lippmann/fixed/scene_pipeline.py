@@ -64,13 +64,16 @@ class SceneWords:
 
     @property
     def slots(self) -> tuple[int | None, ...]:
-        """The slot that each layer reads, or None. If visible layers share a slot, only the first reads it."""
+        """The slot that each layer reads, or None.
+
+        If visible layers share a slot, only the first reads the slot.
+        """
         visible = [layer.slot if layer.visible else None for layer in self.layers]
         return tuple(None if slot in visible[:k] else slot for k, slot in enumerate(visible))
 
     @property
     def bits(self) -> int:
-        """The bits of `scene_config_t`; the first field, the layers, is most significant."""
+        """The registers as bits of `scene_config_t`, whose first field, the layers, is most significant."""
         word = 0
         layers = [*self.layers, *[LayerWords()] * (MAX_LAYERS - len(self.layers))]
         words = [one for layer in reversed(layers) for one in layer.words]
@@ -81,13 +84,13 @@ class SceneWords:
         return word
 
 
-#: Fraction bits of the lattice words, and left shift of a lenslet index as a factor.
+#: Fraction bits of the lattice words, and left shift of a lenslet index before multiplication.
 LATTICE_FRACTION = 30
 _INDEX_SHIFT = 6
 
 
 class Lines(NamedTuple):
-    """Lines (N,): points at z = 0, radii (F - 3 fraction bits), slopes (F + 1), mask of drawing lines."""
+    """Lines (N,): points at z = 0, radii (F - 3 fraction bits), slopes (F + 1), mask of visible lines."""
 
     x: Ints
     y: Ints

@@ -55,7 +55,7 @@ def share_bits(f: int) -> int:
 
 
 def guarded(x: Ints, more: int = 0) -> Ints:
-    """Round from 3 to K = `more` guard bits: (x + (4 >> K)) >> (3 - K)."""
+    """Round from 3 to K = `more` guard bits, as (x + (4 >> K)) >> (3 - K)."""
     return (x + (1 << (GUARD - 1) >> more)) >> (GUARD - more)
 
 
@@ -94,8 +94,8 @@ def beyond(x: Ints, bits: int, slack: int = SLACK) -> Bools:
 def multiplier(a: Ints, b: Ints | int, a_bits: int, b_bits: int, drop: int) -> Ints:
     """Multiply two words without the product of their lower parts, and truncate `drop` bits.
 
-    Each word is split: a = ah 2^la + al, where la is the bits beyond 18, and b
-    likewise:
+    Each word is split: a = ah 2^la + al, where la is the number of bits beyond 18, and
+    b likewise:
 
         (ah bh >> drop-la-lb) + ((ah bl 2^la + al bh 2^lb) >> drop)
     """
