@@ -46,7 +46,7 @@ from lippmann.simulation.harness import ray_harness
 
 #: Function that traces rays and returns the rate in rays/s.
 Rate = Callable[[], float]
-#: Eye position, mm, off the axis, but in the shipped displays' viewing angle.
+#: Eye position, mm: off the axis, within the shipped displays' viewing angle.
 EYE_MM = (20.0, -20.0, 600.0)
 #: Number of rays per pixel of a rendered view.
 VIEW_SAMPLES = 64

@@ -101,7 +101,7 @@ def with_number(name: str, value: Number, inputs: PanelRays) -> PanelRays:
     part, _, key = path.rpartition(".")
     if entry:
         old = attrgetter(path)(display)
-        pair = old if isinstance(old, tuple) else (old, old)  # another fault may have set one pitch
+        pair = old if isinstance(old, tuple) else (old, old)  # a single pitch counts for x and y
         value = tuple(value if f"{k}]" == entry else one for k, one in enumerate(pair))
     if part == "array":
         array = replace(display.array, **{"glass": None, key: value})

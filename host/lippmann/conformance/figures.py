@@ -37,7 +37,7 @@ class Measured:
         return cls(value) if math.isfinite(value) else None
 
 
-#: Value of a table cell: text, number, bool, sequence of values, `Measured`, or None.
+#: A table cell: text, number, bool, sequence of values, `Measured`, or None.
 Value = Any
 Row = Mapping[str, Value]
 Rows = Sequence[Row]

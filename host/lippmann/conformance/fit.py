@@ -41,7 +41,7 @@ from lippmann.optics.sample_points import R2_STEPS, pixel_steps
 from lippmann.optics.system import System
 
 MOST_SAMPLES = 1024
-#: Candidate sample counts, in steps of 1 or of about 5 % (1024^(1/142) is 1.05).
+#: Candidate sample counts, in steps of 1 or of about 5 % (1024^(1/142)).
 TRIED_SAMPLES = sorted({round(MOST_SAMPLES ** (k / 142)) for k in range(143)})
 #: Scale of the cell in which test rays start; outside, rounding may change the lenslet.
 INSIDE = 0.97

@@ -160,7 +160,7 @@ def in_words(config: Configuration, build: Build) -> tuple[Configuration, words.
     narrow = {name: form for name, form in _formats(build).items() if form.bits < words.SLOPE_BITS}
     read = {name: (form.bits, form.is_read) for name, form in narrow.items()}
     read |= {"extent_i": (words.INDEX_BITS + 2, True), "extent_j": (words.INDEX_BITS + 1, True)}
-    cut: dict[str, Any] = {}  # integers (arrays in tests)
+    cut: dict[str, Any] = {}  # values are integers, or arrays in tests
     beyond: words.Bools | np.bool_ = np.False_
     for name, (bits, is_read) in read.items():
         value = getattr(config, name)

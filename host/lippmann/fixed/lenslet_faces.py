@@ -2,7 +2,7 @@
 
 In the glass, dx and dy are near words with E = `extra_bits` more bits, and dz has 3 E
 more bits. Squared sines and cosines have F + 3 fraction bits; M is 2^(F+3) - 1. A ray
-overflows if a value exceeds its word, or its range by more than rounding errors.
+overflows if a value does not fit its word, or leaves its range by more than rounding.
 """
 
 from __future__ import annotations
@@ -138,7 +138,7 @@ def cell_step(
 def move_lenslet(
     hx: Ints, hy: Ints, di: Ints, dj: Ints, cx: int, cy: int, rx: int, grid: Grid, f: int, shear: bool
 ) -> tuple[Ints, Ints, Bools]:
-    """Return points relative to the next lenslet, (hx - di cx - dj rx, hy - dj cy); mask overflows."""
+    """Return points relative to the next lenslet, (hx - di cx - dj rx, hy - dj cy), and a mask of overflows."""
     if not shear:
         rx = cx >> 1 if grid == "hex" else 0
     word = f + 3

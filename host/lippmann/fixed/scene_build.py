@@ -9,7 +9,7 @@ from lippmann.base.toml import check_fields, documented, key
 from lippmann.errors import InputError
 from lippmann.fixed.registers import SCENE_REGISTERS
 
-#: Maximum number of layers, and of texture slots; slot 15 is the panel's transfer curve.
+#: Maximum number of layers, and of texture slots; slot 15 holds the panel's transfer curve.
 MAX_LAYERS, MAX_SLOTS = 8, 15
 CURVE_SLOT = 15
 #: Number of bytes of a block, the unit in which slots are loaded.
