@@ -49,8 +49,8 @@ def refused(capsys, *arguments):
         ("ulx3s", (3840, 2160), "two frames take 47.5 MiB, the SDRAM of ulx3s has 32"),
         ("ulx3s", (1280, 960), "MHz for DVI's bits, ulx3s has 375 at most"),
         ("ulx3s_lcd", (1920, 1080), "148.5 MHz for the system, ulx3s_lcd has 80 at most"),
-        ("ulx3s", (16, 16384), "give a board at most 16383"),
-        ("ulx3s", (480, 272), "display '480x272' on ulx3s: 3000000 baud does not fit a clock of "),
+        ("ulx3s", (16, 16384), "give a panel of at most 16383 x 16383"),
+        ("ulx3s", (480, 272), "display '480x272' on ulx3s: 3000000 baud is not possible with a clock of "),
         ("ulx3s_lcd", (480, 272), f" baud, by baud in {TOP}/rtl/board/ulx3s_lcd/board.toml"),
     ],
 )

@@ -518,7 +518,7 @@ def test_a_display_that_does_not_match_the_picture(place, picture, capfd, refusa
     line = refusal_of(*look, "--display", "other.toml")
     assert re.search(r"a\.exr: was made for display .*; give the display that it was made for, or --force", line)
     assert lippmann(capfd, *look, "--display", "other.toml", "--force")[0] == 0
-    assert "a.exr: is 64 x 48 pixels, the panel 65 x 48; render" in refusal_of(*look, "--display", "wide.toml")
+    assert "a.exr: is 64 x 48 pixels, but the panel is 65 x 48; render" in refusal_of(*look, "--display", "wide.toml")
     # Another panel curve or depth is the same optics.
     (place / "deep.toml").write_text(TINY.replace("[array]", "bits = 10\n[array]"))
     assert lippmann(capfd, *look, "--display", "deep.toml")[0] == 0
@@ -529,7 +529,7 @@ def test_what_board_start_refuses(place, refusal_of):
     assert "tiny.toml is a file; name a folder" in refusal_of(*start, "tiny.toml", "--capture", "tiny.toml")
     (place / "huge.toml").write_text(re.sub("width_px = .*", "width_px = 16384", TINY))
     said = refusal_of(*start, "huge.toml").splitlines()[-1]
-    assert "16384 x 48 pixels; give a board at most 16383 in each direction" in said
+    assert "16384 x 48 pixels; give a panel of at most 16383 x 16383" in said
 
 
 def test_json_errors(place, capfd):

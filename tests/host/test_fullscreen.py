@@ -37,7 +37,7 @@ def test_nothing_is_scaled():
     width, height = monitors()[0]
     with pytest.raises(InputError, match="resolution"):
         show(noise(width, height - 1), 0, 0.01)
-    with pytest.raises(InputError, match="no monitor 7; choose from 0: "):
+    with pytest.raises(InputError, match="monitor 7 does not exist; choose from 0: "):
         show(noise(width, height), 7, 0.01)
 
 

@@ -127,7 +127,7 @@ def test_an_unknown_curve_in_a_file_names_the_file(tmp_path):
     for suffix in (".exr", ".png"):
         write_foreign(tmp_path / f"a{suffix}", pixels, {"transfer": "gamma2.6"})
     assert IntegralImage.load(tmp_path / "a.exr", display, force=True).metadata["transfer"] == "srgb"
-    with pytest.raises(InputError, match=r"a\.png: unknown transfer 'gamma2\.6'; choose from srgb"):
+    with pytest.raises(InputError, match=r"a\.png: the transfer 'gamma2\.6' is unknown; choose from srgb"):
         IntegralImage.load(tmp_path / "a.png", display, force=True)
 
 
@@ -204,7 +204,7 @@ def test_values_below_0_are_warned_of_once(tmp_path):
 
 def test_a_file_of_another_size_is_refused(tmp_path):
     write_picture(tmp_path / "a.exr", np.zeros((13, 18, 3)), {})
-    with pytest.raises(InputError, match="is 18 x 13 pixels, the panel 17 x 13"):
+    with pytest.raises(InputError, match="is 18 x 13 pixels, but the panel is 17 x 13"):
         IntegralImage.load(tmp_path / "a.exr", display_with())
 
 

@@ -167,10 +167,10 @@ def test_scenes_that_nest_too_deeply(place, mi):
     """Mitsuba's parser ends with a segmentation fault."""
     inside = '<shape type="sphere">' * 20_000 + "</shape>" * 20_000
     (place / "deep.xml").write_text(f'<scene version="3.0.0">{inside}</scene>')
-    with pytest.raises(InputError, match=r"^deep\.xml: has elements more than 500 deep \(line 1\); mend"):
+    with pytest.raises(InputError, match=r"^deep\.xml: nests elements more than 500 deep \(line 1\); mend"):
         load_scene("deep.xml")
     (place / "outer.xml").write_text('<scene version="3.0.0"><include filename="deep.xml"/></scene>')
-    with pytest.raises(InputError, match=r"deep\.xml: has elements more than 500 deep"):
+    with pytest.raises(InputError, match=r"deep\.xml: nests elements more than 500 deep"):
         load_scene("outer.xml")
     (place / "torn.xml").write_text(f'<scene version="3.0.0">&none;{inside}</scene>')
     with pytest.raises(InputError, match=r"torn\.xml: is not XML \("):
@@ -181,7 +181,7 @@ def test_a_small_picture_of_a_large_size_is_not_expanded(place, monkeypatch):
     data = chunk(b"IDAT", zlib.compress(bytes(1 << 20)))
     (place / "bomb.png").write_bytes(png(16_000, 16_000, data, chunk(b"IEND")))
     monkeypatch.setattr(limits, "free_memory_mb", lambda: 1000.0)
-    with pytest.raises(InputError, match=r"bomb\.png: 16000 x 16000 pixels: needs 6144 MB, the limit is 800 MB; take"):
+    with pytest.raises(InputError, match=r"bomb\.png: 16000 x 16000 pixels: needs 6144 MB, the limit is 800 MB; use"):
         read_picture("bomb.png")
 
 

@@ -365,8 +365,8 @@ def test_a_board_that_fails_ends_the_picture(made):
 
 def test_mistakes(place, capfd):
     for words, code, part in (
-        ("--monitor 7", 2, "no monitor 7"),
-        ("--monitor 0", 2, "monitor 0 has 1024 x 768 pixels, the image 46 x 32"),
+        ("--monitor 7", 2, "monitor 7 does not exist"),
+        ("--monitor 0", 2, "monitor 0 has 1024 x 768 pixels, but the image has 46 x 32"),
         ("--monitor 0 --port socket://127.0.0.1:1", 2, "leave one out"),
         ("--monitor 0 --window", 2, "leave one out"),
         ("--no-window", 2, "give --port"),

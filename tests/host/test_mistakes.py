@@ -139,7 +139,7 @@ COMMANDS = [
     (f"{RENDER} --integrator ptracer", "integrator 'ptracer'", "choose lights"),
     (f"{RENDER} --seed -1", "--seed", ""),
     (f"{RENDER} --bogus", "--bogus", ""),
-    (RENDER.replace("a.exr", "no/a.exr"), "no/a.exr: the folder no does not exist", "make it first"),
+    (RENDER.replace("a.exr", "no/a.exr"), "no/a.exr: the folder no does not exist", "make the folder first"),
     (RENDER.replace("a.exr", "folder.exr"), "folder.exr: is a folder", "give"),
     (RENDER.replace("a.exr", "a.jpg"), "unknown extension '.jpg'", "choose from .exr"),
     # Values of observe's options.

@@ -116,12 +116,12 @@ def test_a_whole_lenslet_and_where_the_display_stands(mi, sensor_of):
         ('<string name="model" value="cheap"/>', "model 'cheap' is not known"),
         ('<string name="aperture" value="half"/>', "aperture 'half' is not known"),
         ('<float name="gap" value="3"/>', "gap"),
-        ('<float name="near_mm" value="nan"/>', "near_mm nan is not a depth"),
-        (POSE.format('<scale x="2" y="1" z="1"/>'), "does not scale equally"),
-        (POSE.format('<scale value="0"/>'), "or scales by 0"),
-        (POSE.format('<matrix value="1 0.1 0 0  0 1 0 0  0 0 1 0  0 0 0 1"/>'), "does not scale equally"),
-        (POSE.format('<matrix value="nan 0 0 0  0 1 0 0  0 0 1 0  0 0 0 1"/>'), "to_world contains numbers"),
-        (POSE.format('<matrix value="1 0 0 inf  0 1 0 0  0 0 1 0  0 0 0 1"/>'), "to_world contains numbers"),
+        ('<float name="near_mm" value="nan"/>', "near_mm is nan"),
+        (POSE.format('<scale x="2" y="1" z="1"/>'), "differs between directions"),
+        (POSE.format('<scale value="0"/>'), "the scale of to_world is 0"),
+        (POSE.format('<matrix value="1 0.1 0 0  0 1 0 0  0 0 1 0  0 0 0 1"/>'), "differs between directions"),
+        (POSE.format('<matrix value="nan 0 0 0  0 1 0 0  0 0 1 0  0 0 0 1"/>'), "to_world contains NaN or infinity"),
+        (POSE.format('<matrix value="1 0 0 inf  0 1 0 0  0 0 1 0  0 0 0 1"/>'), "to_world contains NaN or infinity"),
         (POSE.format('<scale x="-1"/>'), "to_world mirrors"),
     ],
 )
@@ -136,7 +136,7 @@ def test_bad_parameters_raise(mi, sensor_of, extra, message):
 
 
 def test_a_display_is_needed(mi, tmp_path):
-    with pytest.raises(Exception, match="no display"):
+    with pytest.raises(Exception, match="display is missing"):
         mi.load_dict({"type": "integral"})
     with pytest.raises(Exception, match="no such file"):
         mi.load_dict({"type": "integral", "display": str(tmp_path / "none.toml")})

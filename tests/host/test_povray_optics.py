@@ -133,10 +133,10 @@ def test_a_mirror_does_not_show_the_stops(mi, tmp_path):
 def test_an_ideal_lens_and_a_sensor_are_refused():
     with pytest.raises(InputError, match="ideal thin lens"):
         setup_view(load_setup(repository() / "scenes/setups/thin.toml"))
-    with pytest.raises(InputError, match="no sensor"):
+    with pytest.raises(InputError, match="cannot render a sensor"):
         setup_view(load_setup(repository() / "scenes/setups/pickup.toml"))
     setup = load_setup(repository() / "scenes/setups/fig8a.toml")
-    with pytest.raises(InputError, match=r"viewing_distance_mm.*give a display without it"):
+    with pytest.raises(InputError, match=r"viewing_distance_mm.*give a display without this key"):
         setup_view(dataclasses.replace(setup, display=dataclasses.replace(setup.display, viewing_distance_mm=600.0)))
 
 
@@ -158,7 +158,7 @@ def test_the_command_with_a_set_up(mi, tmp_path, capfd, monkeypatch):
     scene.with_suffix(".toml").unlink()
     common[4] = str(tmp_path / "no")
     assert run([*common[:-1], "--setup", "scenes/setups/fig8a.toml"]) == 2
-    assert "the scene extends 1787 mm before" in capfd.readouterr().err
+    assert "the scene extends 1787 mm in front of" in capfd.readouterr().err
     assert not (tmp_path / "no").exists()
 
 

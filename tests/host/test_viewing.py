@@ -470,7 +470,7 @@ def test_the_picture_of_the_zones_names_the_eyes_and_their_crosstalk(inspected):
         (("--eye", "0,0,-5"), "eye: z -5 mm is not in front of the display"),
         (("--eye", "0,0"), "give 3 finite numbers"),
         (("--draw", "d.jpg"), "choose from .svg, .png"),
-        (("--zones", "gone/z.svg"), "make it first"),
+        (("--zones", "gone/z.svg"), "make the folder first"),
         (("--draw", "d.svg", "--zones", "d.svg"), "give two names"),
         (("--zone", "d.svg"), "Did you mean '--zones'?"),
     ],

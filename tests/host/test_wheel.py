@@ -111,7 +111,7 @@ def test_an_installed_package_finds_its_rtl_and_the_users_cache(site, cache, wan
 
 def test_what_needs_the_checkout_says_so(site):
     done = python(site, "from lippmann.simulation.toolchain import *; repository()")
-    assert "MissingLibraryError: this needs the checkout, which pip does not install" in done.stderr
+    assert "MissingLibraryError: this needs the git checkout, not the pip package" in done.stderr
 
 
 def test_a_cache_that_cannot_be_written_is_named(site):
@@ -119,8 +119,8 @@ def test_a_cache_that_cannot_be_written_is_named(site):
     done = python(site, program, XDG_CACHE_HOME="/dev/null")
     assert done.returncode == 2
     assert done.stderr == (
-        "lippmann: /dev/null/lippmann/sim: compiled simulations cannot be kept there (Not a directory); "
-        "make it writable, or set XDG_CACHE_HOME\n"
+        "lippmann: /dev/null/lippmann/sim: compiled simulations cannot be stored there (Not a directory); "
+        "make the folder writable, or set XDG_CACHE_HOME\n"
     )
 
 

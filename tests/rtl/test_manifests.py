@@ -117,9 +117,9 @@ def test_a_folder_uses_itself_and_those_above_it_only():
 @pytest.mark.parametrize(
     ("change", "said"),
     [
-        (lambda rtl: (rtl / "optics/lipp_new.sv").write_text(""), "lacks rtl/optics/lipp_new.sv; mend the list"),
-        (lambda rtl: (rtl / "ecp5/lipp_ring.sv").unlink(), "names no file rtl/ecp5/lipp_ring.sv; mend the list"),
-        (lambda rtl: (rtl / "common/lipp_fifo.sv").unlink(), "names no file rtl/common/lipp_fifo.sv; mend the list"),
+        (lambda rtl: (rtl / "optics/lipp_new.sv").write_text(""), "lacks rtl/optics/lipp_new.sv; correct the list"),
+        (lambda rtl: (rtl / "ecp5/lipp_ring.sv").unlink(), "lists the missing file rtl/ecp5/lipp_ring.sv"),
+        (lambda rtl: (rtl / "common/lipp_fifo.sv").unlink(), "lists the missing file rtl/common/lipp_fifo.sv"),
     ],
 )
 def test_a_list_that_is_not_that_of_the_files_is_refused(tmp_path, change, said):

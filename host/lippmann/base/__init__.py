@@ -1,1 +1,1 @@
-"""Basic functions for files, images, TOML, limits, memory, programs and Mitsuba."""
+"""Contains basic functions for files, images, TOML, limits, memory, programs and Mitsuba."""

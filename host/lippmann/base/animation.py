@@ -1,4 +1,4 @@
-"""Animations and contact sheets of views, and PNG files in memory."""
+"""Writes animations and contact sheets of views, and encodes PNG files."""
 
 from __future__ import annotations
 
@@ -16,12 +16,12 @@ if TYPE_CHECKING:
 
 ANIMATION_SUFFIXES = (".gif", ".png", ".apng")
 FRAME_MS = 80
-#: Measured memory per pixel and frame, bytes.
+#: Measured memory of an animation per pixel and frame, bytes.
 FRAME_BYTES = 13
 
 
 def png_bytes(radiance: Numbers) -> bytes:
-    """Return linear radiance (height, width, 3) as a PNG file in sRGB with 8 bits."""
+    """Encode linear radiance (height, width, 3) as the bytes of an sRGB PNG file with 8 bits."""
     from PIL import Image
 
     stream = io.BytesIO()
@@ -34,8 +34,8 @@ def write_animation(
 ) -> None:
     """Write views, (height, width, 3) linear radiance, as an endless GIF or animated PNG.
 
-    With `there_and_back`, the views play forwards, then backwards. Raises InputError
-    if the file cannot be written.
+    `there_and_back` plays the views forwards, then backwards. Raises InputError if the
+    file cannot be written.
     """
     path = check_output(path, ANIMATION_SUFFIXES)
     kind = "GIF" if path.suffix.lower() == ".gif" else "PNG"
@@ -45,7 +45,7 @@ def write_animation(
 def animation_bytes(
     views: Iterable[Radiance], kind: str, there_and_back: bool = True, frame_ms: float = FRAME_MS
 ) -> bytes:
-    """Return an animation as the bytes of a file; `kind` is "GIF" or "PNG"."""
+    """Encode views as the bytes of an animation file; `kind` is "GIF" or "PNG"."""
     from PIL import Image
 
     frames = [Image.fromarray(encoded_values(view, "srgb", 8)) for view in views]
@@ -77,7 +77,10 @@ def _common_palette(frames: Sequence[PIL.Image.Image]) -> PIL.Image.Image:
 
 
 def write_contact_sheet(path: str | Path, views: Sequence[Radiance], captions: Sequence[str], columns: int = 3) -> None:
-    """Write rows of views with captions as one PNG; raises InputError if that fails."""
+    """Write a PNG of captioned views in rows.
+
+    Raises InputError if the file cannot be written.
+    """
     from PIL import Image, ImageDraw
 
     path = check_output(path, (".png",))

@@ -30,30 +30,29 @@ from lippmann.errors import LippmannError, NoSpaceError, input_error
 HAS_LOCKS = importlib.util.find_spec("fcntl") is not None
 new_folders: list[Path] = []
 
-#: Error numbers for a full disk, an exhausted quota, and a file above its size limit.
+#: Error numbers for a full disk, an exhausted quota, and a file above the size limit.
 FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
-#: Size of a test write, bytes; a disk that refuses it is full.
+#: Size of a test write, bytes; a disk that refuses the test write is full.
 PROBE_BYTES = 1 << 20
 #: Age at which partial files of another machine or container are removed, s.
 FOREIGN_S = 86_400.0
-#: Maximum length of the file's stem in a temporary name, bytes.
+#: Maximum length of a file's stem in a temporary name, bytes.
 STEM_BYTES = 180
 #: Flags of `os.open`: follow no link, and close the file in child processes.
 OWN_FLAGS = getattr(os, "O_NOFOLLOW", 0) | getattr(os, "O_CLOEXEC", 0)
-#: Counter in temporary names, because two threads may write the same file.
+#: Counter that makes temporary names unique if two threads write the same file.
 numbers = itertools.count()
-#: Temporary name: stem, counter, machine hash, process, hash of its start, suffix.
+#: Temporary name: stem, counter, machine hash, process, start time hash, suffix.
 PARTIAL = re.compile(r"\..*\.([0-9a-f]{8})-([0-9]+)-([0-9a-f]{8})\.partial(\.[^.]*)?", re.DOTALL)
 
 
 def owner() -> str:
-    """Return the text that identifies this process in temporary names."""
+    """Return the part of a temporary name that identifies this process."""
     return f"{_machine()}-{os.getpid()}-{_life(os.getpid())}"
 
 
 @functools.cache
 def _machine() -> str:
-    """Return a hash that identifies the machine and its container."""
     container = ""
     with contextlib.suppress(OSError):
         container = str(os.stat("/proc/self/ns/pid").st_ino)
@@ -61,7 +60,7 @@ def _machine() -> str:
 
 
 def _life(pid: int) -> str:
-    """Return a hash of a process's start time, "" if it has ended, or a constant without /proc."""
+    """Return a hash of a process's start time, "" for an ended process, or a constant without /proc."""
     if not Path("/proc/self/stat").exists():
         return "0" * 8
     try:
@@ -77,14 +76,14 @@ def _short(text: bytes) -> str:
 
 
 def partial_name(name: str) -> str:
-    """Return a new temporary name for a file, with the file's suffix."""
+    """Return a new temporary name for a file; the name keeps the file's suffix."""
     stem, suffix = os.path.splitext(name)
     stem = stem.encode(errors="surrogateescape")[:STEM_BYTES].decode(errors="ignore")
     return f".{stem}.{next(numbers)}.{owner()}.partial{suffix}"
 
 
 def remove_stale(folder: Path) -> None:
-    """Remove the partial files and folders of processes that have ended."""
+    """Remove the partial files and folders that ended processes left in a folder."""
     with contextlib.suppress(OSError):
         for entry in list(os.scandir(folder)):
             match = PARTIAL.fullmatch(entry.name)
@@ -104,11 +103,11 @@ remove_stale_once = functools.cache(remove_stale)
 
 
 def _remove(path: Path) -> None:
-    # Signals are delayed, because an exception would stop the removal.
+    # Delay signals, because their exception would stop the removal.
     with interrupts.hold_signals():
         if path.is_dir() and not path.is_symlink():
             shutil.rmtree(path, ignore_errors=True)
-        elif os.path.lexists(path):  # read-only file systems refuse to remove missing files
+        elif os.path.lexists(path):  # removing a missing file fails on a read-only file system
             path.unlink(missing_ok=True)
 
 
@@ -120,13 +119,13 @@ def is_full(error: BaseException) -> bool:
 
 
 def no_space(where: object, why: str | None = None) -> NoSpaceError:
-    """Return the error for a full disk."""
+    """Return the error to raise for a full disk; `why` is the system's message."""
     what = f"cannot be written ({why or 'no space left on the device'})"
     return NoSpaceError.at(where, what, "free space or choose another place")
 
 
 def on_full_disk(path: Path) -> str | None:
-    """Append `PROBE_BYTES` to a file; return the system's reason if the disk is full."""
+    """Append `PROBE_BYTES` to a file; return the system's message if the disk is full, else None."""
     try:
         with path.open("ab") as stream:
             stream.write(bytes(PROBE_BYTES))
@@ -138,9 +137,9 @@ def on_full_disk(path: Path) -> str | None:
 
 
 def not_written(path: Path, why: OSError | str = "", partial: Path | None = None) -> LippmannError:
-    """Return the error for a failed write.
+    """Return the error to raise for a failed write.
 
-    If `why` has no errno, test with `partial` whether the disk is full.
+    If `why` has no errno, a write to `partial` tests whether the disk is full.
     """
     reason = why if isinstance(why, str) else why.strerror or str(why)
     if isinstance(why, OSError) and (why.errno is not None or partial is None):
@@ -153,7 +152,7 @@ def not_written(path: Path, why: OSError | str = "", partial: Path | None = None
 
 
 def sync(path: Path) -> None:
-    """Wait until a file's content, or a folder's list of files, is stored on the disk."""
+    """Wait until the disk has stored a file's content or a folder's list of files."""
     if os.name == "nt" and path.is_dir():  # Windows cannot open folders
         return
     handle = os.open(path, os.O_RDWR if os.name == "nt" else os.O_RDONLY)
@@ -189,7 +188,7 @@ def replacing(path: Path) -> Iterator[Path]:
 
 
 def write_file(path: Path, content: str | bytes) -> None:
-    """Write a file completely or not at all (see `replacing`), text in UTF-8."""
+    """Write a file completely or not at all (see `replacing`); text is encoded as UTF-8."""
     with replacing(path) as partial:
         partial.write_bytes(content.encode() if isinstance(content, str) else content)
 
@@ -206,9 +205,9 @@ def user_id() -> int:
 
 
 def own_text(path: Path) -> str:
-    """Return the text of this user's regular file.
+    """Read a text file that belongs to this user.
 
-    Raises OSError for a link, pipe or another user's file.
+    Raises OSError for a link, a pipe or another user's file.
     """
     handle = os.open(path, os.O_RDONLY | getattr(os, "O_NONBLOCK", 0) | OWN_FLAGS)
     with os.fdopen(handle, encoding="utf-8", errors="replace") as stream:
@@ -220,7 +219,10 @@ def own_text(path: Path) -> str:
 
 @contextlib.contextmanager
 def partial_folder(target: Path) -> Iterator[Path]:
-    """Provide a temporary folder beside `target` (see `moved`); remove it at the end. Raises OSError."""
+    """Provide a temporary folder beside `target`, removed at the block's end.
+
+    Raises OSError.
+    """
     remove_stale_once(target.parent.absolute())
     folder = target.with_name(partial_name(target.name))
     _remove(folder)
@@ -232,7 +234,7 @@ def partial_folder(target: Path) -> Iterator[Path]:
 
 
 def moved(source: Path, target: Path) -> None:
-    """Sync a finished file, or a folder with its content; then rename it to `target`."""
+    """Sync a finished file or folder to the disk, then rename it to `target`."""
     for below in sorted(source.rglob("*")) if source.is_dir() else ():
         if not below.is_symlink():
             sync(below)
@@ -242,7 +244,7 @@ def moved(source: Path, target: Path) -> None:
 
 
 def make_folder(folder: Path, remedy: str = "choose another folder") -> None:
-    """Make a folder and its parents (see `remove_empty`).
+    """Make a folder and its parents; see also `remove_empty`.
 
     Raises NoSpaceError or InputError if a folder cannot be made.
     """
@@ -256,12 +258,12 @@ def make_folder(folder: Path, remedy: str = "choose another folder") -> None:
 
 
 class FolderLock:
-    """A lock on a folder until `close` or the process's end; no effect if the file system has no locks."""
+    """A lock on a folder until `close` or the process's end, if the file system has locks."""
 
     def __init__(self, folder: Path, remedy: str) -> None:
-        """Make and lock the folder.
+        """Make the folder if missing, and lock it.
 
-        Raises InputError if another command has locked the folder, or as `make_folder`.
+        Raises InputError if another command has the lock; see also `make_folder`.
         """
         self.close: Callable[[], object] = lambda: None
         make_folder(folder, remedy)
@@ -272,7 +274,6 @@ class FolderLock:
 
 
 def _locked(folder: Path, remedy: str) -> int | None:
-    """Lock a folder and return its file descriptor, or `None` if the folder no longer exists."""
     import fcntl
 
     try:
@@ -325,9 +326,9 @@ def listening() -> set[str]:
     """Return the paths of Unix sockets on which programs listen (only on Linux)."""
     table = Path("/proc/net/unix")
     rows = table.read_text(errors="replace").splitlines() if table.exists() else []
-    return {row.split(maxsplit=7)[-1] for row in rows}  # a path may have spaces
+    return {row.split(maxsplit=7)[-1] for row in rows}  # a socket's path may contain spaces
 
 
 def scratch_folder() -> contextlib.AbstractContextManager[Path]:
-    """Provide an empty folder with a short name without spaces; remove it at the end."""
+    """Provide an empty folder with a short name without spaces, removed at the block's end."""
     return partial_folder(private_folder() / "s")

@@ -1,4 +1,4 @@
-"""Shows images with SDL, unscaled on a full monitor or in a window."""
+"""Shows images with SDL, either unscaled on a whole monitor or in a window."""
 
 from __future__ import annotations
 
@@ -22,33 +22,36 @@ if TYPE_CHECKING:
 
 Pixels = npt.NDArray[np.uint8]
 
-#: SDL drivers without a visible screen, which SDL selects if there is no desktop.
+#: SDL drivers without a screen, which SDL selects if the session has no desktop.
 BLIND_DRIVERS = ("dummy", "evdev", "offscreen")
-#: Pause between two queries of the keyboard, s.
+#: Interval between two checks of the keyboard, s.
 LOOK_S = 0.05
-#: Maximum size of a window, as a fraction of the desktop.
+#: Maximum size of a window, as a fraction of the desktop's size.
 WINDOW_SHARE = 0.9
 
 
 def monitors() -> list[tuple[int, int]]:
-    """Return the width and height of each monitor, px; raises DeviceError without a desktop."""
+    """Return each monitor's width and height, px.
+
+    Raises DeviceError if there is no desktop.
+    """
     with desktop("its sizes") as pygame:
         return list(pygame.display.get_desktop_sizes())
 
 
 def check_monitor(sizes: Sequence[tuple[int, int]], monitor: int, size: tuple[int, int]) -> None:
-    """Refuse a monitor that does not exist or whose size differs from the picture's."""
+    """Raise InputError if a monitor does not exist or has not the image's size."""
     if not 0 <= monitor < len(sizes):
         listed = ", ".join(f"{k}: {width} x {height}" for k, (width, height) in enumerate(sizes))
-        raise InputError(f"no monitor {monitor}; choose from {listed}")
+        raise InputError(f"monitor {monitor} does not exist; choose from {listed}")
     width, height = sizes[monitor]
     if (width, height) != size:
-        what = f"monitor {monitor} has {width} x {height} pixels, the image {size[0]} x {size[1]}"
-        raise InputError(f"{what}; set the monitor to its panel's own resolution, without scaling")
+        what = f"monitor {monitor} has {width} x {height} pixels, but the image has {size[0]} x {size[1]}"
+        raise InputError(f"{what}; set the monitor to the panel's native resolution, without scaling")
 
 
 def window_size(size: tuple[int, int], desktop: tuple[int, int]) -> tuple[int, int]:
-    """Return the window size for a picture, scaled down if the desktop is smaller."""
+    """Return the window size for an image, scaled down if the desktop is smaller."""
     scale = min(1.0, *(WINDOW_SHARE * full / side for full, side in zip(desktop, size, strict=True)))
     width, height = (max(1, round(scale * side)) for side in size)
     return width, height
@@ -61,14 +64,14 @@ def full_screen(size: tuple[int, int], monitor: int) -> Iterator[Callable[..., P
     The function takes the image and a duration in s, and returns the screen's pixels.
     The duration `None` ends with Escape or q. Raises InputError for a missing monitor
     and for another image size, because scaled pixels would not match the lenslets.
-    Raises DeviceError without a desktop or full screen.
+    Raises DeviceError if there is no desktop or no full screen.
     """
     check_monitor(monitors(), monitor, size)
     width, height = size
     with desktop("a full screen") as pygame:
         screen = pygame.display.set_mode((width, height), pygame.FULLSCREEN | pygame.NOFRAME, display=monitor)
         if screen.get_size() != (width, height):
-            raise DeviceError(f"the desktop gives {screen.get_size()} px of monitor {monitor}; turn its scaling off")
+            raise DeviceError(f"the desktop offers {screen.get_size()} px on monitor {monitor}; disable scaling")
         pygame.mouse.set_visible(False)
 
         def show(image: Pixels, seconds: float | None = 0.0) -> Pixels:
@@ -80,9 +83,9 @@ def full_screen(size: tuple[int, int], monitor: int) -> Iterator[Callable[..., P
 
 
 def show_frames(frames: Sequence[Pixels], seconds: float | None, frame_s: float = LOOK_S) -> None:
-    """Repeat frames (height, width, 3) uint8 in a window, for some seconds or until Escape, q or the close button.
+    """Repeat frames (height, width, 3) uint8 in a window, for `seconds` or until Escape, q or close.
 
-    Frames larger than the desktop are scaled down. Raises DeviceError without a desktop.
+    Large frames are scaled down. Raises DeviceError if the session has no desktop.
     """
     if seconds is not None and not as_number(seconds) >= 0.0:
         raise InputError(f"seconds {seconds} is not a duration; give 0 or more, or None to wait for Escape")
@@ -100,7 +103,6 @@ def show_frames(frames: Sequence[Pixels], seconds: float | None, frame_s: float 
 
 
 def _show(pygame: ModuleType, screen: pygame.Surface, picture: pygame.Surface, seconds: float | None) -> bool:
-    """Show a picture for some seconds, or until Escape, q or the close button; return whether the user ended it."""
     screen.blit(picture, (0, 0))
     pygame.display.flip()
     until = math.inf if seconds is None else time.monotonic() + seconds
@@ -116,27 +118,27 @@ def _show(pygame: ModuleType, screen: pygame.Surface, picture: pygame.Surface, s
 
 @contextmanager
 def desktop(request: str) -> Iterator[ModuleType]:
-    """Provide pygame with an open display; an SDL error becomes "the desktop refuses `request`"."""
+    """Provide pygame with an open display; an SDL error raises a DeviceError that names `request`."""
     os.environ.setdefault("PYGAME_HIDE_SUPPORT_PROMPT", "1")
-    # Do not minimize the window when it loses the keyboard focus.
+    # Do not minimise the window when it loses the keyboard focus.
     os.environ.setdefault("SDL_VIDEO_MINIMIZE_ON_FOCUS_LOSS", "0")
     try:
         import pygame
     except ImportError as error:
         raise missing_library(error) from None
 
-    remedy = "run it in a graphical session, such as with DISPLAY=:0"
+    remedy = "run the command in a graphical session, such as with DISPLAY=:0"
     try:
         with silent_stderr():
             pygame.display.init()
     except pygame.error as error:
-        raise DeviceError(f"no desktop ({error}); {remedy}") from None
+        raise DeviceError(f"there is no desktop ({error}); {remedy}") from None
     try:
         driver = pygame.display.get_driver()
         if driver in BLIND_DRIVERS and driver not in os.environ.get("SDL_VIDEODRIVER", "").split(","):
-            raise DeviceError(f"no desktop (SDL found only its driver '{driver}', which shows nothing); {remedy}")
+            raise DeviceError(f"there is no desktop (SDL uses the driver '{driver}', which shows nothing); {remedy}")
         yield pygame
     except pygame.error as error:
-        raise DeviceError(f"the desktop refuses {request} ({error}); run it in a graphical session") from None
+        raise DeviceError(f"the desktop refuses {request} ({error}); {remedy}") from None
     finally:
         pygame.display.quit()

@@ -1,4 +1,4 @@
-"""Image files: linear radiance in EXR and TIFF, panel values in PNG, and metadata."""
+"""Reads and writes images: linear radiance in EXR and TIFF, panel values in PNG, and metadata."""
 
 from __future__ import annotations
 
@@ -27,61 +27,61 @@ from lippmann.errors import InputError, input_error, likely_file, missing_librar
 if TYPE_CHECKING:
     import OpenImageIO
 
-#: Extensions of files with linear radiance.
+#: File name extensions of images with linear radiance.
 LINEAR_SUFFIXES = (".exr", ".tif", ".tiff")
-#: Extensions of files with panel values.
+#: File name extensions of images with panel values.
 ENCODED_SUFFIXES = (".png",)
 SUFFIXES = LINEAR_SUFFIXES + ENCODED_SUFFIXES
-#: Maximum file name, bytes: file systems allow 255, and the temporary name is longer.
+#: Maximum length of a file name, bytes; file systems allow 255 for the temporary name.
 MAX_NAME_BYTES = 220
 HALF_MAX = 65504.0
-#: Maximum number of channels: three colours and alpha.
+#: Maximum number of channels of an image: three colours and alpha.
 MAX_CHANNELS = 4
 #: Maximum size of a PNG's compressed texts, bytes; they may expand a thousandfold.
 MAX_TEXT_BYTES = 1 << 18
-#: OpenImageIO's name for each transfer curve, for which it writes a gamma chunk.
+#: OpenImageIO's names of transfer curves, for which it writes a PNG gamma chunk.
 COLOUR_SPACES = {"srgb": "sRGB", "gamma2.2": "Gamma2.2", "linear": "Linear"}
 #: Without row filters, PNG files are written three times as fast, and are not larger.
 PNG_SETTINGS = {"png:filter": 0x08, "png:compressionLevel": 2}
 PREFIX = "lippmann:"
-#: Maximum size of a key (PNG), and of all metadata (TIFF), bytes.
+#: Maximum size of a metadata key (limit of PNG), and of all metadata (of TIFF), bytes.
 MAX_KEY_BYTES, MAX_METADATA_BYTES = 70, 60_000
 
 #: Linear radiance, (height, width, 3).
 Radiance = npt.NDArray[np.float32]
-#: Checks a file's metadata, and raises an error to refuse the file.
+#: Checks a file's metadata; raises an error to refuse the file.
 Accept = Callable[[Mapping[str, str]], None]
 
 
 class Picture(NamedTuple):
-    """An image file's linear radiance (height, width, 3) float32 and its metadata (keys without prefix)."""
+    """An image file's linear radiance (height, width, 3) float32 and metadata (keys without prefix)."""
 
     radiance: Radiance
     metadata: dict[str, str]
 
 
 def check_output(path: str | Path, suffixes: tuple[str, ...] = SUFFIXES) -> Path:
-    """Check that a file can be written, and return its path.
+    """Check that an image file can be written, and return the path.
 
     Raises InputError for an unknown extension, a missing or read-only folder, or a path
     that is a folder, and NoSpaceError if the disk is full.
     """
     path = path_of(path, "an image file")
     if len(os.fsencode(path.name)) > MAX_NAME_BYTES:
-        raise input_error(path.name[:40] + "...", "the file name is too long", f"keep it under {MAX_NAME_BYTES} bytes")
+        raise input_error(path.name[:40] + "...", "the file name is too long", f"use at most {MAX_NAME_BYTES} bytes")
     if path.suffix.lower() not in suffixes:
         raise input_error(path, f"unknown extension '{path.suffix}'", f"choose from {', '.join(suffixes)}")
     if path.suffix.lower() in SUFFIXES:
-        openimageio()  # report a missing library now, not after the render
+        openimageio()  # report a missing library before the render
     if path.is_dir():
         raise input_error(path, "is a folder", "give a file name")
     folder = path.parent
     if not folder.is_dir():
-        raise input_error(path, f"the folder {folder} does not exist", "make it first")
+        raise input_error(path, f"the folder {folder} does not exist", "make the folder first")
     if not os.access(folder, os.W_OK) or (path.exists() and not os.access(path, os.W_OK)):
-        raise input_error(path, "cannot be written", "choose another place or change permissions")
+        raise input_error(path, "cannot be written", "choose another folder, or change the permissions")
     try:
-        with tempfile.TemporaryFile(dir=folder):  # /proc permits writing, but refuses new files
+        with tempfile.TemporaryFile(dir=folder):  # /proc permits writing, but not new files
             pass
     except OSError as error:
         raise not_written(path, error) from None
@@ -90,7 +90,10 @@ def check_output(path: str | Path, suffixes: tuple[str, ...] = SUFFIXES) -> Path
 
 
 def check_input(path: str | Path) -> Path:
-    """Return the path of an image; raises InputError if the file does not exist."""
+    """Return the path of an image file.
+
+    Raises InputError if the file does not exist.
+    """
     path = path_of(path, "an image file")
     if not path.is_file():
         missing = likely_file(path, SUFFIXES) or "render it first: lippmann render"
@@ -99,20 +102,20 @@ def check_input(path: str | Path) -> Path:
 
 
 class Rows(Protocol):
-    """Linear radiance (height, width, 3) in memory or on disk."""
+    """An image's linear radiance (height, width, 3), in memory or on disk."""
 
     @property
     def shape(self) -> tuple[int, ...]:
-        """The image's height, width and 3 channels."""
+        """Height, width and 3 channels."""
 
     def __getitem__(self, rows: slice, /) -> Numbers:
-        """Return at most `BAND_ROWS` rows; `rows` starts at a multiple of `BAND_ROWS`."""
+        """Return at most `BAND_ROWS` rows; the slice `rows` starts at a multiple of `BAND_ROWS`."""
 
 
 def write_picture(
     path: str | Path, radiance: Rows, metadata: Mapping[str, str], transfer: Transfer = "srgb", bits: int = 8
 ) -> None:
-    """Write linear radiance (height, width, 3) and metadata (keys without prefix) as an image file.
+    """Write an image file of linear radiance (height, width, 3), with metadata (keys without prefix).
 
     EXR (half float) and TIFF (float) files are linear. PNG files contain panel values
     (see `encoded_values`). Raises InputError if the file cannot be written.
@@ -123,7 +126,7 @@ def write_picture(
     firsts = range(0, radiance.shape[0], BAND_ROWS)
     for first in firsts:
         rows = np.asarray(radiance[first : first + BAND_ROWS])
-        # The other formats store infinite light as their largest value.
+        # EXR and PNG files store infinite light as their largest value.
         if np.isnan(rows).any() or (suffix in (".tif", ".tiff") and np.isinf(rows).any()):
             raise input_error(path, "the image has pixels that are not finite", "replace them (numpy.nan_to_num)")
 
@@ -150,7 +153,7 @@ def write_picture(
 
 
 def describe_wrong(radiance: Rows, negative: bool = False, first_row: int = 0) -> str:
-    """Describe the number of values not finite, or below 0, and the first position, or return ""."""
+    """Describe number and first position of NaN, infinite or negative values; return "" if none."""
     count, place = 0, ""
     for first in range(0, radiance.shape[0], BAND_ROWS):
         rows = radiance[first : first + BAND_ROWS]
@@ -164,16 +167,16 @@ def describe_wrong(radiance: Rows, negative: bool = False, first_row: int = 0) -
 
 
 def check_metadata(metadata: Mapping[str, str]) -> None:
-    """Raise InputError for a key or a value that a file would lose or cut."""
+    """Raise InputError for a metadata key or value that a file would lose or truncate."""
     size = 0
     for key, value in metadata.items():
         where, plain = f"metadata {key[:40]!r}", " ".join(key.split())
         if key != plain or not key.isprintable() or "=" in key or not 0 < len(key.encode()) <= MAX_KEY_BYTES:
-            raise input_error(where, "is a key that files lose", f"give words without =, {MAX_KEY_BYTES} bytes at most")
+            raise input_error(where, "files lose this key", f"use words without =, {MAX_KEY_BYTES} bytes at most")
         size += len(f"{PREFIX}{key}={value}\n".replace("\n", "\n\t").encode(errors="replace"))
         if not value or size > MAX_METADATA_BYTES or re.search("[\0\ud800-\udfff]", value):
-            remedy = f"give text without NUL, {MAX_METADATA_BYTES} bytes at most in all"
-            raise input_error(where, "has a value that files lose", remedy)
+            remedy = f"give text without NUL; all metadata may have {MAX_METADATA_BYTES} bytes"
+            raise input_error(where, "files lose this key's value", remedy)
 
 
 def _file_spec(
@@ -181,7 +184,7 @@ def _file_spec(
 ) -> OpenImageIO.ImageSpec:
     oiio = openimageio()
     entries, kind = dict(metadata), oiio.FLOAT
-    # Compression level 1 saves a quarter of the time; the file is 2 % larger.
+    # Compression level 1 saves a quarter of the write time; the file is 2 % larger.
     settings: dict[str, str | int] = {"compression": "zip:1" if suffix == ".exr" else "zip"}
     if suffix == ".png":
         entries["transfer"] = transfer_text(transfer)
@@ -190,7 +193,7 @@ def _file_spec(
     elif suffix == ".exr":
         kind = oiio.HALF
     if suffix in (".tif", ".tiff"):
-        # In TIFF, each entry is a line of the description; a tab continues an entry.
+        # In TIFF, a metadata entry is a line of ImageDescription; a tab continues it.
         lines = [f"{PREFIX}{key}={value}".replace("\n", "\n\t") for key, value in entries.items()]
         settings["ImageDescription"] = "\n".join(lines)
     else:
@@ -202,7 +205,6 @@ def _file_spec(
 
 
 def _write_bands(out: OpenImageIO.ImageOutput, firsts: range, file_values: Callable[[int], Numbers]) -> bool:
-    """Write each band while a thread encodes the next; return whether the write succeeded."""
     with ThreadPoolExecutor(1) as encoder:
         ahead = encoder.submit(file_values, 0)
         for first in firsts:
@@ -214,11 +216,11 @@ def _write_bands(out: OpenImageIO.ImageOutput, firsts: range, file_values: Calla
 
 
 def read_picture(path: str | Path, limit: tuple[int, int] | None = None, accept: Accept | None = None) -> Picture:
-    """Read an image file as linear radiance; decode a PNG by the transfer curve in its metadata, or else as sRGB.
+    """Read an image file as linear radiance; PNG metadata name the curve, by default sRGB.
 
-    `limit` is the required (width, height); `accept` is called before the pixels are
-    read. Raises InputError if the file is missing or broken, has another size, or is
-    not a flat image.
+    `limit` is the required (width, height). `accept` checks the metadata before the
+    pixels are read. Raises InputError if the file is missing or broken, has another
+    size, or is not a flat image.
     """
     with StoredRows(path, limit, accept) as rows:
         return Picture(np.array(rows, copy=None), rows.metadata)
@@ -226,11 +228,10 @@ def read_picture(path: str | Path, limit: tuple[int, int] | None = None, accept:
 
 @contextlib.contextmanager
 def _quiet(path: Path) -> Iterator[None]:
-    """Suppress the messages that OpenImageIO prints; it also returns its errors."""
     try:
         with silent_stderr():
             yield
-    except UnicodeDecodeError:  # OpenImageIO's message quotes a broken header
+    except UnicodeDecodeError:  # OpenImageIO's error message quotes a broken header
         raise input_error(path, "is broken", "render it again") from None
 
 
@@ -245,7 +246,7 @@ def _opened(
     source = oiio.ImageInput.open(str(path))
     if source is None:
         trouble = oiio.geterror()
-        # OpenImageIO gives the size of a very large image only in its error message.
+        # OpenImageIO reports the size of a very large image only in the error message.
         if limit is not None and (claim := re.search(r"claimed to be (\d+)x(\d+)", trouble)):
             _check_size(path, (int(claim[1]), int(claim[2])), limit)
         raise input_error(path, f"is not an image ({_first_line(trouble, path)})", "give an EXR, TIFF or PNG file")
@@ -254,7 +255,7 @@ def _opened(
         if limit is not None:
             _check_size(path, (spec.width, spec.height), limit)
         if spec.deep or spec.depth > 1 or spec.nchannels > MAX_CHANNELS:
-            raise input_error(path, f"is not a flat image of 1 to {MAX_CHANNELS} channels", "render it again")
+            raise input_error(path, f"is not a flat image of 1 to {MAX_CHANNELS} channels", "render the image again")
         metadata = _metadata_of(spec)
         if accept is not None:
             accept(metadata)
@@ -265,9 +266,8 @@ def _opened(
 
 
 def _decode_rows(path: Path, rows: Radiance, metadata: Mapping[str, str]) -> None:
-    """Convert a file's values to linear light in place; refuse values that are not finite."""
     if not np.isfinite(rows).all():
-        raise input_error(path, "contains pixels that are not finite", "render it again")
+        raise input_error(path, "contains pixels that are not finite", "render the image again")
     # A linear file's metadata contains the panel's transfer curve, not the file's.
     linear = path.suffix.lower() in LINEAR_SUFFIXES
     try:
@@ -278,17 +278,16 @@ def _decode_rows(path: Path, rows: Radiance, metadata: Mapping[str, str]) -> Non
 
 def _check_size(path: Path, size: tuple[int, int], limit: tuple[int, int]) -> None:
     if size != limit:
-        what = f"is {size[0]} x {size[1]} pixels, the panel {limit[0]} x {limit[1]}"
-        raise input_error(path, what, "render it for this display")
+        what = f"is {size[0]} x {size[1]} pixels, but the panel is {limit[0]} x {limit[1]}"
+        raise input_error(path, what, "render the image for this display")
 
 
 def _check_texts(path: Path) -> None:
-    """Refuse a PNG whose compressed texts would take too much time and memory."""
     texts = 0
     for kind, size, _ in png_chunks(path):
         texts += size * (kind in (b"zTXt", b"iTXt"))
         if texts > MAX_TEXT_BYTES:
-            raise input_error(path, f"contains more than {MAX_TEXT_BYTES} bytes of texts", "render it again")
+            raise input_error(path, f"contains more than {MAX_TEXT_BYTES} bytes of texts", "render the image again")
 
 
 def _first_line(trouble: str, path: Path) -> str:
@@ -309,9 +308,9 @@ def _metadata_of(spec: OpenImageIO.ImageSpec) -> dict[str, str]:
 
 
 def openimageio() -> ModuleType:
-    """Return OpenImageIO; raises MissingLibraryError if it is not installed."""
+    """Import OpenImageIO. Raises MissingLibraryError if it is not installed."""
     try:
-        with interrupts.hold_signals():  # an exception while its types load aborts the process
+        with interrupts.hold_signals():  # an exception during the import would abort the process
             import OpenImageIO
     except ImportError as error:
         raise missing_library(error) from None
@@ -319,7 +318,7 @@ def openimageio() -> ModuleType:
 
 
 class StoredRows:
-    """Linear radiance (height, width, 3) float32 in a file; indexing reads only the requested rows.
+    """A file's linear radiance (height, width, 3) float32; indexing reads only the requested rows.
 
     The returned arrays are read-only. `numpy.asarray` reads all rows.
     """
@@ -343,7 +342,7 @@ class StoredRows:
         self.close()
 
     def close(self) -> None:
-        """Close the file."""
+        """Close the image file."""
         self._source.close()
         self._closed = True
 
@@ -368,7 +367,7 @@ class StoredRows:
         return np.asarray(part[(own, *columns)], np.float32)
 
     def _read(self, first: int, last: int) -> Radiance:
-        """Return the rows `first` to `last` - 1; reuse rows of the previous call."""
+        """Read the rows `first` to `last` - 1; reuse rows that the previous call read."""
         if self._closed:
             raise ValueError(f"{self._path} is closed")
         cached = self._rows[:0]
@@ -378,7 +377,7 @@ class StoredRows:
         rows[: len(cached)] = cached
         spec, kind = self._spec, openimageio().FLOAT
         channels = 3 if spec.nchannels >= 3 else 1
-        # OpenImageIO reads a tiled file only in complete rows of tiles.
+        # OpenImageIO can read a tiled file only in complete rows of tiles.
         tile = spec.tile_height if spec.tile_width else 1
         with _quiet(self._path):
             for low in range(first + len(cached), last, BAND_ROWS):
@@ -391,7 +390,7 @@ class StoredRows:
                     pixels = self._source.read_scanlines(0, 0, *y, 0, 0, channels, kind)
                 if pixels is None:
                     trouble = _first_line(self._source.geterror(), self._path)
-                    raise input_error(self._path, f"is truncated or broken ({trouble})", "render it again")
+                    raise input_error(self._path, f"is truncated or broken ({trouble})", "render the image again")
                 band = rows[low - first : high - first]
                 band[:] = pixels[low - top : high - top]
                 _decode_rows(self._path, band, self.metadata)
@@ -401,19 +400,19 @@ class StoredRows:
 
     def __array__(self, dtype: npt.DTypeLike | None = None, copy: bool | None = None) -> Numbers:
         height, width, _ = self.shape
-        check_expanded(str(self._path), f"{width} x {height} pixels", 2 * 12 * width * height, "take a smaller image")
+        check_expanded(str(self._path), f"{width} x {height} pixels", 2 * 12 * width * height, "use a smaller image")
         rows = self._read(0, height)
-        self._rows = rows[:0]  # the memory belongs to the caller now
+        self._rows = rows[:0]  # the caller now owns the memory
         rows.setflags(write=True)
         return np.array(rows, dtype, copy=copy)
 
 
-#: Pillow's names of the accepted formats.
+#: Pillow's names of the accepted image formats.
 FORMATS = ("PNG", "JPEG", "TIFF", "BMP")
 
 
 def read_numbers(path: Path, max_pixels: int, what: str, remedy: str) -> Numbers:
-    """Return an image, (height, width) or (height, width, BGR or BGRA), in the file's number type.
+    """Read an image, (height, width) or (height, width, BGR or BGRA), in the file's number type.
 
     Raises InputError for more than `max_pixels` pixels. The error for a broken file or
     a format outside `FORMATS` contains `what` and `remedy`.
@@ -421,9 +420,9 @@ def read_numbers(path: Path, max_pixels: int, what: str, remedy: str) -> Numbers
     import cv2
 
     refused = input_error(path, what, remedy)
-    # OpenCV allocates the size in the header before it reads the pixels.
+    # OpenCV allocates memory for the header's size before it reads the pixels.
     if _claimed_size(path, refused) > max_pixels:
-        raise input_error(path, f"has more than {max_pixels / 1e6:g} megapixels", "give a smaller one")
+        raise input_error(path, f"has more than {max_pixels / 1e6:g} megapixels", "give a smaller image")
     try:
         with silent_stderr():
             numbers = cv2.imread(str(path), cv2.IMREAD_UNCHANGED)
@@ -441,9 +440,9 @@ def _claimed_size(path: Path, refused: InputError) -> float:
         raise input_error(path, not_there(path), "give a PNG, JPEG or TIFF file")
     try:
         with warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # warnings of large pictures and unusual metadata
+            warnings.simplefilter("ignore")  # about large pictures and unusual metadata
             with Image.open(path, formats=FORMATS) as picture:
-                if picture.format == "PNG" and not png_is_complete(path):  # a chunk may claim 4 GB
+                if picture.format == "PNG" and not png_is_complete(path):  # a chunk may declare 4 GB
                     raise refused
                 return picture.width * picture.height
     except Image.DecompressionBombError:

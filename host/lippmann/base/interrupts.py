@@ -1,4 +1,4 @@
-"""Records Ctrl-C and SIGTERM, because some libraries drop the exception; long computations call `check`."""
+"""Records Ctrl-C and SIGTERM, because some libraries drop KeyboardInterrupt."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import threading
 from collections.abc import Iterator
 from types import FrameType
 
-#: Signal that a closed terminal sends, or `None` on Windows.
+#: Signal from a closed terminal, or `None` on Windows.
 HANGUP = getattr(signal, "SIGHUP", None)
 ENDING = (signal.SIGINT, signal.SIGTERM, *([HANGUP] if HANGUP else []))
 
@@ -19,14 +19,14 @@ received: list[int] = []
 
 
 def install() -> None:
-    """Let the signals of `ENDING` raise KeyboardInterrupt; SIGHUP stays ignored under nohup."""
+    """Make the signals in `ENDING` raise KeyboardInterrupt; under nohup, SIGHUP stays ignored."""
     for number in ENDING:
         if number != HANGUP or signal.getsignal(number) != signal.SIG_IGN:
             signal.signal(number, receive)
 
 
 def ignore() -> None:
-    """Ignore the signals of `ENDING` while Python shuts down."""
+    """Ignore the signals in `ENDING` while Python shuts down."""
     for number in ENDING:
         signal.signal(number, signal.SIG_IGN)
 
@@ -38,31 +38,31 @@ def receive(number: int, frame: FrameType | None) -> None:
 
 
 def check() -> None:
-    """Raise KeyboardInterrupt if a signal was received."""
+    """Raise KeyboardInterrupt if this process received a signal."""
     if received:
         raise KeyboardInterrupt
 
 
 def exit_code() -> int:
-    """Return 128 plus the number of the first signal, such as 130 after Ctrl-C."""
+    """Return 128 plus the number of the first received signal, such as 130 after Ctrl-C."""
     return 128 + (received[0] if received else signal.SIGINT)
 
 
 def leave(code: int) -> None:
-    """End the process without closing its libraries; return only if the output cannot be flushed."""
+    """End the process without closing libraries; return only if the output cannot be flushed."""
     with contextlib.suppress(OSError, ValueError):
         for stream in (sys.stdout, sys.stderr):
-            if stream is not None:  # the parent process may have closed it
+            if stream is not None:  # the parent process may have closed the stream
                 stream.flush()
         os._exit(code)
 
 
 @contextlib.contextmanager
 def hold_signals() -> Iterator[list[int]]:
-    """Delay the signals of `ENDING` until the block ends; provide a list of the received signals.
+    """Delay the signals in `ENDING` until the block ends; provide a list of the received signals.
 
-    An exception would break C++ libraries while they load, and subprocess while it has
-    its lock. A signal mask would not help: other threads would receive the signals.
+    KeyboardInterrupt would break C++ libraries while they load, and subprocess while it
+    holds a lock. A signal mask would not help: other threads would get the signals.
     """
     came: list[int] = []
     before = {number: signal.getsignal(number) for number in ENDING}
@@ -84,9 +84,9 @@ def hold_signals() -> Iterator[list[int]]:
 
 @contextlib.contextmanager
 def blocked_in_children() -> Iterator[None]:
-    """Block the signals of `ENDING` in new child processes.
+    """Block the signals in `ENDING` in new child processes.
 
-    This process ends the children itself. Nothing is blocked on Windows.
+    This process ends its children itself. On Windows, no signal is blocked.
     """
     if not hasattr(signal, "pthread_sigmask"):
         yield

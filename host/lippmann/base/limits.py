@@ -1,4 +1,4 @@
-"""Checks the size of files, and the memory for their content before it is allocated."""
+"""Checks a file's size, and the memory for its content before the allocation."""
 
 from __future__ import annotations
 
@@ -22,21 +22,21 @@ from lippmann.errors import InputError, input_error, reason
 
 #: Maximum size of a TOML file, a scene's XML file and a text table, bytes.
 MAX_TOML_BYTES, MAX_XML_BYTES, MAX_TABLE_BYTES = 1 << 20, 1 << 26, 1 << 28
-#: Maximum size of a bitstream, bytes: three times that of the largest ECP5.
+#: Maximum size of an FPGA bitstream, bytes: three times that of the largest ECP5.
 MAX_BITSTREAM_BYTES = 1 << 23
-#: Maximum size of the header of a numpy file, bytes; numpy has the same limit.
+#: Maximum size of a numpy file's header, bytes; numpy itself has the same limit.
 MAX_HEADER_BYTES = 10_000
-#: Maximum number of rays in a file and in --pixels.
+#: Maximum number of rays in a file and in the option --pixels.
 MAX_RAYS = 100_000_000
 #: Maximum nesting depth of XML elements, because Mitsuba's parser is recursive.
 MAX_XML_DEPTH = 500
 PART_BYTES = 1 << 20
-#: Fraction of the free memory that a file's content may take.
+#: Maximum memory of a file's content, as a fraction of the free memory.
 SHARE = 0.8
 
 
 def read_limited(path: Path, max_bytes: int, remedy: str) -> bytes:
-    """Return a file's bytes; raises InputError above `max_bytes`, such as for an endless device."""
+    """Return a file's bytes; raise InputError above `max_bytes`, such as for an endless device."""
     data = bytearray()
     with path.open("rb") as stream:
         while part := stream.read(min(PART_BYTES, max_bytes + 1 - len(data))):
@@ -48,7 +48,7 @@ def read_limited(path: Path, max_bytes: int, remedy: str) -> bytes:
 
 
 def check_expanded(where: str, what: str, needed_bytes: int, remedy: str) -> None:
-    """Refuse file content that needs more than `SHARE` of the free memory."""
+    """Raise InputError if content needs more than the fraction `SHARE` of the free memory."""
     limit = SHARE * free_memory_mb()
     if needed_bytes / 1e6 > limit:
         raise input_error(where, f"{what}: needs {needed_bytes / 1e6:.0f} MB, the limit is {limit:.0f} MB", remedy)
@@ -57,12 +57,12 @@ def check_expanded(where: str, what: str, needed_bytes: int, remedy: str) -> Non
 def load_arrays(
     path: Path, names: Collection[str] | None, remedy: str, bytes_a_ray: int = 0
 ) -> tuple[dict[str, Numbers], set[str]]:
-    """Return the arrays of an .npz file whose names are in `names`, and the names of all its arrays.
+    """Return the arrays `names` of an .npz file, keyed by name, and the names of all its arrays.
 
-    If `names` is None, the file is an .npy file; its array gets the name "".
-    `bytes_a_ray` is the memory that the caller needs per row. Raises InputError for a
-    broken file, values that are not real numbers, more than `MAX_RAYS` rows, or too
-    little free memory.
+    If `names` is None, the file is an .npy file, and its array gets the name "".
+    `bytes_a_ray` is the memory that the caller needs per row, bytes. Raises InputError
+    for a broken file, values that are not real numbers, more than `MAX_RAYS` rows, or
+    too little free memory.
     """
     try:
         if names is None:
@@ -97,14 +97,14 @@ Header = tuple[tuple[int, ...], np.dtype[np.generic]]
 
 
 def _header(stream: IO[bytes]) -> Header:
-    head = io.BytesIO(stream.read(MAX_HEADER_BYTES))  # a file may claim a header of 4 GB
+    head = io.BytesIO(stream.read(MAX_HEADER_BYTES))  # a broken file may declare a header of 4 GB
     version = np.lib.format.read_magic(head)
     if version == (1, 0):
         shape, _, kind = np.lib.format.read_array_header_1_0(head)
     elif version == (2, 0):
         shape, _, kind = np.lib.format.read_array_header_2_0(head)
     else:
-        raise ValueError(f"version {version[0]}.{version[1]} of numpy's format")
+        raise ValueError(f"unknown version {version[0]}.{version[1]} of numpy's format")
     return shape, kind
 
 
@@ -120,12 +120,12 @@ def _check_arrays(path: Path, headers: dict[str, Header], remedy: str, bytes_a_r
         rows = max(rows, shape[0] if shape else 1, count // 16)
         total += count * kind.itemsize
     if rows > MAX_RAYS:
-        raise input_error(path, f"contains {rows} rays", f"give at most {MAX_RAYS}")
+        raise input_error(path, f"contains {rows} rays", f"give at most {MAX_RAYS} rays per file")
     check_expanded(str(path), f"{rows} rays", total + rows * bytes_a_ray, "give fewer rays")
 
 
 def png_chunks(path: Path) -> Iterator[tuple[bytes, int, bool]]:
-    """Yield type, claimed size and completeness of each chunk of a PNG; nothing for other files."""
+    """Yield type, declared size and completeness of each chunk of a PNG; nothing for other files."""
     with path.open("rb") as stream:
         if stream.read(8) != b"\x89PNG\r\n\x1a\n":
             return
@@ -137,7 +137,7 @@ def png_chunks(path: Path) -> Iterator[tuple[bytes, int, bool]]:
 
 
 def png_is_complete(path: Path) -> bool:
-    """Return whether a PNG has all chunks up to the last chunk."""
+    """Return whether a PNG file contains all chunks up to the end chunk."""
     for kind, _, complete in png_chunks(path):
         if kind == b"IEND" or not complete:
             return complete
@@ -145,12 +145,12 @@ def png_is_complete(path: Path) -> bool:
 
 
 def lines_of(text: str) -> Iterator[str]:
-    """Yield the lines of a text one by one, without building a list."""
+    """Yield the lines of a text one after the other, without building a list."""
     return (line[0].rstrip("\r\n") for line in re.finditer(r"[^\n]*\n|[^\n]+", text))
 
 
 def check_xml(path: Path, remedy: str) -> list[str]:
-    """Refuse an XML file that is too large or too deeply nested; return the files that it includes."""
+    """Raise InputError for a too large or too deep XML file; return the included files."""
     data = read_limited(path, MAX_XML_BYTES, remedy)
     depth, included = 0, list[str]()
 
@@ -158,7 +158,7 @@ def check_xml(path: Path, remedy: str) -> list[str]:
         nonlocal depth
         depth += 1
         if depth > MAX_XML_DEPTH:
-            what = f"has elements more than {MAX_XML_DEPTH} deep (line {parser.CurrentLineNumber})"
+            what = f"nests elements more than {MAX_XML_DEPTH} deep (line {parser.CurrentLineNumber})"
             raise input_error(path, what, remedy)
         if name == "include" and "filename" in attributes:
             included.append(attributes["filename"])
@@ -171,7 +171,7 @@ def check_xml(path: Path, remedy: str) -> list[str]:
     parser.StartElementHandler, parser.EndElementHandler = start, end
     try:
         parser.Parse(data, True)
-    except (expat.ExpatError, ValueError) as error:  # the caller's parser reports it, except too deep nesting
+    except (expat.ExpatError, ValueError) as error:  # the caller's parser reports all faults except too deep nesting
         if data.count(b"<") > MAX_XML_DEPTH:
             raise input_error(path, f"is not XML ({error})", remedy) from None
     return included

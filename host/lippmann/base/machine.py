@@ -1,4 +1,4 @@
-"""The machine's processor, and the memory that this process can still allocate."""
+"""Describes the machine's processor, and measures the memory that can still be allocated."""
 
 from __future__ import annotations
 
@@ -10,20 +10,20 @@ import time
 from collections.abc import Iterator
 from pathlib import Path
 
-#: For each version of control groups: folders below the root, the file of the memory
-#: limit, the file of the memory use, and a pattern of cache sizes in memory.stat.
+#: For each version of control groups: folders below the root, file of the memory limit,
+#: file of the memory use, and pattern of cache sizes in memory.stat.
 VERSIONS = {
     1: (("memory",), "memory.limit_in_bytes", "memory.usage_in_bytes", r"total_(?:in)?active_file"),
     2: (("", "unified"), "memory.max", "memory.current", r"(?:in)?active_file"),
 }
-#: A value of this size or more means no limit; version 1 then writes nearly 2^63.
+#: A memory limit of this size or more means no limit; version 1 writes nearly 2^63.
 UNLIMITED = 1 << 62
-#: Assumed free memory on a system that does not report it, MB.
+#: Assumed free memory, MB, if the system does not report it.
 DEFAULT_FREE_MB = 4000.0
 
 
 def free_memory_mb() -> float:
-    """Return the free memory of the machine or, if less, of a control group, MB; caches count as free."""
+    """Return the free memory, MB, of the machine or, if smaller, of a control group; caches count as free."""
     return min([proc_mb("meminfo", "MemAvailable") or DEFAULT_FREE_MB, *group_memory_mb()])
 
 
@@ -39,7 +39,7 @@ def group_memory_mb(root: Path = Path("/sys/fs/cgroup"), own: Path = Path("/proc
             continue
         names, limit, used, dropped = VERSIONS[1 if controllers else 2]
         for top in (root / name for name in names):
-            # In a container, the path may be the host's; the group is then the top folder.
+            # A path may be valid only on a container's host; the group is then `top`.
             group = top / path.lstrip("/")
             for folder in [top] if ".." in group.parts else [group, *group.parents]:
                 if folder.is_relative_to(top):
@@ -58,15 +58,15 @@ def _text(file: Path) -> str:
 
 
 def proc_mb(file: str, entry: str) -> float | None:
-    """Return an entry of a file below /proc, MB, or `None` if it is missing."""
+    """Return an entry of a file below /proc, in MB, or `None` if the entry is missing."""
     match = re.search(rf"^{entry}:\s*(\d+) kB", _text(Path("/proc", file)), re.M)
-    # Linux writes kB but means KiB.
+    # In /proc, kB means 1024 bytes.
     return None if match is None else int(match[1]) * 1024 / 1e6
 
 
 def peak_memory_mb() -> float:
     """Return the peak memory of this process so far, MB, or 0 if the system does not report it."""
-    # /proc is preferred: `getrusage` includes the parent process's memory.
+    # Prefer /proc, because `getrusage` includes the memory of the parent process.
     if (peak := proc_mb("self/status", "VmHWM")) is not None:
         return peak
     try:
@@ -77,17 +77,17 @@ def peak_memory_mb() -> float:
 
 
 def process_seconds() -> float:
-    """Return the seconds since the start of this process, or 0 without /proc."""
+    """Return the seconds since the start of this process, or 0 if /proc is missing."""
     status = _text(Path("/proc/self/stat"))
     if not status or not hasattr(os, "sysconf"):
         return 0.0
-    # The start time is field 22. Field 2, the name in brackets, may contain spaces.
+    # Field 22 is the start time. Field 2, the name in brackets, may contain spaces.
     ticks = int(status.rpartition(")")[2].split()[19])
     return time.clock_gettime(time.CLOCK_BOOTTIME) - ticks / os.sysconf("SC_CLK_TCK")
 
 
 def processor_name() -> str:
-    """Return the processor's name and, on Linux, vector extension, such as "AMD EPYC with AVX2"."""
+    """Return the processor's name and, on Linux, its vector extension, such as "AMD EPYC with AVX2"."""
     match = re.search(r"^model name\s*:(.*)$", _information(), re.MULTILINE)
     name = match[1].strip() if match else platform.processor() or "unknown processor"
     vectors = " with AVX-512" if has_avx512() else " with AVX2" if "avx2" in features() else ""
@@ -95,12 +95,12 @@ def processor_name() -> str:
 
 
 def has_avx512() -> bool:
-    """Return whether Dr.Jit computes 16 floats at once (AVX-512VL)."""
+    """Return whether Dr.Jit can compute 16 floats at once (AVX-512VL)."""
     return "avx512vl" in features()
 
 
 def features() -> frozenset[str]:
-    """Return the processor's flags in /proc/cpuinfo (only on Linux and x86)."""
+    """Return the processor's feature flags from /proc/cpuinfo (only on Linux and x86)."""
     lines = re.findall(r"^flags\s*:(.*)$", _information(), re.MULTILINE)
     return frozenset(" ".join(lines).split())
 
@@ -111,7 +111,7 @@ def _information() -> str:
 
 
 def machine_name() -> str:
-    """Return the machine's description, such as "AMD EPYC with AVX-512, 2 cores, Linux x86_64"."""
+    """Return a description of the machine, such as "AMD EPYC with AVX-512, 2 cores, Linux x86_64"."""
     return f"{processor_name()}, {processor_count()} cores, {platform.system()} {platform.machine()}"
 
 

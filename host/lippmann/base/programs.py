@@ -1,4 +1,4 @@
-"""Runs other programs, and silences libraries that print to stderr."""
+"""Runs other programs, and suppresses what libraries print to stderr."""
 
 from __future__ import annotations
 
@@ -13,17 +13,17 @@ from pathlib import Path
 
 from lippmann.base import interrupts
 
-#: Pause between two checks for signals, s.
+#: Interval between two checks for received signals, s.
 LOOK_S = 0.1
-#: Time for a program to end before it is killed, s.
+#: Time that a program gets to end before it is killed, s.
 GRACE_S = 5.0
 
 
 @contextlib.contextmanager
 def starting_python() -> Iterator[None]:
-    """Keep new child processes from importing from the current folder and warning of semaphores.
+    """Start child Pythons that do not import from the current folder or warn about semaphores.
 
-    Dask's workers do not run the user's script, which may lack a guard.
+    Dask's workers do not run the user's script, which may have no `__main__` guard.
     """
     from multiprocessing import spawn  # slow to load
 
@@ -54,10 +54,10 @@ def run_program(
     environment: Mapping[str, str] | None = None,
     timeout_s: float | None = None,
 ) -> subprocess.CompletedProcess[str]:
-    """Run a program without input; return its exit code and output, with undecodable bytes replaced.
+    """Run a program without input; return exit code and output, with undecodable bytes replaced.
 
     A signal to this process first ends the program's process group. Raises OSError if
-    the program cannot be run, subprocess.TimeoutExpired after `timeout_s`.
+    the program does not start, and subprocess.TimeoutExpired after `timeout_s`.
     """
     until = None if timeout_s is None else time.monotonic() + timeout_s
     with interrupts.hold_signals() as came:
@@ -79,7 +79,7 @@ def run_program(
                     break
                 except subprocess.TimeoutExpired:
                     late = until is not None and time.monotonic() > until
-                    # Outside the main thread, signals appear only in `received`.
+                    # Other threads see signals only in `received`.
                     if came or interrupts.received or late:
                         out, err = _end(process)
                         if late and timeout_s is not None:
@@ -107,7 +107,7 @@ def _end(process: subprocess.Popen[str]) -> tuple[str, str]:
 @contextlib.contextmanager
 def silent_stderr() -> Iterator[None]:
     """Redirect the process's stderr to /dev/null."""
-    if sys.stderr is None:  # stderr is closed, and descriptor 2 may be another file
+    if sys.stderr is None:  # if stderr is closed, descriptor 2 may be another file
         yield
         return
     sys.stderr.flush()

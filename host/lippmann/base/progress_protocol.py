@@ -11,20 +11,20 @@ Item = TypeVar("Item")
 
 
 class Progress(Protocol):
-    """A progress callback; its first call may report the finished steps of an earlier run."""
+    """A progress function; its first call may report steps that an earlier run finished."""
 
     def __call__(self, steps: int, total: int, /) -> None:
         """Report that `steps` of `total` steps are done."""
 
 
 def check_progress(progress: Progress | None) -> None:
-    """Refuse a callback that cannot be called."""
+    """Raise InputError if `progress` is not callable."""
     if not (progress is None or callable(progress)):
         raise InputError(f"progress {progress!r} is not a function; give one that takes (steps done, total steps)")
 
 
 def report_each(items: Collection[Item], progress: Progress | None) -> Iterator[Item]:
-    """Yield the items; after each item, report the number of finished items."""
+    """Yield the items; report the number of finished items after each item."""
     for steps, item in enumerate(items, 1):
         yield item
         if progress is not None:
@@ -39,11 +39,11 @@ class RowProgress:
         self.done, self._total, self._progress = 0, total, progress
 
     def __call__(self, band_rows: int) -> None:
-        """Report the finished rows, with `band_rows` of the unfinished band."""
+        """Report the finished rows, including `band_rows` of the unfinished band."""
         if self._progress is not None:
             self._progress(self.done + band_rows, self._total)
 
     def add(self, rows: int) -> None:
-        """Add the rows of a finished band, and report the progress."""
+        """Add the number of rows of a finished band, and report the progress."""
         self.done += rows
         self(0)

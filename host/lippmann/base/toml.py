@@ -1,7 +1,7 @@
-"""Reads TOML files by declarations: a dataclass declares a table, `key` describes each key.
+"""Reads TOML files by declarations: a dataclass declares a table, `key` describes a key.
 
-The reader (`read`), the JSON Schema for editors (`schema`), the reference pages' tables
-(`tools.generate_tables`) and the checks (`check_fields`) follow from the declarations.
+The reader (`read`), the JSON Schema for editors (`schema`), the tables of the reference
+pages (`tools.generate_tables`) and the checks (`check_fields`) use these declarations.
 """
 
 from __future__ import annotations
@@ -25,15 +25,15 @@ import tomli_w
 from lippmann.base.limits import MAX_TOML_BYTES, read_limited
 from lippmann.errors import InputError, check_type, input_error, likely_file, reason
 
-#: Maximum number of parts of a dotted key; the parser's time grows with its square.
+#: Maximum number of parts of a dotted key; the parse time grows with its square.
 MAX_KEY_PARTS = 32
-#: Maximum length of one part of a path in bytes, and of a path in characters.
+#: Maximum length of one part of a path, in bytes, and of a whole path, in characters.
 MAX_NAME_BYTES, MAX_PATH = 255, 4000
 DEEP_KEY = re.compile(rf"""(?<![\w-])(?:(?>[\w-]+|"[^"\n]*"|'[^'\n]*')[ \t]*+\.[ \t]*+){{{MAX_KEY_PARTS}}}""", re.ASCII)
 
 Form = TypeVar("Form")
 Schema = dict[str, Any]
-#: A table of a TOML file, a declaration or a schema; a value in such a table.
+#: Types of a table of a TOML file, declaration or schema, and of a value in the table.
 Table = dict[str, Any]
 Value = Any
 #: Top-level keys, and the kind of file that each key indicates.
@@ -52,7 +52,7 @@ KINDS = {
     "depth_picture": "depth picture",
 }
 UNITS = r"_(deg|rad|nm|um|mm|cm|m|in|px|percent|cd_m2)$"
-#: For each key, beginnings of wrong key names that may mean this key.
+#: For each key, words with which users may begin the key's name by mistake.
 SYNONYMS = {
     "shear": ("skew", "slant"),
     "rotation_deg": ("angle", "tilt", "turn"),
@@ -61,8 +61,8 @@ SYNONYMS = {
     "viewing_distance_mm": ("eye",),
 }
 ENDLESS = "a number of thousands of digits"
-#: Remedy for text that is not TOML.
-MEND = "mend the syntax there (write numbers with a point, text in quotes)"
+#: Remedy for invalid TOML syntax.
+MEND = "correct the syntax there (write numbers with a point, text in quotes)"
 
 
 def key(
@@ -76,13 +76,13 @@ def key(
     shape: str = "",
     lengths: tuple[int | None, int | None] = (None, None),
 ) -> msgspec.Meta:
-    """Describe a key: `name: Annotated[type, key(...)]`.
+    """Describe a declared key: `name: Annotated[type, key(...)]`.
 
-    `above` is an exclusive lower bound; `low` and `high` are inclusive bounds. `default`
-    describes the default in words. This key is an alternative to the key `instead_of`:
-    a file has exactly one of the two keys, or at most one if `instead_of` has a
-    `default`. `shape` describes a list in words, "a list of ..."; `lengths` are the
-    minimum and maximum number of its entries.
+    `above` is an exclusive lower bound; `low` and `high` are inclusive bounds.
+    `default` describes the default in words. The described key is an alternative to the
+    key `instead_of`: a file has exactly one of both keys, or at most one if
+    `instead_of` has a `default`. `shape` describes a list in words, "a list of ...";
+    `lengths` are the list's minimum and maximum number of entries.
     """
     texts = ("x-default", default), ("x-instead-of", instead_of), ("x-shape", shape)
     extra = {name: text for name, text in texts if text}
@@ -91,7 +91,7 @@ def key(
 
 
 def documented(form: type[Form]) -> type[Form]:
-    """Append the meanings of a dataclass's keys to its docstring."""
+    """Append the descriptions of a dataclass's keys to its docstring."""
     lines = [inspect.cleandoc(form.__doc__ or ""), "", "Attributes", "----------"]
     for name, hint in get_type_hints(form, include_extras=True).items():
         notes = [meta for part in (hint, *get_args(hint)) for meta in getattr(part, "__metadata__", ())]
@@ -102,7 +102,7 @@ def documented(form: type[Form]) -> type[Form]:
 
 
 def variant(form: type, optional: tuple[str, ...], **changes: object) -> Value:
-    """Return the dataclass `form` with the fields `changes`; `optional` fields are None by default."""
+    """Return the dataclass `form` with the field types `changes`; `optional` fields default to None."""
     hints = {**get_type_hints(form, include_extras=True), **changes}
     defaults = {field.name: field.default for field in dataclasses.fields(form)} | dict.fromkeys(optional)
     fields = []
@@ -113,13 +113,13 @@ def variant(form: type, optional: tuple[str, ...], **changes: object) -> Value:
 
 
 def values(keys: Value) -> Table:
-    """Return the keys and values of a table that was read, defaults included."""
+    """Return the keys and values of a table that `read` returned, including defaults."""
     return {field.name: getattr(keys, field.name) for field in dataclasses.fields(keys)}
 
 
 @cache
 def schema(form: Value) -> Schema:
-    """Return the JSON Schema of a file; a class with `other_tables = True` accepts unknown top-level keys."""
+    """Return a file's JSON Schema; a class with `other_tables = True` accepts unknown top-level keys."""
     complete = msgspec.json.schema(form, schema_hook=lambda _: {"type": "string"})  # a path
 
     def plain(node: Value) -> Value:
@@ -152,7 +152,7 @@ def schema(form: Value) -> Schema:
 
 
 def rivals(table: Schema) -> list[tuple[list[str], bool]]:
-    """Return each group of alternative keys of a table, and whether the group is required."""
+    """Return a table's groups of alternative keys, and whether each group is required."""
     groups: dict[str, list[str]] = {}
     for name, node in table["properties"].items():
         if "x-instead-of" in node:
@@ -161,7 +161,7 @@ def rivals(table: Schema) -> list[tuple[list[str], bool]]:
 
 
 def tables(node: Schema, name: str = "") -> Iterator[tuple[str, Schema]]:
-    """Yield name and schema of a table and its inner tables; the top table's name is ""."""
+    """Yield name and schema of a table and of its inner tables; the name of the top table is ""."""
     for option in node.get("anyOf", [node]):
         if "properties" in option:
             yield name, option
@@ -172,13 +172,13 @@ def tables(node: Schema, name: str = "") -> Iterator[tuple[str, Schema]]:
 
 
 def parse(text: str, source: str, remedy: str = MEND) -> Table:
-    """Return the tables of a TOML text; errors contain `source`, and `remedy` for invalid syntax."""
+    """Parse TOML text; errors contain `source`, and `remedy` for invalid syntax."""
     if (deep := DEEP_KEY.search(text)) is not None:
         place = text.count("\n", 0, deep.start()) + 1
         raise input_error(source, f"a key of more than {MAX_KEY_PARTS} parts in line {place}", remedy)
     try:
         return tomllib.loads(text)
-    except (ValueError, RecursionError) as error:  # invalid syntax, very long numbers, too deep nesting
+    except (ValueError, RecursionError) as error:  # bad syntax, very long numbers, too deep nesting
         line = re.search(r"(?:twice|overwrite).*line (\d+)", str(error))
         if line:
             name = text.splitlines()[int(line[1]) - 1].partition("=")[0].strip()
@@ -202,15 +202,15 @@ def load(path: Path, what: str) -> Table:
 
 
 def read(form: Callable[..., Form], raw: Mapping[str, Value], source: str) -> Form:
-    """Return parsed TOML as the dataclass `form`.
+    """Convert parsed TOML to the dataclass `form`.
 
-    Raises InputError for unknown keys, then for other faults.
+    Raises InputError for unknown keys first, then for other faults.
     """
     top = schema(form)
     nodes = {name: (value, node) for name, value, node in _walk(raw, top, "")}
     for name, (value, node) in nodes.items():
         keys = value if isinstance(value, dict) and "properties" in node else ()
-        # Keys of another kind of file are reported first.
+        # Report first a key that belongs to another kind of file.
         for unknown in sorted(keys, key=lambda one: bool(name) or one not in KINDS):
             if unknown not in node["properties"] and not node["additionalProperties"]:
                 hint = _hint(top, node, value, unknown)
@@ -234,7 +234,7 @@ def read(form: Callable[..., Form], raw: Mapping[str, Value], source: str) -> Fo
     except InputError as error:  # raised by a __post_init__
         raise InputError(f"{source}: {error}") from None
     except msgspec.ValidationError as error:
-        # msgspec's messages end with the place: "at `$.object[0].keys[1].frame`".
+        # A msgspec message ends with the key: "at `$.object[0].keys[1].frame`".
         place = re.search(r" - at `\$\.?(.*)`$", str(error))
         name = place[1] if place else ""
         missing = re.match(r"Object missing required field `(.*?)`", str(error))
@@ -246,9 +246,9 @@ def read(form: Callable[..., Form], raw: Mapping[str, Value], source: str) -> Fo
 
 
 def check_fields(table: object) -> None:
-    """Check and convert a declared dataclass's fields like `read`.
+    """Check and convert the fields of a declared dataclass like `read`.
 
-    Raises InputError with class, key, fault and remedy.
+    Raises InputError, which names class, key, fault and remedy.
     """
     form: Value = type(table)
     source, (plain, parts) = form.__name__, _plain_form(form)
@@ -276,7 +276,6 @@ class Checked:
 
 @cache
 def _plain_form(form: Value) -> tuple[Value, Table]:
-    """Return a dataclass of the simple fields, and the fields that are dataclasses."""
     hints = get_type_hints(form, include_extras=True)
     parts = {name: kind for name, kind in hints.items() if dataclasses.is_dataclass(kind)}
     fields = [(name, kind) for name, kind in hints.items() if name not in parts]
@@ -296,7 +295,7 @@ def _is_finite(value: object) -> bool:
 
 
 def toml_text(table: Mapping[str, object], *, one_line: bool = True) -> str:
-    """Return the text of a TOML file; each list, or else each list entry, is on its own line."""
+    """Return a table as TOML text; if `one_line` is False, each list entry is on its own line."""
     text = tomli_w.dumps(table, indent=2)
     if not one_line:
         return text
@@ -316,8 +315,7 @@ def _join(table: str, name: str) -> str:
 
 
 def _walk(value: Value, node: Schema, name: str) -> Iterator[tuple[str, Value, Schema]]:
-    """Yield the name, value and schema of each declared key and list entry."""
-    if isinstance(value, dict):  # a key that takes text or a table
+    if isinstance(value, dict):  # the key accepts text or a table
         node = next((option for option in node.get("anyOf", ()) if "properties" in option), node)
     yield name, value, node
     if isinstance(value, dict) and "properties" in node:
@@ -325,7 +323,7 @@ def _walk(value: Value, node: Schema, name: str) -> Iterator[tuple[str, Value, S
             if inner in node["properties"]:
                 yield from _walk(item, node["properties"][inner], _join(name, inner))
     elif isinstance(value, list):
-        # Entries that are lists have a shape, and a schema for each of their parts.
+        # A list entry that is a list itself has a shape, and a schema for each part.
         options = node.get("anyOf", ())
         node = next((option for option in options if "a list of [" in option.get("x-shape", "")), node)
         shape = node.get("x-shape", "").partition("a list of ")[2]
@@ -359,7 +357,7 @@ def _hint(top: Schema, table: Schema, keys: Mapping[str, object], unknown: str) 
     everywhere = [_join(home, other) for home, node in tables(top) for other in node["properties"]]
     last = {other.rpartition(".")[2]: other for other in reversed(everywhere)}
     synonyms = [key for key, words in SYNONYMS.items() if unknown.lower().startswith(words)]
-    # A key of the same table is preferred.
+    # Prefer a key of the same table.
     likely = [key for key in synonyms if key in table["properties"]]
     likely += [last[key] for key in synonyms if key in last]
     if likely and not places:
@@ -380,7 +378,7 @@ def _short(value: object) -> str:
         return f"{value:g}"
     try:
         return reprlib.repr(value).replace("'", '"')
-    except ValueError:  # Python cannot print so long a number
+    except ValueError:  # Python cannot print such a long number
         return ENDLESS
 
 
@@ -403,7 +401,7 @@ def _wrong(source: str, name: str, value: object, node: Schema) -> InputError:
 
 
 def remedy(node: Schema, name: str) -> str:
-    """Return the remedy for a wrong value: a description of the valid values."""
+    """Describe the valid values of a key, as the remedy for a wrong value."""
     if "anyOf" in node:
         return " or ".join(remedy(option, name) for option in node["anyOf"])
     if "enum" in node:
@@ -424,7 +422,7 @@ def remedy(node: Schema, name: str) -> str:
 
 
 def bounds_text(node: Schema) -> str:
-    """Describe in words the range that a number may have."""
+    """Describe in words the range of a number."""
     low, high = node.get("minimum"), node.get("maximum")
     if low is not None and high is not None:
         return f"from {low:g} to {high:g}"

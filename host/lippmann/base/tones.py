@@ -1,4 +1,4 @@
-"""Transfer curves between linear light and panel values, and quantisation."""
+"""Converts linear light to quantised panel values and back by transfer curves."""
 
 from __future__ import annotations
 
@@ -13,19 +13,19 @@ import numpy.typing as npt
 from lippmann.errors import InputError
 
 Numbers = npt.NDArray[Any]
-#: Pairs (panel value, light) that rise from 0 to 1, interpolated linearly.
+#: A measured transfer curve: pairs (panel value, light) that rise from 0 to 1.
 Curve = tuple[tuple[float, float], ...]
-#: A curve's name, a measured curve, or a measured curve's text in an image's metadata.
+#: A transfer curve: a name, a measured curve, or a measured curve as metadata text.
 Transfer = str | Curve
 
-#: Number of rows per band of a file: a multiple of 16, the height of an EXR block.
+#: Number of rows in a band of an image file: a multiple of an EXR block's height, 16.
 BAND_ROWS = 64
-#: Maximum number of pairs in a curve: one for each level of 12 bits.
+#: Maximum number of pairs in a measured curve: one for each level of 12 bits.
 MAX_PAIRS = 4096
 
 
 def curve_of(transfer: Transfer) -> npt.NDArray[np.float64] | None:
-    """Return a measured curve as an array (pairs, 2), None for a named curve.
+    """Return a measured curve as an array (pairs, 2), or None for a named curve.
 
     Raises InputError for an invalid curve.
     """
@@ -33,12 +33,12 @@ def curve_of(transfer: Transfer) -> npt.NDArray[np.float64] | None:
         return _check_curve(transfer)
     if not transfer.startswith("["):
         if transfer not in ("srgb", "gamma2.2", "linear"):
-            raise InputError(f"unknown transfer '{transfer}'; choose from srgb, gamma2.2, linear")
+            raise InputError(f"the transfer '{transfer}' is unknown; choose from srgb, gamma2.2, linear")
         return None
     try:
         return _check_curve(json.loads(transfer))
     except (ValueError, RecursionError):
-        raise InputError(f"transfer '{transfer[:20]}...' is not a curve of pairs; render the image again") from None
+        raise InputError(f"the transfer '{transfer[:20]}...' is not a list of pairs; render the image again") from None
 
 
 def _check_curve(pairs: Sequence[Sequence[float]]) -> npt.NDArray[np.float64]:
@@ -68,12 +68,12 @@ def _check_curve(pairs: Sequence[Sequence[float]]) -> npt.NDArray[np.float64]:
 
 
 def transfer_text(transfer: Transfer) -> str:
-    """Return a transfer curve as text for metadata: its name or its numbers."""
+    """Return a transfer curve as metadata text: its name or its numbers."""
     return transfer if isinstance(transfer, str) else json.dumps(transfer)
 
 
 def transfer_name(transfer: Transfer) -> str:
-    """Return a transfer curve's name for messages, or a measured curve's length and checksum."""
+    """Describe a transfer curve in messages by its name, or by length and checksum."""
     text = transfer_text(transfer)
     if not text.startswith("["):
         return text
@@ -81,9 +81,9 @@ def transfer_name(transfer: Transfer) -> str:
 
 
 def encode(linear: Numbers, transfer: Transfer) -> npt.NDArray[np.float32]:
-    """Map linear light to panel values in [0, 1].
+    """Convert linear light to panel values in [0, 1].
 
-    The curve is "srgb" (IEC 61966-2-1), "gamma2.2", "linear" or a measured curve.
+    `transfer` is "srgb" (IEC 61966-2-1), "gamma2.2", "linear" or a measured curve.
     """
     light = np.clip(np.asarray(linear, np.float32), 0.0, 1.0)
     values: Numbers
@@ -97,7 +97,7 @@ def encode(linear: Numbers, transfer: Transfer) -> npt.NDArray[np.float32]:
 
 
 def decode(values: Numbers, transfer: Transfer) -> npt.NDArray[np.float32]:
-    """Map panel values in [0, 1] to linear light, the inverse of `encode`."""
+    """Convert panel values in [0, 1] to linear light, the inverse of `encode`."""
     v, light = np.asarray(values, np.float32), values
     if (measured := curve_of(transfer)) is not None:
         light = np.interp(v, measured[:, 0], measured[:, 1])
@@ -109,20 +109,20 @@ def decode(values: Numbers, transfer: Transfer) -> npt.NDArray[np.float32]:
 
 
 def encoded_values(radiance: Numbers, transfer: Transfer, bits: int) -> npt.NDArray[np.unsignedinteger[Any]]:
-    """Encode linear radiance; quantise it to 2^bits levels in the full range of uint8, or uint16 above 8 bits."""
+    """Encode linear radiance, and quantise it to 2^bits levels in the full range of uint8 or uint16."""
     levels = (1 << bits) - 1
     kind = np.uint8 if bits <= 8 else np.uint16
     values = np.empty(radiance.shape, kind)
     for first in range(0, len(values), BAND_ROWS):
         rows = slice(first, first + BAND_ROWS)
         level = np.rint(encode(radiance[rows], transfer) * levels)
-        # Double precision, because float32 would round the levels of 9 to 15 bits twice.
+        # Double precision avoids rounding the levels of 9 to 15 bits twice.
         values[rows] = np.rint(level * np.float64(np.iinfo(kind).max / levels))
     return values
 
 
 def psnr_db(a: Numbers, b: Numbers, mask: npt.NDArray[np.bool_] | None = None) -> float:
-    """Return the peak signal-to-noise ratio of two linear images after sRGB encoding, dB."""
+    """Return the peak signal-to-noise ratio, dB, of two linear images after sRGB encoding."""
     difference = (encode(a, "srgb").astype(np.float64) - encode(b, "srgb").astype(np.float64)) ** 2
     mean = difference.mean() if mask is None else difference[mask].mean()
     return float("inf") if mean == 0.0 else float(-10.0 * np.log10(mean))

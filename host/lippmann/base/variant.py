@@ -1,4 +1,4 @@
-"""Runs Mitsuba and Dr.Jit on the CPU (LLVM) or on an NVIDIA GPU (CUDA)."""
+"""Selects the CPU (LLVM) or an NVIDIA GPU (CUDA) for Mitsuba and Dr.Jit."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from typing import Any, TypeAlias
 from lippmann.base import interrupts
 from lippmann.errors import InputError, MissingLibraryError, check_choice, missing_library
 
-#: A value of Dr.Jit or Mitsuba, such as an array; the variant decides its type.
+#: A value of Dr.Jit or Mitsuba, such as an array, whose type depends on the variant.
 Jit: TypeAlias = Any
 
 VARIANTS = {"llvm": "llvm_ad_rgb", "cuda": "cuda_ad_rgb"}
@@ -23,10 +23,10 @@ def check_device(device: str) -> None:
 
 
 def available_device(device: str = "auto") -> str:
-    """Return "llvm" or "cuda" for a device; "auto" selects the GPU if there is one.
+    """Return "llvm" or "cuda" for a device name; "auto" prefers a GPU.
 
-    Raises InputError for an unknown device, and MissingLibraryError without Dr.Jit,
-    libLLVM or the CUDA driver.
+    Raises InputError for an unknown device, and MissingLibraryError if Dr.Jit, libLLVM
+    or the CUDA driver is missing.
     """
     check_device(device)
     try:
@@ -43,10 +43,10 @@ def available_device(device: str = "auto") -> str:
 
 
 def start_mitsuba(device: str = "auto") -> str:
-    """Set Mitsuba's variant for a device, and return "llvm" or "cuda".
+    """Set Mitsuba's variant for a device name, and return "llvm" or "cuda".
 
-    A scene works only with the variant that was set when it was loaded. Raises the
-    errors of `available_device`, and MissingLibraryError without Mitsuba.
+    A scene works only with the variant that was set when the scene was loaded. Raises
+    the errors of `available_device`, and MissingLibraryError if Mitsuba is missing.
     """
     check_device(device)
     mi = _loaded()
@@ -58,9 +58,9 @@ def start_mitsuba(device: str = "auto") -> str:
 
 @contextlib.contextmanager
 def own_variant(device: str = "auto") -> Iterator[str]:
-    """Run a block with a device's variant, then restore variant and log level.
+    """Run a block with a device's variant, then restore Mitsuba's variant and log level.
 
-    The errors are those of `start_mitsuba`.
+    Raises the errors of `start_mitsuba`.
     """
     mi = _loaded()
     variant = mi.variant()
@@ -75,9 +75,9 @@ def own_variant(device: str = "auto") -> Iterator[str]:
 
 
 def mitsuba() -> ModuleType:
-    """Return the module `mitsuba`, with the variant for "auto" if none is set.
+    """Return the module `mitsuba`; if no variant is set, set the variant for "auto".
 
-    Raises InputError if another variant is set, and the errors of `start_mitsuba`.
+    Raises InputError for a variant outside `VARIANTS`; see also `start_mitsuba`.
     """
     mi = _loaded()
     variant = mi.variant()
@@ -90,32 +90,32 @@ def mitsuba() -> ModuleType:
 
 
 def drjit() -> ModuleType:
-    """Return the module `drjit`."""
+    """Import and return the module `drjit`."""
     import drjit
 
     return drjit
 
 
 class _Lazy:
-    """A module that is loaded at the first use of one of its names."""
+    """A stand-in for a module that is imported at first use."""
 
     def __init__(self, load: Callable[[], ModuleType]) -> None:
         self._load = load
 
     def __getattr__(self, name: str) -> Jit:
-        if name.startswith("__"):  # inspecting the object loads nothing
+        if name.startswith("__"):  # inspecting the object must not load the module
             raise AttributeError(name)
         return getattr(self._load(), name)
 
 
-#: The modules `drjit` and `mitsuba`, loaded at their first use.
+#: The modules `drjit` and `mitsuba`, imported at first use.
 dr: Jit = _Lazy(drjit)
 mi: Jit = _Lazy(mitsuba)
 
 
 def _loaded() -> ModuleType:
     loaded = sys.modules.get("mitsuba")
-    if loaded is not None and hasattr(loaded, "variant"):  # false while another thread imports it
+    if loaded is not None and hasattr(loaded, "variant"):  # false while another thread imports Mitsuba
         return loaded
     try:
         with interrupts.hold_signals():

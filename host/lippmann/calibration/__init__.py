@@ -1,8 +1,8 @@
-"""Calibration: photographs of a panel behind its mounted array become a display file.
+"""Calibration: compute a display file from photographs of a panel behind its array.
 
-The steps in order are `coded_patterns` (pictures on the panel), `shooting`,
-`photographs`, `pattern_decoding` with `photograph_diagnostics`, `lattice_search`,
-`lenslet_measurement`, `initial_estimate`, `bundle_adjustment` with exact rays from
-`lens_projection`, `subpixel_intervals`, `solve` (runs the steps), `result`, `check`.
-`simulated_camera` and `simulated_photographs` simulate photographs.
+The modules in order of use are `coded_patterns`, `shooting`, `photographs`,
+`pattern_decoding`, `photograph_diagnostics`, `lattice_search`, `lenslet_measurement`,
+`initial_estimate`, `bundle_adjustment`, `subpixel_intervals`, `result` and `check`;
+`solve` runs the steps. `simulated_camera` and `simulated_photographs` simulate
+photographs.
 """

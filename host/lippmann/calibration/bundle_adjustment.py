@@ -1,17 +1,16 @@
-"""Bundle adjustment: fit array, gap, camera lens and camera poses to all positions by least squares.
+"""Bundle adjustment: fit array, gap, camera lens and camera poses to the photographs of all positions.
 
-All positions share one camera, a pinhole with radial distortion. A point X, mm in the
-panel's frame, has the camera coordinates x = R (X - C): x to the right, y down, z
-forward. With (a, b) = (x, y) / z and r^2 = a^2 + b^2 its pixel is
+All camera positions share one lens: a pinhole with radial distortion. For a camera at C
+with rotation R, the point X (mm, panel's frame) is at (x, y, z) = R (X - C), with z
+forward. With (a, b) = (x, y) / z and r^2 = a^2 + b^2, its pixel is
 
     (cx, cy) + f (1 + k1 r^2 + k2 r^4) (a, b).
 
-Each lenslet that a position sees gives two points: the panel point that the lenslet
-shows, and the lenslet's middle in the photograph, between its seams. Both points are
-fitted together, weighted by their scatter. A fraction of the scatter is smooth over the
-array (`SmoothErrors`). Weak priors constrain parameters that the data do not determine;
-such a parameter has the uncertainty of its prior. The covariance is a sandwich estimate
-over blocks of lenslets, because the errors of neighbouring lenslets are correlated.
+Each lenslet that a camera sees gives two points: the panel point that it shows, and its
+middle in the photograph. The fit weights both points by their scatter. A part of the
+errors is smooth over the array (`SmoothErrors`). Weak priors constrain parameters that
+the photographs do not determine. The covariance is a sandwich estimate over blocks of
+lenslets, because the errors of neighbouring lenslets are correlated.
 """
 
 from __future__ import annotations
@@ -34,27 +33,27 @@ from lippmann.calibration.lenslet_measurement import Lenslets, regular
 from lippmann.display.description import Display
 from lippmann.optics.rays import Bools, Floats
 
-#: The array's parameters with their steps for finite differences: mm, radians, fractions.
+#: Array parameters and their finite-difference steps: mm; the rotation in radians.
 ARRAY = {"pitch_x": 1e-5, "pitch_y": 1e-5, "shear": 1e-6, "rotation": 1e-6, "offset_x": 1e-4, "offset_y": 1e-4}
 GAP = {"gap": 1e-4}
-#: Coefficients of the array's height above its mean, mm, with steps. Coordinates are in
-#: units of the panel's half width and half height.
+#: Coefficients (mm) of the array's height, with their steps. The height is a polynomial
+#: of coordinates in units of the panel's half width and half height.
 BOW = {"tilt_x": 1e-4, "tilt_y": 1e-4, "bow_xx": 1e-4, "bow_yy": 1e-4, "bow_xy": 1e-4}
-#: Degrees of the polynomial in the slope that models how blur moves the seams.
+#: Degrees of the polynomial in the slope that models how blur moves lenslet seams.
 SEAMS = range(3, 10)
 LENS = {"focal": 1e-2, "middle_x": 1e-2, "middle_y": 1e-2, "k1": 1e-5, "k2": 1e-5}
 POSE = {"turn_x": 1e-6, "turn_y": 1e-6, "turn_z": 1e-6, "place_x": 1e-2, "place_y": 1e-2, "place_z": 1e-2}
-#: Prefixes of parameters that move points in a photograph but change no traced rays.
+#: Name prefixes of parameters that move photograph points but change no traced rays.
 STILL = "seams_", "turn_", "zoom_", *LENS
-#: Prefixes of parameters that affect a single view.
+#: Name prefixes of parameters that affect a single view.
 OWN_VIEW = "turn_", "place_", "zoom_"
 #: Minimum residual of an outlier, in standard deviations.
 OUTLIER = 4.5
-#: Number of lenslet blocks along each side of the array, for the covariance.
+#: Number of lenslet blocks along each side that give the covariance.
 BLOCKS = 9
-#: Weight of a residual that lies inside the interval of its panel point.
+#: Weight of a residual inside the measurement interval of its panel point.
 WITHIN = 0.03
-#: Minimum scatter of a point, pixels; it limits the weights of exact data.
+#: Minimum scatter of a point, pixels. The minimum limits the weights of exact data.
 LEAST_SCATTER = 0.001
 SEED = 1911
 
@@ -65,7 +64,7 @@ def rotation_of(vector: Floats) -> Floats:
 
 
 def projected(points_mm: Floats, lens: Floats, turn: Floats, place_mm: Floats) -> Floats:
-    """Return the pixels (N, 2) at which a lens (f, cx, cy, k1, k2) with a pose shows points (N, 3)."""
+    """Project points (N, 3) to pixels (N, 2); the lens is (f, cx, cy, k1, k2)."""
     x, y, z = rotation_of(turn) @ (points_mm - place_mm).T
     z = np.maximum(z, 1e-6)
     a, b = x / z, y / z
@@ -76,23 +75,23 @@ def projected(points_mm: Floats, lens: Floats, turn: Floats, place_mm: Floats) -
 
 @dataclass(frozen=True)
 class SmoothErrors:
-    """Model of errors that vary smoothly over the array: residual distortion, aberrations and seams.
+    """Model of errors that vary smoothly over the array: residual distortion, aberrations and seam shifts.
 
-    For each of the four residual columns (two of panel points, two of the photograph),
-    scaled to scatter 1, the model is
+    The model of each residual column e (two of panel points, two of the photograph),
+    scaled to scatter 1, is
 
-        e = n + t B m,   n and m normal with deviation 1,
+        e = n + t B m, n and m normal with deviation 1,
 
     where B contains the six polynomials up to degree 2 of the position on the array,
-    and t is the fraction of smooth scatter. The covariance of e is I + t^2 B B^T. With
-    B = U S V^T,
+    and t is the ratio of smooth to independent scatter. The covariance of e is I + t^2
+    B B^T. With the SVD B = U S V^T, the matrix
 
         W = I - U (1 - 1 / sqrt(1 + t^2 S^2)) U^T
 
     makes the covariance of W e the unit matrix, as generalised least squares requires.
 
-    The fields for N lenslets are B (N, 6), t (4,), U (N, 6), and 1 - 1/sqrt(...) (4,
-    6), with a row for each residual column.
+    For N lenslets, `modes` is B (N, 6), `shares` is t (4,), `basis` is U (N, 6), and
+    `lost` is 1 - 1/sqrt(1 + t^2 S^2) (4, 6).
     """
 
     modes: Floats
@@ -102,14 +101,14 @@ class SmoothErrors:
 
     @classmethod
     def of(cls, places: Floats, shares: Floats) -> SmoothErrors:
-        """Return the model for lenslets at lattice points (N, 2); `shares` is t (4,)."""
+        """Return the model for lenslets at lattice points (N, 2); `shares` is the ratio t (4,)."""
         u, v = (2.0 * spread_out(places) - 1.0).T
         modes = np.stack([np.ones_like(u), u, v, u * u - 1.0 / 3.0, u * v, v * v - 1.0 / 3.0], axis=1)
         basis, values, _ = np.linalg.svd(modes, full_matrices=False)
         return cls(modes, shares, basis, 1.0 - 1.0 / np.sqrt(1.0 + np.outer(shares, values) ** 2))
 
     def whitened(self, values: Floats) -> Floats:
-        """Return W times values; the values have shape (N, 4), (N, 4, M) or (4 N, M)."""
+        """Multiply values of shape (N, 4), (N, 4, M) or (4 N, M) by the matrix W."""
         flat = values.reshape(len(self.basis), 4, -1)
         part = np.einsum("nk,ncm->kcm", self.basis, flat) * self.lost.T[..., None]
         return np.asarray((flat - np.einsum("nk,kcm->ncm", self.basis, part)).reshape(values.shape))
@@ -122,7 +121,7 @@ def spread_out(places: Floats) -> Floats:
 
 
 class Rays(NamedTuple):
-    """Middles of outlines (N, 3), mm, panel points (N, 2), mm, and seam polynomial terms (N, 2, M)."""
+    """Outline middles (N, 3), mm, panel points (N, 2), mm, and seam polynomial terms (N, 2, M) of rays."""
 
     middles: Floats
     points: Floats
@@ -131,7 +130,7 @@ class Rays(NamedTuple):
 
 @dataclass(frozen=True)
 class Problem:
-    """A nominal display and the lenslets of each position. The parameter vector x concatenates `blocks`."""
+    """A nominal display and each view's lenslets to fit; the parameters x concatenate `blocks`."""
 
     display: Display
     projections: Sequence[LensProjection]
@@ -140,47 +139,47 @@ class Problem:
     fixed: frozenset[str] = frozenset({"bow", "zoom"})
 
     def freeing(self, block: str) -> Problem:
-        """Return the problem in which this block is also fitted."""
+        """Return a copy of the problem that also fits this parameter block."""
         return replace(self, fixed=self.fixed - {block})
 
     @cached_property
     def seam_powers(self) -> tuple[tuple[int, int], ...]:
-        """Exponents (j, k) of the slope in the seam polynomial."""
+        """Exponents (j, k) of the seam polynomial's terms."""
         return powers(FOLDS[self.display.array.grid], SEAMS)
 
     @cached_property
     def blocks(self) -> dict[str, dict[str, float]]:
-        """Parameter names and steps of each block, in the order of x."""
+        """Names and finite-difference steps of each block's parameters."""
         views = range(len(self.views))
         seams = {f"seams_{j}{k}": 1e-4 for j, k in self.seam_powers}  # pitches
         poses = {f"{name}_{k}": step for k in views for name, step in POSE.items()}
-        zooms = {f"zoom_{k}": 1e-5 for k in views[1:]}  # relative changes of the focal length
+        zooms = {f"zoom_{k}": 1e-5 for k in views[1:]}  # relative change of the focal length
         return {"array": ARRAY, "gap": GAP, "bow": BOW, "seams": seams, "lens": LENS, "pose": poses, "zoom": zooms}
 
     @cached_property
     def steps(self) -> dict[str, float]:
-        """Steps of all parameters, in the order of x."""
+        """Steps of all parameters for finite differences, as in x."""
         return {name: step for block in self.blocks.values() for name, step in block.items()}
 
     @cached_property
     def free(self) -> list[int]:
-        """Indices in x of the fitted parameters."""
+        """Indices of the fitted parameters in the vector x."""
         fitted = {name for block, names in self.blocks.items() if block not in self.fixed for name in names}
         return [at for at, name in enumerate(self.steps) if name in fitted]
 
     def part(self, x: Floats, block: str) -> Floats:
-        """Return the parameters of a block as a view of x."""
+        """Return the parameters of one block, as a numpy view of x."""
         ends = dict(zip(self.blocks, accumulate(map(len, self.blocks.values())), strict=True))
         return x[ends[block] - len(self.blocks[block]) : ends[block]]
 
     def packed(self, **parts: npt.ArrayLike) -> Floats:
-        """Return the vector x built from some blocks; the parameters of other blocks are 0."""
+        """Build the parameter vector x from these blocks; the parameters of other blocks are 0."""
         zeros = {block: np.zeros(len(names)) for block, names in self.blocks.items()}
         return np.concatenate([np.ravel(part) for part in (zeros | parts).values()])
 
     @cached_property
     def places(self) -> list[Floats]:
-        """Positions of each view's lenslets on the lattice of pitch 1."""
+        """Lattice points (N, 2) of each view's lenslets, in units of the pitch."""
         return [regular(self.display.array.grid, one.index) for one in self.views]
 
     def centres(self, x: Floats, places: Floats) -> Floats:
@@ -192,13 +191,13 @@ class Problem:
         return np.stack([c * along - s * down + ox, s * along + c * down + oy], axis=1)
 
     def pose(self, x: Floats, k: int) -> tuple[Floats, Floats, Floats]:
-        """Return the lens, the rotation vector and the camera position of view k."""
+        """Return the lens, the rotation vector and the camera position, mm, of view k."""
         turn, place = self.part(x, "pose").reshape(-1, 2, 3)[k]
         zoom = self.part(x, "zoom")[k - 1] if k > 0 else 0.0
         return self.part(x, "lens") * [1.0 + zoom, 1.0, 1.0, 1.0, 1.0], turn, place
 
     def rays(self, x: Floats, k: int) -> Rays:
-        """Trace the rays of view k; the rays do not depend on camera lens or rotation."""
+        """Trace rays from the camera of view k through the lenslets to the panel."""
         place = self.pose(x, k)[2]
         projection, centres = self.projections[k], self.centres(x, self.places[k])
         u, v = 2.0 * centres.T / [[self.display.panel.width_mm], [self.display.panel.height_mm]]
@@ -209,7 +208,7 @@ class Problem:
         return Rays(np.column_stack([centres + outline, z]), centres + point, seam_terms)
 
     def aside(self, x: Floats, k: int, middles: Floats) -> Floats:
-        """Return the offsets (N, 2), in pitches, of readings from the outlines' middles (N, 3)."""
+        """Return the offsets (N, 2), pitches, of measured from traced middles (N, 3)."""
         return np.asarray((self.views[k].cell_px - projected(middles, *self.pose(x, k))) @ self.views[k].steps)
 
     def predict(self, x: Floats, k: int, rays: Rays | None = None) -> tuple[Floats, Floats]:
@@ -227,18 +226,17 @@ class Problem:
         return off
 
     def offsets(self, x: Floats, k: int, rays: Rays | None = None) -> Floats:
-        """Return the residuals (N, 4) of view k relative to the middles of the intervals."""
+        """Return the residuals (N, 4) of view k from the intervals' middles."""
         panel, photo = self.predict(x, k, rays)
         view = self.views[k]
         return np.column_stack([(panel - view.panel_mm) / self.display.panel.pitches_mm, photo - view.photo_px])
 
     def priors(self, x: Floats) -> Floats:
-        """Return the deviations from the priors, in standard deviations."""
+        """Return the deviations from the priors, in the priors' standard deviations."""
         display, size = self.display, np.array(self.views[0].shape[::-1])
         depth, longer = display.aperture_distance_mm, float(size.max())
         focal, *middle = self.part(x, "lens")[:3]
-        # The divisors are the priors' standard deviations. Gap and bow are relative to
-        # D, pixel lengths to the photograph's longer side, seams are in pitches.
+        # Each divisor is a prior's standard deviation; `depth` is the distance D.
         parts: list[npt.ArrayLike] = [
             (x[:2] / display.array.pitches_mm - 1.0) / 0.01,
             (self.part(x, "gap") - display.gap_mm) / (0.3 * depth),
@@ -252,7 +250,7 @@ class Problem:
         return np.concatenate([np.asarray(part) for part in parts])
 
     def thinned(self, max_lenslets: int) -> Problem:
-        """Return the problem with at most `max_lenslets` random lenslets of each view."""
+        """Return the problem with at most `max_lenslets` random lenslets per view."""
         rng = np.random.default_rng(SEED)
         fields, views = ("index", "photo_px", "panel_mm", "half_px", "cell_px", "moves"), []
         for view in self.views:
@@ -262,7 +260,7 @@ class Problem:
 
 
 class Weights(NamedTuple):
-    """The scatter of panel points and of photograph points in each view, and masks (N,) of inliers."""
+    """For each view, the scatter of panel and photograph points, and a mask (N,) of inliers."""
 
     scatter: list[tuple[float, float]]
     inliers: list[Bools]
@@ -273,18 +271,18 @@ class Weights(NamedTuple):
         return cls([scatter] * len(problem.views), [np.ones(len(one.index), bool) for one in problem.views])
 
     def measured(self, problem: Problem, x: Floats) -> Weights:
-        """Return the weights with the scatter measured from the residuals."""
+        """Return weights with the scatter estimated from the residuals at x."""
         return self._replace(scatter=[_scatter(problem.residuals(x, k)) for k in range(len(problem.views))])
 
     def rows(self) -> list[slice]:
-        """Return each view's rows in the Jacobian; each inlier has four rows."""
+        """Return each view's Jacobian rows; each inlier lenslet has four rows."""
         ends = [0, *accumulate(4 * int(one.sum()) for one in self.inliers)]
         return [slice(*both) for both in pairwise(ends)]
 
 
 @dataclass(frozen=True)
 class Solution:
-    """Fitted parameters, their covariance (0 for fixed parameters), and the weights."""
+    """Fitted parameters x, their covariance (0 for fixed parameters), and the weights."""
 
     problem: Problem
     x: Floats
@@ -316,7 +314,7 @@ class Solution:
 
 def solve(problem: Problem, x: Floats, robust_only: bool = False) -> Solution:
     """Fit the parameters, starting at x; unless `robust_only`, fit again without outliers."""
-    problem = problem.thinned(8000)  # lenslets per view
+    problem = problem.thinned(8000)  # maximum lenslets per view
     weights = Weights.equal(problem, (1.0, 1.0))
     for _ in range(2):
         x = _minimise(problem, x, weights, True)
@@ -332,7 +330,7 @@ def solve(problem: Problem, x: Floats, robust_only: bool = False) -> Solution:
 
 
 def first_fit(problem: Problem, x: Floats) -> Floats:
-    """Fit only lens and poses, and return x."""
+    """Fit only lens and poses of the camera, and return x."""
     lens_only = replace(problem, fixed=frozenset(problem.blocks) - {"lens", "pose"})
     return _minimise(lens_only, x, Weights.equal(problem, (1e3, 1.0)), True)
 
@@ -374,8 +372,8 @@ def _minimise(problem: Problem, x: Floats, weights: Weights, robust: bool) -> Fl
         slopes,
         x_scale="jac",
         loss="soft_l1" if robust else "linear",
-        f_scale=1.5,  # above this number of standard deviations, soft_l1 is about linear
-        ftol=1e-8,  # relative change of the cost
+        f_scale=1.5,  # standard deviations above which soft_l1 is about linear
+        ftol=1e-8,  # stop below this relative change of the cost
         xtol=1e-12,
         gtol=1e-12,
         max_nfev=60,
@@ -386,14 +384,14 @@ def _minimise(problem: Problem, x: Floats, weights: Weights, robust: bool) -> Fl
 def _smooth(problem: Problem, weights: Weights, k: int) -> SmoothErrors:
     places, view, (panel, photo) = problem.places[k][weights.inliers[k]], problem.views[k], weights.scatter[k]
     across = float(np.sqrt(np.prod(np.std(view.photo_px, axis=0)) / max(1e-9, float(np.prod(places.std(axis=0))))))
-    # These minimums were measured on simulated photographs.
+    # These two constants were measured on simulated photographs.
     least = np.repeat([0.001 / panel, 0.0003 * across / photo], 2)
-    # The first tuple is the smooth fraction of the scatter for each residual column.
+    # The first tuple is the ratio of smooth to independent scatter per residual column.
     return SmoothErrors.of(places, np.maximum((0.12, 0.12, 0.2, 0.2), least))
 
 
 def jacobian(problem: Problem, x: Floats, weights: Weights) -> Floats:
-    """Return the Jacobian from central differences of the offsets, which are smooth."""
+    """Return the Jacobian by central differences of the smooth function `offsets`."""
     scatter, inliers = weights
     every = range(len(inliers))
     factors = []
@@ -419,7 +417,7 @@ def jacobian(problem: Problem, x: Floats, weights: Weights) -> Floats:
 
 
 def judged(problem: Problem, x: Floats, weights: Weights) -> Solution:
-    """Return the solution with its covariance, estimated from blocks of lenslets."""
+    """Return the solution at x; the covariance is estimated from blocks of lenslets."""
     matrix = jacobian(problem, x, weights)
     scale = np.maximum(np.linalg.norm(matrix, axis=0), 1e-300)
     matrix /= scale
@@ -441,7 +439,7 @@ def judged(problem: Problem, x: Floats, weights: Weights) -> Solution:
         groups += len(np.unique(block))
     inverse = np.linalg.pinv(matrix.T @ matrix, hermitian=True)
     sandwich = groups / max(1.0, groups - float(count)) * inverse @ meat @ inverse
-    # The covariance is never below the estimate for independent lenslets.
+    # Raise variances that are below the estimate for independent lenslets.
     promised = np.sqrt(np.maximum(np.diag(inverse), 0.0))
     estimated = np.sqrt(np.maximum(np.diag(sandwich), 0.0))
     raised = np.maximum(promised, estimated) / np.maximum(estimated, 1e-300) / scale

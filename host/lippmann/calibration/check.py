@@ -1,11 +1,11 @@
-"""Draw pictures that show whether a calibration is correct, and judge their photographs.
+"""Draw pictures that test a calibration, and evaluate photographs of these pictures.
 
-`1-white` looks white to an eye at X and black from other positions; `2-dark` is its
-inverse. Where the array differs from its description, a camera at X sees the inverse.
+`1-white` looks white to an eye at a position X and black from elsewhere; `2-dark` is
+its inverse. Where the array differs from the display file, X sees the inverse.
 
-`3-rings` gives each lenslet one colour, chosen by its distance from the panel's middle.
-An eye at a position without crosstalk sees rings; a ring is broken where a pixel is
-assigned to the wrong lenslet.
+`3-rings` makes each lenslet white or black, depending on its distance from the panel's
+middle. An eye without crosstalk sees rings, with gaps where pixels are assigned to the
+wrong lenslet.
 """
 
 from __future__ import annotations
@@ -25,15 +25,15 @@ from lippmann.optics.lattice import Lattice
 from lippmann.rendering.integral_image import IntegralImage
 
 NAMES = ("1-white", "2-dark", "3-rings")
-#: Diameter of the pupil that sees white, in distances between adjacent views.
+#: Diameter of the pupil that sees `1-white` as white, in spacings of adjacent views.
 VIEWS = 4.0
-#: Maximum fraction of the light of `2-dark` in a correct block, and minimum fraction of
-#: correct blocks.
+#: Maximum fraction of a correct block's light that comes from `2-dark`, and minimum
+#: fraction of correct blocks.
 MAX_DARK, MIN_RIGHT = 0.3, 0.95
 
 
 def rings(display: Display) -> Light:
-    """Return the picture of rings (height, width, 3), white and black."""
+    """Draw white and black rings as linear light (height, width, 3)."""
     panel, lattice = display.panel, Lattice.of(display.array)
     light = np.zeros((panel.height_px, panel.width_px, 3), np.float32)
     columns = np.arange(panel.width_px)[None]
@@ -41,14 +41,14 @@ def rings(display: Display) -> Light:
         places = Pixels(display, columns, np.array([[row]]), (0, 0), None).places
         x, y = lattice.centre(places.i, places.j)
         # Rings are 3 lenslets wide. No lenslet's centre lies on a ring's edge, because
-        # lattices have no distances 2.5, 5.5, ...
+        # no centre is 2.5, 5.5, ... pitches from the middle.
         ring = np.floor((np.hypot(x, y) / display.array.coarsest_mm + 0.5) / 3.0) % 2
         light[row] = ((ring == 0) & places.present)[0, :, None]
     return light
 
 
 def pictures(display: Display, eye_mm: tuple[float, float, float]) -> dict[str, IntegralImage]:
-    """Return the pictures, keyed by file name without extension."""
+    """Draw the three test pictures, keyed by file name without extension."""
     # The pupil spans several views, so the eye's position need not be exact.
     step = display.panel.coarsest_mm * eye_mm[2] / display.aperture_distance_mm
     white = draw(display, "white-for-eye", Eye(eye_mm, pupil_mm=VIEWS * step))
@@ -59,10 +59,10 @@ def pictures(display: Display, eye_mm: tuple[float, float, float]) -> dict[str, 
 
 @dataclass(frozen=True)
 class Verdict:
-    """Verdict on the photographs of white and dark; `right`: enough blocks are correct.
+    """Result for the photographs of white and dark; `right` is true if enough blocks are correct.
 
-    `dark_share` and `worst_dark_share` are the median and the 95th percentile over
-    blocks: light of `2-dark` as a fraction of the light of both pictures.
+    A block's dark share is the light of `2-dark` divided by that of both pictures;
+    `dark_share` is the median over blocks, `worst_dark_share` the 95th percentile.
     """
 
     right: bool
@@ -72,14 +72,14 @@ class Verdict:
 
 
 def judge_folder(folder: Path) -> Verdict:
-    """Judge a folder's photographs 1-white and 2-dark, taken from the eye's position."""
+    """Evaluate a folder's photographs 1-white and 2-dark, taken from the eye's position."""
     if not folder.is_dir():
-        raise input_error(folder, "there is no such folder", "name the folder of the photographs")
+        raise input_error(folder, "the folder does not exist", "give the folder that contains the photographs")
     paths = []
     for name in NAMES[:2]:
         files = [one for suffix in SUFFIXES if (one := folder / f"{name}{suffix}").is_file()]
         if not files:
-            remedy = f"photograph {name}.png from the eye's position, and save it there as {name}.jpg"
+            remedy = f"show {name}.png, photograph the panel from the eye's position, and save {name}.jpg there"
             raise input_error(folder, f"the photograph of {name} is missing", remedy)
         paths.append(files[0])
     white = read_photograph(paths[0]).light
@@ -87,7 +87,7 @@ def judge_folder(folder: Path) -> Verdict:
 
 
 def judge(white: Light, dark: Light) -> Verdict:
-    """Judge the light (height, width) of the photographs of white and dark."""
+    """Compare the light (height, width) of both photographs, block by block."""
     side = max(2, round(1 / 48 * max(white.shape)))  # side of a block, pixels
     height, width = (side * (length // side) for length in white.shape)
     shape = height // side, side, width // side, side
@@ -95,10 +95,10 @@ def judge(white: Light, dark: Light) -> Verdict:
     both = means[0] + means[1]
     panel = both > 0.2 * float(np.percentile(both, 95.0))  # darker blocks are outside the panel
     if float(both.max()) < 1e-3:
-        raise InputError("the photographs of white and dark are both black; expose both longer, with equal exposure")
+        raise InputError("photographs 1-white and 2-dark are both black; expose both longer, with one exposure")
     inside = ndimage.binary_erosion(panel)  # blocks on the panel's edge show the mount too
     if inside.sum() < 9:
-        raise InputError("the photographs show too little of the panel; come nearer")
+        raise InputError("the photographs show too little of the panel; move the camera nearer")
     share = means[1][inside] / both[inside]
     right_share = float((share < MAX_DARK).mean())
     return Verdict(right_share >= MIN_RIGHT, right_share, float(np.median(share)), float(np.percentile(share, 95.0)))

@@ -1,16 +1,16 @@
-"""Pictures that encode panel coordinates for a camera: Gray code and phase shift.
+"""Draw pictures that encode panel coordinates for a camera by Gray code and phase shift.
 
-Phase picture n of N with period T has at coordinate u (column or row, pixel centres at
-1/2) the light
+In phase picture n of N with period T, the light at the coordinate u (column or row;
+pixel centres are at 1/2) is
 
     I = 1/2 + 1/2 cos(2 pi (u / T - n / N)).
 
 The Gray code encodes the index floor(u / (T/2)) of the half period. Phase and half
-period give u, even if the half period is misread near its edge. With N = 8, harmonics
-of the camera's tone curve up to the sixth do not change the phase.
+period give u, even if a half period is misread near its edge. With N = 8, harmonics up
+to the sixth (camera tone curve) do not change the phase.
 
-The first and the last picture show marks for aiming. Their photographs are equal if the
-camera did not move.
+The first and the last picture show marks for aiming the camera. Their photographs are
+equal if the camera did not move.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ from lippmann.errors import InputError, input_error
 from lippmann.rendering.integral_image import IntegralImage
 
 Kind = Literal["marks", "white", "black", "gray", "phase"]
-#: Period in pixels, and number of phase pictures per axis.
+#: Period in panel pixels, and number of phase pictures per axis.
 PERIOD_PX = 16
 STEPS = 8
 #: Name of the file that describes a set of patterns.
@@ -46,7 +46,7 @@ Pixels = npt.NDArray[np.uint8]
 
 @dataclass(frozen=True)
 class Pattern:
-    """A picture: index in the set, kind, axis (0 columns, 1 rows), and number of the bit or step."""
+    """A picture: index in the set, kind, axis (0 columns, 1 rows), and number of the bit or phase step."""
 
     place: int
     kind: Kind
@@ -65,11 +65,11 @@ class Pattern:
 class PatternsFile:
     """Contents of the file `patterns.toml`."""
 
-    display: Annotated[str, key("name of the display")]
-    identity: Annotated[str, key("identity of the display when the pictures were drawn")]
+    display: Annotated[str, key("display name")]
+    identity: Annotated[str, key("hash of the display for which the pictures were drawn")]
     width_px: Annotated[Side, key("panel width, px")]
     height_px: Annotated[Side, key("panel height, px")]
-    code: Annotated[Literal["gray+phase"], key("kind of code")]
+    code: Annotated[Literal["gray+phase"], key("type of code")]
     period_px: Annotated[int, key("period of the phase pictures, pixels", low=4, high=256)]
     steps: Annotated[int, key("number of phase pictures per axis", low=3, high=64)]
     files: Annotated[tuple[str, ...], key("file names of the pictures in order", shape="a list of file names")]
@@ -77,7 +77,7 @@ class PatternsFile:
 
 @dataclass(frozen=True)
 class PatternSet:
-    """The set of pictures for a panel size."""
+    """The set of pictures for a panel of this size."""
 
     width_px: int
     height_px: int
@@ -96,7 +96,7 @@ class PatternSet:
 
     @property
     def half_px(self) -> float:
-        """Half a period, which is the width of the finest Gray code stripes."""
+        """Half a period in pixels; the finest stripes of the Gray code have this width."""
         return 0.5 * self.period_px
 
     def bits(self, axis: int) -> int:
@@ -123,25 +123,25 @@ class PatternSet:
         return np.asarray(((half ^ (half >> 1)) >> pattern.number) & 1, np.float32)
 
     def turn(self, pattern: Pattern) -> complex:
-        """Return exp(2 pi i n / N) of a phase picture."""
+        """Return exp(2 pi i n / N) for phase picture n of N."""
         return complex(np.exp(2j * np.pi * pattern.number / self.steps))
 
     def half_of(self, code: npt.NDArray[np.integer]) -> npt.NDArray[np.integer]:
-        """Return the half-period indices of Gray codes."""
+        """Convert Gray codes to half-period indices."""
         half = code.copy()
         for shift in (8, 4, 2, 1):
             half ^= half >> half.dtype.type(shift)
         return half
 
     def point(self, phase: Floats, half: npt.NDArray[np.integer]) -> Singles:
-        """Return the pixel coordinates with a phase (radians) that are nearest to half periods' middles."""
+        """Return the coordinates, px, with a phase (radians), nearest to half periods' middles."""
         fine = (phase * np.float32(self.period_px / (2.0 * np.pi))).astype(np.float32)
         near = (half.astype(np.float32) + np.float32(0.5)) * np.float32(self.half_px)
         periods = np.round((near - fine) * np.float32(1.0 / self.period_px))
         return np.asarray(fine + periods * np.float32(self.period_px), np.float32)
 
     def light(self, pattern: Pattern) -> Singles:
-        """Return a picture's light (height, width), 0 to 1; the array may be a read-only broadcast."""
+        """Return a picture's light (height, width), 0 to 1, possibly as a read-only broadcast."""
         shape = self.height_px, self.width_px
         if pattern.kind == "marks":
             return _marks(*shape)
@@ -170,7 +170,7 @@ class PatternSet:
 
 
 class AxisCode:
-    """Gray code, number of doubtful bits, and phase wave of each camera pixel, along one axis."""
+    """Gray code, doubtful bits and phase wave of each camera pixel for one panel axis."""
 
     def __init__(self, patterns: PatternSet, axis: int, shape: tuple[int, ...]) -> None:
         self.patterns, self.axis = patterns, axis
@@ -178,7 +178,7 @@ class AxisCode:
         self.wave = np.zeros(shape, np.complex64)
 
     def add(self, pattern: Pattern, share: Floats) -> None:
-        """Add a photograph; `share` is its light, scaled to -1/2 for black and 1/2 for white."""
+        """Add a pattern's photograph; `share` is its light, scaled to -1/2 for black, 1/2 for white."""
         if pattern.kind == "gray":
             self.code |= (share > 0.0).astype(np.uint16) << np.uint16(pattern.number)
             self.doubtful += abs(share) < 0.12  # near the mean of black and white
@@ -187,13 +187,13 @@ class AxisCode:
 
     @property
     def amplitude(self) -> Singles:
-        """Amplitude of the cosine, relative to that of the full range from black to white."""
+        """Amplitude of each pixel's phase cosine; 1 spans the range from black to white."""
         return abs(self.wave) * np.float32(4.0 / self.patterns.steps)
 
     def points(self) -> tuple[Singles, npt.NDArray[np.bool_]]:
         """Return each camera pixel's panel coordinate, pixels, and whether the coordinate is reliable."""
         points = self.patterns.point(np.angle(self.wave), self.patterns.half_of(self.code))
-        # A weaker cosine is noise. At a code edge, one bit is doubtful.
+        # A weaker cosine is noise. At a Gray code edge, one bit is doubtful.
         good = (self.amplitude > 0.2) & (self.doubtful <= 1)
         return points, good & (points >= 0.0) & (points <= self.patterns.sides_px[self.axis])
 
@@ -224,15 +224,15 @@ def write_patterns(patterns: PatternSet, display: Display, folder: Path) -> list
 
 
 def read_patterns(path: Path, display: Display) -> PatternSet:
-    """Read `patterns.toml`; raise InputError for a set made for another panel size."""
+    """Read `patterns.toml`; raise InputError if the patterns were drawn for another panel size."""
     raw = toml.read(PatternsFile, toml.load(path, "patterns"), str(path))
     panel = display.panel
     if (raw.width_px, raw.height_px) != (panel.width_px, panel.height_px):
         what = (
-            f"the patterns are {raw.width_px} x {raw.height_px} pixels, for '{raw.display}'; the panel of "
+            f"the patterns of '{raw.display}' are {raw.width_px} x {raw.height_px} pixels, but the panel of "
             f"'{display.name}' has {panel.width_px} x {panel.height_px}"
         )
-        raise input_error(path, what, "name the display file that the patterns were drawn for")
+        raise input_error(path, what, "give the display file of the patterns")
     patterns = PatternSet(raw.width_px, raw.height_px, raw.period_px, raw.steps)
     if raw.files != patterns.files:
         raise InputError(f"{path}: files: the list does not match period_px and steps; draw the patterns again")

@@ -1,8 +1,8 @@
-"""Number the lenslets consistently in all positions, and estimate initial parameters for the fit.
+"""Number the lenslets equally for all camera positions, and estimate initial parameters.
 
-Each position numbers the lenslets from its own origin. The panel point that a lenslet
-shows is offset from the lenslet's centre by about the gap times the slope to the
-camera. Gaps around the nominal gap are tried. For the correct numbering, the positions
+Each camera position numbers the lenslets from its own origin. A lenslet's panel point
+is offset from its centre by about the gap times the slope to the camera. The search
+tries gaps around the nominal gap: with the correct gap, the lattices of all positions
 agree.
 """
 
@@ -23,12 +23,12 @@ from lippmann.display.description import Display, Grid
 from lippmann.optics.lattice import HALF_SQRT3
 from lippmann.optics.rays import Floats
 
-#: Range of plausible focal lengths, in units of the photograph's longer side.
+#: Minimum and maximum focal length, in units of the photograph's longer side.
 FOCALS = (0.4, 8.0)
 
 
 def first_lens(planes_mm: list[Floats], photos_px: list[Floats], shape: tuple[int, int]) -> Floats:
-    """Return an initial lens (f, cx, cy, k1, k2), px, from each view's points (N, 3) and pixels (N, 2)."""
+    """Estimate the lens (f, cx, cy, k1, k2), px, from each view's points (N, 3), mm, and pixels (N, 2)."""
     size = shape[1], shape[0]
     objects, images = ([one.astype(np.float32) for one in many] for many in (planes_mm, photos_px))
     matrix = cv2.initCameraMatrix2D(objects, images, size, 1.0)
@@ -40,7 +40,7 @@ def first_lens(planes_mm: list[Floats], photos_px: list[Floats], shape: tuple[in
 
 
 def first_pose(plane_mm: Floats, photo_px: Floats, lens: Floats) -> tuple[Floats, Floats]:
-    """Return rotation vector and position, mm, of a camera that sees points (N, 3) at pixels (N, 2)."""
+    """Estimate rotation vector and position, mm, of a camera that sees points (N, 3) at pixels (N, 2)."""
     matrix = np.array([[lens[0], 0, lens[1]], [0, lens[0], lens[2]], [0, 0, 1]])
     _, turn, shift = cv2.solvePnP(plane_mm, photo_px, matrix, np.zeros(5), flags=cv2.SOLVEPNP_IPPE)
     vector = np.array(turn, np.float64).ravel()
@@ -52,7 +52,7 @@ GAPS = np.linspace(-0.35, 0.35, 57)
 
 
 def array_of(grid: Grid, steps: Floats, offset: Floats) -> Floats:
-    """Return pitches, shear, rotation (radians) and offset of a lattice; `steps` is its basis."""
+    """Return pitches, shear, rotation (radians) and offset of a lattice with the basis `steps`."""
     turn = math.atan2(steps[1, 0], steps[0, 0])
     c, s = math.cos(turn), math.sin(turn)
     along, up = np.array([[c, s], [-s, c]]) @ steps[:, 1]
@@ -66,7 +66,7 @@ def array_of(grid: Grid, steps: Floats, offset: Floats) -> Floats:
 def starts(
     display: Display, views: Sequence[Lenslets], view_lattices: Sequence[SeenLattice]
 ) -> list[tuple[Problem, Floats]]:
-    """Return the most likely numberings with their initial parameters, the best first."""
+    """Return up to three lenslet numberings with their initial parameters, the most likely first."""
     planes = [
         np.column_stack([one.points(view.index), np.zeros(len(view.index))])
         for one, view in zip(view_lattices, views, strict=True)
@@ -84,7 +84,7 @@ def starts(
         moved = projection.traced(np.tile(aside / place[2], (len(gaps), 1)), gaps, ())[1]
         grown = projection.traced(np.tile([-1e-3, 0.0], (len(gaps), 1)), gaps, ())[1][:, :1] / 1e-3 / place[2] + 1.0
         zero = one.origin - moved
-        # The distance to the lenslet is the distance to the panel point divided by `grown`.
+        # The distance to the lenslet is that to the panel point divided by `grown`.
         true_place = np.hstack([zero + aside / grown, place[2] / grown])
         lattices.append((zero, one.basis / grown[..., None], true_place))
     zeros, bases, true_places = (np.stack(part, axis=1) for part in zip(*lattices, strict=True))
@@ -97,7 +97,7 @@ def starts(
     order = np.argsort(rank)
     _, first_of_each = np.unique(shift[order].reshape(len(gaps), -1), axis=0, return_index=True)
     likely = []
-    # Fit at most three numberings, all within 0.2 pitches of the best.
+    # Return at most three numberings, with errors within 0.2 pitches of the best.
     for g in order[np.sort(first_of_each)[:3]]:
         if rank[g] >= rank.min() + 0.2:
             break

@@ -1,9 +1,9 @@
 """Find the lattice that the panel points seen from one camera position form.
 
 A camera at C sees through the lenslet at L the paraxial panel point P = L (1 + D/Cz) -
-C D/Cz. The points P are an affine image of the array's lattice. Rotations and scales of
-the nominal lattice are rated by the sum of exp(2 pi i k . P) over points near the
-panel's middle; the best lattice is extended outwards by least squares.
+C D/Cz. D is the aperture distance. The points P are an affine image of the array's
+lattice. The search rotates and scales the nominal lattice to maximise the sum of exp(2
+pi i k . P) near the panel's middle. Least squares extend the result outwards.
 """
 
 from __future__ import annotations
@@ -23,27 +23,27 @@ from lippmann.optics.system import PanelFrame
 
 #: Maximum errors of the display file: rotation in degrees, and relative pitch error.
 MAX_ROTATION_DEG, MAX_STRETCH = 8.0, 0.05
-#: Radius of the initial region, in pitches.
+#: Radius of the initial search region, in pitches.
 FIRST_RADIUS = 4.0
-#: Scale of a lattice point's cell; panel points inside the scaled cell are near.
+#: Factor by which a lattice point's cell is scaled; panel points inside are near.
 NEAR = 0.6
 MAX_POINTS, SEED = 80_000, 1909
 REMEDY = (
-    "check the panel's width_px and dpi, and grid, pitch_mm and gap_mm in the display file; rotation may be off by "
-    "5 degrees, pitch by 1 % and gap by 20 %"
+    "correct the panel's width_px and dpi, or grid, pitch_mm and gap_mm in the display file; errors of 5 degrees, "
+    "1 % of the pitch and 20 % of the gap are allowed"
 )
 
 
 @dataclass(frozen=True)
 class SeenLattice:
-    """Lattice of points origin + basis @ (i, j), mm in the panel's frame."""
+    """Lattice of the points `origin + basis @ (i, j)`, mm in the panel's frame."""
 
     origin: Floats
     basis: Floats
     grid: Grid
 
     def steps(self, points_mm: Floats) -> Floats:
-        """Return unrounded lattice coordinates (i, j) of points (N, 2)."""
+        """Return the real-valued lattice coordinates (i, j) of points (N, 2), mm."""
         return np.asarray((points_mm - self.origin) @ np.linalg.inv(self.basis).T)
 
     def points(self, steps: npt.NDArray[np.number]) -> Floats:
@@ -51,7 +51,7 @@ class SeenLattice:
         return np.asarray(self.origin + steps @ self.basis.T)
 
     def near(self, points_mm: Floats) -> tuple[npt.NDArray[np.int64], Bools]:
-        """Return the nearest lattice points (i, j) (N, 2), and a mask (N,) of points that are near theirs."""
+        """Return the nearest lattice points (i, j) (N, 2), and a mask (N,) of points within `NEAR` of them."""
         steps = self.steps(points_mm)
         index = np.round(steps)
         return index.astype(np.int64), within(steps - index, self.grid, NEAR)
@@ -74,34 +74,34 @@ def steps_of(display: Display) -> Floats:
 
 
 def find_lattice(name: str, points_mm: Floats, display: Display) -> SeenLattice:
-    """Find the lattice of points (N, 2), mm; refuse a lattice far from the nominal lattice."""
+    """Find the lattice of points (N, 2), mm; raise InputError if it is far from the nominal one."""
     nominal = steps_of(display)
     # D / distance magnifies the lattice; the distance is at least 1.5 panel widths.
     growth = min(0.5, display.aperture_distance_mm / (1.5 * display.panel.width_mm))
     pitch = display.array.coarsest_mm
     best: tuple[float, SeenLattice] | None = None
-    # Try several middles of the initial region, as a part of the panel may be hidden.
+    # Try several middles of the initial region: a part of the panel may be hidden.
     low, high = np.percentile(points_mm, (5.0, 95.0), axis=0)
     for shares in [*itertools.product((0.5, 0.35, 0.65), repeat=2)][:5]:
         middle = low + (high - low) * shares
         match = _extend_lattice(points_mm, middle, nominal, display.array.grid, pitch, growth)
         if match is not None and (best is None or match[0] > best[0]):
             best = match
-        if best is not None and best[0] > 0.8:  # good enough
+        if best is not None and best[0] > 0.8:  # enough points are near
             break
     if best is None or best[0] < 0.55:  # random points give about 0.33
         what = f"the points seen on the panel form no lattice like that of '{display.name}'"
         percent = 0.0 if best is None else 100.0 * best[0]
-        raise input_error(name, f"{what} ({percent:.0f} % of them near lattice points)", REMEDY)
-    # The best lattice may lie outside the searched range.
+        raise input_error(name, f"{what} ({percent:.0f} % of the points are near one)", REMEDY)
+    # The best lattice may be outside the searched range.
     change = best[1].basis @ np.linalg.inv(nominal)
     turn = math.degrees(math.atan2(change[1, 0] - change[0, 1], change[0, 0] + change[1, 1]))
     stretch = math.sqrt(abs(float(np.linalg.det(change)))) - 1.0
     beyond = not -MAX_STRETCH < stretch < (1.0 + MAX_STRETCH) * (1.0 + growth) - 1.0
     if abs(turn) > MAX_ROTATION_DEG or beyond:
         raise InputError(
-            f"{name}: the points seen on the panel are rotated by {turn:.2f} degrees, and their distances "
-            f"(pitch times magnification) differ by {100.0 * stretch:.2f} %, compared with the display file; {REMEDY}"
+            f"{name}: compared with the display file, the lattice seen on the panel is rotated by {turn:.2f} degrees, "
+            f"and its pitch times magnification is {100.0 * stretch:.2f} % larger; {REMEDY}"
         )
     return best[1]
 
@@ -109,10 +109,10 @@ def find_lattice(name: str, points_mm: Floats, display: Display) -> SeenLattice:
 def _extend_lattice(
     points_mm: Floats, middle: Floats, nominal: Floats, grid: Grid, pitch: float, growth: float
 ) -> tuple[float, SeenLattice] | None:
-    """Extend the lattice outwards; return the fraction of points near lattice points, and the lattice."""
+    """Find a lattice around `middle`, extend it, and return the fraction of near points and the lattice."""
     distance = np.hypot(*(points_mm - middle).T)
     first = points_mm[distance < FIRST_RADIUS * pitch]
-    if len(first) < 200:  # several per lenslet
+    if len(first) < 200:  # several points per lenslet
         return None
     basis, origin = _search_lattice(_some(first)[:10_000], middle, nominal, growth)
     lattice, radius, farthest = SeenLattice(origin, basis, grid), FIRST_RADIUS, distance.max() / pitch
@@ -125,7 +125,7 @@ def _extend_lattice(
             lattice = again
         if radius > farthest:
             break
-        radius *= 1.5  # the next region
+        radius *= 1.5  # enlarge the region
     return float(lattice.near(_some(points_mm))[1].mean()), lattice
 
 

@@ -1,16 +1,15 @@
-"""Model a lenslet's outline and panel point as seen by a camera, fitted to exact rays.
+"""Model which outline and which panel point of a lenslet a camera sees.
 
-A camera at C sees the outline of the lenslet with the vertex L on a plane at the height
-h of the seams. With the slope s = (C - L) / (Cz - h), the outline's middle is at L +
-c(s) on this plane, and the rays through the inner cell around the middle meet the
-panel, on average, at L + w(s). A cell has n-fold rotational symmetry (n = 4 or 6) and
-mirror symmetry, so c and w need few powers. With s = x + i y along the array's axes, s*
-= x - i y, and real c, a, b,
+A camera at C sees the outline of the lenslet with vertex L on a plane at the seams'
+height h. With the slope s = (C - L) / (Cz - h), the outline's middle is at L + c(s) on
+this plane, and the rays through the inner cell meet the panel, on average, at L + w(s).
+A cell has n-fold rotational symmetry (n = 4 or 6) and mirror symmetry, so c and w need
+few powers. With s = x + i y along the array's axes, s* = x - i y, and real c, a, b,
 
     c(s) = sum of c_jk s^j (s*)^k,   w(s) = -sum of (a_jk + gap b_jk) s^j (s*)^k,   j - k = 1, 1 - n, 1 + n, ...
 
 The coefficients are fitted to exact rays (Snell's law at each face), because a paraxial
-D would omit higher-order terms.
+model omits higher-order terms.
 """
 
 from __future__ import annotations
@@ -32,21 +31,21 @@ from lippmann.optics.sample_points import R2_STEPS, square_to_cell
 from lippmann.optics.system import PanelFrame
 from lippmann.optics.trace import trace_to_panel
 
-#: Height of an outline, relative to the sag of the corners; mean over the cell's sides.
+#: Mean height of a lenslet's outline, as a fraction of the sag at the cell's corners.
 SEAM = {"square": 2.0 / 3.0, "hex": 5.0 / 6.0}
-#: Order of a cell's rotational symmetry.
+#: Order n of a cell's rotational symmetry.
 FOLDS = {"square": 4, "hex": 6}
-#: Degrees j + k of the sums; the high degrees serve steep lenslets.
+#: Degrees j + k of the sums for c and w; steep lenslets need the high degrees.
 DEGREES = range(1, 12)
-#: Number of rays across the inner cell, and number of slope directions. The number of
-#: directions is prime, so no symmetry repeats a direction.
+#: Number of rays across the inner cell, and number of slope directions, which is prime,
+#: so that no symmetry repeats a direction.
 ACROSS, DIRECTIONS = 13, 17
-#: Number of points on the edge of an outline.
+#: Number of points on the edge of a lenslet's outline.
 EDGE_POINTS = 96
 
 
 def outline_mm(display: Display) -> float:
-    """Return the height of the plane of the lenslets' outlines, mm."""
+    """Return the height h, mm, of the plane of the lenslets' outlines."""
     array = display.array
     seam = SEAM[array.grid] * array.sag_mm
     if array.plano_side == "panel":
@@ -56,12 +55,12 @@ def outline_mm(display: Display) -> float:
 
 @dataclass(frozen=True)
 class LensProjection:
-    """Coefficients a, b and c of the module's formulas, for slopes divided by `steepest`."""
+    """Coefficients a (`fixed`), b (`per_gap`), c (`aside`) of the module's formulas, for slopes / `steepest`."""
 
     fixed: Floats
     per_gap: Floats
     aside: Floats
-    #: Order of the symmetry (see `FOLDS`), and direction of the array's first axis, degrees.
+    #: Order of the cell's symmetry, and direction of the array's first axis, degrees.
     folds: int
     rotation_deg: float
     outline_mm: float
@@ -70,7 +69,7 @@ class LensProjection:
     def traced(
         self, slope: Floats, gap_mm: Floats | float, others: Sequence[tuple[int, int]]
     ) -> tuple[Floats, Floats, Floats]:
-        """Return c and w (N, 2), mm, and the terms `others` (N, 2, M), for slopes (N, 2) and gaps: one or (N,)."""
+        """Return c and w (N, 2), mm, and the terms (N, 2, M) with the exponents `others`, for slopes (N, 2)."""
         every, turn = powers(self.folds, DEGREES), np.exp(1j * np.deg2rad(self.rotation_deg))
         each = turn * terms((slope[:, 0] + 1j * slope[:, 1]) / (self.steepest * turn), every)
         c, fixed, per_gap = (each @ np.stack([self.aside, self.fixed, self.per_gap], axis=1)).T
@@ -82,19 +81,19 @@ class LensProjection:
 
 @cache
 def powers(folds: int, degrees: range) -> tuple[tuple[int, int], ...]:
-    """Return the exponents (j, k) of the module's formulas with j + k in `degrees`."""
+    """Return the exponents (j, k) that the symmetry allows, with j + k in `degrees`."""
     return tuple((n - k, k) for n in degrees for k in range(n + 1) if (n - 2 * k - 1) % folds == 0)
 
 
 def terms(slope: npt.NDArray[np.complex128], exponents: Sequence[tuple[int, int]]) -> npt.NDArray[np.complex128]:
-    """Return s^j (s*)^k (N, terms) for slopes (N,) along the array's axes."""
+    """Return s^j (s*)^k (N, terms) for slopes s (N,) along the array's axes."""
     power = np.cumprod([np.ones_like(slope), *[slope] * max(map(sum, exponents))], axis=0)
     other = power.conj()
     return np.stack([power[j] * other[k] for j, k in exponents], axis=1)
 
 
 def fit_projection(display: Display, steepest: float, distance_mm: float) -> LensProjection:
-    """Fit the projection of a lenslet for cameras at `distance_mm`, with slopes up to `steepest`."""
+    """Fit a lenslet's model to rays from cameras at `distance_mm` with slopes up to `steepest`."""
     plain = _plain(display)
     radii = np.linspace(0.0, max(steepest, 0.05), 10)[1:]
     angles = np.arange(DIRECTIONS) * (2.0 * np.pi / DIRECTIONS) + 0.1
@@ -120,19 +119,19 @@ def fit_projection(display: Display, steepest: float, distance_mm: float) -> Len
 
 
 def means(points: Floats, chosen_points: Bools) -> Floats:
-    """Return the means (N, 2) of points (N, M, 2) over the mask `chosen_points` (N, M)."""
+    """Return the means (N, 2) of the points (N, M, 2) that the mask (N, M) selects."""
     count = np.maximum(chosen_points.sum(axis=1), 1)[:, None]
     return np.asarray((points * chosen_points[..., None]).sum(axis=1) / count)
 
 
 def axes_at(angle_deg: float) -> Floats:
-    """Return the matrix that converts rows (x, y) into coordinates along axes rotated by an angle."""
+    """Return the matrix that converts rows (x, y) to axes rotated by an angle."""
     c, s = np.cos(np.deg2rad(angle_deg)), np.sin(np.deg2rad(angle_deg))
     return np.array([[c, -s], [s, c]])
 
 
 def movement(display: Display, slopes: Floats, distance_mm: float) -> float:
-    """Return how far panel points move per distance moved in the inner cell, mm per mm, for slopes (N, 2)."""
+    """Return the panel points' movement per movement in the inner cell, for slopes (N, 2)."""
     inner, at, arrives = inner_rays(display, slopes, distance_mm)
     inner, at = (one - means(one, arrives)[:, None] for one in (np.broadcast_to(inner, at.shape), at))
     moves = np.linalg.lstsq(inner[arrives], at[arrives], rcond=None)[0]
@@ -140,10 +139,10 @@ def movement(display: Display, slopes: Floats, distance_mm: float) -> float:
 
 
 def inner_rays(display: Display, slopes: Floats, distance_mm: float) -> tuple[Floats, Floats, Bools]:
-    """Trace rays through a lenslet's inner cell from cameras in the directions of slopes (N, 2).
+    """Trace rays from cameras in the directions of slopes (N, 2) through a lenslet's inner cell.
 
     Return the points in the cell (M, 2) and on the panel (N, M, 2), mm along the
-    panel's axes, and a mask (N, M) of rays that arrive.
+    panel's axes, and a mask (N, M) of rays that reach the panel.
     """
     plain, height = _plain(display), outline_mm(display)
     axes = axes_at(display.array.rotation_deg)
@@ -155,22 +154,21 @@ def inner_rays(display: Display, slopes: Floats, distance_mm: float) -> tuple[Fl
 
 
 def _plain(display: Display) -> Display:
-    """Return the display with an unrotated, centred array, and a panel that no ray misses."""
     panel = replace(display.panel, width_px=MAX_SIDE_PX, height_px=MAX_SIDE_PX)
     array = replace(display.array, rotation_deg=0.0, offset_mm=(0.0, 0.0), extent_mm=None)
     return replace(display, panel=panel, array=array, viewing_distance_mm=None, viewing_axis_mm=(0.0, 0.0))
 
 
 def _middles(display: Display, slopes: Floats, height_mm: float, distance_mm: float) -> Floats:
-    """Return the outline's middles (N, 2), mm, for slopes (N, 2).
+    """Return the outline's middles (N, 2), mm, for cameras with slopes (N, 2).
 
-    A middle is the mean over the points that `measure_lenslets` assigns to the lenslet.
+    An outline's middle is the mean of the points that belong to the lenslet.
     """
     lattice = Lattice.of(display.array)
     axes = np.array([lattice.centre(1.0, 0.0), lattice.centre(0.0, 1.0)])
     to_steps, grown = np.linalg.inv(axes), 1.0 + display.aperture_distance_mm / distance_mm
     inside = _cell(display, MIDDLE, 12)
-    # Each slope has its own directions.
+    # Each slope gets other edge directions.
     angles = 2.0 * np.pi / EDGE_POINTS * (np.arange(EDGE_POINTS) + R2_STEPS[0] * np.arange(len(slopes))[:, None] % 1.0)
     ways = np.stack([np.cos(angles), np.sin(angles)], axis=2)
     middles = np.zeros_like(slopes)
@@ -196,7 +194,7 @@ def _middles(display: Display, slopes: Floats, height_mm: float, distance_mm: fl
 
 
 def _movement(across: Floats, landed: Floats) -> tuple[Floats, Floats, Floats]:
-    """Return the panel points' median, movement across the cell, and mean lattice point, in steps."""
+    """Return the panel points' median, derivative by cell position and mean offset, in lattice steps."""
     if len(across) < 3:
         return np.zeros(2), np.zeros((2, 2)), np.zeros(2)
     centre = np.asarray(np.median(landed, axis=0))
@@ -216,7 +214,7 @@ def _cell(display: Display, share: float, across: int) -> Floats:
 def _trace_rays(
     display: Display, slopes: Floats, through: Floats, height_mm: float, distance_mm: float
 ) -> tuple[Bools, Floats]:
-    """Trace rays from cameras through points (N, M, 2) of the plane of outlines.
+    """Trace rays from cameras through points (N, M, 2) on the plane of the outlines.
 
     Return a mask (N, M) of rays that pass lenslet (0, 0), and panel points (N, M, 2),
     mm.

@@ -1,9 +1,9 @@
-"""Measure each lenslet's middle in the photographs, and the panel point seen through the lenslet.
+"""Measure the middle of each lenslet in the photographs, and the panel point that it shows.
 
-A pixel that sees the panel point of lenslet (i, j) lies in the outline of this lenslet.
-A map from the photograph to the lattice of pitch 1 is fitted to these pixels: a
-homography after a radial correction. The map gives each pixel's position in its cell,
-even where the panel is dark or a decoded point is wrong.
+A camera pixel that sees the panel point of lenslet (i, j) lies in its outline. These
+pixels give a map from the photograph to a lattice of pitch 1: a radial correction, then
+a homography. The map gives each pixel's position in a cell, even where the panel is
+dark or a decoded point is wrong.
 """
 
 from __future__ import annotations
@@ -24,35 +24,35 @@ from lippmann.optics.lattice import HALF_SQRT3, Lattice, number_lenslets
 from lippmann.optics.rays import Bools, Floats, Indices
 
 Values = npt.NDArray[np.floating]
-#: Maximum distance of a cell's corner from its centre, pitches, with a margin.
+#: Upper bound of the distance from a cell's centre to its corners, pitches.
 CORNER = 0.75
-#: Typical sizes of changes in the map's parameters.
+#: Typical changes of the map's parameters, for the fit.
 SCALES = (10.0, 10.0, 1.0, 10.0, 10.0, 1.0, 0.1, 0.1, 0.1, 0.1)
 
 
 def regular(grid: Grid, index: npt.NDArray[np.number]) -> Floats:
-    """Return the centres (N, 2) of lenslets (i, j) on the lattice of pitch 1."""
+    """Return the centres (N, 2) of lenslets (i, j) on a regular lattice of pitch 1."""
     return np.stack(Lattice(grid, 1.0).centre(*index.T.astype(float)), axis=1)
 
 
 @dataclass(frozen=True)
 class Outline:
-    """Map from a photograph to the lattice around `origin`; `size_px` is the photograph's longer side."""
+    """Map from a photograph to a lattice; `size_px` is the photograph's longer side."""
 
     lattice: Lattice
     middle_px: Floats
     size_px: float
     numbers: Floats
     origin: Floats
-    #: Fraction of pixels that see the panel through the lenslet in whose outline they lie.
+    #: Fraction of camera pixels that see the lenslet in whose outline they lie.
     agree: float = 1.0
 
     def cells(self, photo_px: Values) -> Floats:
-        """Map pixels (N, 2) to points of the lattice of pitch 1."""
+        """Map pixels (N, 2) to points in units of the pitch."""
         return self.origin + _apply_map(self.numbers, (photo_px - self.middle_px) / self.size_px)
 
     def steps(self, photo_px: Values) -> Floats:
-        """Map pixels (N, 2) to unrounded lattice coordinates (i, j)."""
+        """Map pixels (N, 2) to real-valued lattice coordinates (i, j)."""
         x, y = self.cells(photo_px).T
         if self.lattice.grid == "hex":
             y = y / HALF_SQRT3
@@ -60,7 +60,7 @@ class Outline:
         return np.stack([x, y], axis=1)
 
     def located(self, photo_px: Values) -> tuple[Indices, Floats]:
-        """Return the lenslets (i, j) in whose outlines pixels lie, and the pixels' offsets from the centres."""
+        """Return the lenslets (i, j) of pixels, and the pixels' offsets from the centres."""
         x, y = self.cells(photo_px).T
         i, j, dx, dy = self.lattice.locate(NumpyBackend(), x, y)
         return np.stack([i, j], axis=1).astype(np.int64), np.stack([dx, dy], axis=1)
@@ -74,9 +74,9 @@ def _apply_map(numbers: Floats, at: Values) -> Floats:
 
 
 def fit_outline(name: str, grid: Grid, photo_px: Values, index: Indices, shape: tuple[int, int]) -> Outline:
-    """Fit the map to pixels (N, 2) that see complete lenslets (i, j).
+    """Fit an outline map to pixels (N, 2) that see the complete lenslets `index` (N, 2).
 
-    Raises InputError if too few pixels agree.
+    Raises InputError if less than half of the pixels agree.
     """
     rng = np.random.default_rng(1910)
     some = rng.choice(len(photo_px), min(40_000, len(photo_px)), replace=False)
@@ -107,24 +107,24 @@ def _off(numbers: Floats, at: Values, targets: Values) -> Floats:
 
 def _check_agreement(name: str, share: float) -> None:
     if share < 0.5:
-        what = f"only {100.0 * share:.0f} % of the pixels see the lenslet in front of them"
-        raise input_error(name, what, "check that all photographs are of one position, and of this display's patterns")
+        what = f"only {100.0 * share:.0f} % of the camera pixels fit one map to lenslets"
+        raise input_error(name, what, "take all photographs from one position, with the patterns of this display")
 
 
-#: Scale of the inner cell; pixels outside it may see through two lenslets.
+#: Scale of the inner cell; pixels outside the inner cell may see two lenslets.
 INNER = 0.7
-#: Scale of the cell in which panel points move linearly.
+#: Scale of the part of a cell in which panel points move linearly.
 MIDDLE = 0.7
-#: Maximum number of readings per position: 30 for each of 100,000 lenslets.
+#: Maximum number of readings per camera position: 30 for each of 100,000 lenslets.
 MAX_READINGS, SEED = 3_000_000, 1914
-#: Minimum number of pixels of a complete lenslet's neighbours, as a fraction of the
-#: largest neighbour's number. The value allows for perspective.
+#: Minimum pixel count of a complete lenslet's neighbours, as a fraction of the largest
+#: neighbour's count. The value allows for perspective.
 NEIGHBOURS = 0.8
 
 
 @dataclass(frozen=True)
 class Readings:
-    """Panel points (M, 2), their positions (M, 2) in the cell of pitch 1, and their lenslets (M,), ascending."""
+    """Panel points (M, 2), their positions (M, 2) in the cell, pitches, and their lenslets (M,), ascending."""
 
     panel_px: npt.NDArray[np.float32]
     local: npt.NDArray[np.float32]
@@ -133,11 +133,10 @@ class Readings:
 
 @dataclass(frozen=True)
 class Lenslets:
-    """Measurements of a position's N lenslets (i, j), `index` (N, 2).
+    """Measurements of the N lenslets (i, j) of one position, `index` (N, 2).
 
-    `photo_px` (N, 2) are the lenslets' middles in the photograph, `panel_mm` (N, 2) the
-    panel points seen through their inner cells, known to +- `half_px` (N, 2) panel
-    pixels.
+    `photo_px` (N, 2) are the lenslets' middles in the photograph. `panel_mm` (N, 2) are
+    the panel points seen through the inner cells, known to +- `half_px` (N, 2) pixels.
     """
 
     name: str
@@ -146,14 +145,14 @@ class Lenslets:
     photo_px: Floats
     panel_mm: Floats
     half_px: Floats
-    #: Photograph pixels (N, 2) of the cells' middles, to which the panel points belong.
+    #: Photograph pixels (N, 2) of the cells' middles, which see the panel points.
     cell_px: Floats
-    #: Size (2, 2) of a photograph pixel in the cell of pitch 1.
+    #: Derivative (2, 2) of the cell position, pitches, by photograph pixel.
     steps: Floats
-    #: Movement (N, 2, 2) of the panel points over the cell, mm per pitch, and its mean.
+    #: Derivative (N, 2, 2) of panel points by cell position, mm per pitch; its mean.
     moves: Floats
     spread: Floats
-    #: Fraction of pixels that see the lenslet in front of them.
+    #: Fraction of camera pixels that see the lenslet in whose outline they lie.
     agree: float
     modulation: float
     readings: Readings | None = None
@@ -162,15 +161,15 @@ class Lenslets:
 def _match_pixels(
     decoded: Decoded, lattice: SeenLattice, points_mm: Floats, grid: Grid
 ) -> tuple[Outline, Indices, Bools]:
-    """Return the outline, each pixel's seen lenslet (i, j), and a mask of pixels in that lenslet's outline.
+    """Return the map, the lenslet (i, j) that each pixel sees, and a mask of pixels in its outline.
 
-    A pixel q sees through lenslet l the panel point l + B (q - l), in lattice steps. B
-    is 0 if the panel is in focus. Each iteration improves the outline and B.
+    Through the lenslet at l, a pixel at q sees the panel point l + B (q - l), in
+    lattice steps. B is 0 if the panel is in focus. Each iteration improves B.
     """
     panel_steps = lattice.steps(points_mm)
     index, near = lattice.near(points_mm)
     for _ in range(3):
-        # The pixels of a partly dark lenslet, at an edge or at dust, do not give its middle.
+        # A lenslet that is partly dark, from dust or an edge, would get a wrong middle.
         names, groups = number_lenslets(index[near])
         complete = np.flatnonzero(near)[are_complete(names, np.bincount(groups), NEIGHBOURS)[groups]]
         outline = fit_outline(decoded.name, grid, decoded.photo_px[complete], index[complete], decoded.shape)
@@ -186,11 +185,11 @@ def _match_pixels(
 
 
 def measure_lenslets(decoded: Decoded, lattice: SeenLattice, display: Display) -> Lenslets:
-    """Return measurements of all lenslets, averaged over the pixels of each inner cell."""
+    """Measure all lenslets of a camera position; average over the pixels of each inner cell."""
     points = decoded.points_mm(display)
     outline, index, own_pixels = _match_pixels(decoded, lattice, points, display.array.grid)
     home, local = outline.located(decoded.photo_px)
-    # Pixels outside the cell also count for the photograph's middle; seams are curved.
+    # A lenslet's middle also uses pixels outside the cell, because seams are curved.
     names, both = number_lenslets(np.concatenate([home, index[own_pixels]]))
     groups, of_own = both[: len(home)], both[len(home) :]
     counts = np.bincount(of_own, minlength=len(names))
@@ -203,7 +202,7 @@ def measure_lenslets(decoded: Decoded, lattice: SeenLattice, display: Display) -
         at, middle, spread = _averages(points, local, good, groups, len(names))
         off = points - at[groups] - (local - middle[groups]) @ spread
         far = np.hypot(*off.T)
-        # Drop pixels beyond 6 standard deviations.
+        # Drop pixels with errors above 6 standard deviations.
         good &= far < 6.0 * max(1e-9, 1.4826 * float(np.median(abs(off[good]))) * 1.5)
     at, middle, spread = _averages(points, local, good, groups, len(names))
     number = np.bincount(groups[good], minlength=len(names))
@@ -213,8 +212,8 @@ def measure_lenslets(decoded: Decoded, lattice: SeenLattice, display: Display) -
     valid = (number >= max(2.0, 0.35 * usual)) & are_complete(names, counts, 0.9)
     _check_steady(decoded.name, names, counts, outline.agree)
     if valid.sum() < 30:
-        remedy = "come nearer, or use a camera with more pixels: 4 or more across a lenslet"
-        raise input_error(decoded.name, f"only {int(valid.sum())} lenslets are seen", remedy)
+        remedy = "move the camera nearer, or use one with more pixels: 4 or more across a lenslet"
+        raise input_error(decoded.name, f"only {int(valid.sum())} lenslets are visible", remedy)
     panel = at[valid] - middle[valid] @ spread
     photo_at, _, grown = _averages(decoded.photo_px.astype(np.float64), local, good, groups, len(names))
     cells = photo_at[valid] - middle[valid] @ grown
@@ -246,7 +245,7 @@ def _centred(own: Floats, at: Floats, some: Bools) -> Floats:
     names, groups = number_lenslets(home)
     number = np.bincount(groups[some], minlength=len(names))
     off = _sums((own - home)[some], groups[some], len(names)) / np.maximum(number, 1)[:, None]
-    # A mean of fewer than three pixels is unreliable.
+    # Ignore the mean of fewer than three pixels.
     return np.asarray(own - np.where(number[:, None] >= 3, off, 0.0)[groups])
 
 
@@ -254,16 +253,15 @@ def _check_steady(name: str, index: Indices, counts: Indices, agree: float) -> N
     least = 0.3 * float(np.median(counts[counts > 0])) if (counts > 0).any() else 0.0
     inside = _surrounded(*_table(index, counts), least)
     share = float((are_complete(index, counts, NEIGHBOURS) & inside).sum() / max(1, inside.sum()))
-    # Measured (share, agree): (0.79, 0.98) for good photographs, (0.69, 0.93) with 10 %
-    # wrong pixels, (0.39, 0.99) for 3 pixels of blur, (0.25, 0.85) for 3 pixels of
-    # movement.
+    # Simulated (share, agree): (0.79, 0.98) for correct photographs, (0.69, 0.93) with
+    # 10 % wrong pixels, (0.39, 0.99) with 3 pixels of blur, (0.25, 0.85) with 3 pixels
+    # of movement.
     if share < 0.45 and agree < 0.96:
-        what = f"the photographs do not fit together: only {100.0 * share:.0f} % of the lenslets are the same in all"
-        raise input_error(name, what, "focus on the array, fix camera and display, and take the position again")
+        what = f"only {100.0 * share:.0f} % of the lenslets are at the same position in all photographs"
+        raise input_error(name, what, "focus on the array, fix camera and display, and photograph this position again")
 
 
 def _table(index: Indices, counts: Indices) -> tuple[Floats, Indices]:
-    """Return a table of counts over (i, j) with a margin of two, and table indices (2, N)."""
     low = index.min(axis=0) - 2
     table = np.zeros(index.max(axis=0) - low + 3)
     places = (index - low).T
@@ -272,7 +270,6 @@ def _table(index: Indices, counts: Indices) -> tuple[Floats, Indices]:
 
 
 def _surrounded(table: Floats, places: Indices, least: Floats | float) -> Bools:
-    """Return which lenslets have, on each side, a lenslet with more than `least` pixels among the next two."""
     i, j = places
     inside = np.ones(len(i), bool)
     for di, dj in ((1, 0), (-1, 0), (0, 1), (0, -1)):
@@ -281,9 +278,9 @@ def _surrounded(table: Floats, places: Indices, least: Floats | float) -> Bools:
 
 
 def are_complete(index: Indices, counts: Indices, neighbours: float) -> Bools:
-    """Return which lenslets (N, 2) are surrounded, and have about as many pixels as their largest neighbour.
+    """Return a mask (N,) of lenslets that have full neighbours, and nearly the most pixels of them.
 
-    On each of four sides, a lenslet needs the fraction `neighbours` of these pixels.
+    A full neighbour has the fraction `neighbours` of the largest neighbour's pixels.
     """
     table, places = _table(index, counts)
     i, j = places
@@ -297,7 +294,7 @@ def _sums(values: Floats, groups: Indices, count: int) -> Floats:
 
 
 def _averages(points: Floats, local: Floats, good: Bools, groups: Indices, count: int) -> tuple[Floats, Floats, Floats]:
-    """Return the mean points and mean cell positions (M, 2), and the points' derivative by cell position."""
+    """Return each lenslet's mean point and cell position (M, 2), and the points' derivative by position."""
     number = np.maximum(np.bincount(groups[good], minlength=count), 1)[:, None]
     at, middle = (_sums(one[good], groups[good], count) / number for one in (points, local))
     across = local[good] - middle[groups[good]]

@@ -1,8 +1,9 @@
-"""Decode photographs of the patterns: which panel point each camera pixel sees.
+"""Decode photographs of the patterns to find the panel point that each camera pixel sees.
 
-The phase of a pixel's light gives the point within a period, and the Gray code gives
-the period. A pixel is used if its light changes enough between black and white, is not
-clipped, follows the phase pictures' cosine, and has at most one doubtful bit per axis.
+The phase of a pixel's light gives the coordinate within a period, and the Gray code
+gives the period. A pixel is used if its light changes enough between black and white,
+is not clipped, follows the phase pictures' cosine, and has at most one doubtful bit per
+axis.
 """
 
 from __future__ import annotations
@@ -22,13 +23,13 @@ from lippmann.errors import input_error
 from lippmann.optics.rays import Floats
 from lippmann.optics.system import PanelFrame
 
-#: Number of sample pixels for checks of the photographs.
+#: Number of camera pixels on which the photographs are checked.
 SAMPLES, SEED = 8000, 1908
 
 
 @dataclass(frozen=True)
 class Decoded:
-    """The panel points `panel_px` (N, 2) that a camera's pixels `photo_px` (N, 2) see.
+    """The panel points `panel_px` (N, 2) that the camera pixels `photo_px` (N, 2) see.
 
     `shape` is the photographs' (height, width). `modulation` is the median amplitude of
     the phase pictures, as a fraction of the range from black to white.
@@ -41,7 +42,7 @@ class Decoded:
     modulation: float
 
     def points_mm(self, display: Display) -> Floats:
-        """Return the seen panel points (N, 2), mm in the panel's frame."""
+        """Return the panel points (N, 2) in mm, in the panel's frame."""
         return np.stack(PanelFrame.of(display).panel_from_pixel(*self.panel_px.astype(np.float64).T), axis=1)
 
 
@@ -52,10 +53,10 @@ def decode_position(
     shape: tuple[int, int] | None = None,
     progress: Progress = lambda *_: None,
 ) -> Decoded:
-    """Decode the photographs of a position; `pitch_px` is the lenslet pitch in panel pixels.
+    """Decode the photographs of one camera position; `pitch_px` is the lenslet pitch in panel pixels.
 
-    Raises InputError, naming the photograph and a remedy, for wrong patterns, size or
-    order, wrong exposure, blur, a moved camera, or a panel partly out of view.
+    Raises InputError, which names photograph and remedy, for wrong patterns, size,
+    order or exposure, for blur, a moved camera, or a panel partly out of view.
     """
 
     def read(pattern: Pattern) -> Photograph:
@@ -87,8 +88,8 @@ def decode_position(
     modulation = check_samples(samples, pitch_px)
     row, column = np.nonzero(lit)
     if len(row) < 1000:
-        what = f"only {len(row)} pixels of the photographs see the patterns"
-        raise input_error(position.name, what, "come nearer, focus on the array, and darken the room")
+        what = f"only {len(row)} camera pixels see the patterns"
+        raise input_error(position.name, what, "move the camera nearer, focus on the array, and darken the room")
     photo = np.stack([column + np.float32(0.5), row + np.float32(0.5)], axis=1).astype(np.float32)
     panel = np.stack([columns[lit], rows[lit]], axis=1).astype(np.float32)
     return Decoded(position.name, shape, photo, panel, modulation)

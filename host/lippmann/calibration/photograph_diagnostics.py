@@ -1,4 +1,4 @@
-"""Check photographs on some thousand sample pixels: order, exposure, blur, movement, view."""
+"""Check order, exposure, blur, movement and view of photographs, on sample pixels."""
 
 from __future__ import annotations
 
@@ -18,13 +18,13 @@ from lippmann.optics.rays import Bools
 
 #: Maximum residual of a phase photograph from the fitted cosine, in amplitudes.
 MAX_RESIDUAL = 0.35
-#: Minimum fraction of sample points that fit a plane.
+#: Minimum fraction of sample points that fit a homography.
 MIN_ON_PLANE = 0.6
 
 
 @dataclass(frozen=True)
 class Samples:
-    """Light of sample pixels `at` (rows, columns), scaled to -1/2 for black and 1/2 for white."""
+    """Light of the pixels `at` (rows, columns) of each photograph, from -1/2 (black) to 1/2 (white)."""
 
     patterns: PatternSet
     position: Position
@@ -34,26 +34,26 @@ class Samples:
 
 
 class Fit(NamedTuple):
-    """Measures of the agreement between photographs."""
+    """Measures of how well photographs agree."""
 
-    #: Median amplitude of the phase pictures, as a fraction of the black to white range.
+    #: Median amplitude of the phase photographs, relative to white minus black.
     modulation: float
     #: Residual of each phase photograph from the fitted cosine, in amplitudes.
     residuals: dict[Pattern, float]
-    #: Fraction of pixels whose phase and Gray code disagree by more than an edge allows.
+    #: Fraction of pixels whose Gray code and phase disagree by more than an edge.
     disagree: float
-    #: Fraction of points that fit the homography `panel_from_photo`.
+    #: Fraction of the panel points that fit the homography `panel_from_photo`.
     on_plane: float
     panel_from_photo: cv2.typing.MatLike
 
     @property
     def bad(self) -> float:
-        """Measure of disagreement, which exchanged photographs increase."""
+        """Disagreement of the photographs, which an exchange of two increases."""
         return float(np.mean(list(self.residuals.values()))) + self.disagree + (1.0 - self.on_plane)
 
 
 def fit(samples: Samples, pitch_px: float) -> Fit:
-    """Decode the samples, and measure the agreement of the photographs."""
+    """Decode the samples, and measure how well the photographs agree."""
     patterns, points, modulations, disagree = samples.patterns, [], [], []
     residuals: dict[Pattern, float] = {}
     for axis in (0, 1):
@@ -65,7 +65,7 @@ def fit(samples: Samples, pitch_px: float) -> Fit:
         mean, strong = np.mean([*phases.values()], axis=0), code.amplitude > 0.5 * np.median(code.amplitude)
         for one, light in phases.items():
             expected = mean + 2.0 / patterns.steps * (code.wave / patterns.turn(one)).real
-            # A median, because some pixels may see dust or a reflection.
+            # The median ignores pixels that see dust or a reflection.
             off = abs(light - expected) / np.maximum(0.5 * code.amplitude, 1e-6)
             residuals[one] = 1.4826 * float(np.median(off[strong]))
         modulations.append(float(np.median(code.amplitude)))
@@ -74,7 +74,7 @@ def fit(samples: Samples, pitch_px: float) -> Fit:
         disagree.append(float((abs(points[-1] - middle)[strong] > 0.75 * patterns.half_px).mean()))
     panel = np.stack(points, axis=1).astype(np.float32)
     photo = np.stack(samples.at[::-1], axis=1).astype(np.float32) + np.float32(0.5)
-    # The lenslets' parallax moves points off the plane by less than 1.5 pitches.
+    # The lenslets' parallax moves points by less than 1.5 pitches from the homography.
     plane, mask = cv2.findHomography(photo, panel, cv2.RANSAC, 1.5 * pitch_px, maxIters=500)
     share = float(np.mean(mask)) if np.size(plane) == 9 else 0.0
     return Fit(min(modulations), residuals, max(disagree), share, plane)
@@ -99,29 +99,29 @@ def find_lit(path: Path, white: Light, black: Light, clipped: Bools) -> tuple[Li
 
 
 def check_samples(samples: Samples, pitch_px: float) -> float:
-    """Raise InputError for photographs that disagree; return the relative amplitude of the phase pictures."""
+    """Raise InputError for photographs that disagree; return the relative phase amplitude."""
     position, patterns = samples.position, samples.patterns
     match = fit(samples, pitch_px)
     residuals = match.residuals
     worst = max(residuals, key=lambda one: residuals[one])
     if match.modulation < 0.25:
         path = position.of(next(one for one in patterns.patterns if one.kind == "phase"))
-        contrast = f"keep {100.0 * match.modulation:.0f} % of their contrast"
+        contrast = f"have only {100.0 * match.modulation:.0f} % of their contrast"
         what = f"is blurred: stripes of {patterns.period_px} panel pixels {contrast}"
-        raise input_error(path, what, "focus on the array, stop the lens down, and keep reflections away")
+        raise input_error(path, what, "focus on the array, stop the lens down, and avoid reflections")
     _check_light(samples)
     if residuals[worst] > MAX_RESIDUAL or match.disagree > 0.2 or match.on_plane < MIN_ON_PLANE:
         pair = _find_exchange(samples, match, pitch_px)
         if pair is not None:
             first, second = (position.of(one).name for one in pair)
-            what = f"{first} and {second} look exchanged"
-            raise input_error(position.name, what, "name each photograph as its pattern")
+            what = f"{first} and {second} seem to have exchanged names"
+            raise input_error(position.name, what, "give each photograph the name of its pattern")
         if residuals[worst] > MAX_RESIDUAL:
             what = "does not fit the other phase photographs"
-            remedy = "take the position again: fixed camera and exposure, and each photograph named as its pattern"
+            remedy = "fix camera and exposure, and take all photographs of this position again"
             raise input_error(position.of(worst), what, remedy)
-        what = "the photographs do not show this set of patterns: neighbouring pixels see points far apart"
-        remedy = "use the patterns drawn for this display, each photograph named as its pattern"
+        what = "the photographs do not show these patterns: adjacent camera pixels see distant panel points"
+        remedy = "show the patterns drawn for this display; give each photograph the name of its pattern"
         raise input_error(position.name, what, remedy)
     _check_view(samples, match)
     return match.modulation
@@ -135,8 +135,8 @@ def _check_light(samples: Samples) -> None:
         got = float(np.clip(share, -1.0, 1.0).mean()) + 0.5
         if abs(got - expected) > 0.2 * (1.0 if pattern.kind == "phase" else 1.5):
             name, more = samples.position.of(pattern), "brighter" if got > expected else "darker"
-            what = f"is {more} than its pattern ({100.0 * got:.0f} % of white, expected {100.0 * expected:.0f} %)"
-            remedy = "fix the camera's exposure for all photographs, and name each one as its pattern"
+            what = f"is {more} than its pattern ({100.0 * got:.0f} % of white instead of {100.0 * expected:.0f} %)"
+            remedy = "use one exposure for all photographs, and give each photograph the name of its pattern"
             raise input_error(name, what, remedy)
 
 
@@ -144,7 +144,7 @@ def _find_exchange(samples: Samples, match: Fit, pitch_px: float) -> tuple[Patte
     step = max(1, len(samples.at[0]) // 800)
     shares = {one: share[::step] for one, share in samples.shares.items()}
     at = tuple(one[::step] for one in samples.at)
-    best, pair = 0.5 * match.bad, None  # an exchange must halve the measure
+    best, pair = 0.5 * match.bad, None  # an exchange must halve the disagreement
     for one, other in itertools.combinations(shares, 2):
         if one.kind != other.kind:
             continue
@@ -161,7 +161,7 @@ def _check_view(samples: Samples, match: Fit) -> None:
         return
     path = samples.position.of(patterns.patterns[0])
     if np.linalg.det(panel_from_photo[:2, :2]) < 0.0:
-        raise input_error(path, "is mirrored", "give the photographs as the camera took them")
+        raise input_error(path, "is mirrored", "do not mirror the camera's photographs")
     height, width = samples.shape
     corners = np.array([[0, 0], [1, 0], [1, 1], [0, 1]], np.float64) * patterns.sides_px
     photo = cv2.perspectiveTransform(corners[None], np.linalg.inv(panel_from_photo))[0]
@@ -174,19 +174,19 @@ def _check_view(samples: Samples, match: Fit) -> None:
     }
     sides = [side for side, beyond in outside.items() if beyond.any()]
     if sides:
-        what = f"the panel is partly out of view, at the {' and '.join(sides)}"
-        raise input_error(path, what, "move the camera back or turn it, so that the whole panel is in view")
+        what = f"the panel extends beyond the photograph at the {' and '.join(sides)}"
+        raise input_error(path, what, "move or turn the camera, so that the whole panel is in view")
 
 
 def check_marks(
     position: Position, first: Pattern, last: Pattern, before: Light, after: Light, lit: npt.NDArray[np.bool_]
 ) -> None:
-    """Raise InputError if the camera moved or the light changed between first and last photograph."""
+    """Raise InputError if the camera moved or the light changed between the first and the last photograph."""
     rows, columns = np.flatnonzero(lit.any(axis=1)), np.flatnonzero(lit.any(axis=0))
     if len(rows) < 8 or len(columns) < 8:
         return
     part = slice(rows[0], rows[-1] + 1), slice(columns[0], columns[-1] + 1)
-    # Blur both pictures by 1.5 pixels before comparing them.
+    # Blur both photographs by 1.5 pixels before the comparison.
     before, after = (
         np.asarray(cv2.GaussianBlur(np.ascontiguousarray(one[part]), (0, 0), 1.5), np.float32)
         for one in (before, after)
@@ -195,10 +195,10 @@ def check_marks(
     if not 0.8 < scale < 1.25:
         what = f"has {100.0 * scale:.0f} % of the light of {position.of(first).name}"
         raise input_error(position.of(last), what, "fix the camera's exposure, and the room's light")
-    # Estimate the shift by least squares from the gradients.
+    # Estimate the shift from the gradients by least squares.
     down, right = np.gradient(before)
     slopes = np.stack([right.ravel(), down.ravel()], axis=1)
     moved = float(np.hypot(*np.linalg.lstsq(slopes, (before - after).ravel(), rcond=None)[0]))
     if moved > 0.4:
         what = f"the camera moved by {moved:.1f} pixels after {position.of(first).name}"
-        raise input_error(position.of(last), what, "fix the camera on a tripod, and take the position again")
+        raise input_error(position.of(last), what, "fix the camera on a tripod, and photograph this position again")

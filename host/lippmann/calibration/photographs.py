@@ -1,4 +1,4 @@
-"""Find the photographs in a folder, match them to patterns, and read their light."""
+"""Find a folder's photographs, match them to patterns, and read their light."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from lippmann.calibration.coded_patterns import FILE, Pattern, PatternSet, read_
 from lippmann.display.description import Display
 from lippmann.errors import input_error, not_there
 
-#: File extensions of photographs.
+#: File name extensions of photographs.
 SUFFIXES = (".png", ".jpg", ".jpeg", ".tif", ".tiff", ".bmp")
 #: Maximum number of pixels in a photograph.
 MAX_PIXELS = 64_000_000
@@ -25,7 +25,7 @@ Light = npt.NDArray[np.float32]
 
 @dataclass(frozen=True)
 class Position:
-    """The photographs of a camera position, in the order of the patterns."""
+    """The photographs from one camera position, in the order of the patterns."""
 
     name: str
     photographs: tuple[Path, ...]
@@ -36,27 +36,27 @@ class Position:
 
 
 class Photograph(NamedTuple):
-    """Light (height, width) float32, 0 to 1, and a mask of pixels with a clipped channel."""
+    """A photograph's light (height, width), 0 to 1, and a mask of pixels with a clipped channel."""
 
     light: Light
     clipped: npt.NDArray[np.bool_]
 
 
 def pattern_set(folder: Path, display: Display) -> PatternSet:
-    """Return the pattern set from a folder's `patterns.toml`, or the default set without such a file."""
+    """Read a folder's `patterns.toml`; if the file is missing, return the display's default patterns."""
     own = folder / FILE
     if own.exists() and not own.is_file():
-        raise input_error(own, not_there(own), "copy the file that lippmann calibrate patterns wrote")
+        raise input_error(own, not_there(own), "replace it by the file that lippmann calibrate patterns wrote")
     return read_patterns(own, display) if own.is_file() else PatternSet.of(display)
 
 
 def positions(folder: Path, patterns: PatternSet) -> list[Position]:
-    """Return the positions in a folder's sub-folders, or in the folder itself.
+    """Return the camera positions in a folder's sub-folders, or in the folder itself.
 
-    Refuse incomplete positions.
+    Raises InputError if a photograph is missing.
     """
     if not folder.is_dir():
-        raise input_error(folder, "no such folder", "give the folder that contains position-1, position-2 and so on")
+        raise input_error(folder, "the folder does not exist", "give the folder that contains position-1")
     folders = [one for one in folder.iterdir() if one.is_dir() and _photographs(one)]
     # sort position-10 after position-9
     folders.sort(key=lambda one: (int("".join(filter(str.isdigit, one.name)) or 0), one.name))
@@ -77,20 +77,20 @@ def _photographs(folder: Path) -> dict[str, Path]:
 def _position(folder: Path, patterns: PatternSet) -> Position:
     photographs = _photographs(folder)
     if not photographs:
-        remedy = f"put one photograph of each pattern there, such as {patterns.patterns[0].stem}.jpg"
+        remedy = f"put a photograph of each pattern into this folder, such as {patterns.patterns[0].stem}.jpg"
         raise input_error(folder, "contains no photographs", remedy)
     stems = [one.stem for one in patterns.patterns]
     absent = [stem for stem in stems if stem not in photographs]
     unknown = [stem for stem in photographs if stem not in stems]
     if absent and unknown:
-        what = f"{photographs[unknown[0]].name} belongs to no pattern, and the photograph of {absent[0]} is missing"
-        remedy = "name each photograph as its pattern; use the patterns of this display's panel"
+        what = f"no pattern has the name of {photographs[unknown[0]].name}, and {absent[0]} is missing"
+        remedy = "give each photograph the name of its pattern, and use the patterns of this display"
         raise input_error(folder, what, remedy)
     if absent:
         more = f" (and {len(absent) - 1} others)" if absent[1:] else ""
         raise input_error(folder, f"the photograph of {absent[0]} is missing{more}", f"add {absent[0]}.jpg")
     if unknown:
-        what = f"{photographs[unknown[0]].name} belongs to no pattern"
+        what = f"no pattern has the name of {photographs[unknown[0]].name}"
         remedy = f"draw the patterns again: this panel has {len(stems)}, the last is {stems[-1]}"
         raise input_error(folder, what, remedy)
     return Position(folder.name, tuple(photographs[stem] for stem in stems))
@@ -104,22 +104,22 @@ _CURVES = {
 
 
 def decode_values(values: npt.NDArray[np.integer]) -> Light:
-    """Return the light, 0 to 1, of camera values (uint8 or uint16)."""
+    """Convert camera values (uint8 or uint16) to linear light, 0 to 1."""
     curve = _CURVES[values.dtype]
     return np.asarray(cv2.LUT(values, curve) if values.dtype == np.uint8 else curve[values], np.float32)
 
 
 def read_photograph(path: Path, shape: tuple[int, int] | None = None) -> Photograph:
-    """Read an sRGB photograph's light, averaged over the channels.
+    """Read the light of an sRGB photograph, averaged over the channels.
 
-    Refuse a photograph of another `shape`.
+    Raises InputError if it is unreadable or has not the size `shape`.
     """
-    raw = read_numbers(path, MAX_PIXELS, "is not a photograph that can be read", "give a PNG, JPEG or TIFF file")
+    raw = read_numbers(path, MAX_PIXELS, "is not a readable photograph", "give a PNG, JPEG or TIFF file")
     if raw.dtype not in _CURVES:
         raise input_error(path, f"contains {raw.dtype} values", "save it with 8 or 16 bits per colour")
     if shape is not None and raw.shape[:2] != shape:
-        what = f"is {raw.shape[1]} x {raw.shape[0]} pixels, the first photograph {shape[1]} x {shape[0]}"
-        raise input_error(path, what, "take all photographs with one camera and one setting, without turning it")
+        what = f"is {raw.shape[1]} x {raw.shape[0]} pixels, but the first photograph is {shape[1]} x {shape[0]}"
+        raise input_error(path, what, "take all photographs with one camera, one setting and one orientation")
     values = raw[..., :3] if raw.ndim == 3 else raw[..., None]
     top = int(0.985 * np.iinfo(values.dtype).max)  # minimum clipped value
     light = np.zeros(values.shape[:2], np.float32)

@@ -1,4 +1,4 @@
-"""Result of a calibration: display, uncertainties, warnings, and the field of residuals."""
+"""Result of a calibration: display, uncertainties, warnings and residuals."""
 
 from __future__ import annotations
 
@@ -20,17 +20,17 @@ from lippmann.display.description import Array, Display, check_radius, display_t
 from lippmann.errors import InputError, LippmannError, input_error, reason
 from lippmann.optics.rays import Floats
 
-#: Maximum uncertainties of determined parameters: rotation in degrees, gap relative to
-#: D, radius relative to itself, others relative to the pitch.
+#: Maximum uncertainty of a determined parameter: rotation in degrees, gap relative to
+#: the aperture distance D, radius relative to itself, others relative to the pitch.
 OPEN = {"pitch_x": 2e-4, "pitch_y": 2e-4, "gap": 0.02, "offset": 0.02, "rotation": 0.01, "radius": 0.02}
-#: Number of camera positions that determines all parameters.
+#: Number of camera positions that suffices to determine all parameters.
 ENOUGH_POSITIONS = 3
 #: Number of columns of `Calibration.field`.
 FIELD_COLUMNS = 8
 
 
 class ContradictionError(LippmannError):
-    """The photographs contradict each other, or the model of the display."""
+    """The photographs contradict each other, or contradict the display file."""
 
     exit_code = 4
 
@@ -60,12 +60,12 @@ class FoundCamera(TypedDict):
 
 @dataclass(frozen=True)
 class Findings:
-    """Contents of a calibration's .npz file, without the field."""
+    """The results in the .npz file, without the residuals."""
 
     parameters: tuple[Parameter, ...]
     remarks: tuple[str, ...]
     cameras: Annotated[tuple[FoundCamera, ...], msgspec.Meta(min_length=1)]
-    #: Camera lens: focal length and principal point in pixels, distortion coefficients.
+    #: Camera lens: focal length and principal point, pixels, and distortion k1, k2.
     lens: dict[str, float]
     rms_panel_px: float
     rms_photo_px: float
@@ -78,12 +78,12 @@ class Calibration(Findings):
 
     display: Display
     nominal: Display
-    #: A row for each lenslet of each position. The columns are position, i, j, centre x
-    #: and y in mm, residual right and down in px, and inlier (0 or 1).
+    #: Residuals, a row for each lenslet of each position: position, i, j, centre x and
+    #: y in mm, residual to the right and down in px, and inlier (0 or 1).
     field: Floats
 
     def summary(self) -> dict[str, Any]:
-        """Return all results except the field, as values for JSON."""
+        """Return all results except the residuals, as values for JSON."""
         findings = {one.name: msgspec.to_builtins(getattr(self, one.name)) for one in fields(Findings)}
         head = {"display": self.display.name, "identity": self.display.identity}
         return {**head, **findings, "lenslets": len(self.field)}
@@ -93,7 +93,7 @@ class Calibration(Findings):
         return next(one for one in self.parameters if one.name == name)
 
     def save(self, path: Path) -> Path:
-        """Write the display file, and all other results to a .npz file; return the path of the .npz file."""
+        """Write the display to `path` and the other results to a .npz file; return the .npz file's path."""
         sidecar = path.with_suffix(".npz")
         with replacing(path) as partial:
             partial.write_text(display_text(self.display), encoding="utf-8")
@@ -109,14 +109,14 @@ def _bytes(text: str) -> npt.NDArray[np.uint8]:
 
 def _text(array: npt.NDArray[Any]) -> str:
     if array.dtype != np.uint8:
-        raise ValueError(f"a text is stored as {array.dtype}")
+        raise ValueError(f"a text has the type {array.dtype}")
     return array.tobytes().decode()
 
 
 def load_calibration(path: Path) -> Calibration:
-    """Read the files of `Calibration.save`.
+    """Read the files that `Calibration.save` wrote.
 
-    Refuse a .npz file that is broken or of another display.
+    Raises InputError if the .npz file is damaged or of another display.
     """
     display = load_display(path)
     sidecar = path.with_suffix(".npz")
@@ -127,10 +127,10 @@ def load_calibration(path: Path) -> Calibration:
         findings = msgspec.convert(summary, Findings)
         field, nominal = np.asarray(arrays["field"], np.float64), _text(arrays["nominal"])
         if field.ndim != 2 or field.shape[1] != FIELD_COLUMNS or len(field) != summary["lenslets"]:
-            raise ValueError(f"the field has the shape {field.shape}")
+            raise ValueError(f"the residuals have the shape {field.shape}")
         identity = summary["identity"]
     except (KeyError, ValueError, RecursionError) as error:
-        why = f"it lacks {error}" if isinstance(error, KeyError) else reason(error)
+        why = f"{error} is missing" if isinstance(error, KeyError) else reason(error)
         raise input_error(sidecar, f"cannot be read ({why})", remedy) from None
     if identity != display.identity:
         raise input_error(sidecar, "belongs to another display file", "solve again, and keep both files together")
@@ -138,9 +138,9 @@ def load_calibration(path: Path) -> Calibration:
 
 
 def display_of(nominal: Display, solution: Solution) -> Display:
-    """Return the display with fitted array and gap.
+    """Return the display with the fitted array and gap.
 
-    Raises ContradictionError if it is physically impossible.
+    Raises ContradictionError if the display is physically impossible.
     """
     value, array = solution.value, nominal.array
     pitch_mm, gap = (value("pitch_x"), value("pitch_y")), value("gap")
@@ -149,8 +149,8 @@ def display_of(nominal: Display, solution: Solution) -> Display:
         extent = tuple(np.multiply(extent, pitch_mm) / array.pitches_mm)
     if gap < -3.0 * solution.deviation("gap"):
         raise ContradictionError(
-            f"the gap is {gap:.4f} +- {1.96 * solution.deviation('gap'):.4f} mm, below 0; correct thickness_mm or "
-            "index in the display file"
+            f"the fitted gap is {gap:.4f} +- {1.96 * solution.deviation('gap'):.4f} mm, below 0; correct "
+            "thickness_mm or index in the display file"
         )
     mounted: Array = replace(
         array,
@@ -169,10 +169,10 @@ def display_of(nominal: Display, solution: Solution) -> Display:
 
 
 def parameters_of(nominal: Display, solution: Solution) -> tuple[Parameter, ...]:
-    """Return the parameters of array and gap with 95 % intervals."""
+    """Return the fitted parameters of array and gap with 95 % intervals."""
     array, factor = nominal.array, float(students_t.ppf(0.975, 60))
     (px, py), depth, degree = array.pitches_mm, nominal.aperture_distance_mm, math.degrees(1.0)
-    # Columns: unit, size of the unit, value in the file, maximum uncertainty.
+    # Columns: unit, factor to this unit, value in the file, maximum uncertainty.
     rows = {
         "pitch_x": ("mm", 1.0, px, OPEN["pitch_x"] * px),
         "pitch_y": ("mm", 1.0, py, OPEN["pitch_y"] * py),
@@ -192,7 +192,7 @@ def parameters_of(nominal: Display, solution: Solution) -> tuple[Parameter, ...]
 
 
 def find_warnings(parameters: tuple[Parameter, ...], solution: Solution) -> tuple[str, ...]:
-    """Return warnings about undetermined parameters, with remedies."""
+    """Return warnings that name the undetermined parameters and remedies."""
     undetermined = [one.name for one in parameters if not one.determined]
     views = len(solution.problem.views)
     if not undetermined:
@@ -204,19 +204,19 @@ def find_warnings(parameters: tuple[Parameter, ...], solution: Solution) -> tupl
     alike = [(a, b, r) for a, b in pairs if abs(r := solution.correlation(a, b)) > 0.98]
     words = {"place": "the camera position", "middle": "the lens's principal point", "focal": "the lens's focal length"}
     pairs_text = sorted({f"{a} and {words.get(b.split('_')[0], b)}" for a, b, _ in alike})
-    text = f"not determined: {', '.join(undetermined)}"
-    warnings.append(text + (f"; the photographs cannot tell apart {', '.join(pairs_text)}" if pairs_text else ""))
+    text = f"the photographs do not determine {', '.join(undetermined)}"
+    warnings.append(text + (f"; the photographs do not separate {', '.join(pairs_text)}" if pairs_text else ""))
     if views < ENOUGH_POSITIONS:
         more = ENOUGH_POSITIONS - views
         warnings.append(
-            f"{views} position{'s' * (views > 1)} of the camera; photograph from {more} more, at other distances "
-            "and a third of the distance aside, to determine the rest"
+            f"only {views} camera position{'s' * (views > 1)}; to determine all parameters, add {more} more, at "
+            "other distances and shifted sideways by a third of the distance"
         )
         if views == 1:
             x, y, z = (solution.value(f"place_{axis}_0") for axis in "xyz")
             half = 1.96 * solution.deviation("place_z_0")
             place = f"({x:.0f}, {y:.0f}, {z:.0f} +- {half:.0f}) mm"
-            warnings.append(f"the file is correct only for eyes near {place}, the camera's fitted position")
+            warnings.append(f"the display file is correct only for eyes near {place}, the camera's fitted position")
     else:
-        warnings.append("photograph from positions farther aside, at distances that differ by half")
+        warnings.append("photograph again, farther to the sides, with distances that differ by half")
     return tuple(warnings)

@@ -1,4 +1,4 @@
-"""Show the patterns one after the other, and photograph each with a webcam."""
+"""Show the patterns one after the other, and photograph each pattern with a webcam."""
 
 from __future__ import annotations
 
@@ -29,17 +29,17 @@ logger = logging.getLogger("lippmann")
 def open_webcam(number: int) -> Iterator[cv2.VideoCapture]:
     """Open a webcam at its maximum size with fixed settings; warn about refused settings.
 
-    Raises DeviceError when the camera does not open.
+    Raises DeviceError if the webcam does not open.
     """
-    # Silence OpenCV's messages about drivers; the error below reports the problem.
+    # Silence OpenCV's driver messages; the DeviceError below reports the problem.
     cv2.utils.logging.setLogLevel(cv2.utils.logging.LOG_LEVEL_SILENT)
     camera = cv2.VideoCapture(number)
     try:
         if not camera.isOpened():
-            raise DeviceError(f"camera {number} does not open; choose another --camera, and close other programs")
+            raise DeviceError(f"camera {number} does not open; close other programs, or give another --camera")
         if refused := fix_settings(camera):
-            what = f"camera {number} ({camera.getBackendName()}) refuses to set {', '.join(refused)}"
-            remedy = "set it in the camera's own program, so that all photographs are alike"
+            what = f"camera {number} ({camera.getBackendName()}) did not accept the settings for {', '.join(refused)}"
+            remedy = "fix these settings in the camera's own program"
             warnings.warn(f"{what}; {remedy}", LippmannWarning, stacklevel=3)
         size = [int(camera.get(side)) for side in SIZE]
         logger.info("camera %d: %d x %d pixels", number, *size)
@@ -49,12 +49,12 @@ def open_webcam(number: int) -> Iterator[cv2.VideoCapture]:
 
 
 def fix_settings(camera: cv2.VideoCapture) -> list[str]:
-    """Set the maximum size, and switch automatic settings off; return the names of refused settings."""
+    """Set the maximum size, and disable automatic settings; return the names of refused settings."""
     # Set the size first, as it may reset other settings; the driver limits the size.
     sizes = [camera.set(side, 10_000) for side in SIZE]
     refused = [] if all(sizes) else ["the size"]
-    # V4L2 needs 1 for manual exposure: it would round 0.25 to 0, which means automatic.
-    # Other drivers need 0.25.
+    # The value 1 is manual exposure in V4L2, which rounds 0.25 to 0 (automatic). In
+    # other drivers, 0.25 is manual exposure.
     manual = 1.0 if camera.getBackendName() in ("V4L", "V4L2") else 0.25
     settings = {
         "exposure": (cv2.CAP_PROP_AUTO_EXPOSURE, manual),
@@ -79,9 +79,9 @@ def shoot(
     average: int = 1,
     progress: Progress = lambda *_: None,
 ) -> list[Path]:
-    """Show each pattern, wait `settle_s`, and write the mean of `average` frames; return the files' paths.
+    """Show each pattern, wait `settle_s`, and save the mean of `average` frames; return the files' paths.
 
-    Raises DeviceError when the camera gives no picture.
+    Raises DeviceError if the camera returns no frame.
     """
     make_folder(folder)
     files = []
@@ -89,7 +89,7 @@ def shoot(
         interrupts.check()
         show(patterns.panel_values(pattern, display))
         time.sleep(settle_s)
-        for _ in range(4):  # discard buffered frames
+        for _ in range(4):  # discard buffered camera frames
             camera.grab()
         files.append(folder / f"{pattern.stem}.png")
         photograph = average_frames(camera, average, pattern.stem)
@@ -100,14 +100,14 @@ def shoot(
 
 
 def average_frames(camera: cv2.VideoCapture, count: int, name: str) -> Pixels:
-    """Return the mean of `count` frames, computed in linear light.
+    """Return the mean of `count` camera frames, computed in linear light.
 
-    Raises DeviceError if a frame is missing.
+    Raises DeviceError if the camera returns no frame.
     """
     light = np.zeros(1, np.float32)
     for _ in range(count):
         good, frame = camera.read()
         if not good:
-            raise DeviceError(f"the camera gave no picture for {name}; check its cable, and shoot again")
+            raise DeviceError(f"the camera returned no frame for {name}; check the cable, and run the command again")
         light = light + decode_values(np.asarray(frame))
     return encoded_values(light / count, "srgb", 8).astype(np.uint8, copy=False)

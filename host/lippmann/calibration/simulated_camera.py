@@ -1,7 +1,7 @@
-"""Model of a camera in front of a display: pose, lens distortion, pupil, focus, vignetting, sensor.
+"""Model a camera in front of a display: pose, distortion, pupil, focus, vignetting and sensor.
 
-The normalised coordinates x, y of a direction are its slopes against the optical axis,
-to the right and down in the picture. With r^2 = x^2 + y^2, the direction's pixel is
+The normalised coordinates x, y of a direction are its slopes to the axis, right and
+down. With focal length f, principal point (cx, cy), r^2 = x^2 + y^2, its pixel is
 
     u = cx + f x (1 + k1 r^2 + k2 r^4),   v = cy + f y (1 + k1 r^2 + k2 r^4).
 """
@@ -20,7 +20,7 @@ from lippmann.optics.rays import Floats
 
 Point = tuple[float, float, float]
 Light = npt.NDArray[np.float32]
-#: Values of a photograph, (height, width) or (height, width, 3), uint8 or uint16.
+#: Pixel values of a photograph, (height, width) or (height, width, 3), uint8 or uint16.
 CameraValues = npt.NDArray[np.unsignedinteger]
 
 
@@ -28,10 +28,11 @@ CameraValues = npt.NDArray[np.unsignedinteger]
 class Camera:
     """A camera; lengths are mm in the display's frame, and the middle of pixel (0, 0) is at (0.5, 0.5).
 
-    `principal_px` defaults to the picture's middle. `pupil_mm` is the diameter of the
-    entrance pupil. `focus_mm` is the focus distance along the axis, by default that of
-    `look_at_mm`. `blur_px` is the standard deviation of a Gaussian blur. `vignetting`
-    is the fraction of light that the corners lose in addition to the cosine-fourth law.
+    `principal_px` defaults to the middle of the photograph. `pupil_mm` is the diameter
+    of the entrance pupil. `focus_mm` is the focus distance along the axis, by default
+    that of `look_at_mm`. `blur_px` is the standard deviation of a Gaussian blur.
+    `vignetting` is the fraction of light that corners lose beyond the cosine-fourth
+    law.
     """
 
     position_mm: Point
@@ -53,11 +54,11 @@ class Camera:
             raise InputError(f"camera: z {self.position_mm[2]:g} mm is behind the display; give z > 0")
         if not self.focal_px > 0.0:
             raise InputError(f"camera: focal length {self.focal_px:g} px is not positive; give it in pixels")
-        # Where the distortion folds, Newton's method does not find the border points again.
+        # If the distortion is not monotonic, `slopes` does not invert `pixel`.
         border = self.border()
         u, v = self.pixel(*self.slopes(*border))
         if not max(np.abs(u - border[0]).max(), np.abs(v - border[1]).max()) < 1e-6:
-            raise InputError(f"camera: distortion {self.k1:g}, {self.k2:g} folds the picture's edge; make it smaller")
+            raise InputError(f"camera: distortion {self.k1:g}, {self.k2:g} is not monotonic; choose smaller k1 and k2")
 
     @property
     def centre_px(self) -> tuple[float, float]:
@@ -66,7 +67,7 @@ class Camera:
 
     @property
     def axes(self) -> Floats:
-        """Camera axes: the rows (3, 3) are unit vectors to the right, down and forward."""
+        """Camera axes as rows (3, 3): the unit vectors to the right, down and forward."""
         forward = np.subtract(self.look_at_mm, self.position_mm)
         forward = forward / np.linalg.norm(forward)
         right = np.cross(forward, (0.0, 1.0, 0.0))
@@ -82,14 +83,14 @@ class Camera:
         return self.focus_mm or float(np.linalg.norm(np.subtract(self.look_at_mm, self.position_mm)))
 
     def pixel(self, x: npt.ArrayLike, y: npt.ArrayLike) -> tuple[Floats, Floats]:
-        """Return the pixel coordinates of normalised coordinates."""
+        """Convert normalised coordinates to pixel coordinates."""
         x, y = np.asarray(x, np.float64), np.asarray(y, np.float64)
         square = x * x + y * y
         gain = self.focal_px * (1.0 + square * (self.k1 + square * self.k2))
         return self.centre_px[0] + gain * x, self.centre_px[1] + gain * y
 
     def slopes(self, u: npt.ArrayLike, v: npt.ArrayLike) -> tuple[Floats, Floats]:
-        """Return the normalised coordinates of pixel coordinates."""
+        """Convert pixel coordinates to normalised coordinates."""
         x = (np.asarray(u, np.float64) - self.centre_px[0]) / self.focal_px
         y = (np.asarray(v, np.float64) - self.centre_px[1]) / self.focal_px
         if self.k1 == self.k2 == 0.0:
@@ -130,11 +131,11 @@ class Camera:
         x, y = self.slopes(u, v)
         square = x * x + y * y
         corner = max(a * a + b * b for a, b in zip(*self.slopes(*self.border()), strict=True))
-        # Cosine-fourth law of a simple lens.
+        # Apply the cosine-fourth law of a simple lens.
         return np.asarray((1.0 + square) ** (-2.0) * (1.0 - self.vignetting * square / corner))
 
     def border(self) -> tuple[Floats, Floats]:
-        """Return pixel coordinates of points along the picture's edges, corners included."""
+        """Return the pixel coordinates of points along the photograph's edges, with the corners."""
         u, v = np.meshgrid(*(np.linspace(0.0, side, 33) for side in (self.width_px, self.height_px)))
         edge = np.pad(np.zeros((31, 31), bool), 1, constant_values=True)
         return u[edge], v[edge]
@@ -142,7 +143,7 @@ class Camera:
 
 @dataclass(frozen=True)
 class Sensor:
-    """A camera sensor; `exposure` is the level of white relative to the full well, and clips above 1."""
+    """A camera sensor; `exposure` is the level of white relative to the full well; it clips above 1."""
 
     exposure: float = 0.8
     full_well_e: float = 10000.0
@@ -151,12 +152,12 @@ class Sensor:
     transfer: Transfer = "srgb"
 
     def gain(self, white: Light) -> float:
-        """Return the fraction of the full well per unit of light that gives `white` the exposure."""
+        """Return the gain (full wells per unit of light) at which `white` has the level `exposure`."""
         brightest = float(np.percentile(white, 99.5))  # ignore the brightest pixels
         return self.exposure / brightest if brightest > 0.0 else 0.0
 
     def values(self, light: Light, gain: float, rng: np.random.Generator) -> CameraValues:
-        """Return the photograph's values, uint8 or uint16, with photon noise and read noise."""
+        """Convert light to camera values, uint8 or uint16, with photon noise and read noise."""
         electrons = np.maximum(light * np.float32(gain * self.full_well_e), 0.0)
         # Above ten photons, the Poisson distribution is nearly normal.
         deviation = np.sqrt(electrons + np.float32(self.read_noise_e**2))

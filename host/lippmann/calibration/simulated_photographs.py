@@ -1,8 +1,7 @@
 """Simulate a camera's photographs of patterns on a display.
 
-Rays from all camera pixels are traced once, against the light. The result is a sparse
-matrix from panel pixels to camera pixels. Each photograph is then a product with this
-matrix.
+Rays are traced once from all camera pixels to the panel. The result is a sparse matrix
+from panel pixels to camera pixels. A photograph is its product with a pattern's light.
 """
 
 from __future__ import annotations
@@ -32,21 +31,21 @@ CHUNK_RAYS = 1 << 20
 COLOURS = 3
 #: Function that traces rays with origins (N, 3) and unit directions (N, 3) to the panel.
 Tracer = Callable[[Floats, Floats], Hits]
-#: Samples of some picture rows: the rows' first camera pixel, the pixel after their
-#: last, each sample's camera pixel, its panel coordinates (N, 2), and whether it sees
-#: the panel.
+#: Samples of a band of camera rows: first camera pixel, pixel after the last, and for
+#: each sample its camera pixel, panel coordinates (N, 2), and whether it sees the
+#: panel.
 Band = tuple[int, int, Indices, Floats, Bools]
 
 
 @dataclass(frozen=True)
 class Projection:
-    """Matrices of the fraction of each panel pixel's light (column) in each camera pixel (row)."""
+    """Matrices that map light of panel pixels (columns) to light of camera pixels (rows)."""
 
-    matrices: tuple[sparse.csr_matrix, ...]  # one matrix, or one per colour
+    matrices: tuple[sparse.csr_matrix, ...]  # one, or one per colour
     brightness: Floats  # relative illumination (height, width)
 
     def photograph(self, light: Light) -> Light:
-        """Return the photograph of a panel's linear light; both are (height, width) or (height, width, 3)."""
+        """Return the camera's light for a panel's; both are (height, width) or (height, width, 3)."""
         grey = light.ndim == 2 and len(self.matrices) == 1
         planes = [light]
         if not grey:
@@ -57,7 +56,7 @@ class Projection:
 
 
 def collect_projection(display: Display, camera: Camera, bands: Iterator[Band]) -> Projection:
-    """Return the projection from samples in bands of rows; samples that miss the panel are dark."""
+    """Build the projection from bands of samples; samples that miss the panel are dark."""
     panel, layout = display.panel, layout_of(display.panel.subpixels)
     parts: list[list[sparse.csr_matrix]] = [[] for _ in range(1 if layout is None else COLOURS)]
     for first, last, pixel, place, sees in bands:
@@ -68,7 +67,7 @@ def collect_projection(display: Display, camera: Camera, bands: Iterator[Band]) 
         weights = [share] if layout is None else [np.zeros_like(share) for _ in range(COLOURS)]
         if layout is not None:
             for k, gain, inside in layout.emitters(NumpyBackend(), place[:, 0], place[:, 1]):
-                # A white sub-pixel, which shows the colours' common part, is ignored.
+                # Ignore a white sub-pixel, which shows the part that all colours share.
                 if k < COLOURS:
                     weights[k] += np.where(inside, gain * share, 0.0)
         for part, weight in zip(parts, weights, strict=True):
@@ -82,9 +81,9 @@ def collect_projection(display: Display, camera: Camera, bands: Iterator[Band]) 
 def trace_projection(
     display: Display, camera: Camera, samples: int = 3, seed: int = 0, tracer: Tracer | None = None
 ) -> Projection:
-    """Return the projection from a display to a camera, from `samples` x `samples` rays per camera pixel.
+    """Return the projection from display to camera, with `samples` x `samples` rays per camera pixel.
 
-    `tracer` traces the rays; by default, they are traced through the exact lenslets.
+    `tracer` traces the rays; the default tracer refracts them exactly at the lenslets.
     """
     rng = np.random.default_rng((seed, 0x51))
     trace = tracer or (lambda origin, direction: trace_to_panel(display, origin, direction, engine="fast"))
@@ -110,20 +109,20 @@ def trace_projection(
 
 
 class Bench:
-    """An undisturbed test bench of a display and a camera; subclasses add disturbances."""
+    """An undisturbed test bench of display and camera; subclasses add disturbances."""
 
     def project(self, display: Display, camera: Camera, samples: int, seed: int) -> Projection:
-        """Return the projection from the display to the camera."""
+        """Return the projection from the display's panel to the camera."""
         return trace_projection(display, camera, samples, seed)
 
     def move(self, camera: Camera) -> Camera:
-        """Return the camera for the second half of the photographs."""
+        """Return the camera that takes the second half of the photographs."""
         return camera
 
     def photograph(
         self, projection: Projection, light: Light, sensor: Sensor, gain: float, seed: int, rng: np.random.Generator
     ) -> CameraValues:
-        """Return the camera values for a pattern's light."""
+        """Return the camera values of a photograph of a pattern's light."""
         return sensor.values(projection.photograph(light), gain, rng)
 
 
@@ -144,14 +143,14 @@ def photograph_folder(
 
     `patterns` contains PNG files of the panel's size, ordered by name. The photographs
     get the same names in `output`, which is created if missing. Each camera pixel has
-    `samples` x `samples` rays. `seed` controls rays, noise and disturbances.
+    `samples` x `samples` rays. `seed` seeds rays, noise and disturbances.
 
     Raises InputError for missing patterns, a wrong size, or an unwritable folder.
     """
     output = Path(output)
     names = sorted(Path(patterns).glob("*.png"))
     if not names:
-        raise input_error(patterns, "contains no patterns", "write them: lippmann calibrate patterns")
+        raise input_error(patterns, "contains no PNG files", "write patterns with lippmann calibrate patterns")
     before = after = bench.project(display, camera, samples, seed)
     if bench.move(camera) != camera:
         after = bench.project(display, bench.move(camera), samples, seed)
@@ -165,17 +164,17 @@ def photograph_folder(
         values = bench.photograph(projection, panel_light(name, display.panel), sensor, gain, seed, rng)
         written.append(output / name.name)
         with replacing(written[-1]) as partial:
-            # Noise has no repetitions, so Huffman coding alone is as small and faster.
+            # Noise has no repetitions, so Huffman coding alone gives the same size.
             Image.fromarray(values).save(partial, "PNG", compress_level=1, compress_type=zlib.Z_HUFFMAN_ONLY)
     return written
 
 
 def panel_light(path: Path, panel: Panel) -> Light:
-    """Return the panel's linear light (height, width) or (height, width, 3) for a PNG file."""
+    """Return the light (height, width) or (height, width, 3) of a panel that shows a PNG file."""
     with Image.open(path) as picture:
         if picture.size != (panel.width_px, panel.height_px):
             width, height = picture.size
-            what = f"is {width} x {height} pixels, the panel {panel.width_px} x {panel.height_px}"
+            what = f"is {width} x {height} pixels, but the panel is {panel.width_px} x {panel.height_px}"
             raise input_error(path, what, "write patterns for this display")
         values = np.asarray(picture if picture.mode in ("L", "RGB") or "I" in picture.mode else picture.convert("RGB"))
     scale = 255.0 if values.dtype == np.uint8 else 65535.0

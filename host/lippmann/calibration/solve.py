@@ -36,7 +36,7 @@ from lippmann.optics.rays import Floats
 
 
 class Radius(NamedTuple):
-    """A lenslet radius and its standard deviation, mm; `effect` is the parameter change for one deviation."""
+    """A lenslet radius and its deviation, mm; `effect` is the change of x for one deviation."""
 
     value_mm: float
     deviation_mm: float
@@ -44,15 +44,15 @@ class Radius(NamedTuple):
 
 
 def radius_of(display: Display, solution: Solution) -> Radius:
-    """Return the radius that explains the measured movements.
+    """Return the lenslet radius that explains the measured movements.
 
-    Raises InputError if no radius does.
+    Raises InputError if no radius fits.
     """
     views = solution.problem.views
     radii = np.array([_of_position(display, solution, k, view) for k, view in enumerate(views)])
     value = float(radii.mean())
     scatter = float(radii.std(ddof=1)) / np.sqrt(len(radii)) if len(radii) > 1 else 0.02 * value
-    # Blur and aberrations add 0.3 %, as measured on simulated photographs.
+    # Blur and aberrations add an error of 0.3 %, as measured on simulated photographs.
     return Radius(value, float(np.hypot(scatter, 0.003 * value)))
 
 
@@ -62,7 +62,7 @@ def _of_position(display: Display, solution: Solution, k: int, view: Lenslets) -
     some = np.random.default_rng(1913).permutation(len(centres))[:48]
     slopes = (place[:2] - centres[some]) / place[2]
     old = display.array.radius_mm
-    # Movement over the aperture, mm per mm, averaged over both directions.
+    # Movement of the panel point over the aperture, mm per mm, mean of both axes.
     across = np.trace(view.spread @ axes_at(display.array.rotation_deg)) / 2.0
     measured = float(across / np.mean(display.array.pitches_mm))
 
@@ -71,32 +71,32 @@ def _of_position(display: Display, solution: Solution, k: int, view: Lenslets) -
         array = replace(array, thickness_mm=max(array.thickness_mm, array.sag_mm))
         return movement(replace(display, array=array), slopes, float(place[2])) - measured
 
-    # Search from 3/4 to 4/3 of the file's radius; a dome must span its cell.
+    # Search from 3/4 to 4/3 of the file's radius; the lens must span its cell.
     low, high = max(0.75 * old, 1.001 * display.array.half_diagonal_mm), 1.33 * old
     if off(low) * off(high) > 0.0:
-        what = f"no radius from {low:.4g} to {high:.4g} mm explains how the panel's points move"
+        what = f"no lenslet radius from {low:.4g} to {high:.4g} mm fits the photographs"
         raise input_error(view.name, what, "correct radius_mm, thickness_mm or index in the display file")
     return float(brentq(off, low, high, rtol=1e-5))
 
 
 logger = logging.getLogger("lippmann")
-#: Limits of a valid result: maximum scatter of the panel points, as the larger of a
-#: value in pixels and one in pitches, and maximum fraction of outliers. The scatter of
-#: random displays is at most 0.3 px.
+#: Maximum scatter of panel points (the larger of `MAX_SCATTER_PX` pixels and
+#: `MAX_SCATTER` pitches), and maximum fraction of outliers, of a valid result.
+#: Simulated displays had a scatter of at most 0.3 px.
 MAX_SCATTER_PX, MAX_SCATTER, MAX_OUTLIERS = 0.5, 0.03, 0.35
 
 
 def calibrate(
     folder: Path, nominal: Display, bow: bool = False, radius: bool = False, progress: Progress = lambda *_: None
 ) -> Calibration:
-    """Calibrate a nominal display with a folder of photographs.
+    """Calibrate a nominal display from a folder of photographs.
 
     `bow` also fits tilts and curvatures of the array, `radius` also fits the lenslets'
     radius.
 
-    Raises InputError for unusable photographs, naming the photograph and a remedy;
-    raises ContradictionError when the photographs contradict each other or the display
-    file.
+    Raises InputError, which names the photograph and a remedy, for unusable
+    photographs, and ContradictionError if the photographs contradict each other or the
+    display file.
     """
     patterns = pattern_set(folder, nominal)
     pitch_px = nominal.array.coarsest_mm / min(nominal.panel.pitches_mm)
@@ -110,7 +110,7 @@ def calibrate(
         lattices.append(find_lattice(position.name, decoded.points_mm(nominal)[some], nominal))
         views.append(measure_lenslets(decoded, lattices[-1], nominal))
     problem, x = _number_lenslets(nominal, views, lattices, progress)
-    logger.info("least squares")
+    logger.info("fitting by least squares")
     progress(0, 3)
     problem, solution = _refine(problem, x)
     lens_radius = None
@@ -135,12 +135,12 @@ def calibrate(
 def _number_lenslets(
     nominal: Display, views: list[Lenslets], lattices: list[SeenLattice], progress: Progress
 ) -> tuple[Problem, Floats]:
-    logger.info("numbering")
+    logger.info("numbering lenslets")
     likely = starts(nominal, views, lattices)
     trials = []
     for number, (problem, start) in enumerate(likely):
         progress(number, len(likely))
-        sample = problem.thinned(400)  # lenslets per position
+        sample = problem.thinned(400)  # at most 400 lenslets per position
         trial = solve(sample, first_fit(sample, start), robust_only=True)
         trials.append((_cost(trial), problem, trial.x))
     _, problem, x = min(trials, key=lambda one: one[0])
@@ -150,7 +150,7 @@ def _number_lenslets(
 def _refine(problem: Problem, x: Floats) -> tuple[Problem, Solution]:
     solution = solve(problem, x, robust_only=True)
     if 1.96 * solution.deviation("gap") > 0.1 * problem.display.aperture_distance_mm:
-        # A free, undetermined gap would absorb model errors and change pitch and offset.
+        # An undetermined gap would absorb model errors, and falsify pitch and offset.
         problem, x = replace(problem, fixed=problem.fixed | {"gap"}), solution.x.copy()
         problem.part(x, "gap")[:] = problem.display.gap_mm
         solution = solve(problem, x, robust_only=True)
@@ -173,13 +173,13 @@ def _fit_radius(problem: Problem, solution: Solution) -> tuple[Problem, Solution
         radius = radius_of(display_of(problem.display, solution), solution)
         problem = with_radius(radius.value_mm)
         solution = solve(problem, solution.x)
-    # The radius's uncertainty adds to the uncertainties of the other parameters.
+    # Measure how the radius's uncertainty changes the other parameters.
     wider = solve(with_radius(radius.value_mm + radius.deviation_mm), solution.x)
     return problem, solution, radius._replace(effect=wider.x - solution.x)
 
 
 def trace_again(solution: Solution, problem: Problem) -> Problem:
-    """Return the problem with rays and points of the fitted display; unchanged if the display is impossible."""
+    """Trace the fitted display's rays; return `problem` if this display is impossible."""
     try:
         built = display_of(problem.display, solution)
     except ContradictionError:
@@ -212,25 +212,25 @@ def _check_zoom(solution: Solution) -> None:
     problem = solution.problem.freeing("zoom")
     zoomed = solve(problem, solution.x)
     zooms = {name: zoomed.value(name) for name in problem.blocks["zoom"]}
-    # Measured: unchanged lenses differ by 1 standard deviation, lenses changed by 0.5 %
+    # Simulated unchanged lenses differ by 1 standard deviation, lenses changed by 0.5 %
     # differ by at least 5.
     limits = {name: max(4.0 * zoomed.deviation(name), 0.002) for name in zooms}
     sure = [name for name, zoom in zooms.items() if abs(zoom) > limits[name]]
     if not sure:
         return
     views = [view.name for view in problem.views]
-    # If all others differ from the first in one direction, the first position differs.
+    # If all others differ from the first in one direction, the first position is odd.
     first = len(sure) == len(zooms) > 1 and len({zooms[name] > 0.0 for name in sure}) == 1
     worst = max(sure, key=lambda name: abs(zooms[name]))
     odd, zoom = (views[0], -zooms[worst]) if first else (views[list(zooms).index(worst) + 1], zooms[worst])
     raise ContradictionError(
-        f"{odd}: the lens magnifies {100.0 * abs(zoom):.1f} % {'more' if zoom > 0.0 else 'less'} than in "
+        f"{odd}: the camera lens magnifies {100.0 * abs(zoom):.1f} % {'more' if zoom > 0.0 else 'less'} than in "
         f"{'the other positions' if first else views[0]}; fix zoom and focus, and take all positions again"
     )
 
 
 def _bow_warnings(solution: Solution, is_fitted: bool) -> tuple[str, ...]:
-    # A bow of less than 6 standard deviations is not significant.
+    # Report only coefficients above 6 standard deviations.
     if not any(abs(solution.value(name)) > 6.0 * solution.deviation(name) for name in BOW):
         return ()
     height = solution.value("bow_xx") + solution.value("bow_yy")
@@ -248,9 +248,9 @@ def _result(
     outliers, scatter = _outliers(solution), _scatter(solution)
     if scatter > max(MAX_SCATTER_PX, MAX_SCATTER * pitch_px) or outliers > MAX_OUTLIERS:
         raise ContradictionError(
-            f"the photographs do not fit a display like '{nominal.name}': panel points scatter by {scatter:.2f} px, "
-            f"{100.0 * outliers:.0f} % are outliers; use one lens without zoom, and check plano_side, thickness_mm, "
-            "index and focal length in the file"
+            f"the photographs do not fit the display '{nominal.name}': panel points scatter by {scatter:.2f} px, "
+            f"{100.0 * outliers:.0f} % are outliers; do not zoom between photographs, and correct plano_side, "
+            "thickness_mm, index or focal length in the display file"
         )
     display = display_of(problem.display, solution)
     parameters = parameters_of(nominal, solution)
@@ -274,7 +274,7 @@ def _result(
         )
         centres, residual = problem.centres(solution.x, problem.places[k]), problem.residuals(solution.x, k)
         inliers = np.asarray((abs(residual[:, :2]) < OUTLIER * solution.weights.scatter[k][0]).all(axis=1))
-        # Measured minus expected value; the y axis is flipped, as pixel rows count down.
+        # Measured minus expected values; y is flipped, as pixel rows count down.
         off = residual[:, :2] * [-1.0, 1.0]
         rows.append(np.column_stack([np.full(len(inliers), k), view.index, centres, off, inliers]))
     warnings = (*warnings, *find_warnings(parameters, solution))

@@ -1,7 +1,7 @@
 """Find subpixel intervals for the panel points that lenslets show.
 
-A reading is the middle of the panel pixel that a camera pixel sees. With the mean point
-t of a lenslet and the movement s(p) of the point over the cell, the lenslet's camera
+A reading is the middle of the panel pixel that a camera pixel sees. With a lenslet's
+mean panel point t, and the point's movement s(p) over the cell, the lenslet's camera
 pixels p have the mean reading
 
     f(t) = mean of S(t + s(p) + 1/2 a^2 L(p), b(p)),   S(u, b) = mean of floor(v) + 1/2
@@ -9,12 +9,12 @@ pixels p have the mean reading
 over normally distributed v with mean u and deviation b. f increases with t in blurred
 steps. The photograph's blur has the deviation a in the cell, and the camera's pupil
 adds c on the panel: b(p)^2 = a^2 |s'(p)|^2 + c^2. L is the sum of the second
-derivatives of s. For each position, a and c are fitted to the readings.
+derivatives of s. a and c are fitted to each position's readings.
 
-A mean reading therefore gives an interval of t. The interval is short where points move
-by a pixel or more over the cell, and a pixel wide in focus. The middle of a wide
-interval is not a measurement, because its error is similar for many neighbours. The
-movement is computed from exact rays through the array of a first solution.
+A mean reading therefore gives an interval of t. The interval is short if points move by
+a pixel or more over the cell, and a pixel wide in focus. The middle of a wide interval
+is not a measurement, because neighbouring lenslets have similar errors. The movement s
+is computed from exact rays through the fitted array.
 """
 
 from __future__ import annotations
@@ -36,13 +36,13 @@ from lippmann.optics.system import PanelFrame
 
 Values = npt.NDArray[np.floating]
 Singles = npt.NDArray[np.float32]
-#: The deviations a and c of the module's formulas.
+#: The deviations a and c of the module's formulas: pitches, panel pixels.
 Blur = tuple[float, float]
-#: Tolerance of a mean reading, panel pixels.
+#: Assumed error of a mean reading, panel pixels.
 TOLERANCE = 0.02
-#: Number of sampled lenslets per view.
+#: Number of lenslets per view in the fits.
 SAMPLED, SEED = 60, 1912
-#: Exponents of the cell position and of the slope; the high ones serve steep lenslets.
+#: Exponents of cell position and slope in the movement polynomial.
 PLACE = [(a, b) for a in range(8) for b in range(8 - a)]
 SLOPE = [(a, b) for a in range(4) for b in range(4 - a)]
 
@@ -57,11 +57,11 @@ ALONG = (_derivative(0), _derivative(1))
 
 @dataclass(frozen=True)
 class Movement:
-    """Movement of panel points over a cell, pixels: a polynomial in slope and cell position."""
+    """Movement of a panel point over a cell, pixels, as a polynomial in slope and cell position."""
 
     factors: Floats  # (slope monomials, cell monomials, 2)
     slope: Floats  # mean slope, subtracted from slopes
-    inner: Floats  # points (M, 2) spread over the inner cell
+    inner: Floats  # points (M, 2) distributed over the inner cell
 
     def _own(self, slopes: Floats) -> Floats:
         return np.asarray(np.tensordot(_powers(slopes - self.slope, SLOPE), self.factors, axes=1))
@@ -75,7 +75,7 @@ class Movement:
         return np.asarray(np.einsum("dp,npa->nda", ways, own) + half)
 
     def of(self, local: Values, slopes: Floats, aside: Floats, group: Indices) -> Moved:
-        """Return the movement, relative to each cell's mean, at positions (M, 2); `group` (M,) ascends."""
+        """Return the movement, relative to each cell's mean, at cell positions (M, 2) of lenslets `group` (M,)."""
         own, at = self._own(slopes), np.asarray(local + aside[group], np.float32)
         own[:, 0] -= np.einsum("nd,nda->na", aside, self.over_cell(slopes, aside))
         ways = [one @ own for one in ALONG]
@@ -83,7 +83,7 @@ class Movement:
         factors = np.concatenate([own, *ways, bent], axis=2).astype(np.float32)
         ends = np.searchsorted(group, np.arange(len(slopes) + 1))
         moved = np.empty((len(at), 8), np.float32)
-        # Compute about 65,536 readings at once.
+        # Process about 65,536 readings at once.
         for lenslets in np.array_split(np.arange(len(slopes)), min(len(slopes), 1 + len(at) // 65_536)):
             first = ends[lenslets[0]]
             powers = _place_powers(at[first : ends[lenslets[-1] + 1]])
@@ -102,13 +102,13 @@ class Moved:
     bent: Singles
 
     def along(self, axis: int, some: Bools | slice = slice(None)) -> Moved:
-        """Return the values (M,) of columns (`axis` 0) or rows (`axis` 1)."""
+        """Return the values (M,) along panel columns (`axis` 0) or rows (`axis` 1)."""
         return Moved(*(one[some, axis] for one in (self.shift, self.change, self.bent)))
 
     def blurred(self, blur: Blur) -> tuple[Singles, Singles]:
-        """Return the movement of the mean and the deviation b for a blur."""
+        """Return the movement s + 1/2 a^2 L and the deviation b for a blur."""
         a, c = map(np.float32, blur)
-        edge = np.maximum(np.hypot(a * self.change, c), np.float32(1e-3))  # minimum of b
+        edge = np.maximum(np.hypot(a * self.change, c), np.float32(1e-3))  # lower limit of b, pixels
         return self.shift + np.float32(0.5) * a * a * self.bent, edge
 
 
@@ -123,7 +123,7 @@ def _powers(values: Values, exponents: Sequence[tuple[int, int]]) -> Floats:
 
 
 def movement_of(display: Display, slopes: Floats, distance_mm: float) -> Movement:
-    """Fit a view's movement to exactly traced rays of slopes (N, 2)."""
+    """Fit a view's movement to exact rays with slopes (N, 2)."""
     some = slopes[np.random.default_rng(SEED).permutation(len(slopes))[:SAMPLED]]
     inner, at, arrives = inner_rays(display, some, distance_mm)
     local = inner @ axes_at(display.array.rotation_deg) / display.array.pitches_mm[0]
@@ -136,10 +136,10 @@ def movement_of(display: Display, slopes: Floats, distance_mm: float) -> Movemen
 
 
 def refined(view: Lenslets, display: Display, slopes: Floats, aside: Floats, movement: Movement) -> Lenslets:
-    """Return the view with the middles and half widths of the intervals of its readings.
+    """Return the view with the middles and half widths of its panel points' intervals.
 
-    The read cells are shifted by `aside` (N, 2) pitches from the cells of the movement.
-    The half widths exclude the tolerance.
+    The measured cells are shifted by `aside` (N, 2) pitches from the cells of
+    `movement`. The half widths do not include the tolerance.
     """
     readings, frame = view.readings, PanelFrame.of(display)
     assert readings is not None
@@ -155,7 +155,7 @@ def refined(view: Lenslets, display: Display, slopes: Floats, aside: Floats, mov
 
 
 def read(at: Singles, edge: Singles) -> Singles:
-    """Return S - 1/2 of the module's formula at points (M,) for deviations (M,)."""
+    """Return S - 1/2 of the module's formula, for means `at` (M,) and deviations `edge` (M,)."""
     near = np.rint(at)
     mean = near - 1 + ndtr((at - near) / edge)
     wide = edge > 0.17  # pixels
@@ -190,16 +190,16 @@ def blur_of(readings: Readings, moved: Moved, count: int) -> Blur:
             parts.append(error)
         return np.concatenate(parts)
 
-    # Initial values are 0.02 pitches and 0.03 pixels.
+    # The fit starts at a = 0.02 pitches and c = 0.03 pixels.
     a, c = least_squares(off, (0.02, 0.03), bounds=(0.0, 0.3), diff_step=0.02, xtol=1e-2, ftol=1e-4, max_nfev=12).x
     return float(a), float(c)
 
 
 def interval(panel_px: Singles, shift: Singles, edge: Singles, group: Indices, count: int) -> tuple[Floats, Floats]:
-    """Return the minimum and maximum t at which f equals the mean reading within the tolerance."""
+    """Return the minimum and maximum t for which f(t) is the mean reading within the tolerance."""
     number = np.maximum(np.bincount(group, minlength=count), 1)
     mean = np.bincount(group, weights=panel_px, minlength=count) / number
-    # Relative to the pixel of the mean, single precision suffices.
+    # Subtract the mean reading's pixel, so that single precision suffices.
     pixel = np.floor(mean)
     sides = []
     for target in (mean - TOLERANCE, mean + TOLERANCE):

@@ -1,31 +1,30 @@
 """Renders the image that a camera or sensor captures through imaging lens and microlens array.
 
-**The depth at which the display shows a captured point**, to first order, with
-distances along the axis (mm):
+**Depth.** The display shows a captured point at a depth that follows from these steps,
+to first order. Distances are along the axis, in mm.
 
-1. The imaging lens has 1/s' = 1/f - 1/s, and multiplies heights by m = -s'/s (Hecht,
-   Optics, section 5.2).
-2. The point's image is at z = a - s' before the array, at the distance a from the lens.
-   If z < 0, the array intercepts the light before it converges.
-3. Each lenslet images the camera's pinhole, at L from the array, to v before the array:
-   1/v = 1/f' - 1/L. The pixel at u from the lenslet's centre c shows the ray with slope
-   c/L - u/v through c + u. On a pickup at D behind the array, the pixel shows the ray
-   with slope -u/D through c.
-4. The display emits this pixel with slope -u/g through c, or +u/g after rotation. g is
-   the display's aperture distance.
+1. The imaging lens (focal length f) images the object distance s at s', with 1/s' =
+   1/f - 1/s, and multiplies heights by m = -s'/s (Hecht, Optics, section 5.2).
+2. The array is at the distance a from the lens, and the point's image at z = a - s'
+   before the array. If z < 0, the array intercepts the light before it converges.
+3. The camera's pinhole is at L from the array. A lenslet (focal length f') images the
+   pinhole to v before the array: 1/v = 1/f' - 1/L. The pixel at u from the lenslet's
+   centre c shows the ray through c + u with slope c/L - u/v. On a sensor at D behind
+   the array, the pixel shows the ray with slope -u/D through c.
+4. The display emits the pixel's light through c with slope -u/g, or +u/g after rotation
+   of the elemental images. g is the display's aperture distance.
 
 The rays of all lenslets meet at z' = (g/v) (z - v) L / (L + z), x' = x L / (L + z) for
-a camera, and at z' = (g/D) z, x' = x for a pickup. Rotation inverts the sign of z'. v
+a camera, and at z' = (g/D) z, x' = x for a sensor. Rotation inverts the sign of z'. v
 is negative for concave lenslets.
 
-If the elemental images converge on an eye at E, u is 1 + g/E times as large, and a
-lenslet's rays lean towards the eye by c/E: 1/z'' = (1 + g/E)/z' + 1/E. The rays to a
-pickup lean equally, so that z'' = z' without rotation. After rotation, the rays lean
-away from the eye: 1/z'' = 1/z' + 2/E.
+If the elemental images converge on an eye at E, u is 1 + g/E times as large, and the
+slope of a lenslet's rays changes by c/E: 1/z'' = (1 + g/E)/z' + 1/E. The rays to a
+sensor change equally: z'' = z' without rotation, 1/z'' = 1/z' + 2/E with rotation.
 
-**Rays** are traced against the light. In front of the lens, x is right and y is up as
-seen by the camera, and z points to the lens. The formulas hold in this left-handed
-frame, because lenslets and lenses are symmetric.
+Rays are traced against the light, in a left-handed frame: x is right and y is up as
+seen by the camera, and z points to the lens. Lenslets and lenses are symmetric, so the
+formulas hold in this frame.
 """
 
 from __future__ import annotations
@@ -58,28 +57,28 @@ from lippmann.scenes.scene import Scene
 
 
 def check_placement(scene: Scene, setup: Setup) -> None:
-    """Refuse a scene at the lens, an image at the camera, and an array outside the image space."""
+    """Raise InputError for a scene at the lens, an image at the camera, or an array outside the image space."""
     far, near = scene.depth_range_mm
     lens, subject = setup.lens, setup.subject
     front = subject.distance_mm - (0.0 if lens is None else lens.extent_mm[1] - lens.hiatus_mm)
     if near >= front:
         raise InputError(
-            f"set-up '{setup.name}': the scene extends {near:.4g} mm before the object's centre, beyond the lens or "
-            f"array {front:.4g} mm before it; move the object away, or make the scene smaller"
+            f"set-up '{setup.name}': the scene extends {near:.4g} mm in front of the object's centre, but lens or "
+            f"array are {front:.4g} mm in front of it; move the object away, or make the scene smaller"
         )
     image = setup.image_distance([far, near])
     to_camera = setup.camera_distance_mm
     if lens is not None and to_camera is not None:
-        # A nearer scene has a farther image, at infinity for the focal length.
+        # A point at the focal length from the lens has its image at infinity.
         at_infinity = far < subject.distance_mm - lens.focal_length_mm <= near
         camera_mm = setup.array_distance_mm + to_camera
         if at_infinity or camera_mm <= image.max():
             reaches = "infinity" if at_infinity else f"{image.max():.4g} mm"
             raise InputError(
-                f"set-up '{setup.name}': camera.distance_mm: the scene's image reaches the camera, {camera_mm:.4g} mm "
-                f"behind the lens: it extends from {image[0]:.4g} mm to {reaches}; move the camera or the object away"
+                f"set-up '{setup.name}': camera.distance_mm: the camera, {camera_mm:.4g} mm behind the lens, is in the "
+                f"scene's image ({image[0]:.4g} mm to {reaches}); move the camera or the object away"
             )
-    # Beyond `reach`, a point's light covers the whole display and shows nothing.
+    # Light of a point deeper than `reach` covers the whole display.
     panel, side = setup.display.panel, setup.display.array.finest_mm
     width_mm = max(panel.width_mm, panel.height_mm)
     reach = setup.display.aperture_distance_mm * width_mm / side
@@ -88,15 +87,15 @@ def check_placement(scene: Scene, setup: Setup) -> None:
         raise InputError(
             f"set-up '{setup.name}': array.position_mm: {setup.position_mm:g} mm is outside the image space: the "
             f"scene's image is {image[0]:.4g} to {image[1]:.4g} mm behind the lens, the array "
-            f"{setup.array_distance_mm:.4g} mm, and {width_mm / side:.3g} lenslets across the display are too few for "
-            "such a depth; give a position nearer to it, or a wider panel"
+            f"{setup.array_distance_mm:.4g} mm; {width_mm / side:.3g} lenslets across the display do not resolve "
+            "this depth; move the array nearer to the image, or use a wider panel"
         )
 
 
 def placement_before(setup: Setup, path: Path, setup_path: str | Path | None = None) -> Placement:
-    """Return the placement of a scene file, then that of a set-up, as one placement.
+    """Return the placement of a scene file followed by that of a set-up.
 
-    If `setup_path` is the .toml file beside the scene, that file is no placement.
+    The .toml file beside the scene is ignored if it is the set-up file `setup_path`.
     """
     placement_file = path.with_suffix(".toml")
     is_setup = setup_path is not None and placement_file.exists() and placement_file.samefile(setup_path)
@@ -106,9 +105,9 @@ def placement_before(setup: Setup, path: Path, setup_path: str | Path | None = N
 def capture(scene: Scene, setup: Setup, settings: Settings, rotate: bool, progress: Progress | None = None) -> Rendered:
     """Render the image that a set-up captures of a scene, placed by `placement_before`.
 
-    Only a set-up with a sensor uses `settings.aperture`. `rotate` rotates the elemental images.
-    `lost_percent` has the percentages of the lens and of the array. Raises InputError
-    as `check_placement`, and if no light passes the array or the lens.
+    Only a set-up with a sensor uses `settings.aperture`. `rotate` rotates the elemental
+    images. `lost_percent` are the percentages of rays that lens and array block. Raises
+    InputError like `check_placement`, and if all rays are blocked.
     """
     check_placement(scene, setup)
     with ThreadPoolExecutor(1) as thread:
@@ -117,13 +116,13 @@ def capture(scene: Scene, setup: Setup, settings: Settings, rotate: bool, progre
         lens_percent, array_percent = rendered.lost_percent
         if array_percent >= 100.0:
             raise InputError(
-                f"set-up '{setup.name}': array: no ray of the image gets through the lenslets: total internal "
-                "reflection; give them a longer focal length, or a display with other lenslets"
+                f"set-up '{setup.name}': array: total internal reflection blocks all rays in the lenslets; give a "
+                "longer focal length, or a display with other lenslets"
             )
         if lens_percent + array_percent > 100.0 - 1e-9:
             raise InputError(
-                f"set-up '{setup.name}': lens.aperture_mm: no ray of the image gets through the lens (vignetting "
-                f"{lens_percent:.4g} %, lost in the array {array_percent:.4g} %); make the aperture larger"
+                f"set-up '{setup.name}': lens.aperture_mm: no ray passes lens and array (the lens blocks "
+                f"{lens_percent:.4g} %, the array {array_percent:.4g} %); make the aperture larger"
             )
         if partner is not None:
             rendered = replace(rendered, radiance=rotated(rendered.radiance, partner.result()))
@@ -131,9 +130,9 @@ def capture(scene: Scene, setup: Setup, settings: Settings, rotate: bool, progre
 
 
 def shown_depth(setup: Setup, z_mm: npt.ArrayLike, rotated: bool) -> Floats:
-    """Return the depths, mm, at which the display shows depths z (mm, object's frame).
+    """Return the depths, mm, at which the display shows points at depths z (mm, object's frame).
 
-    All images must be in front of the camera: L + z > 0.
+    The images of all points must be in front of the camera.
     """
     z = setup.array_distance_mm - setup.image_distance(z_mm)
     g = setup.display.aperture_distance_mm
@@ -149,7 +148,7 @@ def shown_depth(setup: Setup, z_mm: npt.ArrayLike, rotated: bool) -> Floats:
     if eye_mm is None or (distance is None and not rotated):
         return depth
     wider, lean = (1.0, 2.0 / eye_mm) if distance is None else (1.0 + g / eye_mm, 1.0 / eye_mm)
-    # This is 1 / (wider / depth + lean), also for a depth of 0.
+    # Equal to 1 / (wider / depth + lean), but also valid for depth 0.
     with np.errstate(divide="ignore"):
         return np.asarray(depth / (wider + lean * depth))
 
@@ -163,7 +162,7 @@ class CapturedRays(NamedTuple):
 
 
 def system_of(setup: Setup) -> System:
-    """Return the optics of the captured array, with the display's lenslet for each pixel."""
+    """Return the optics of the captured array; pixels have the same lenslets as in the display."""
     convergence = System.of(setup.display).convergence
     return replace(System.of(setup.captured), concave=setup.concave, convergence=convergence)
 
@@ -173,17 +172,16 @@ def rays_from_picture(
 ) -> CapturedRays:
     """Trace rays from the image's pixel coordinates u, v (double) to the object space.
 
-    For a pickup, rays pass the point `aperture` of the aperture, in mm from its centre
-    along the array's axes; `None` means the centre.
+    Rays to a sensor pass the lenslet's aperture at the point `aperture`, in mm from the
+    centre along the array's axes; `None` means the centre.
     """
     system = system_of(setup)
     frame = system.frame
     if isinstance(setup.pickup, Pickup):
         i, j, x, y = system.locate(b, u, v)
     else:
-        # The camera, on the axis at the distance L, sees this point of the aperture
-        # plane, the array's first principal plane. The picture has the size of the
-        # display's elemental images.
+        # The camera sees the pixel at `point`, in the array's first principal plane.
+        # Elemental images in the camera's picture are as large as on the display.
         point = system.convergence.towards_eye(*frame.array_from_panel(*frame.panel_from_pixel(u, v)))
         i, j, x, y = system.lattice.locate(b, *point)
         px, py = frame.panel_from_array(*point)
@@ -207,7 +205,7 @@ def rays_from_picture(
     object_z = setup.subject.distance_mm
     passed = ray.dz > 0.0
     if lens is not None:
-        # A lost ray may have any direction, so it is set parallel to the axis.
+        # The lens needs dz > 0, which a lost ray may not have.
         ray = ray._replace(z=ray.z - setup.array_distance_mm, dz=b.where(passed, ray.dz, 1.0))
         ray, inside = lens.trace(b, ray)
         passed = passed & inside
@@ -216,7 +214,7 @@ def rays_from_picture(
 
 
 def capture_source(setup: Setup, aperture: Aperture = "chief") -> RaySource:
-    """Return the rays of a captured image, object's frame. `lost` is for the lens, then the array."""
+    """Return a captured image's rays in the object's frame; the `lost` masks are for lens and array."""
     panel, array = setup.display.panel, setup.array
 
     def lines(b: DrJitBackend, u: Arr, v: Arr, square: tuple[Arr, Arr]) -> Lines:

@@ -1,7 +1,7 @@
-"""Reads the set-up file (docs/reference/setup-file.md) of object, lens, array and camera.
+"""Reads a set-up file (docs/reference/setup-file.md) of object, lens, array and camera.
 
-All parts are on one axis. Image distances start at the lens's image-side principal
-plane, object distances at the object-side principal plane.
+All parts of a set-up are on one axis. Image distances start at the lens's image-side
+principal plane, object distances at the object-side principal plane.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ MIN_ELEMENTAL_PX = 2.0
 @documented
 @dataclass(frozen=True)
 class Subject:
-    """The position of the scene. The object's frame is centred on the object: x right, y up, +z to the lens."""
+    """Placement of the scene. The object's frame is centred on the object: x right, y up, +z to the lens."""
 
     distance_mm: Annotated[Length, key("object's centre from the lens, or from the array without a lens")]
     scale: Annotated[Scale, key("factor of the size, about the object's centre")] = 1.0
@@ -52,14 +52,14 @@ class Subject:
 
     @property
     def placement(self) -> Placement:
-        """The placement from the placed scene to the object's frame."""
+        """Transform of the scene to the object's frame."""
         return Placement(self.scale, self.rotation_deg, self.offset_mm)
 
 
 @documented
 @dataclass(frozen=True)
 class Camera:
-    """A pinhole on the axis. It sees the display's panel in the array's first principal plane."""
+    """A pinhole on the axis, which sees the panel's area in the array's first principal plane."""
 
     distance_mm: Annotated[Length, key("pinhole from the lens, or from the array's vertices without a lens")]
 
@@ -78,16 +78,16 @@ class Setup:
     """A capture through the lenslets of `array`, which may differ from the display's lenslets."""
 
     name: Annotated[str, key("name in reports")]
-    subject: Annotated[Subject, key("where the scene stands")]
-    lens: Annotated[ImagingLens | None, key("imaging lens; None: the array looks at the scene itself")]
-    display: Annotated[Display, key("shows the picture; it has the pixels, and the captured array's lattice")]
-    array: Annotated[Array, key("captured lenslets; concave: `thickness_mm` is that of their middle")]
-    concave: Annotated[bool, key("plano-concave lenslets, their hollow side to the lens")]
-    position_mm: Annotated[float, key("vertices from the object's image, towards the camera; 0 without a lens")]
+    subject: Annotated[Subject, key("placement of the scene")]
+    lens: Annotated[ImagingLens | None, key("imaging lens; None if the scene is before the array")]
+    display: Annotated[Display, key("display of the image; its pixels and lattice are those of the capture")]
+    array: Annotated[Array, key("captured lenslets; `thickness_mm` of concave lenslets is at the middle")]
+    concave: Annotated[bool, key("plano-concave lenslets, with the concave side to the lens")]
+    position_mm: Annotated[float, key("array's vertices from the object's image, towards the camera; 0 without a lens")]
     pickup: Annotated[Camera | Pickup, key("pinhole camera, or sensor behind the array")]
 
     def image_distance(self, z_mm: npt.ArrayLike) -> Floats:
-        """Return the image distances from the lens, mm, of depths z (mm, object's frame): s' = f s / (s - f)."""
+        """Return the image distances s' = f s / (s - f), mm, of points at depths z (mm, object's frame)."""
         # Without a lens an object is its own image, in front of the array.
         s = self.subject.distance_mm - np.asarray(z_mm, np.float64)
         if self.lens is None:
@@ -102,7 +102,7 @@ class Setup:
 
     @property
     def magnification(self) -> float:
-        """Magnification at the object's centre: m = -s' / s."""
+        """Magnification m = -s' / s of the object's centre."""
         return -self.image_distance_mm / self.subject.distance_mm
 
     @property
@@ -112,17 +112,17 @@ class Setup:
 
     @property
     def captured(self) -> Display:
-        """The panel behind the captured array. With a camera, the gap has no meaning."""
+        """The display with the captured array. A camera's set-up does not use the gap."""
         behind = self.array.focal_length_mm + self.array.sag_mm
         gap = self.pickup.gap_mm if isinstance(self.pickup, Pickup) else behind
         return replace(self.display, array=self.array, gap_mm=gap)
 
     @property
     def camera_distance_mm(self) -> float | None:
-        """Distance from the array's first principal plane to the pinhole, mm; None for a pickup."""
+        """Distance from the array's first principal plane to the pinhole, mm; None for a sensor."""
         if isinstance(self.pickup, Pickup):
             return None
-        # The substrate shifts the image of the vertices if the flat face is in front.
+        # If the flat face is in front, the substrate shifts the image of the vertices.
         lifted = self.array.thickness_mm * (1.0 - 1.0 / self.array.index) if self.plano_to_camera else 0.0
         return self.pickup.distance_mm - self.array_distance_mm - lifted
 
@@ -132,7 +132,7 @@ class Setup:
         return self.array.plano_side == "panel"
 
     def resized(self, width_px: int) -> Setup:
-        """Return the set-up with `width_px` columns; raise InputError if these are too few."""
+        """Return the set-up with `width_px` columns; raise InputError for too few columns."""
         panel = self.display.panel
         whole_number("size", width_px, 1, MAX_SIDE_PX)
         setup = replace(self, display=replace(self.display, panel=panel.with_columns(width_px)))
@@ -141,10 +141,10 @@ class Setup:
 
 
 def check_elemental_images(setup: Setup, where: str, remedy: str) -> None:
-    """Refuse a picture with fewer than `MIN_ELEMENTAL_PX` pixels per lenslet."""
+    """Raise InputError if a lenslet has fewer than `MIN_ELEMENTAL_PX` pixels."""
     pixels = setup.array.finest_mm / setup.display.panel.coarsest_mm
     if pixels < MIN_ELEMENTAL_PX:
-        what = f"the picture has {pixels:.2f} pixels for a lenslet, fewer than {MIN_ELEMENTAL_PX:g}"
+        what = f"the picture has {pixels:.2f} pixels per lenslet; at least {MIN_ELEMENTAL_PX:g} are needed"
         raise input_error(where, what, remedy)
 
 
@@ -193,7 +193,7 @@ class SetupFile:
 
 
 def load_setup(path: str | Path) -> Setup:
-    """Read a set-up file; raise InputError, with file, key and remedy, for invalid keys."""
+    """Read a set-up file; raise InputError with file, key and remedy for invalid keys."""
     path = path_of(path, "a set-up file")
     keys = toml.read(SetupFile, toml.load(path, "set-up"), str(path))
     where, subject = f"{path}: ", keys.object
@@ -204,7 +204,7 @@ def load_setup(path: str | Path) -> Setup:
         display = display_of(keys.display, path.stem, f"{where}display.")
     position_mm = keys.array.position_mm
     if (position_mm is None) != (lens is None):
-        fault = ("is counted from a lens's image", "leave it out") if lens is None else ("the key is missing", "add it")
+        fault = ("needs a lens", "remove the key, or add [lens]") if lens is None else ("the key is missing", "add it")
         raise input_error(f"{where}array.position_mm", *fault)
     array, concave = _captured_array(keys.array, display.array, f"{where}array.")
     pickup = keys.camera or keys.pickup
@@ -216,18 +216,17 @@ def load_setup(path: str | Path) -> Setup:
 
 
 def _make_lens(keys: LensKeys, object_mm: float, where: str) -> ImagingLens:
-    """Return the lens that images the object's centre at `image_distance_mm`."""
     image_mm, focal = keys.image_distance_mm, keys.focal_length_mm
     if image_mm is not None:
         focal = object_mm * image_mm / (object_mm + image_mm)
     if keys.kind == "thin":
         for name in PAIR_ONLY:
             if getattr(keys, name) is not None:
-                raise input_error(f"{where}{name}", "unknown key of a thin lens", 'leave it out, or set kind = "pair"')
+                raise input_error(f"{where}{name}", "a thin lens has no such key", 'remove it, or set kind = "pair"')
         assert focal is not None
         return ThinLens(focal, keys.aperture_mm)
     if keys.index is None and keys.glass is None:
-        raise input_error(f"{where}index or glass", "none is given", "give exactly one of them")
+        raise input_error(f"{where}index or glass", "both keys are missing", "give exactly one of them")
     if keys.thickness_mm is None:
         raise input_error(f"{where}thickness_mm", "the key is missing", "add it")
     sizes = (keys.thickness_mm, keys.separation_mm or 0.0, keys.aperture_mm, keys.convex or "in")
@@ -237,14 +236,14 @@ def _make_lens(keys: LensKeys, object_mm: float, where: str) -> ImagingLens:
             pair = pair.with_focal_length(focal)
         except ValueError:
             name = "focal_length_mm" if image_mm is None else "image_distance_mm"
-            what = f"no pair of lenses of this thickness and separation has a focal length of {focal:g} mm"
+            what = f"a focal length of {focal:g} mm is too short for this thickness and separation"
             raise input_error(f"{where}{name}", what, "give a smaller thickness_mm or separation_mm") from None
     if not 0.5 * pair.aperture_mm < pair.radius_mm:
-        what = f"{pair.aperture_mm:g} mm is wider than domes of radius {pair.radius_mm:.5g} mm"
+        what = f"{pair.aperture_mm:g} mm is wider than a lens of radius {pair.radius_mm:.5g} mm"
         raise input_error(f"{where}aperture_mm", what, "give a smaller aperture, or a higher index")
     if pair.thickness_mm < pair.sag_mm:
-        what = f"{pair.thickness_mm:g} mm is below the sag of the domes over the aperture, {pair.sag_mm:.5g} mm"
-        raise input_error(f"{where}thickness_mm", what, "make it at least the sag, or the aperture smaller")
+        what = f"{pair.thickness_mm:g} mm is less than the sag over the aperture, {pair.sag_mm:.5g} mm"
+        raise input_error(f"{where}thickness_mm", what, "give a larger thickness, or a smaller aperture")
     return pair
 
 
@@ -252,7 +251,7 @@ def _captured_array(keys: ArrayKeys, display_array: Array, where: str) -> tuple[
     array, focal, concave = display_array, keys.focal_length_mm, False
     if focal is not None:
         if focal == 0.0:
-            raise input_error(f"{where}focal_length_mm", "0 is not a focal length", "give mm, negative for concave")
+            raise input_error(f"{where}focal_length_mm", "the focal length is 0", "give mm, negative if concave")
         concave = focal < 0.0
         array = replace(display_array, radius_mm=abs(focal) * (display_array.index - 1.0))
         check_radius(array, f"{where}focal_length_mm")
@@ -262,34 +261,34 @@ def _captured_array(keys: ArrayKeys, display_array: Array, where: str) -> tuple[
     if not concave:
         check_array(array, where)
     elif array.plano_side != "panel":
-        what = "concave lenslets are traced with their plano side to the camera only"
+        what = "concave lenslets must have their plano side towards the camera"
         raise input_error(f"{where}focal_length_mm", what, 'give a display whose plano_side is "panel"')
     return array, concave
 
 
 def _check_setup(setup: Setup, source: str) -> None:
-    check_elemental_images(setup, source, "give a display of finer pixels or larger lenslets")
+    check_elemental_images(setup, source, "give a display with smaller pixels or larger lenslets")
     if setup.display.panel.subpixels != "none":
-        what = f"display '{setup.display.name}' has colour sub-pixels, but a camera has none"
+        what = f"display '{setup.display.name}' has colour sub-pixels, but a camera's picture has none"
         raise input_error(source, what, "give a display without sub-pixels")
     lens, stand = setup.lens, f"{setup.array_distance_mm:.4g} mm behind the lens"
     if lens is not None:
         distance = setup.subject.distance_mm
         if not distance > lens.focal_length_mm:
-            what = f"{distance:g} mm is within the focal length {lens.focal_length_mm:g} mm: no real image"
+            what = f"{distance:g} mm is within the focal length {lens.focal_length_mm:g} mm: there is no real image"
             raise input_error(f"{source}: object.distance_mm", what, "move the object away")
-        # The array with its substrate must stand behind the lens's last face.
+        # The array with its substrate must be behind the lens's last face.
         behind_mm = setup.array_distance_mm + lens.extent_mm[0]
         if not behind_mm > (0.0 if setup.plano_to_camera else setup.array.thickness_mm):
-            what = f"{setup.position_mm:g} mm puts the array {stand}'s principal plane, not behind its last face"
+            what = f"{setup.position_mm:g} mm puts the array {stand}'s principal plane, but before the lens's last face"
             raise input_error(
                 f"{source}: array.position_mm", f"{what}: outside the image space", "give a larger position_mm"
             )
     to_camera = setup.camera_distance_mm
     depth = setup.array.thickness_mm if setup.plano_to_camera else setup.array.sag_mm
     if to_camera is not None and not to_camera > depth:
-        key, what = "camera.distance_mm", "the camera stands within the array"
+        key, what = "camera.distance_mm", "the camera is inside the array"
         if lens is not None:
             key = "array.position_mm"
-            what = f"the array stands {stand}, not before the camera: outside the image space"
+            what = f"the array is {stand}, which is not before the camera: outside the image space"
         raise input_error(f"{source}: {key}", what, "move the camera or the array")

@@ -1,18 +1,14 @@
-"""Rotates elemental images by 180 degrees in whole pixels, which corrects a captured scene's depth.
+"""Rotates elemental images by 180 degrees, in whole pixels, to correct a captured scene's depth.
 
 **The rule.** A cell has the pixels whose centres the lattice assigns to one lenslet.
-The rotation moves pixel (c, r) to pixel (m - c, n - r), with integers m and n. For a
-cell centre at pixel coordinates (u, v), the ideal m and n are 2u - 1 and 2v - 1. The
-cell takes the integers m, n within 1 of the ideal values that move most pixels of the
-cell to pixels of the cell. Of equally good pairs (m, n), the cell takes the nearest
-pair. Pixels that would leave the cell stay in place.
+The rotation moves pixel (column c, row r) to pixel (m - c, n - r), with integers m and
+n. For a lenslet centre at (u, v), the ideal m and n are 2u - 1 and 2v - 1. Of the
+integers within 1 of these values, the rotation uses the pair that keeps most pixels in
+the cell or, if several pairs do, the nearest pair. Pixels that would leave the cell
+stay in place.
 
-So the centre of rotation is at most half a pixel from the lenslet's centre in x and y.
-On a square lattice without rotation, every pixel of a cell inside the image is rotated.
-
-**Speed.** Only pixels nearer to their cell's boundary than a pixel's diagonal can leave
-the cell, so only these pixels are tried with every pair. On upright square cells, one
-row and one column of pixels determine m and n.
+The centre of rotation is at most half a pixel from the lenslet's centre in x and y. On
+a square lattice without rotation, every pixel of a cell inside the image is rotated.
 """
 
 from __future__ import annotations
@@ -29,18 +25,18 @@ from lippmann.optics.lattice import number_lenslets
 from lippmann.optics.rays import Floats, Indices
 from lippmann.optics.system import System
 
-#: Rounding error of pixel coordinates, pixels.
+#: Maximum rounding error of computed pixel coordinates, px.
 ROUNDING = 1e-9
 
 
 class Cells(NamedTuple):
-    """The lenslets' cells on a panel."""
+    """A panel's cells; a cell has the pixels of one lenslet."""
 
     #: Cell index of each pixel, counted from 0, (height * width,).
     cell: Indices
     #: Pixel coordinates of the elemental images' centres, (cells, 2).
     centre: Floats
-    #: Whether a step of one pixel in x and y may leave the cell, (height * width,).
+    #: Mask (height * width,) of pixels within a one-pixel step of the cell's edge.
     rim: npt.NDArray[np.bool_]
 
 
@@ -64,12 +60,12 @@ def cells_of(display: Display, rows: slice = slice(None), columns: slice = slice
 
 
 def rotation_map(display: Display) -> Indices:
-    """Return the index of the pixel that replaces each pixel, (height * width,)."""
+    """Return for each pixel the index of the pixel that replaces it, (height * width,)."""
     width, height = display.panel.width_px, display.panel.height_px
     system = System.of(display)
     if system.lattice.grid == "square" and not system.lattice.shear and not system.frame.sin:
         across, up = cells_of(display, rows=slice(1)), cells_of(display, columns=slice(1))
-        across.centre[:, 1] = up.centre[:, 0] = 0.5  # of one row, and of one column
+        across.centre[:, 1] = up.centre[:, 0] = 0.5  # the centres lie in one row or column
         of_columns, fixed_columns = _pairs(display, across, width, 1)
         of_rows, fixed_rows = _pairs(display, up, 1, height)
         column, row = np.arange(width), np.arange(height)[:, np.newaxis]
@@ -94,7 +90,7 @@ def _pairs(display: Display, cells: Cells, width: int, height: int) -> tuple[Ind
     size = np.array([width, height])
     exact = 2.0 * centre - 1.0
     nearest = np.rint(exact)
-    # Rim pixels may leave their cell, and so may all pixels of cells at an edge.
+    # Rim pixels, and all pixels of cells at the panel's edge, may leave their cell.
     reach = display.array.half_diagonal_mm * (1.0 + display.convergence) / min(display.panel.pitches_mm) + 2.0
     cut = (np.abs(centre - size / 2.0) - size / 2.0).max(axis=1) > -reach
     pixel = np.flatnonzero(rim | cut[cell])
@@ -106,7 +102,7 @@ def _pairs(display: Display, cells: Cells, width: int, height: int) -> tuple[Ind
     stays = np.zeros(len(pixel), bool)
     for step in itertools.product((0, -1, 1), repeat=2):
         far = np.abs(nearest + step - exact)
-        # The first pair is the nearest, so no pair is better if it keeps all pixels.
+        # The nearest pair is first; a cell that keeps all pixels needs no other.
         candidates = (far.max(axis=1) <= 1.0 + ROUNDING) & (count < cell_size)
         if not candidates.any():
             continue

@@ -2,7 +2,7 @@
 
 **Frame.** Rays run from the array to the scene. z is 0 in the image-side principal
 plane H' and increases along the axis towards the object. The object-side principal
-plane is H. A face at z with curvature c has its centre of curvature at z + 1/c.
+plane is H. A face with vertex z and curvature c has its centre of curvature at z + 1/c.
 """
 
 from __future__ import annotations
@@ -19,12 +19,12 @@ from lippmann.optics.faces import Dome, Ray, cap, refract_dome, refract_flat, tr
 from lippmann.optics.lattice import Lattice
 from lippmann.optics.rays import Floats
 
-#: Direction of the domes: to each other, away from each other, to image or object.
+#: Direction of a lens pair's curved faces: inwards, outwards, to image or to object.
 Convex = Literal["in", "out", "image", "object"]
 
 
 class Face(NamedTuple):
-    """A face with vertex z (mm), curvature (1/mm, 0 if flat), and indices before and behind it."""
+    """A lens face: vertex z (mm), curvature (1/mm, 0 if flat), indices before and behind the face."""
 
     z_mm: float
     curvature: float
@@ -34,20 +34,20 @@ class Face(NamedTuple):
 
 @dataclass(frozen=True)
 class ThinLens:
-    """An ideal lens: slope' = slope - height / f, sharp and undistorted for every ray."""
+    """An ideal lens, which changes the slope of each ray by -height / f, without aberrations."""
 
     focal_length_mm: float
     aperture_mm: float
 
-    #: Positions of the plane H and of the outermost vertices, all at the lens.
+    #: Distance from H' to H, and positions of the outermost vertices; all are 0.
     hiatus_mm: ClassVar[float] = 0.0
     extent_mm: ClassVar[tuple[float, float]] = (0.0, 0.0)
 
     def trace(self, b: Backend, ray: Ray) -> tuple[Ray, Arr]:
         """Trace rays in the lens's frame, towards the object (dz > 0).
 
-        Returns the rays from the last face, and the mask of rays that passed every face
-        inside the aperture, without total internal reflection. Other rays are finite.
+        Returns the rays from the last face, and a mask of rays that passed every face
+        inside the aperture, without total internal reflection. Blocked rays are finite.
         """
         x, y = ray.x - ray.z * (ray.dx / ray.dz), ray.y - ray.z * (ray.dy / ray.dz)
         power = 1.0 / self.focal_length_mm
@@ -67,11 +67,12 @@ class LensPair:
     convex: Convex = "in"
 
     def with_focal_length(self, focal_length_mm: float) -> LensPair:
-        """Return the pair with the radius for focal length f; raise ValueError if d > f.
+        """Return the pair with the radius that gives a focal length f; raise ValueError if d > f.
 
-        1/f = 2/F - d/F^2 holds for lenses of focal length F = R / (n - 1) whose inner
-        principal planes are d apart (Hecht, Optics, section 6.1). A dome's principal
-        plane is at its vertex. A flat face's principal plane is T/n inside the lens.
+        1/f = 2/F - d/F^2 for lenses of focal length F = R / (n - 1) whose inner
+        principal planes are d apart (Hecht, Optics, section 6.1). The curved face's
+        plane is at the vertex, the flat face's plane T/n inside, for radius R, index n,
+        thickness T.
         """
         flats_inside = {"in": 0, "out": 2, "image": 1, "object": 1}[self.convex]
         d = self.separation_mm + flats_inside * self.thickness_mm / self.index
@@ -80,7 +81,7 @@ class LensPair:
 
     @property
     def sag_mm(self) -> float:
-        """Depth of a dome over the aperture, mm."""
+        """Sag of a curved face over the aperture, mm."""
         half = 0.5 * self.aperture_mm
         return half**2 / (self.radius_mm + math.sqrt((self.radius_mm - half) * (self.radius_mm + half)))
 
@@ -99,7 +100,7 @@ class LensPair:
 
     @cached_property
     def _matrix(self) -> Floats:
-        """ABCD matrix from first to last vertex for (height mm, index times slope)."""
+        """ABCD matrix from first to last vertex, for rays (height in mm, index times slope)."""
         matrix = np.eye(2)
         z = 0.0
         for face in self._first_vertex:
@@ -111,32 +112,32 @@ class LensPair:
 
     @property
     def focal_length_mm(self) -> float:
-        """Focal length -1/C, mm."""
+        """Focal length -1/C of the pair, mm, from the ABCD matrix."""
         return float(-1.0 / self._matrix[1, 0])
 
     @cached_property
     def _image_principal(self) -> float:
-        """Position of H' from the first vertex: (D - 1)/C."""
+        """Position (D - 1)/C of H' behind the first vertex, mm (ABCD matrix)."""
         return float((self._matrix[1, 1] - 1.0) / self._matrix[1, 0])
 
     @property
     def hiatus_mm(self) -> float:
-        """Distance from H' to H, mm; H lies (1 - A)/C behind the last vertex."""
+        """Distance from H' to H, mm; H is (1 - A)/C behind the last vertex (ABCD matrix)."""
         last = self._first_vertex[-1].z_mm
         return float(last + (1.0 - self._matrix[0, 0]) / self._matrix[1, 0] - self._image_principal)
 
     @property
     def faces(self) -> tuple[Face, ...]:
-        """The faces in the lens's frame."""
+        """The four faces in the lens's frame."""
         return tuple(face._replace(z_mm=face.z_mm - self._image_principal) for face in self._first_vertex)
 
     @property
     def extent_mm(self) -> tuple[float, float]:
-        """Positions z of the first and last vertex, mm."""
+        """Positions z of the first and the last vertex, mm."""
         return self.faces[0].z_mm, self.faces[-1].z_mm
 
     def trace(self, b: Backend, ray: Ray) -> tuple[Ray, Arr]:
-        """Trace rays through the four faces, as `ThinLens.trace`."""
+        """Trace rays through the four faces; see `ThinLens.trace`."""
         through = ray.dz > 0.0
         for face in self.faces:
             ray, passed = refract_face(b, face, ray, self.aperture_mm)
@@ -148,7 +149,7 @@ ImagingLens = ThinLens | LensPair
 
 
 def refract_face(b: Backend, face: Face, ray: Ray, aperture_mm: float) -> tuple[Ray, Arr]:
-    """Refract rays with dz > 0 at a face, on its vertex side; return them and a mask of passed rays."""
+    """Refract rays with dz > 0 at a face; return the rays and a mask of the rays that passed."""
     ratio = face.index_before / face.index_behind
     if face.curvature == 0.0:
         new, behind = refract_flat(b, transported(ray, face.z_mm), ratio)

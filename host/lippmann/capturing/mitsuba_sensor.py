@@ -1,8 +1,8 @@
-"""Mitsuba's sensor plugin `integral`, with which plain Mitsuba renders a display's integral image.
+"""Defines the sensor plugin `integral`, with which Mitsuba renders a display's integral image.
 
 Import this module after `mitsuba.set_variant`. The import registers the plugin for the
-variant `llvm_ad_rgb` or `cuda_ad_rgb`. Call `register` after a change of variant.
-Parameters: docs/reference/mitsuba-sensor.md.
+variant `llvm_ad_rgb` or `cuda_ad_rgb`. Call `register` after a change of the variant.
+docs/reference/mitsuba-sensor.md lists the parameters.
 """
 
 from __future__ import annotations
@@ -23,16 +23,16 @@ from lippmann.optics.sample_points import square_to_cell
 from lippmann.rendering.sampling import APERTURES, lines_from_pixels
 
 WHERE = "sensor 'integral'"
-#: Relative difference of `to_world`'s singular values that float32 rounding causes.
+#: Maximum relative difference of `to_world`'s singular values by float32 rounding.
 SAME_SCALE = 1e-4
 
 
 def register() -> None:
-    """Register the sensor for Mitsuba's current variant; raise InputError unless it is vectorised RGB."""
+    """Register the sensor for Mitsuba's variant; raise InputError if it is not a vectorised RGB variant."""
     import mitsuba as mi
 
     if mi.variant() not in VARIANTS.values():
-        what = f"variant {mi.variant()} is not a vectorised RGB variant"
+        what = f"the variant {mi.variant()} is not a vectorised RGB variant"
         raise input_error(WHERE, what, "call mitsuba.set_variant('llvm_ad_rgb') or 'cuda_ad_rgb' first")
     mi.register_sensor("integral", _sensor_class())
 
@@ -46,17 +46,17 @@ def _sensor_class() -> type:
             super().__init__(props)
             path = props.get("display", "")
             if not path:
-                raise input_error(WHERE, "no display", "give the path of a display file (.toml)")
+                raise input_error(WHERE, "display is missing", "give the path of a display file (.toml)")
             self.display = load_display(str(mi.file_resolver().resolve(path)))
             layout = layout_of(self.display.panel.subpixels)
             if layout is not None and layout.borrows:
-                what = "pixels of this panel lack a colour, but a film's pixel has only its own rays"
+                what = "pixels of this panel lack sub-pixels of a colour, which a Mitsuba film cannot express"
                 raise input_error(WHERE, what, "use lippmann render, or a display with other subpixels")
             self.model = cast(Model, _choice("model", props.get("model", "exact"), MODELS))
             self.full = _choice("aperture", props.get("aperture", "chief"), APERTURES) == "full"
             self.near_mm = float(props.get("near_mm", 0.0))
             if not math.isfinite(self.near_mm):
-                raise input_error(WHERE, f"near_mm {self.near_mm} is not a depth", "give mm")
+                raise input_error(WHERE, f"near_mm is {self.near_mm}", "give a finite depth in mm")
             _check_pose(np.array(props.get("to_world", mi.ScalarTransform4f()).matrix, np.float64))
             self.m_needs_sample_2 = True
             self.m_needs_sample_3 = self.full
@@ -64,13 +64,13 @@ def _sensor_class() -> type:
         def sample_ray(
             self, time: Arr, sample1: Arr, sample2: Arr, sample3: Arr, active: Arr = True
         ) -> tuple[Arr, Arr]:
-            """Return rays through points of the film (sample2, 0 to 1 from the top left) and their weights."""
+            """Return rays and weights for points `sample2` of the film (0 to 1 from the top left)."""
             b = DrJitBackend(current_device())
             panel = self.display.panel
             u, v = b.double(sample2.x) * panel.width_px, b.double(sample2.y) * panel.height_px
             aperture = square_to_cell(b, sample3.x, sample3.y, Lattice.of(self.display.array)) if self.full else None
             point, direction, through, _ = lines_from_pixels(b, self.display, u, v, aperture, self.model)
-            # Rays run from in front of the scene to the display, as the viewer looks.
+            # Rays run as the viewer looks: from in front of the scene to the display.
             t = (self.near_mm - point[2]) / direction[2]
             start = mi.Point3f(point[0] + t * direction[0], point[1] + t * direction[1], mi.Float(self.near_mm))
             to_scene = self.world_transform()
@@ -81,7 +81,7 @@ def _sensor_class() -> type:
         def sample_ray_differential(
             self, time: Arr, sample1: Arr, sample2: Arr, sample3: Arr, active: Arr = True
         ) -> tuple[Arr, Arr]:
-            """Return `sample_ray`'s rays without differentials: neighbours may have other lenslets."""
+            """Return `sample_ray`'s rays without differentials: adjacent rays may pass different lenslets."""
             ray, weight = self.sample_ray(time, sample1, sample2, sample3, active)
             return mi.RayDifferential3f(ray), weight
 
@@ -108,14 +108,14 @@ def _subpixel_weight(b: DrJitBackend, display: Display, u: Arr, v: Arr) -> Arr:
 
 def _check_pose(to_world: Floats) -> None:
     if not np.isfinite(to_world).all():
-        what = "to_world contains numbers that are not finite"
-        raise input_error(WHERE, what, "give a rotation, translation and scale")
+        what = "to_world contains NaN or infinity"
+        raise input_error(WHERE, what, "give a rotation, a translation and one scale")
     size = np.linalg.svd(to_world[:3, :3], compute_uv=False)
     if not size[0] - size[2] <= SAME_SCALE * size[0] or not size[2] > 0.0:
-        what = "to_world does not scale equally in all directions, or scales by 0"
-        raise input_error(WHERE, what, "give one scale")
+        what = "the scale of to_world is 0, or differs between directions"
+        raise input_error(WHERE, what, "give one scale for all directions")
     if np.linalg.det(to_world[:3, :3]) < 0.0:
-        raise input_error(WHERE, "to_world mirrors the display", "rotate it instead")
+        raise input_error(WHERE, "to_world mirrors the display", "rotate the display instead")
 
 
 def _choice(name: str, value: object, options: tuple[str, ...]) -> str:

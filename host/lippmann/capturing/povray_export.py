@@ -1,4 +1,4 @@
-"""Writes a folder that POV-Ray 3.7 renders to a linear OpenEXR image."""
+"""Writes a folder of files that POV-Ray 3.7 renders to a linear OpenEXR image."""
 
 from __future__ import annotations
 
@@ -19,9 +19,9 @@ from lippmann.scenes.scene import Scene
 from lippmann.simulation.toolchain import Tool
 
 POVRAY = Tool("povray", "renders what `export povray` writes", "run sudo apt-get install -y povray, or see povray.org")
-#: Maximum pixels of a camera of rays. Each pixel is a triangle in a text file.
+#: Maximum number of pixels of a display export, which writes a triangle for each pixel.
 MAX_RAYS = 1 << 20
-#: Maximum surfaces that a ray meets in the scene, as in `lippmann render`.
+#: Maximum number of scene surfaces that a ray meets, as in `lippmann render`.
 MAX_DEPTH = 4
 
 HEADER = """#version 3.7;
@@ -32,30 +32,30 @@ global_settings {{ assumed_gamma 1.0 max_trace_level {levels} adc_bailout 0 }}
 
 @dataclass(frozen=True)
 class Exported:
-    """An exported folder: POV-Ray's .ini file, and the names of all files."""
+    """An exported folder: the path of POV-Ray's .ini file, and the names of all files."""
 
     ini: Path
     files: tuple[str, ...]
-    #: Surplus rows at the top of POV-Ray's image.
+    #: Number of surplus rows at the top of POV-Ray's image.
     spare_rows: int = 0
 
 
 @dataclass(frozen=True)
 class View:
-    """Camera and optics for POV-Ray, as text, and the size of the image."""
+    """Camera and optics as POV-Ray text, and the image size in pixels."""
 
     camera: str
     width_px: int
     height_px: int
     optics: str = ""
-    #: Maximum refracting faces that a ray meets in the optics.
+    #: Maximum number of refracting faces that a ray meets in the optics.
     faces: int = 0
-    #: Origins (mm) and unit directions of a camera of single rays, (N, 3) each.
+    #: Origins (mm) and unit directions, (N, 3) each, of a ray per pixel, or None.
     rays: tuple[Floats, Floats] | None = None
 
 
 def write_folder(scene: Scene, view: View, folder: Path) -> Exported:
-    """Write all files at once to `folder`, which is created if it is missing.
+    """Write all files to `folder`, which is created if missing, or none of the files.
 
     Raises InputError if POV-Ray cannot express a part of the scene, or if the folder
     cannot be written.
@@ -82,7 +82,7 @@ def write_folder(scene: Scene, view: View, folder: Path) -> Exported:
             files = sorted(file.name for file in partial.iterdir())
             for file in files:
                 if (folder / file).is_dir():
-                    raise input_error(str(folder / file), "is a folder", "choose another place for the export")
+                    raise input_error(str(folder / file), "is a folder", "choose another folder for the export")
             folder.mkdir(exist_ok=True)
             with interrupts.hold_signals():
                 for file in files:
@@ -93,7 +93,7 @@ def write_folder(scene: Scene, view: View, folder: Path) -> Exported:
 
 
 def export_display(scene: Scene, display: Display, model: Model, folder: Path) -> Exported:
-    """Write the scene, and a camera of the display's rays, one per pixel, from the golden engine.
+    """Write the scene, and a camera of one ray per display pixel, traced by the golden engine.
 
     POV-Ray traces the rays from in front of the scene towards the display. Raises
     InputError for sub-pixels, too many pixels, and scene parts that POV-Ray cannot
@@ -101,17 +101,17 @@ def export_display(scene: Scene, display: Display, model: Model, folder: Path) -
     """
     panel, name = display.panel, f"display '{display.name}'"
     if panel.subpixels != "none":
-        raise InputError(f"{name} has colour sub-pixels, but POV-Ray traces one ray per pixel; set subpixels to none")
+        raise InputError(f"{name} has colour sub-pixels, but the export has one ray per pixel; set subpixels to none")
     if panel.width_px * panel.height_px > MAX_RAYS:
-        size = f"{panel.width_px} x {panel.height_px} pixels, each a triangle in POV-Ray's file"
-        raise InputError(f"{name} has {size}; take a panel of at most {MAX_RAYS} pixels")
+        size = f"{panel.width_px} x {panel.height_px} pixels"
+        raise InputError(f"{name} has {size}; give a panel of at most {MAX_RAYS} pixels")
     row, column = np.mgrid[0 : panel.height_px, 0 : panel.width_px]
     rays = trace(display, np.stack([column.ravel() + 0.5, row.ravel() + 0.5], axis=1), None, model)
     _, near = scene.depth_range_mm
     t = (near - rays.origin_mm[:, 2]) / rays.direction[:, 2]
     origin = rays.origin_mm + t[:, None] * rays.direction
     active = gets_through(rays.status)
-    # A ray that the lenslets block must see nothing, so it looks away from the scene.
+    # A ray that the lenslets block must be black, so point the ray away from the scene.
     direction = np.where(active[:, None], -rays.direction, [0.0, 0.0, 1.0])
     origin[~active] = (0.0, 0.0, near)
     view = View('#include "rays.inc"', panel.width_px, panel.height_px, rays=(origin, direction))

@@ -1,6 +1,6 @@
-"""Writes a capture's optics as POV-Ray solids (docs/reference/povray.md), as in the founding paper.
+"""Writes lens, array and camera of a set-up in POV-Ray's language (docs/reference/povray.md).
 
-All z are in the object's frame, where +z is towards the lens, the array and the camera.
+All z are in the object's frame, in which +z is towards lens, array and camera.
 """
 
 from __future__ import annotations
@@ -18,15 +18,15 @@ from lippmann.errors import input_error
 from lippmann.optics.lattice import Lattice
 from lippmann.optics.system import PanelFrame
 
-#: Number of lenslets beyond each side of the panel, which oblique rays may reach.
+#: Number of extra lenslets beyond each side of the panel, for oblique rays.
 SPARE_LENSLETS = 2
-#: Maximum faces that a ray meets in the array, with the walls to a neighbour.
+#: Maximum number of faces that a ray meets in the array, including lenslet walls.
 ARRAY_FACES = 6
-#: Fraction of a lenslet's width by which neighbours overlap. POV-Ray reflects rays at
-#: walls between solids that only touch. At 2e-5, single precision loses some of the
-#: overlap. A much larger overlap makes steps between the domes.
+#: Overlap of adjacent lenslets as a fraction of their width: POV-Ray reflects rays at
+#: walls between solids that only touch. At 2e-5, single precision loses some overlap. A
+#: much larger overlap makes steps between the curved faces.
 OVERLAP = 3e-5
-#: Radius of the discs that form the stops, mm.
+#: Outer radius of the disc that stops light beside a lens, mm.
 STOP_MM = 1e5
 
 GLASS = "texture { pigment { rgbt 1 } finish { ambient 0 diffuse 0 } }"
@@ -34,18 +34,18 @@ BLACK = "texture { pigment { rgb 0 } finish { ambient 0 diffuse 0 } }"
 
 
 def setup_view(setup: Setup) -> View:
-    """Return a set-up's camera, array and lens; refuse parts that POV-Ray cannot express."""
+    """Return a set-up's camera, array and lens; raise InputError for what POV-Ray cannot express."""
     where, panel = f"set-up '{setup.name}'", setup.display.panel
     to_plane = setup.camera_distance_mm
     if isinstance(setup.pickup, Pickup):
-        raise input_error(where, "POV-Ray has no sensor behind an array", "give a [camera]")
+        raise input_error(where, "POV-Ray cannot render a sensor behind an array", "give a [camera]")
     if isinstance(setup.lens, ThinLens):
         raise input_error(where, "POV-Ray has no ideal thin lens", 'give a lens of kind "pair"')
     if setup.display.viewing_distance_mm is not None:
-        what = "its display has a viewing_distance_mm, and POV-Ray takes pictures right behind the lenslets only"
-        raise input_error(where, what, "give a display without it")
+        what = "the display has a viewing_distance_mm, which the export does not support"
+        raise input_error(where, what, "give a display without this key")
     assert to_plane is not None
-    # The position z of the lens's origin, or of the array's vertices without a lens.
+    # Position z of the lens's origin or, without a lens, of the array's vertices.
     origin = setup.subject.distance_mm + (0.0 if setup.lens is None else setup.lens.hiatus_mm)
     position = (0.0, 0.0, origin + setup.pickup.distance_mm)
     camera = pinhole(position, (0.0, 0.0, -to_plane), panel.width_mm, panel.height_mm)
@@ -73,16 +73,16 @@ def _plano_convex(pair: LensPair, faces: tuple[Face, ...], origin_mm: float) -> 
         f"interior {{ ior {number(pair.index)} }} no_shadow",
     )
     hole = f"{vector((0, 0, ends[1]))}, z, {number(STOP_MM)}, {number(radius)}"
-    # The scene must not reflect the stop, which covers half of all directions.
+    # The stop is not reflected in the scene, because it covers half of all directions.
     stop = f"disc {{ {hole} {BLACK} no_shadow no_reflection }}"
     return f"{solid}\n{stop}"
 
 
 def array_solids(display: Display, vertex_mm: float, side: float, concave: bool = False) -> str:
-    """Return one lenslet of a display, and a loop that repeats the lenslet.
+    """Return a display's lenslet as POV-Ray text, and a loop that repeats the lenslet.
 
-    The vertices are in the plane z = `vertex_mm`. The glass is on the +z side if `side`
-    is +1, and on the -z side if `side` is -1.
+    The lenslets' vertices are in the plane z = `vertex_mm`. The glass is on the +z side
+    if `side` is +1, and on the -z side if `side` is -1.
     """
     array, depth = display.array, display.array.thickness_mm
     # The rims of a concave lenslet protrude beyond its centre.
@@ -90,7 +90,7 @@ def array_solids(display: Display, vertex_mm: float, side: float, concave: bool 
     cell = _prism(array, side * front, side * depth)
     sphere = f"sphere {{ {vector((0, 0, side * centre))}, {number(array.radius_mm)} }}"
     if depth > array.radius_mm and not concave:
-        # The sphere's far side would cut the substrate, so glass fills that side.
+        # The sphere's far side would cut the substrate, so fill that side with glass.
         beyond = f"plane {{ {vector((0, 0, -side))}, {number(-array.radius_mm)} }}"
         sphere = f"merge {{ {sphere} {beyond} }}"
     body = f"difference {{ {cell} {sphere}" if concave else f"intersection {{ {sphere} {cell}"
@@ -133,11 +133,11 @@ def _prism(array: Array, near: float, far: float) -> str:
 
 
 def lattice_rows(display: Display) -> list[tuple[int, int, int]]:
-    """Return (row j, first i, last i) of the lenslets that cover the panel and `SPARE_LENSLETS` more."""
+    """Return (row j, first i, last i) of the panel's lenslets, and `SPARE_LENSLETS` more at each side."""
     panel, array = display.panel, display.array
     frame, lattice = PanelFrame.of(display), Lattice.of(array)
     spare = (SPARE_LENSLETS + 0.5) * array.coarsest_mm
-    # The panel's diagonal bounds the panel for every rotation.
+    # The panel's diagonal is an upper bound for every rotation.
     reach = math.hypot(panel.width_mm, panel.height_mm) + math.hypot(*array.offset_mm) + spare
     count = math.ceil(reach / min(array.row_pitch_mm, array.finest_mm))
     j, i = (axis.astype(float) for axis in np.mgrid[-count : count + 1, -3 * count : 3 * count + 1])

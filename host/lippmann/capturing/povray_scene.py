@@ -1,13 +1,13 @@
-"""Converts a Mitsuba scene for POV-Ray (docs/reference/povray.md), in the display's frame, mm.
+"""Converts a Mitsuba scene to POV-Ray text (docs/reference/povray.md), in mm in the display's frame.
 
-**Factors of materials.** Under a point light of intensity I, a diffuse surface has the
-radiance a I cos / (pi d^2) in Mitsuba. In POV-Ray the radiance is 2 a c cos / (1 + (d /
-f)^2), for a light of colour c with `fade_power 2` and `fade_distance f`. If c = I / (2
-pi f^2), both radiances agree to a relative f^2 / d^2, a millionth at 1 mm.
+**Radiance.** At the distance d from a point light of intensity I, a diffuse surface of
+reflectance a has the radiance a I cos / (pi d^2) in Mitsuba. In POV-Ray, the radiance
+for a light of colour c with `fade_power 2` and `fade_distance f` is 2 a c cos / (1 + (d
+/ f)^2). With c = I / (2 pi f^2), the relative difference is f^2 / d^2, or 1e-6 at 1 mm.
 
-The diffuse part of a smooth plastic is a (1 - F(i)) (1 - F(o)) / (eta^2 (1 - Fdr)) in
-Mitsuba, with the Fresnel reflectances F of both directions. Here F is the reflectance
-at normal incidence: it is accurate to 2 % up to 50 degrees, and too bright beyond.
+In Mitsuba, a smooth plastic of index eta has the diffuse reflectance a (1 - F(i)) (1 -
+F(o)) / (eta^2 (1 - Fdr)), with the Fresnel reflectances F. The export uses F at normal
+incidence: accurate to 2 % up to 50 degrees, and too bright at larger angles.
 """
 
 from __future__ import annotations
@@ -29,21 +29,21 @@ SUBSET = "use diffuse, plastic, conductor (a mirror) or dielectric, two-sided or
 
 
 class Side(NamedTuple):
-    """Appearance of a surface's side: pigments for meshes and for spheres, and a finish."""
+    """A surface side's POV-Ray texture: pigments for meshes and for spheres, and a finish."""
 
     pigment: str
     sphere: str
     finish: str
 
     def texture(self, spherical: bool) -> str:
-        """Return the texture for a sphere, or for a mesh with uv."""
+        """Return the POV-Ray texture for a sphere or for a mesh."""
         pigment = self.sphere if spherical else self.pigment
         return block("texture", pigment, block("finish", "ambient 0 " + self.finish))
 
 
 @dataclass(frozen=True)
 class Material:
-    """A material with two sides and an inner refractive index; None means no Fresnel reflection."""
+    """A material with two sides; `index` is the inner refractive index (None: no Fresnel reflection)."""
 
     name: str
     front: Side
@@ -52,7 +52,7 @@ class Material:
 
     @property
     def clear(self) -> bool:
-        """Whether light passes the material."""
+        """Whether the material is transparent."""
         return self.front.pigment == CLEAR
 
     @property
@@ -72,18 +72,18 @@ CLEAR = block("pigment", "rgbt <1, 1, 1, 1>")
 
 
 class Materials:
-    """Reads each material once, and copies its image textures to the folder."""
+    """Converts each material once, and copies the image textures to the export folder."""
 
     def __init__(self, folder: Path) -> None:
         self._mi = mitsuba()
         self.folder = folder
-        #: The textures to declare, keyed by name.
+        #: Textures to declare in `scene.inc`, keyed by name.
         self.textures: dict[str, str] = {}
         self._known: dict[int, Material] = {}
         self._pictures: dict[tuple[Path, bool], str] = {}
 
     def read(self, item: Item) -> Material:
-        """Return the material of a BSDF."""
+        """Convert a Mitsuba BSDF to a POV-Ray material."""
         if item.index not in self._known:
             name = identifier("material", len(self._known), item.id)
             if item.plugin == "twosided":
@@ -97,25 +97,25 @@ class Materials:
         return self._known[item.index]
 
     def _read_side(self, item: Item) -> tuple[Side, float | None]:
-        """Return a material's front side, and the refractive index inside."""
+        """Convert a BSDF to its front side and the refractive index inside."""
         index = None
         match item.plugin:
             case "diffuse":
                 side = self._read_coloured_side(item, "reflectance", "diffuse 1")
             case "conductor":
                 if item.value("material", "Cu") != "none" or item.values("eta", "k"):
-                    raise item.refusal("has a complex index", "give material none and a specular_reflectance")
+                    raise item.refusal("has a complex index", "set material to none, and give a specular_reflectance")
                 tint = item.triple("specular_reflectance", WHITE)
                 side = _plain((0.0, 0.0, 0.0), f"diffuse 0 reflection {{ rgb {vector(tint)} }}")
             case "dielectric":
                 for name in ("specular_reflectance", "specular_transmittance"):
                     if item.triple(name, WHITE) != WHITE:
-                        raise item.refusal(f"has a {name} other than 1", "leave it out: clear glass")
+                        raise item.refusal(f"has a {name} other than 1", f"remove {name}")
                 side = Side(CLEAR, CLEAR, "diffuse 0 reflection { 0, 1 fresnel on } conserve_energy")
                 index = self._read_index(item)
             case "plastic":
                 if item.value("nonlinear", False):
-                    raise item.refusal("is nonlinear", "leave nonlinear out")
+                    raise item.refusal("is nonlinear", "remove nonlinear")
                 tint = item.triple("specular_reflectance", WHITE)
                 index = self._read_index(item)
                 normal = ((index - 1.0) / (index + 1.0)) ** 2
@@ -124,7 +124,7 @@ class Materials:
                 finish = f"diffuse {number(diffuse)} reflection {{ rgb 0, rgb {vector(tint)} fresnel on }}"
                 side = self._read_coloured_side(item, "diffuse_reflectance", finish)
             case _:
-                raise item.refusal("has no counterpart in POV-Ray", SUBSET)
+                raise item.refusal("cannot be exported to POV-Ray", SUBSET)
         item.refuse_leftovers()
         return side, index
 
@@ -132,7 +132,7 @@ class Materials:
         try:
             glass = self._mi.load_dict({"type": item.plugin, **item.values("int_ior", "ext_ior")})
         except Exception as error:  # Mitsuba's errors have no common base
-            raise item.refusal(f"has an unknown index ({' '.join(str(error).split())[:100]})", "give it") from None
+            raise item.refusal(f"has an unknown index ({' '.join(str(error).split())[:99]})", "give a number") from None
         return float(self._mi.traverse(glass)["eta"])
 
     def _read_coloured_side(self, item: Item, name: str, finish: str) -> Side:
@@ -140,16 +140,16 @@ class Materials:
         if texture is None:
             return _plain(item.triple(name, (0.5, 0.5, 0.5)), finish)
         if texture.plugin != "bitmap":
-            raise texture.refusal("has no counterpart", "use a colour or a bitmap")
+            raise texture.refusal("cannot be exported to POV-Ray", "use a colour or a bitmap")
         if texture.value("wrap_mode", "repeat") != "repeat":
-            raise texture.refusal("has a wrap_mode other than repeat", "leave it out")
+            raise texture.refusal("has a wrap_mode other than repeat", "remove wrap_mode")
         interpolate = " interpolate 2" if texture.value("filter_type", "bilinear") == "bilinear" else ""
         raw = texture.value("raw", False)
         file = self._copy_picture(texture, raw)
         texture.refuse_leftovers()
         image = f'png "{file}" gamma {"1.0" if raw else "srgb"} map_type'
         mesh, sphere = (block("image_map", f"{image} {shape}{interpolate}") for shape in (0, 1))
-        # Longitude runs about z in Mitsuba and about y in POV-Ray.
+        # The axis of a sphere's texture is z in Mitsuba and y in POV-Ray.
         sphere = block("pigment", f"{sphere} matrix <1, 0, 0, 0, 0, 1, 0, 1, 0, 0, 0, 0>")
         return Side(f"uv_mapping {block('pigment', mesh)}", sphere, finish)
 
@@ -162,7 +162,7 @@ class Materials:
             except Exception as error:
                 raise texture.refusal(f"cannot be read ({' '.join(str(error).split())[:200]})", "repair it") from None
             if bitmap.component_format() != self._mi.Struct.Type.UInt8:
-                raise texture.refusal("has more than 8 bits a colour", "save it as an 8-bit PNG")
+                raise texture.refusal("has more than 8 bits per colour", "save the image as an 8-bit PNG")
             name = f"{plain(path.stem)}-{len(self._pictures)}.png"
             bitmap = bitmap.convert(self._mi.Bitmap.PixelFormat.RGB, self._mi.Struct.Type.UInt8, bitmap.srgb_gamma())
             bitmap.write(str(self.folder / name))
@@ -172,17 +172,17 @@ class Materials:
 
 Array = npt.NDArray[Any]
 
-#: Kinds of objects in a scene file that do not belong to the scene.
+#: Types of scene file objects that the export ignores.
 ELSEWHERE = ("Integrator", "Sensor", "Film", "Sampler")
 SHAPES = ("sphere", "rectangle", "ply", "obj")
-#: Fade distance of point lights, mm.
+#: Fade distance f of point lights, mm.
 FADE_MM = 1e-3
-#: Fraction of a mesh's size within which vertices count as one vertex.
+#: Fraction of a mesh's size below which two vertices count as one vertex.
 GRAIN = 1e-6
 
 
 def write_scene(path: Path, placement: Placement, folder: Path) -> None:
-    """Write `scene.inc`, meshes and image textures; refuse parts that POV-Ray cannot express."""
+    """Write `scene.inc`, meshes and image textures; raise InputError for what POV-Ray cannot express."""
     materials, objects, lights = Materials(folder), list[str](), list[str]()
     for item in Item(Tree(path), 0).children():
         if item.kind == "Shape":
@@ -190,7 +190,7 @@ def write_scene(path: Path, placement: Placement, folder: Path) -> None:
         elif item.kind == "Emitter":
             lights.append(_light(item, placement))
         elif item.kind not in (*ELSEWHERE, "BSDF", "Texture"):
-            raise item.refusal("has no counterpart in POV-Ray", "leave it out")
+            raise item.refusal("cannot be exported to POV-Ray", "remove it")
     title = f"// {plain(path.stem)} in the display's frame, mm: x right, y up, +z to the viewer; radiance is linear."
     declared = [f"#declare {name} = {text}" for name, text in materials.textures.items()]
     (folder / "scene.inc").write_text("\n".join([title, *declared, *lights, *objects]) + "\n")
@@ -198,7 +198,7 @@ def write_scene(path: Path, placement: Placement, folder: Path) -> None:
 
 def _light(item: Item, placement: Placement) -> str:
     if item.plugin != "point":
-        raise item.refusal("has no counterpart in POV-Ray", "use point lights")
+        raise item.refusal("cannot be exported to POV-Ray", "use point lights")
     *position, _ = placement.display_from_scene @ item.matrix() @ np.array([*item.triple("position", ORIGIN), 1.0])
     # I / d^2 is per square scene unit. In mm, I and d^2 grow with the scale squared.
     intensity = placement.scale**2 * np.array(item.triple("intensity", (1.0, 1.0, 1.0)))
@@ -209,20 +209,20 @@ def _light(item: Item, placement: Placement) -> str:
 
 
 def _shape(item: Item, materials: Materials, placement: Placement, place: int) -> list[str]:
-    """Return a shape's objects, and add its textures to `materials`; `place` makes names unique."""
+    """Return a shape's POV-Ray objects, and add its textures to `materials`; `place` makes names unique."""
     if item.plugin not in SHAPES:
-        raise item.refusal("has no counterpart in POV-Ray", f"use {', '.join(SHAPES)}")
+        raise item.refusal("cannot be exported to POV-Ray", f"use {', '.join(SHAPES)}")
     material = None
     for child in item.children():
         if child.kind != "BSDF":
-            raise child.refusal("on a shape has no counterpart in POV-Ray", "use point lights and plain materials")
+            raise child.refusal("of a shape cannot be exported to POV-Ray", "use point lights and plain materials")
         material = materials.read(child)
     if material is None:
-        raise item.refusal("has no material", "give it one")
+        raise item.refusal("has no material", "give the shape a bsdf")
     if material.clear and item.plugin == "rectangle":
         raise item.refusal("encloses no glass", "use closed shapes for dielectrics")
     spherical = item.plugin == "sphere"
-    # `@` stands for texture and interior.
+    # In the geometry, `@` stands for texture and interior.
     geometry = _sphere(item, placement) if spherical else _mesh(item, material, placement, materials.folder, place)
     item.refuse_leftovers()
     front = f"{material.name}_sphere" if spherical and material.pictures else material.name
@@ -233,7 +233,7 @@ def _shape(item: Item, materials: Materials, placement: Placement, place: int) -
         look += f" interior {{ ior {material.index:.9g} }}"
     if not material.clear:
         return [geometry.replace("@", look)]
-    # In Mitsuba, glass blocks point lights. In POV-Ray, a black copy casts this shadow.
+    # In Mitsuba, glass blocks point lights. In POV-Ray, a black copy blocks them.
     shadow = geometry.replace("@", block("pigment", "rgb 0") + " no_image no_reflection").split("\n")[-1]
     return [geometry.replace("@", f"{look} no_shadow"), shadow]
 
@@ -244,10 +244,10 @@ def _sphere(item: Item, placement: Placement) -> str:
     to_world[:3, :3] *= item.value("radius", 1.0)
     size = np.linalg.svd(to_world[:3, :3], compute_uv=False)
     if size[0] - size[2] > 1e-3 * size[0]:
-        raise item.refusal("is not a sphere after its transform", "scale it equally in all directions")
-    # Mitsuba inverts normals for flip_normals, a negative radius, and mirroring.
+        raise item.refusal("is not a sphere after its transform", "scale the sphere equally in all directions")
+    # Mitsuba inverts normals for flip_normals, a negative radius and mirroring.
     if (np.linalg.det(to_world[:3, :3]) < 0.0) != item.value("flip_normals", False):
-        raise item.refusal("has normals that point inwards", "flip them; POV-Ray's spheres face outwards")
+        raise item.refusal("has normals that point inwards", "flip the normals")
     return f"sphere {{ 0, 1 @ {matrix(placement.display_from_scene @ to_world)} }}"
 
 
@@ -264,14 +264,14 @@ def _mesh(item: Item, material: Material, placement: Placement, folder: Path, pl
     parts = {"vertex_vectors": points}
     if mesh.has_vertex_normals():
         normals = _column(mesh.vertex_normals_buffer(), 3) @ placement.display_from_scene[:3, :3].T
-        # flip_normals does not change the file's normals.
+        # In Mitsuba, flip_normals does not change the file's normals.
         facing = -1.0 if item.value("flip_normals", False) else 1.0
         parts["normal_vectors"] = facing * normals / placement.scale
     if mesh.has_vertex_texcoords():
         # The first row of a texture is v = 0 in Mitsuba and v = 1 in POV-Ray.
         parts["uv_vectors"] = _column(mesh.vertex_texcoords_buffer(), 2) * [1.0, -1.0] + [0.0, 1.0]
     elif material.pictures:
-        raise item.refusal("has an image texture but no uv", "give the mesh uv, or the material a colour")
+        raise item.refusal("has an image texture but no uv", "add uv to the mesh, or use a material with a colour")
     parts["face_indices"] = faces
     name = f"{stem}-{place}.inc"
     body = "\n".join(f"{keyword} {{ {rows(values)} }}" for keyword, values in parts.items())
@@ -281,9 +281,9 @@ def _mesh(item: Item, material: Material, placement: Placement, folder: Path, pl
 
 
 def _outside(mesh: Any, points: Array, faces: Array) -> npt.NDArray[np.bool_]:
-    """Return the mask of faces with counter-clockwise vertices, seen from the front."""
+    """Return a mask of the faces whose vertices are counter-clockwise, seen from the front."""
     mi, dr = mitsuba(), drjit()
-    # Mitsuba's normal points to the front. It depends on winding, vertex normals,
+    # Mitsuba's normal points to the front; it depends on winding, vertex normals,
     # flip_normals and mirroring.
     centre = dr.zeros(mi.PreliminaryIntersection3f, len(faces))
     centre.t = 1.0
@@ -296,22 +296,22 @@ def _outside(mesh: Any, points: Array, faces: Array) -> npt.NDArray[np.bool_]:
 
 
 def _area(points: Array, faces: Array) -> Array:
-    """Return face normals from the order of vertices; the length is twice the area."""
+    """Return face normals from the order of vertices; their length is twice the area."""
     first, second, third = (points[faces[:, k]] for k in range(3))
     return np.cross(second - first, third - first)
 
 
 def _check_closed(item: Item, points: Array, faces: Array) -> None:
-    # Vertices at one point are one corner, which normals and uv may split.
+    # Merge vertices at one point, because normals and uv may split a corner.
     grain = GRAIN * np.ptp(points, axis=0).max()
     _, corner = np.unique(np.round(points / grain), axis=0, return_inverse=True)
     edges = np.sort(corner.reshape(-1)[faces[:, [[0, 1], [1, 2], [2, 0]]]].reshape(-1, 2), axis=1)
     _, faces_there = np.unique(edges[edges[:, 0] != edges[:, 1]], axis=0, return_counts=True)
     if (faces_there % 2).any():
         raise item.refusal("encloses no glass", "use closed shapes for dielectrics")
-    # This is six times the signed volume, which is positive if the fronts face inwards.
+    # The sum is six times the signed volume, positive if the fronts face inwards.
     if ((points[faces[:, 0]] - points[0]) * _area(points, faces)).sum() > 0.0:
-        raise item.refusal("has normals that point inwards", "flip them: glass is behind a surface")
+        raise item.refusal("has normals that point inwards", "flip the normals; glass is behind a surface")
 
 
 def _load_mesh(item: Item) -> tuple[Any, str]:
@@ -325,7 +325,7 @@ def _load_mesh(item: Item) -> tuple[Any, str]:
     try:
         return mi.load_dict(properties), stem
     except Exception as error:  # Mitsuba's errors have no common base
-        raise item.refusal(f"cannot be read ({' '.join(str(error).split())[:200]})", "repair it") from None
+        raise item.refusal(f"cannot be read ({' '.join(str(error).split())[:200]})", "repair the file") from None
 
 
 def _column(buffer: Any, width: int) -> Array:

@@ -1,7 +1,7 @@
-"""Reads the objects and properties of a scene file as Mitsuba parses them.
+"""Reads objects and properties of a Mitsuba scene file, with Mitsuba's own parser.
 
-The caller reads the properties that it supports. Each remaining property is an error
-that names property, file and line.
+A caller reads the properties that it supports; `refuse_leftovers` raises an error for
+any other property, with file and line.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ Value = TypeVar("Value", float, str, bool)
 
 
 class Item:
-    """An object of a scene file, such as a shape; methods mark the properties that they read."""
+    """An object of a scene file, such as a shape; it records which properties were read."""
 
     def __init__(self, tree: Tree, index: int) -> None:
         self.index = index
@@ -40,7 +40,7 @@ class Item:
         return beside_scene if beside_scene.exists() else including_file.parent / text
 
     def refusal(self, what: str, remedy: str) -> InputError:
-        """Return an error that names this object and its position in the file."""
+        """Return an InputError that names this object and its position in the scene file."""
         name = f"{self.kind.lower()} '{self.plugin}'" + (f" ({self.id})" if self.id else "")
         where = str(self.tree.mi.parser.file_location(self.tree.state, self._node))
         return input_error(where, f"{name} {what}", remedy)
@@ -50,16 +50,16 @@ class Item:
         return self._properties.get(name)
 
     def values(self, *names: str) -> dict[str, Any]:
-        """Return the properties among `names` that the file gives, as Mitsuba's values."""
+        """Return those of the properties `names` that the file contains, as Mitsuba's values."""
         return {name: self._take(name) for name in names if name in self._properties}
 
     def value(self, name: str, default: Value) -> Value:
-        """Return a number, a text or a Boolean, of the default's type."""
+        """Return a number, text or Boolean property, in the default's type."""
         value = self._take(name)
         return default if value is None else type(default)(value)
 
     def triple(self, name: str, default: Triple) -> Triple:
-        """Return a point or a colour."""
+        """Return a point or colour property as three numbers."""
         value = self._take(name)
         if value is None:
             return default
@@ -71,16 +71,16 @@ class Item:
         try:
             x, y, z = (float(component) for component in value)
         except (TypeError, ValueError):
-            raise self.refusal(f"has a {name} that is not an RGB colour", f"give {name} as rgb") from None
+            raise self.refusal(f"has a {name} that is not an RGB colour", f"write {name} as rgb") from None
         return x, y, z
 
     def matrix(self) -> Matrix:
-        """Return the transform `to_world`, (4, 4)."""
+        """Return the property `to_world` as a matrix (4, 4)."""
         value = self._take("to_world")
         return np.eye(4) if value is None else np.array(value.matrix, np.float64).reshape(4, 4)
 
     def child(self, name: str) -> Item | None:
-        """Return the object that a property refers to; None if the property is a value."""
+        """Return the object to which a property refers; return None if the property is a value."""
         value = self._properties.get(name)
         if not isinstance(value, self.tree.reference):
             return None
@@ -88,19 +88,19 @@ class Item:
         return Item(self.tree, value.index())
 
     def children(self) -> list[Item]:
-        """Return the nested and referenced objects that are not yet read, in order."""
+        """Return the nested and referenced objects that have not been read, in file order."""
         objects = [self.child(name) for name in self._properties if name not in self._read]
         return [one for one in objects if one is not None]
 
     def refuse_leftovers(self) -> None:
-        """Raise InputError for the first property that has not been read."""
+        """Raise InputError for the first property that no caller has read."""
         for name in self._properties:
             if name not in self._read:
-                raise self.refusal(f"has a {name}, which has no counterpart in POV-Ray", f"leave {name} out")
+                raise self.refusal(f"has a {name}, which cannot be exported to POV-Ray", f"remove {name}")
 
 
 class Tree:
-    """A parsed scene file; its object 0 is the scene."""
+    """A parsed scene file; object 0 is the scene itself."""
 
     def __init__(self, path: Path) -> None:
         self.mi = mi = mitsuba()

@@ -1,7 +1,7 @@
 """Writes numbers, vectors, blocks and cameras in POV-Ray's scene language.
 
-POV-Ray's axes are left-handed only by convention: a camera's `right` vector decides. So
-points stay unchanged, and images are not mirrored. Rays pass through pixel centres.
+A camera's `right` vector decides whether POV-Ray's axes are left-handed. The exported
+cameras are right-handed, so points stay unchanged and images are not mirrored.
 """
 
 from __future__ import annotations
@@ -18,27 +18,27 @@ import numpy.typing as npt
 from lippmann.optics.rays import Floats
 from lippmann.scenes.placement import Triple
 
-#: Maximum characters of a name in a file name. File systems allow 255 bytes.
+#: Maximum number of a name's characters in a file name (file systems allow 255 bytes).
 MAX_NAME = 100
-#: Size of the triangles that define rays, mm. At 100 mm from the origin, POV-Ray's
-#: float32 corners rotate the normal of a 10 mm triangle by a microradian.
+#: Size of the triangles whose normals are rays, mm. At 100 mm from the origin, float32
+#: rounding of the corners rotates the normal of a 10 mm triangle by 1e-6 rad.
 FACE_MM = 10.0
-#: Extra rows of a camera of rays, because POV-Ray 3.7 renders its first row twice.
+#: Extra rows of a mesh camera's image: POV-Ray 3.7 renders the first row twice.
 SPARE_ROWS = 1
 
 
 def number(value: float) -> str:
-    """Return a number as text with more digits than float32 has."""
+    """Return a number as text with ten digits, more than float32 has."""
     return f"{float(value) + 0.0:.10g}"
 
 
 def vector(values: Iterable[Any]) -> str:
-    """Return the text of a vector, <x, y, z>."""
+    """Return a vector as POV-Ray text, <x, y, z>."""
     return f"<{', '.join(number(value) for value in values)}>"
 
 
 def block(name: str, *parts: str) -> str:
-    """Return `name { parts }` with each part on an indented line."""
+    """Return the text `name { parts }`; long blocks have a line for each part."""
     body = "\n".join(parts)
     if "\n" not in body and len(body) < 90:
         return f"{name} {{ {body} }}"
@@ -46,29 +46,29 @@ def block(name: str, *parts: str) -> str:
 
 
 def matrix(values: npt.NDArray[Any]) -> str:
-    """Return POV-Ray's transform, for row vectors, of a (4, 4) matrix for column vectors."""
+    """Convert a (4, 4) matrix for column vectors to POV-Ray's transform for row vectors."""
     return "matrix " + vector(values[:3, :4].T.ravel())
 
 
 def rows(values: npt.NDArray[Any]) -> str:
-    """Return the text of an (N, k) array: N, then each row as a vector."""
+    """Return an (N, k) array as POV-Ray text: N, then each row as a vector."""
     form = "%d" if np.issubdtype(values.dtype, np.integer) else "%.9g"
     line = "<" + ",".join([form] * values.shape[1]) + ">"
     return f"{len(values)},\n" + ",\n".join([line] * len(values)) % tuple(values.ravel().tolist())
 
 
 def plain(name: str) -> str:
-    """Return a name with only ASCII letters, digits and _."""
+    """Replace all characters except ASCII letters and digits by _."""
     return re.sub(r"\W", "_", name[:MAX_NAME], flags=re.ASCII)
 
 
 def identifier(kind: str, number: int, name: str) -> str:
-    """Return an identifier that `kind` and `number` make unique."""
+    """Return a POV-Ray identifier that `kind` and `number` make unique."""
     return f"L_{kind}{number}_{plain(name)}"
 
 
 def pinhole(position_mm: Triple, to_window: Triple, width_mm: float, height_mm: float) -> str:
-    """Return a pinhole camera for an upright window; `to_window` is the vector to its centre, mm."""
+    """Return a pinhole camera for an upright window; `to_window` points to the window's centre, mm."""
     return block(
         "camera",
         f"perspective location {vector(position_mm)}",

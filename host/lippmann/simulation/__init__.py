@@ -1,1 +1,1 @@
-"""Compiles the RTL with Verilator, runs it from Python, and starts virtual boards."""
+"""Compiles the RTL with Verilator, runs the RTL from Python, and starts virtual boards."""

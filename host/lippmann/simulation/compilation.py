@@ -1,6 +1,6 @@
-"""Compiles RTL with Verilator to a program or a library, once for all processes.
+"""Compiles RTL with Verilator to a program or a library, and caches the result.
 
-The compiler reads Verilator's C++ as one file, which is faster and optimises the whole.
+The compiler gets Verilator's C++ as one file, which compiles faster and runs faster.
 """
 
 from __future__ import annotations
@@ -18,39 +18,40 @@ from lippmann.base.programs import run_program
 from lippmann.errors import LippmannError, input_error, to_install
 from lippmann.simulation.toolchain import build_folder, hardware, verilator_environment, verilator_version
 
-#: Compiler flags for speed on this processor. Hidden symbols allow inlining.
+#: C++ compiler flags for a fast simulation. Hidden symbols allow inlining.
 FAST = ("-O3", "-march=native", "-fvisibility=hidden")
-#: Compiler flags for a simulation that takes less time than its compilation.
+#: C++ compiler flags for a simulation that is shorter than its compilation.
 SHORT = ("-O1",)
-#: Verilator's options for a fast model without assertions.
+#: Verilator options for a fast model without assertions.
 UNCHECKED = ("--x-assign", "fast", "--x-initial", "fast", "--noassert")
-#: Verilator's options for a netlist: short C++ functions, which compile fast.
+#: Verilator options for a netlist: short C++ functions compile fast.
 NETLIST = ("--output-split-cfuncs", "1000")
 
-#: Environment variables: the folder for coverage (sim/coverage/), whether toggles count.
+#: Environment variables: the folder for coverage data, and a switch for toggle
+#: coverage.
 COVERAGE, TOGGLES = "LIPPMANN_COVERAGE", "LIPPMANN_TOGGLES"
 
-#: C++ includes of every model.
+#: C++ include lines that every model needs.
 HEADERS = '#include "verilated.h"\n#include "verilated_vpi.h"\n'
 
-#: A compiler's message for a full disk.
+#: The text by which a compiler reports a full disk.
 NO_SPACE = os.strerror(errno.ENOSPC)
 
-# -fno-gnu-unique gives each library in a process its own runtime variables.
+# With -fno-gnu-unique, each library has its own copy of Verilator's runtime variables.
 _ALWAYS = ("-std=gnu++17", "-fPIC", "-fno-gnu-unique", "-DVM_SC=0")
 
 
 class RtlError(LippmannError):
-    """Verilator or the compiler refuses the RTL."""
+    """Verilator or the compiler reports an error in the RTL."""
 
     exit_code = 3
 
 
 def cached_file(path: Path, inputs: Iterable[Path | str], make: Callable[[Path], None], suffix: str = "") -> Path:
-    """Return a file made from inputs. If the file is missing, `make` writes it, complete or not at all.
+    """Return the path of a cached file; if it is missing, `make` writes it completely or not at all.
 
     One process makes the file and the others wait. The file name is that of `path`, a
-    hash of the inputs (texts, file contents), processor and Verilator, and the suffix.
+    hash of inputs (texts, file contents), processor and Verilator, and the suffix.
     """
     always = " ".join(sorted(features())) + verilator_version()
     key = hashlib.sha256(always.encode() + Path(__file__).read_bytes())
@@ -65,12 +66,12 @@ def cached_file(path: Path, inputs: Iterable[Path | str], make: Callable[[Path],
         except OSError as error:
             if is_full(error):
                 raise no_space(str(target.parent), error.strerror) from None
-            why = f"compiled simulations cannot be kept there ({error.strerror})"
-            raise input_error(str(target.parent), why, "make it writable, or set XDG_CACHE_HOME") from None
+            why = f"compiled simulations cannot be stored there ({error.strerror})"
+            raise input_error(str(target.parent), why, "make the folder writable, or set XDG_CACHE_HOME") from None
         with lock:
             import fcntl  # only Unix has it
 
-            fcntl.flock(lock, fcntl.LOCK_EX)  # against other processes, and other threads
+            fcntl.flock(lock, fcntl.LOCK_EX)  # keeps out other processes and other threads
             if not target.exists():
                 with partial_folder(target) as work:
                     make(work / target.name)
@@ -89,12 +90,12 @@ def verilated(
     flags: Sequence[str] = FAST,
     link: Sequence[str] = (),
 ) -> None:
-    """Compile RTL, and C++ that drives it, to a program, or to a library when the output's name ends in .so.
+    """Compile RTL and C++ that drives it to a program, or to a library if `output` ends in .so.
 
     `sources` are SystemVerilog files, packages first, and Verilator's control files.
-    The C++ files `main` use the model's class `Vtop` of Vtop.h. `options`, `flags` and
-    `link` are for Verilator, the compiler and the linker. Raises MissingLibraryError if a
-    tool is missing, and RtlError with the first error if Verilator or the compiler fails.
+    The C++ files `main` use the model's class `Vtop` from Vtop.h. `options`, `flags`
+    and `link` are for Verilator, compiler and linker. Raises MissingLibraryError if a
+    tool is missing, and RtlError with the first compilation error.
     """
     with partial_folder(output) as work:
         if _counters():
@@ -113,7 +114,7 @@ def verilated(
         headers = Path(verilator_environment()["VERILATOR_ROOT"], "include")
         common = [*_ALWAYS, f"-I{headers}", f"-I{headers / 'vltstd'}"]
         places = [f"-I{work}", *(f"-I{path}" for path in {path.parent for path in main})]
-        # All models share the headers, which do not depend on a program's macros.
+        # All models share precompiled headers, which do not depend on macros.
         shared = [flag for flag in flags if not flag.startswith("-D")]
         prefix = ["-include", str(_precompiled([*common, *shared]))]
         _run(["g++", *common, *flags, *prefix, *places, "-c", str(work / "all.cpp"), "-o", str(work / "all.o")])
@@ -137,9 +138,9 @@ def _runtime(source: Path, flags: Sequence[str]) -> Path:
 
 
 def _precompiled(flags: Sequence[str]) -> Path:
-    """Return the path to include for Verilator's headers, most of a small model's source.
+    """Compile Verilator's headers, and return the path to include.
 
-    Only the precompiled file exists, which the compiler uses for the same flags.
+    g++ finds the precompiled file at this path plus .gch, if the flags are the same.
     """
 
     def make(path: Path) -> None:
@@ -152,7 +153,6 @@ def _precompiled(flags: Sequence[str]) -> Path:
 
 
 def _include(path: Path) -> str:
-    """Return the text that includes a C++ file; slow parts, which run once, are not optimised."""
     line = f'#include "{path}"\n'
     if not path.stem.endswith("__Slow"):
         return line
@@ -167,4 +167,4 @@ def _run(command: Sequence[str]) -> None:
         wrong = next(errors, lines[-1] if lines else "no message")
         if any(NO_SPACE in line for line in lines):
             raise no_space(command[-1], f"{Path(command[0]).name}: {NO_SPACE}")
-        raise RtlError(f"the RTL does not compile ({wrong.strip()}); mend it, or {to_install('rtl')}")
+        raise RtlError(f"the RTL does not compile ({wrong.strip()}); correct the RTL, or {to_install('rtl')}")

@@ -1,4 +1,4 @@
-"""Batch harnesses (sim/batch/): the RTL, compiled to a library, processes arrays of rays."""
+"""Runs the RTL on arrays of rays, as a library compiled from the harnesses in sim/batch/."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from lippmann.fixed.words import OFFSET_BITS, SLOPE_BITS, Bytes, Ints
 from lippmann.simulation.compilation import FAST, UNCHECKED, cached_file, verilated
 from lippmann.simulation.toolchain import build_folder, hardware, needed, rtl_sources
 
-#: Size of `scene_config_t` in 32-bit words.
+#: Size of the RTL type `scene_config_t` in 32-bit words.
 _CONFIG_WORDS = 69
 _POINTER, _NUMBER = ctypes.c_void_p, ctypes.c_int64
 #: C types of the pauses' seed, and of their probabilities (1/256) at input and output.
@@ -29,12 +29,15 @@ _PAUSES = ctypes.c_uint64, ctypes.c_uint32, ctypes.c_uint32
 
 
 class RayHarness:
-    """The RTL of a build of the optics. Raises the errors of `verilated`."""
+    """The compiled ray tracer RTL for the parameters `build`.
+
+    Raises the errors of `verilated`.
+    """
 
     def __init__(self, build: Build, flags: Sequence[str] = FAST) -> None:
         self._trace = ctypes.CDLL(str(ray_library(build, flags))).lippmann_trace
         self._trace.restype, self._trace.argtypes = _NUMBER, [_NUMBER, *[_POINTER] * 6, *_PAUSES]
-        #: Number of clocks of the last trace.
+        #: Number of clock cycles of the last trace.
         self.clocks = 0
 
     def trace(
@@ -48,9 +51,9 @@ class RayHarness:
         idle: float = 0.0,
         stall: float = 0.0,
     ) -> FixedRays:
-        """Trace rays through the RTL; arguments and result are those of the twin's `ray_pipeline`.
+        """Trace rays through the RTL; arguments and result are those of the Python twin `ray_pipeline`.
 
-        `idle` and `stall` are the probabilities of a pause at the input and at the
+        `idle` and `stall` are the probabilities of a pause at the RTL's input and
         output. Raises LippmannError if the RTL stops producing rays.
         """
         rays = [np.ascontiguousarray(words, np.int64) for words in (u, v, a, b)]
@@ -59,12 +62,15 @@ class RayHarness:
         pointers = [*(words.ctypes.data for words in rays), registers.ctypes.data, out.ctypes.data]
         self.clocks = self._trace(len(u), *pointers, seed, *_in_256ths(idle, stall))
         if self.clocks < 0:
-            raise LippmannError("the simulated pipeline produces no more rays; run the RTL's tests with make test")
+            raise LippmannError("the simulated pipeline stopped before the last ray; run the RTL tests with make test")
         return FixedRays(*out)
 
 
 class SceneHarness:
-    """The RTL of a build of the drawing, with F fraction bits. Raises the errors of `verilated`."""
+    """The compiled scene drawing RTL with `f` fraction bits.
+
+    Raises the errors of `verilated`.
+    """
 
     def __init__(self, build: SceneBuild, f: int, flags: Sequence[str] = FAST) -> None:
         self.build = build
@@ -79,7 +85,7 @@ class SceneHarness:
         draw.argtypes = [_POINTER, _NUMBER, _NUMBER, *[_POINTER] * 3, *_PAUSES, ctypes.c_int, _NUMBER, _POINTER]
         self._model = library.lippmann_scene_new()
         self._loaded: dict[int, bytes] = {}
-        #: Number of clocks of the last frame.
+        #: Number of clock cycles of the last frame.
         self.clocks = 0
 
     def __del__(self) -> None:
@@ -87,7 +93,7 @@ class SceneHarness:
             self._library.lippmann_scene_delete(self._model)
 
     def load(self, slot: int, content: Bytes) -> None:
-        """Write a slot, or the panel's curve (slot 15), one byte per clock; skip content that is loaded already."""
+        """Write a slot, or the panel's curve (slot 15), one byte per clock; skip unchanged content."""
         content = np.ascontiguousarray(content, np.uint8)
         if self._loaded.get(slot) != content.tobytes():
             self._library.lippmann_scene_load(self._model, slot, len(content), content.ctypes.data)
@@ -102,11 +108,11 @@ class SceneHarness:
         stall: float = 0.0,
         meanwhile: tuple[int, Bytes] | None = None,
     ) -> Bytes:
-        """Return the pixels (N, 3) of a frame of exit rays; pauses are those of `RayHarness.trace`.
+        """Draw a frame of exit rays, and return the pixels (N, 3); pauses are those of `RayHarness.trace`.
 
-        `meanwhile` is a slot and its content, loaded while the frame is drawn. Raises
-        LippmannError if the RTL stops producing pixels, or marks a wrong pixel as the
-        frame's first or last.
+        `meanwhile` is a slot and the content to load while the RTL draws the frame.
+        Raises LippmannError if the RTL stops producing pixels, or marks a wrong pixel
+        as the frame's first or last.
         """
         exits = np.array(rays, np.int64)
         out = np.empty((len(rays.i) // self.build.samples, 3), np.uint8)
@@ -120,26 +126,26 @@ class SceneHarness:
             self._model, len(rays.i), len(out), *pointers, *pauses, slot, len(content), content.ctypes.data
         )
         if self.clocks < 0:
-            why = "produces no more pixels" if self.clocks == -1 else "marks a wrong pixel as the frame's first or last"
-            raise LippmannError(f"the simulated drawing {why}; run the RTL's tests with make test")
+            why = "stopped before the last pixel" if self.clocks == -1 else "marked a wrong pixel as first or last"
+            raise LippmannError(f"the simulated scene pipeline {why}; run the RTL's tests with make test")
         return out
 
 
-#: The harness of a build, compiled at first use.
+#: Return the harness of a build; the first call compiles the RTL.
 ray_harness = cache(RayHarness)
-#: Idle models, keyed by build and number of fraction bits.
+#: Idle scene models, keyed by build and number of fraction bits.
 _models: dict[tuple[SceneBuild, int], list[SceneHarness]] = {}
 
 
 def rtl_pipeline(u: Ints, v: Ints, a: Ints, b: Ints, config: Configuration, build: Build) -> FixedRays:
-    """Trace rays through the RTL instead of the twin; builds with `cross_cells` simulate fastest."""
+    """Trace rays through the RTL instead of the Python twin; `cross_cells` is fastest in simulation."""
     return ray_harness(replace(build, cross_cells=True)).trace(u, v, a, b, config)
 
 
 def rtl_scene(
     rays: FixedRays, words: SceneWords, slots: Mapping[int, Bytes], table: Bytes, build: SceneBuild, f: int
 ) -> Bytes:
-    """Draw exit rays with the RTL instead of the twin's `scene`; each thread has its own model."""
+    """Draw exit rays with the RTL instead of the Python twin's `scene`; each thread has its own model."""
     models = _models.setdefault((build, f), [])
     try:
         model = models.pop()
@@ -153,7 +159,7 @@ def rtl_scene(
 
 
 def packed(config: Configuration) -> bytes:
-    """Return the bits of `optics_config_t`, padded to 32-bit words, least significant first."""
+    """Return the bits of `optics_config_t` as 32-bit words, least significant first."""
     bits = length = 0
     # A packed struct's first field is the most significant.
     for field in reversed(fields(config)):
@@ -195,5 +201,4 @@ def _compiled(name: str, driver: str, module: str, values: Mapping[str, int | st
 
 
 def _in_256ths(*chances: float) -> list[int]:
-    """Return probabilities of a pause in 1/256, at most 255: at 256 no ray would pass."""
     return [min(round(chance * 256.0), 255) for chance in chances]

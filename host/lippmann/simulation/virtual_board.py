@@ -1,6 +1,6 @@
-"""The virtual board: the board's RTL, run by Verilator (sim/board), on a Unix socket, TCP or a pty.
+"""Starts virtual boards: the board's RTL in Verilator (sim/board) on a Unix socket, TCP or a pty.
 
-A byte line is as fast as the board. A bit line simulates a UART (8N1) clock by clock.
+A byte line has no speed limit. A bit line simulates a UART (8N1) clock by clock.
 """
 
 from __future__ import annotations
@@ -36,31 +36,31 @@ from lippmann.simulation.harness import optics_parameters
 from lippmann.simulation.toolchain import build_folder, hardware, needed, rtl_sources
 
 Port = Literal["unix", "tcp", "pty"]
-#: Frame memory of a board: block RAM, or an SDRAM chip with its controller.
+#: Type of a board's frame memory: block RAM, or an SDRAM chip with its controller.
 Memory = Literal["block", "sdram"]
 
-#: Clock of the board, Hz: the pixel clock of 1920 x 1080 at 60 Hz.
+#: Default clock of the board, Hz: the pixel clock of 1920 x 1080 at 60 Hz.
 CLOCK_HZ = 148_500_000
-#: Clock of the SDRAM, Hz: as on a ULX3S at 1280 x 720.
+#: Clock of the SDRAM, Hz, as on a ULX3S at 1280 x 720.
 MEMORY_HZ = 125_000_000
 #: Frame rate of a board with SDRAM, and its minimum clock for 3 Mbaud, Hz.
 FRAMES_HZ, SLOWEST_HZ = 60, 24_000_000
-#: Maximum side of a panel, px, for the video timing's counters (lipp_board.sv).
+#: Maximum width and height of a panel, px: a limit of lipp_board.sv's video counters.
 MAX_SIDE_PX = 16383
-#: Minimum number of clocks per bit of a bit line (lipp_uart_rx.sv samples three times).
+#: Minimum number of clocks per UART bit; lipp_uart_rx.sv samples a bit three times.
 CLOCKS_OF_A_BIT = 8
-#: Idle time after which a new program may replace a connected program, s.
+#: Idle time after which a new program may replace the connected program, s.
 IDLE_S = 60
-#: Age at which an incomplete captured frame's simulator counts as killed, s.
+#: Age after which an incomplete frame is removed, as from a killed simulator, s.
 PART_S = 60.0
-#: Maximum length of a Unix socket's path, bytes (`sun_path` of unix(7), less its NUL).
+#: Maximum length of a Unix socket's path, bytes (`sun_path` of unix(7), without NUL).
 MOST_SOCKET_BYTES = 107
 #: State of a listening TCP socket in /proc/net/tcp.
 LISTENS = "0A"
-#: Maximum time until a simulator is ready, and until its end, s.
+#: Maximum time for a simulator's start, and for its end, s.
 START_SECONDS, STOP_SECONDS = 20.0, 20.0
 
-#: Video timing: front porch, sync, back porch, in pixels and in lines; sync polarities.
+#: RTL parameters of video timing: porches and sync in pixels and lines, polarities.
 TIMING = ("HFront", "HSync", "HBack", "VFront", "VSync", "VBack", "HPositive", "VPositive")
 #: Video timings of VESA DMT (640 x 480) and CEA-861 (1280 x 720, 1920 x 1080).
 KNOWN_TIMINGS = {
@@ -73,27 +73,27 @@ REDUCED = (48, 32, 80, 3, 8, 30, 1, 0)
 
 
 class CaptureError(LippmannError):
-    """A scanned-out frame could not be written."""
+    """The virtual board could not write a captured frame."""
 
     exit_code = 3
 
 
 @dataclass
 class RunningBoard:
-    """A running virtual board: the URL of its port, and its process."""
+    """A running virtual board: the URL of its port, and the simulator's process."""
 
     url: str
     process: subprocess.Popen[str]
 
     def reset(self) -> None:
-        """Press the board's reset button, which discards its frames."""
+        """Press the board's reset button, which discards the stored frames."""
         self.process.send_signal(signal.SIGUSR1)
 
     def stop(self) -> dict[str, Any]:
-        """End the board; return its counts of clocks, seconds, processor seconds, bytes and frames.
+        """End the board; return the numbers of clocks, seconds, processor seconds, bytes and frames.
 
         Raises DeviceError if the board failed or did not end in time, and CaptureError
-        if it could not write a frame.
+        if a frame could not be written.
         """
         process = self.process
         if process.poll() is None:
@@ -114,14 +114,14 @@ class RunningBoard:
 
 
 def step_of(baud: int, clock_hz: int) -> int:
-    """Return a bit line's bits per clock, in 1/65536.
+    """Return the UART bits per clock, in units of 1/65536.
 
-    Raises InputError if the rate does not fit the clock.
+    Raises InputError if the clock cannot give the baud rate.
     """
     step = round(baud / clock_hz * 65536)
     if not 1 <= step <= 65536 // CLOCKS_OF_A_BIT or abs(step * clock_hz / 65536 / baud - 1) > 0.01:
         fastest = min(18_000_000, clock_hz // CLOCKS_OF_A_BIT)
-        raise InputError(f"{baud} baud does not fit a clock of {clock_hz} Hz; choose 115200 to {fastest} baud")
+        raise InputError(f"{baud} baud is not possible with a clock of {clock_hz} Hz; choose 115200 to {fastest} baud")
     return step
 
 
@@ -137,9 +137,9 @@ def check_free(tcp_port: int) -> None:
 
 
 def board_build(display: Display, scene: SceneBuild | None = None, fraction_bits: int | None = None) -> Build:
-    """Return the optics build of a display's board, with `cross_cells` for speed.
+    """Return the RTL parameters of a display's optics; `cross_cells` is set for speed.
 
-    Without `fraction_bits`, F is 18 for a board that draws nearest texels, else 16.
+    F is `fraction_bits`, by default 18 for a board that draws nearest texels, else 16.
     """
     usual = COMPACT if scene is None or scene.bilinear else COMPACT + 2
     f = usual if fraction_bits is None else fraction_bits
@@ -147,7 +147,7 @@ def board_build(display: Display, scene: SceneBuild | None = None, fraction_bits
 
 
 def usual_clock(display: Display, scene: SceneBuild | None, memory: Memory) -> int:
-    """Return a board's clock, Hz; with SDRAM, the panel's minimum."""
+    """Return a board's default clock, Hz; with SDRAM, this is the panel's minimum."""
     if memory == "block":
         return CLOCK_HZ
     panel, timing = display.panel, timing_of(display)
@@ -161,65 +161,65 @@ def timing_of(display: Display) -> tuple[int, ...]:
 
 
 def check_panel(display: Display) -> None:
-    """Raise InputError for a panel that is too large for a board."""
+    """Raise InputError if a panel is too large for a board."""
     panel = display.panel
     if max(panel.width_px, panel.height_px) > MAX_SIDE_PX:
         what = f"the panel has {panel.width_px} x {panel.height_px} pixels"
-        raise input_error(f"display '{display.name}'", what, f"give a board at most {MAX_SIDE_PX} in each direction")
+        raise input_error(f"display '{display.name}'", what, f"give a panel of at most {MAX_SIDE_PX} x {MAX_SIDE_PX}")
 
 
 def compile_board(display: Display, scene: SceneBuild | None = None) -> Path:
-    """Return the program that `start` runs for a display (see `compiled`)."""
+    """Compile the program that `start` runs for a display; return its path (see `compiled`)."""
     return compiled(display, board_build(display, scene), True, scene=scene)
 
 
 class BoardOptions(TypedDict, total=False):
     """Options of a virtual board."""
 
-    #: Kind of port: a Unix socket for this user, TCP on loopback for programs that have
-    #: its token, or a pty. The default is TCP with a port number, else a Unix socket.
+    #: Type of port: a Unix socket for this user, TCP on loopback for programs with the
+    #: token, or a pty. The default is TCP if `tcp_port` is set, else a Unix socket.
     port: Port | None
     #: Number of the TCP port; 0 selects a free port.
     tcp_port: int | None
-    #: Baud rate of a bit line; `None` selects a byte line.
+    #: Baud rate of a bit line (UART); `None` selects a byte line.
     baud: int | None
-    #: Baud rate of the host's end of a bit line, to simulate a wrong setting.
+    #: Baud rate that the host uses on a bit line, to simulate a wrong setting.
     host_baud: int | None
     #: Clock of the board, Hz; `None` selects `usual_clock`.
     clock_hz: int | None
-    #: F of the optics; `None` selects the F of `board_build`.
+    #: Fraction bits F of the optics; see `board_build`.
     fraction_bits: int | None
-    #: An existing folder for the scanned-out frames.
+    #: An existing folder to which the board writes shown frames.
     capture: Path | None
-    #: JSON file with the URL, which exists while the board runs.
+    #: JSON file with the board's URL; the file exists while the board runs.
     ready: Path | None
     #: Waveform file (.fst), and its first and last clock, by default 0 and 10^6.
     trace: Path | None
     trace_clocks: tuple[int, int]
-    #: Seed of random pauses at both ends of a byte line; 0 means no pauses.
+    #: Seed of random pauses at both ends of a byte line; the seed 0 means no pauses.
     stalls: int
-    #: Build of the drawing; `None` selects a board that cannot draw.
+    #: Build of the scene drawing; `None` selects a board that cannot draw.
     scene: SceneBuild | None
-    #: Frame memory, by default block RAM. SDRAM needs a panel of even width.
+    #: Type of frame memory, by default block RAM. SDRAM needs a panel of even width.
     memory: Memory
-    #: Program for this display, line and clock; `None` compiles it at first use.
+    #: Program compiled for this display, line and clock; `None` compiles one.
     program: Path | None
-    #: Idle time after which a new program may replace a connected one, by default `IDLE_S`.
+    #: Idle time, s, after which another program may connect, by default `IDLE_S`.
     idle_s: int
 
 
 def start(display: Display, **options: Unpack[BoardOptions]) -> RunningBoard:
     """Start a virtual board for a display, and wait until its port is open.
 
-    Raises DeviceError if the board ends at once, and InputError if the panel is too large
-    or the baud rate does not fit the clock.
+    Raises DeviceError if the board ends at once, and InputError if the panel is too
+    large or the clock cannot produce the baud rate.
     """
     baud, scene, memory = options.get("baud"), options.get("scene"), options.get("memory", "block")
     trace, tcp_port = options.get("trace"), options.get("tcp_port")
     check_panel(display)
     if memory == "sdram" and display.panel.width_px % 2:
         what = f"the panel is {display.panel.width_px} pixels wide"
-        raise input_error(f"display '{display.name}'", what, "a board with SDRAM needs an even number")
+        raise input_error(f"display '{display.name}'", what, "give a panel of even width, or memory block")
     clock_hz = options.get("clock_hz") or usual_clock(display, scene, memory)
     words: dict[str, object] = {
         "port": tcp_port or 0,
@@ -235,7 +235,7 @@ def start(display: Display, **options: Unpack[BoardOptions]) -> RunningBoard:
         words["host-step"] = step_of(host_baud, clock_hz)
     words |= {name: options[name] for name in ("capture", "stalls") if options.get(name)}
     if trace is not None:
-        new_file(trace).close()  # otherwise the simulator follows a link of another user
+        new_file(trace).close()  # otherwise the simulator would follow another user's link
         first, last = options.get("trace_clocks", (0, 1_000_000))
         words |= {"trace": trace, "trace-from": first, "trace-to": last}
     port = options.get("port") or ("unix" if tcp_port is None else "tcp")
@@ -247,7 +247,7 @@ def start(display: Display, **options: Unpack[BoardOptions]) -> RunningBoard:
         if port == "unix":
             place /= f"board-{secrets.token_hex(4)}.sock"
             if len(os.fsencode(place)) > MOST_SOCKET_BYTES:
-                what = "its name is too long for a Unix socket"
+                what = "the folder's name is too long for a Unix socket"
                 raise input_error(str(place.parent), what, "set TMPDIR to a shorter folder")
         words |= {"line": port, "place": place, "ready": ready}
         command = [str(program)]
@@ -264,11 +264,11 @@ def start(display: Display, **options: Unpack[BoardOptions]) -> RunningBoard:
 
 
 def _remove_dead_lines(place: Path) -> None:
-    """Remove the sockets and tokens of killed boards, on which no process listens.
+    """Remove the sockets and tokens of killed boards, which have no listening process.
 
-    Listeners come from the system's lists; a connection would replace an idle program.
+    The system's tables list listeners; a test connection would replace a program.
     """
-    # Files are listed first: a board that starts meanwhile then counts as a listener.
+    # List the files before the listeners: a board may start meanwhile.
     there = [*place.glob("board-*.sock"), *place.glob("tcp-*.token")]
     live = listening()
     rows = [line.split() for line in Path("/proc/net/tcp").read_text().splitlines()[1:]]
@@ -289,7 +289,7 @@ def _wait(process: subprocess.Popen[str], ready: Path) -> str:
     if process.returncode is not None:
         _, err = process.communicate()
         raise DeviceError(f"the virtual board did not start ({err.strip()}); choose another port")
-    raise DeviceError(f"the virtual board did not start within {START_SECONDS:.0f} s; is the machine overloaded?")
+    raise DeviceError(f"the virtual board did not start within {START_SECONDS:.0f} s; end other programs, then retry")
 
 
 @contextlib.contextmanager
@@ -299,13 +299,13 @@ def running(display: Display, **options: Unpack[BoardOptions]) -> Iterator[Runni
     try:
         yield board
     finally:
-        if board.process.stdout and not board.process.stdout.closed:  # `stop` has not run
+        if board.process.stdout and not board.process.stdout.closed:  # `stop` has not run yet
             with contextlib.suppress(LippmannError):
                 board.stop()
 
 
 def remove_parts(folder: Path) -> None:
-    """Remove killed simulators' incomplete frames from a folder of captured frames."""
+    """Remove incomplete frames of killed simulators from a folder of captured frames."""
     for part in folder.glob("frame-*.rgb.part"):
         with contextlib.suppress(FileNotFoundError):
             if time.time() - part.stat().st_mtime > PART_S:
@@ -313,23 +313,23 @@ def remove_parts(folder: Path) -> None:
 
 
 def last_frame(folder: Path) -> int:
-    """Return the largest number of a frame (frame-NUMBER.png) in a folder, or 0."""
+    """Return the largest NUMBER of the files frame-NUMBER.png in a folder, or 0."""
     files = (path for path in folder.glob("frame-*.png") if path.is_file())
     names = [re.fullmatch(r"frame-(\d+)\.png", path.name) for path in files]
     return max((int(one[1]) for one in names if one), default=0)
 
 
 def keep_as_png(folder: Path, display: Display, after: int = 0) -> list[Path]:
-    """Convert captured frames (frame-NUMBER.rgb) to PNG files; `after` is added to their numbers.
+    """Convert captured frames (frame-NUMBER.rgb) to PNG files; add `after` to their numbers.
 
-    Raises CaptureError if a file cannot be written; the captured frame is kept.
+    Raises CaptureError if a PNG file cannot be written, and keeps the .rgb file.
     """
     panel = display.panel
     shape = panel.height_px, panel.width_px, 3
     pictures = []
     for raw in sorted(folder.glob("frame-*.rgb")):
         if raw.stat().st_size != math.prod(shape):
-            continue  # of a board with another panel
+            continue  # the frame is of another panel
         values = np.frombuffer(raw.read_bytes(), np.uint8).reshape(shape)
         metadata = {"identity": display.identity, "display": display.name}
         pictures.append(raw.with_name(f"frame-{after + int(raw.stem.removeprefix('frame-')):08d}.png"))
@@ -345,7 +345,7 @@ def keep_as_png(folder: Path, display: Display, after: int = 0) -> list[Path]:
 def board_parameters(
     display: Display, build: Build, byte_link: bool, clock_hz: int, scene: SceneBuild | None, memory: Memory = "block"
 ) -> dict[str, int | str]:
-    """Return the parameters of `lipp_board_with_store` or `_sdram` for a display."""
+    """Return the RTL parameters of `lipp_board_with_store` or `_sdram` for a display."""
     panel = display.panel
     return {
         **optics_parameters(build),
@@ -369,9 +369,9 @@ def compiled(
     memory: Memory = "block",
     netlist: Sequence[Path] = (),
 ) -> Path:
-    """Return the program of a board, compiled at first use. Raises the errors of `verilated`.
+    """Return a board's program, compiled at first use. Raises the errors of `verilated`.
 
-    `netlist` are files that replace the RTL; their top module has these parameters.
+    The files `netlist` replace the RTL; the board's parameters are fixed in them.
     """
     top, module = hardware(), "lipp_board_with_sdram" if memory == "sdram" else "lipp_board_with_store"
     files = [top / "rtl" / "registers" / "lint.vlt", *needed(module, rtl_sources(top))]
