@@ -351,7 +351,7 @@ def test_the_radius_of_a_dome_that_hardly_spans_its_cell(request):
     # Other lenslets of the same display: the movement depends a little on the slope.
     assert found.value_mm == pytest.approx(rounder.array.radius_mm, rel=0.01)
     views[0].spread = 0.5 * np.eye(2)
-    with pytest.raises(InputError, match=r"position-1: no lenslet radius from .* ; correct radius_mm"):
+    with pytest.raises(InputError, match=r"position-1: no lenslet radius from .*; correct radius_mm"):
         radius_of(display, SimpleNamespace(problem=problem, x=None, value=place.get))
 
 
