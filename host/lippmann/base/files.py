@@ -1,4 +1,4 @@
-"""Writes files and folders completely or not at all, even after a signal, full disk or power cut.
+"""Writes files and folders completely or not at all, even on a signal, full disk or power cut.
 
 A file is written under a temporary name in the same folder, synced and renamed. The
 temporary name identifies the process: later commands remove a killed process's files.
@@ -60,7 +60,7 @@ def _machine() -> str:
 
 
 def _life(pid: int) -> str:
-    """Return a hash of a process's start time, "" for an ended process, or a constant without /proc."""
+    """Hash a process's start time; return "" for an ended process, a constant without /proc."""
     if not Path("/proc/self/stat").exists():
         return "0" * 8
     try:

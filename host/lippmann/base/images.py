@@ -1,4 +1,4 @@
-"""Reads and writes images: linear radiance in EXR and TIFF, panel values in PNG, and metadata."""
+"""Reads and writes images: radiance in EXR and TIFF, panel values in PNG, and metadata."""
 
 from __future__ import annotations
 
@@ -54,7 +54,7 @@ Accept = Callable[[Mapping[str, str]], None]
 
 
 class Picture(NamedTuple):
-    """An image file's linear radiance (height, width, 3) float32 and metadata (keys without prefix)."""
+    """An image's linear radiance (height, width, 3) float32 and metadata (keys without prefix)."""
 
     radiance: Radiance
     metadata: dict[str, str]
@@ -231,7 +231,7 @@ def _quiet(path: Path) -> Iterator[None]:
     try:
         with silent_stderr():
             yield
-    except UnicodeDecodeError:  # OpenImageIO's error message quotes a broken header
+    except UnicodeDecodeError:  # the error message quotes a broken header
         raise input_error(path, "is broken", "render it again") from None
 
 

@@ -57,7 +57,7 @@ def check_expanded(where: str, what: str, needed_bytes: int, remedy: str) -> Non
 def load_arrays(
     path: Path, names: Collection[str] | None, remedy: str, bytes_a_ray: int = 0
 ) -> tuple[dict[str, Numbers], set[str]]:
-    """Return the arrays `names` of an .npz file, keyed by name, and the names of all its arrays.
+    """Return the arrays `names` of an .npz file by name, and the names of all its arrays.
 
     If `names` is None, the file is an .npy file, and its array gets the name "".
     `bytes_a_ray` is the memory that the caller needs per row, bytes. Raises InputError

@@ -23,7 +23,7 @@ DEFAULT_FREE_MB = 4000.0
 
 
 def free_memory_mb() -> float:
-    """Return the free memory, MB, of the machine or, if smaller, of a control group; caches count as free."""
+    """Return the free memory, MB, of the machine or, if less, of a control group, with caches."""
     return min([proc_mb("meminfo", "MemAvailable") or DEFAULT_FREE_MB, *group_memory_mb()])
 
 

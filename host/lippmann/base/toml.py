@@ -1,7 +1,7 @@
 """Reads TOML files by declarations: a dataclass declares a table, `key` describes a key.
 
-The reader (`read`), the JSON Schema for editors (`schema`), the tables of the reference
-pages (`tools.generate_tables`) and the checks (`check_fields`) use these declarations.
+The reader (`read`), the JSON Schema for editors (`schema`), the pages' tables
+(`tools.generate_tables`) and the checks (`check_fields`) use the declarations.
 """
 
 from __future__ import annotations
@@ -119,7 +119,7 @@ def values(keys: Value) -> Table:
 
 @cache
 def schema(form: Value) -> Schema:
-    """Return a file's JSON Schema; a class with `other_tables = True` accepts unknown top-level keys."""
+    """Return a file's JSON Schema; `other_tables = True` in a class accepts unknown top-level keys."""
     complete = msgspec.json.schema(form, schema_hook=lambda _: {"type": "string"})  # a path
 
     def plain(node: Value) -> Value:

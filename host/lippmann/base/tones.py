@@ -109,7 +109,7 @@ def decode(values: Numbers, transfer: Transfer) -> npt.NDArray[np.float32]:
 
 
 def encoded_values(radiance: Numbers, transfer: Transfer, bits: int) -> npt.NDArray[np.unsignedinteger[Any]]:
-    """Encode linear radiance, and quantise it to 2^bits levels in the full range of uint8 or uint16."""
+    """Encode linear radiance; quantise it to 2^bits levels in the full range of uint8 or uint16."""
     levels = (1 << bits) - 1
     kind = np.uint8 if bits <= 8 else np.uint16
     values = np.empty(radiance.shape, kind)

@@ -115,7 +115,7 @@ mi: Jit = _Lazy(mitsuba)
 
 def _loaded() -> ModuleType:
     loaded = sys.modules.get("mitsuba")
-    if loaded is not None and hasattr(loaded, "variant"):  # false while another thread imports Mitsuba
+    if loaded is not None and hasattr(loaded, "variant"):  # false during another thread's import
         return loaded
     try:
         with interrupts.hold_signals():

@@ -1,4 +1,4 @@
-"""Bundle adjustment: fit array, gap, camera lens and camera poses to the photographs of all positions.
+"""Bundle adjustment: fit array, gap, camera lens and camera poses to all photographs.
 
 All camera positions share one lens: a pinhole with radial distortion. For a camera at C
 with rotation R, the point X (mm, panel's frame) is at (x, y, z) = R (X - C), with z
@@ -75,7 +75,7 @@ def projected(points_mm: Floats, lens: Floats, turn: Floats, place_mm: Floats) -
 
 @dataclass(frozen=True)
 class SmoothErrors:
-    """Model of errors that vary smoothly over the array: residual distortion, aberrations and seam shifts.
+    """Model of errors that vary smoothly over the array: distortion, aberrations and seam shifts.
 
     The model of each residual column e (two of panel points, two of the photograph),
     scaled to scatter 1, is
@@ -88,7 +88,7 @@ class SmoothErrors:
 
         W = I - U (1 - 1 / sqrt(1 + t^2 S^2)) U^T
 
-    makes the covariance of W e the unit matrix, as generalised least squares requires.
+    makes the covariance of W e the unit matrix.
 
     For N lenslets, `modes` is B (N, 6), `shares` is t (4,), `basis` is U (N, 6), and
     `lost` is 1 - 1/sqrt(1 + t^2 S^2) (4, 6).

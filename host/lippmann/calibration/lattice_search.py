@@ -74,7 +74,7 @@ def steps_of(display: Display) -> Floats:
 
 
 def find_lattice(name: str, points_mm: Floats, display: Display) -> SeenLattice:
-    """Find the lattice of points (N, 2), mm; raise InputError if it is far from the nominal one."""
+    """Find the lattice of points (N, 2), mm; raise InputError if it is not near the nominal one."""
     nominal = steps_of(display)
     # D / distance magnifies the lattice; the distance is at least 1.5 panel widths.
     growth = min(0.5, display.aperture_distance_mm / (1.5 * display.panel.width_mm))
@@ -109,7 +109,7 @@ def find_lattice(name: str, points_mm: Floats, display: Display) -> SeenLattice:
 def _extend_lattice(
     points_mm: Floats, middle: Floats, nominal: Floats, grid: Grid, pitch: float, growth: float
 ) -> tuple[float, SeenLattice] | None:
-    """Find a lattice around `middle`, extend it, and return the fraction of near points and the lattice."""
+    """Find a lattice around `middle`, extend it, and return it with the fraction of near points."""
     distance = np.hypot(*(points_mm - middle).T)
     first = points_mm[distance < FIRST_RADIUS * pitch]
     if len(first) < 200:  # several points per lenslet

@@ -294,7 +294,7 @@ def _sums(values: Floats, groups: Indices, count: int) -> Floats:
 
 
 def _averages(points: Floats, local: Floats, good: Bools, groups: Indices, count: int) -> tuple[Floats, Floats, Floats]:
-    """Return each lenslet's mean point and cell position (M, 2), and the points' derivative by position."""
+    """Return mean points and cell positions (M, 2), and the points' derivative by position."""
     number = np.maximum(np.bincount(groups[good], minlength=count), 1)[:, None]
     at, middle = (_sums(one[good], groups[good], count) / number for one in (points, local))
     across = local[good] - middle[groups[good]]

@@ -53,7 +53,7 @@ def decode_position(
     shape: tuple[int, int] | None = None,
     progress: Progress = lambda *_: None,
 ) -> Decoded:
-    """Decode the photographs of one camera position; `pitch_px` is the lenslet pitch in panel pixels.
+    """Decode a camera position's photographs; `pitch_px` is the lenslet pitch in panel pixels.
 
     Raises InputError, which names photograph and remedy, for wrong patterns, size,
     order or exposure, for blur, a moved camera, or a panel partly out of view.

@@ -37,7 +37,7 @@ class ContradictionError(LippmannError):
 
 @dataclass(frozen=True)
 class Parameter:
-    """A parameter with its uncertainty (half of the 95 % interval), and whether it was determined."""
+    """A parameter, its uncertainty (half of the 95 % interval), and whether it was determined."""
 
     name: str
     value: float
@@ -93,7 +93,7 @@ class Calibration(Findings):
         return next(one for one in self.parameters if one.name == name)
 
     def save(self, path: Path) -> Path:
-        """Write the display to `path` and the other results to a .npz file; return the .npz file's path."""
+        """Write the display to `path` and the other results to a .npz file; return its path."""
         sidecar = path.with_suffix(".npz")
         with replacing(path) as partial:
             partial.write_text(display_text(self.display), encoding="utf-8")

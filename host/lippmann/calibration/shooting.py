@@ -79,7 +79,7 @@ def shoot(
     average: int = 1,
     progress: Progress = lambda *_: None,
 ) -> list[Path]:
-    """Show each pattern, wait `settle_s`, and save the mean of `average` frames; return the files' paths.
+    """Show each pattern, wait `settle_s`, and save the mean of `average` frames; return the paths.
 
     Raises DeviceError if the camera returns no frame.
     """

@@ -81,7 +81,7 @@ def collect_projection(display: Display, camera: Camera, bands: Iterator[Band]) 
 def trace_projection(
     display: Display, camera: Camera, samples: int = 3, seed: int = 0, tracer: Tracer | None = None
 ) -> Projection:
-    """Return the projection from display to camera, with `samples` x `samples` rays per camera pixel.
+    """Return the projection to a camera, with `samples` x `samples` rays per camera pixel.
 
     `tracer` traces the rays; the default tracer refracts them exactly at the lenslets.
     """

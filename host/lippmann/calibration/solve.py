@@ -91,8 +91,7 @@ def calibrate(
 ) -> Calibration:
     """Calibrate a nominal display from a folder of photographs.
 
-    `bow` also fits tilts and curvatures of the array, `radius` also fits the lenslets'
-    radius.
+    `bow` also fits the array's tilts and curvatures, `radius` the lenslets' radius.
 
     Raises InputError, which names the photograph and a remedy, for unusable
     photographs, and ContradictionError if the photographs contradict each other or the

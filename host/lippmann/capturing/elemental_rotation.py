@@ -1,4 +1,4 @@
-"""Rotates elemental images by 180 degrees, in whole pixels, to correct a captured scene's depth.
+"""Rotates elemental images by 180 degrees, in whole pixels, to correct a scene's depth.
 
 **The rule.** A cell has the pixels whose centres the lattice assigns to one lenslet.
 The rotation moves pixel (column c, row r) to pixel (m - c, n - r), with integers m and

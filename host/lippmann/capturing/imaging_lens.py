@@ -24,7 +24,7 @@ Convex = Literal["in", "out", "image", "object"]
 
 
 class Face(NamedTuple):
-    """A lens face: vertex z (mm), curvature (1/mm, 0 if flat), indices before and behind the face."""
+    """A lens face: vertex z (mm), curvature (1/mm, 0 if flat), indices before and behind it."""
 
     z_mm: float
     curvature: float

@@ -28,7 +28,7 @@ SAME_SCALE = 1e-4
 
 
 def register() -> None:
-    """Register the sensor for Mitsuba's variant; raise InputError if it is not a vectorised RGB variant."""
+    """Register the sensor for Mitsuba's variant; raise InputError if this is not vectorised RGB."""
     import mitsuba as mi
 
     if mi.variant() not in VARIANTS.values():
@@ -81,7 +81,7 @@ def _sensor_class() -> type:
         def sample_ray_differential(
             self, time: Arr, sample1: Arr, sample2: Arr, sample3: Arr, active: Arr = True
         ) -> tuple[Arr, Arr]:
-            """Return `sample_ray`'s rays without differentials: adjacent rays may pass different lenslets."""
+            """Return `sample_ray`'s rays without differentials: adjacent rays may pass other lenslets."""
             ray, weight = self.sample_ray(time, sample1, sample2, sample3, active)
             return mi.RayDifferential3f(ray), weight
 

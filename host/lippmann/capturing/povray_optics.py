@@ -133,7 +133,7 @@ def _prism(array: Array, near: float, far: float) -> str:
 
 
 def lattice_rows(display: Display) -> list[tuple[int, int, int]]:
-    """Return (row j, first i, last i) of the panel's lenslets, and `SPARE_LENSLETS` more at each side."""
+    """Return (row j, first i, last i) of lenslets on the panel and `SPARE_LENSLETS` around it."""
     panel, array = display.panel, display.array
     frame, lattice = PanelFrame.of(display), Lattice.of(array)
     spare = (SPARE_LENSLETS + 0.5) * array.coarsest_mm

