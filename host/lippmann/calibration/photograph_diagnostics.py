@@ -85,16 +85,16 @@ def find_lit(path: Path, white: Light, black: Light, clipped: Bools) -> tuple[Li
     span = white - black
     bright = float(np.percentile(span.ravel()[:: max(1, span.size // 200_000)], 95.0))
     if bright < 0.02:
-        what = f"is too dark: white is {100.0 * bright:.1f} % brighter than black"
-        raise input_error(path, what, "expose longer; all photographs alike, with a fixed exposure")
-    # Ignore pixels with less contrast.
+        what = f"is too dark: white is only {100.0 * bright:.1f} % brighter than black"
+        raise input_error(path, what, "expose all photographs longer, with one fixed exposure")
+    # Ignore camera pixels with less contrast.
     lit = span > 0.1 * bright
     clipped_share = float((clipped & lit).sum()) / max(1, int(lit.sum()))
-    # Pixels that are clipped even in black are not lit, so count them over all pixels.
+    # Pixels that are clipped even in black are not in `lit`; count all pixels too.
     overall = float(clipped.mean())
     if clipped_share > 0.2 or overall > 0.5:
-        what = f"is too bright: {100.0 * max(clipped_share, overall):.0f} % of the panel is clipped"
-        raise input_error(path, what, "expose all photographs shorter, so that white stays below the limit")
+        what = f"is overexposed: {100.0 * max(clipped_share, overall):.0f} % of its pixels are clipped"
+        raise input_error(path, what, "expose all photographs shorter, so that white does not clip")
     return span, lit & ~clipped
 
 
