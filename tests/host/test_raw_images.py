@@ -54,7 +54,7 @@ def test_numbers_are_those_of_the_file(tmp_path, suffix, bits, channels):
 
 def test_a_picture_of_more_pixels_is_refused_by_its_claim(tmp_path):
     Image.new("L", (6, 6)).save(tmp_path / "a.png")
-    with pytest.raises(InputError, match=r"a\.png: has more than 3\.5e-05 megapixels; give a smaller one"):
+    with pytest.raises(InputError, match=r"a\.png: has more than 3\.5e-05 megapixels; give a smaller image"):
         read_numbers(tmp_path / "a.png", 35, *WORDS)
     (tmp_path / "b.png").write_bytes(png(60_000, 60_000, chunk(b"IDAT", zlib.compress(bytes(100))), chunk(b"IEND")))
     with pytest.raises(InputError, match=r"b\.png: has more than 64 megapixels"):

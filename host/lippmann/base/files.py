@@ -68,7 +68,7 @@ def _life(pid: int) -> str:
         boot = Path("/proc/sys/kernel/random/boot_id").read_bytes()
     except OSError:
         return ""
-    return _short(boot + fields[19])  # start time, in ticks since boot
+    return _short(boot + fields[19])  # the process's start time, in ticks since boot
 
 
 def _short(text: bytes) -> str:
@@ -113,7 +113,7 @@ def _remove(path: Path) -> None:
 
 def is_full(error: BaseException) -> bool:
     """Return whether a full disk caused an error."""
-    if isinstance(error, RuntimeError):  # raised by Mitsuba
+    if isinstance(error, RuntimeError):  # Mitsuba raises this class
         return any(os.strerror(number) in str(error) for number in FULL)
     return isinstance(error, OSError) and error.errno in FULL
 
@@ -244,7 +244,7 @@ def moved(source: Path, target: Path) -> None:
 
 
 def make_folder(folder: Path, remedy: str = "choose another folder") -> None:
-    """Make a folder and its parents; see also `remove_empty`.
+    """Make a folder and its parents; `remove_empty` can remove them.
 
     Raises NoSpaceError or InputError if a folder cannot be made.
     """
@@ -258,7 +258,7 @@ def make_folder(folder: Path, remedy: str = "choose another folder") -> None:
 
 
 class FolderLock:
-    """A lock on a folder until `close` or the process's end, if the file system has locks."""
+    """Locks a folder until `close` or the process's end, if the file system has locks."""
 
     def __init__(self, folder: Path, remedy: str) -> None:
         """Make the folder if missing, and lock it.
@@ -285,7 +285,7 @@ def _locked(folder: Path, remedy: str) -> int | None:
     except BlockingIOError:
         os.close(handle)
         what = "is in use by another command"
-        raise input_error(folder, what, f"wait until it has ended, or {remedy}") from None
+        raise input_error(folder, what, f"wait until that command has ended, or {remedy}") from None
     except OSError:  # the file system has no locks
         return handle
     with contextlib.suppress(FileNotFoundError):

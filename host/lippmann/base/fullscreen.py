@@ -40,7 +40,7 @@ def monitors() -> list[tuple[int, int]]:
 
 
 def check_monitor(sizes: Sequence[tuple[int, int]], monitor: int, size: tuple[int, int]) -> None:
-    """Raise InputError if a monitor does not exist or has not the image's size."""
+    """Raise InputError if a monitor is missing, or its size is not the image's."""
     if not 0 <= monitor < len(sizes):
         listed = ", ".join(f"{k}: {width} x {height}" for k, (width, height) in enumerate(sizes))
         raise InputError(f"monitor {monitor} does not exist; choose from {listed}")

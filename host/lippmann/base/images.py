@@ -49,7 +49,7 @@ MAX_KEY_BYTES, MAX_METADATA_BYTES = 70, 60_000
 
 #: Linear radiance, (height, width, 3).
 Radiance = npt.NDArray[np.float32]
-#: Checks a file's metadata; raises an error to refuse the file.
+#: Function that checks a file's metadata; it raises an error to refuse the file.
 Accept = Callable[[Mapping[str, str]], None]
 
 
@@ -193,7 +193,7 @@ def _file_spec(
     elif suffix == ".exr":
         kind = oiio.HALF
     if suffix in (".tif", ".tiff"):
-        # In TIFF, a metadata entry is a line of ImageDescription; a tab continues it.
+        # In TIFF, an entry is a line of ImageDescription; a tab starts more lines.
         lines = [f"{PREFIX}{key}={value}".replace("\n", "\n\t") for key, value in entries.items()]
         settings["ImageDescription"] = "\n".join(lines)
     else:
@@ -232,7 +232,7 @@ def _quiet(path: Path) -> Iterator[None]:
         with silent_stderr():
             yield
     except UnicodeDecodeError:  # the error message quotes a broken header
-        raise input_error(path, "is broken", "render it again") from None
+        raise input_error(path, "is broken", "render the image again") from None
 
 
 def _opened(
@@ -440,7 +440,7 @@ def _claimed_size(path: Path, refused: InputError) -> float:
         raise input_error(path, not_there(path), "give a PNG, JPEG or TIFF file")
     try:
         with warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # about large pictures and unusual metadata
+            warnings.simplefilter("ignore")  # for large pictures and unusual metadata
             with Image.open(path, formats=FORMATS) as picture:
                 if picture.format == "PNG" and not png_is_complete(path):  # a chunk may declare 4 GB
                     raise refused

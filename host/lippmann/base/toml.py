@@ -52,7 +52,7 @@ KINDS = {
     "depth_picture": "depth picture",
 }
 UNITS = r"_(deg|rad|nm|um|mm|cm|m|in|px|percent|cd_m2)$"
-#: For each key, words with which users may begin the key's name by mistake.
+#: For each key, words with which users may wrongly begin its name.
 SYNONYMS = {
     "shear": ("skew", "slant"),
     "rotation_deg": ("angle", "tilt", "turn"),
@@ -178,7 +178,7 @@ def parse(text: str, source: str, remedy: str = MEND) -> Table:
         raise input_error(source, f"a key of more than {MAX_KEY_PARTS} parts in line {place}", remedy)
     try:
         return tomllib.loads(text)
-    except (ValueError, RecursionError) as error:  # bad syntax, very long numbers, too deep nesting
+    except (ValueError, RecursionError) as error:  # invalid syntax, very long numbers, too deep nesting
         line = re.search(r"(?:twice|overwrite).*line (\d+)", str(error))
         if line:
             name = text.splitlines()[int(line[1]) - 1].partition("=")[0].strip()
@@ -196,7 +196,7 @@ def load(path: Path, what: str) -> Table:
     except FileNotFoundError:
         likely = likely_file(path, (".toml",)) or f"give the path of a {what} file (.toml)"
         raise input_error(path, "no such file", likely) from None
-    except (OSError, ValueError) as error:  # not UTF-8, or an invalid file name
+    except (OSError, ValueError) as error:  # the text is not UTF-8, or the file name is invalid
         raise input_error(path, f"cannot be read ({reason(error)})", remedy) from None
     return parse(text, str(path), MEND if path.suffix.lower() == ".toml" else remedy)
 
@@ -231,7 +231,7 @@ def read(form: Callable[..., Form], raw: Mapping[str, Value], source: str) -> Fo
     try:
         read: Form = msgspec.convert(raw, form, dec_hook=_path)
         return read
-    except InputError as error:  # raised by a __post_init__
+    except InputError as error:  # a __post_init__ raises this class
         raise InputError(f"{source}: {error}") from None
     except msgspec.ValidationError as error:
         # A msgspec message ends with the key: "at `$.object[0].keys[1].frame`".
@@ -240,7 +240,7 @@ def read(form: Callable[..., Form], raw: Mapping[str, Value], source: str) -> Fo
         missing = re.match(r"Object missing required field `(.*?)`", str(error))
         if missing:
             raise input_error(f"{source}: {_join(name, missing[1])}", "the key is missing", "add it") from None
-        while name not in nodes:  # an element of a vector or of a list of vectors
+        while name not in nodes:  # the key is an element of a vector or of a list of vectors
             name = name.rpartition("[")[0]
         raise _wrong(source, name, *nodes[name]) from None
 

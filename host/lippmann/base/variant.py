@@ -85,7 +85,7 @@ def mitsuba() -> ModuleType:
         start_mitsuba()
     elif variant not in VARIANTS.values():
         what = f"Mitsuba's variant is {variant}; call mitsuba.set_variant with {' or '.join(VARIANTS.values())}"
-        raise InputError(f"{what}, or lippmann.render, which sets its own")
+        raise InputError(f"{what}, or call lippmann.render")
     return mi
 
 
@@ -115,7 +115,7 @@ mi: Jit = _Lazy(mitsuba)
 
 def _loaded() -> ModuleType:
     loaded = sys.modules.get("mitsuba")
-    if loaded is not None and hasattr(loaded, "variant"):  # false during another thread's import
+    if loaded is not None and hasattr(loaded, "variant"):  # false while another thread imports Mitsuba
         return loaded
     try:
         with interrupts.hold_signals():

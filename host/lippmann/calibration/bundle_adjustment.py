@@ -33,7 +33,7 @@ from lippmann.calibration.lenslet_measurement import Lenslets, regular
 from lippmann.display.description import Display
 from lippmann.optics.rays import Bools, Floats
 
-#: Array parameters and their finite-difference steps: mm; the rotation in radians.
+#: Array parameters and their finite-difference steps, in mm or radians.
 ARRAY = {"pitch_x": 1e-5, "pitch_y": 1e-5, "shear": 1e-6, "rotation": 1e-6, "offset_x": 1e-4, "offset_y": 1e-4}
 GAP = {"gap": 1e-4}
 #: Coefficients (mm) of the array's height, with their steps. The height is a polynomial
@@ -49,7 +49,7 @@ STILL = "seams_", "turn_", "zoom_", *LENS
 OWN_VIEW = "turn_", "place_", "zoom_"
 #: Minimum residual of an outlier, in standard deviations.
 OUTLIER = 4.5
-#: Number of lenslet blocks along each side that give the covariance.
+#: Number of lenslet blocks per side of the array, to estimate the covariance.
 BLOCKS = 9
 #: Weight of a residual inside the measurement interval of its panel point.
 WITHIN = 0.03
@@ -158,7 +158,7 @@ class Problem:
 
     @cached_property
     def steps(self) -> dict[str, float]:
-        """Steps of all parameters for finite differences, as in x."""
+        """Finite-difference steps of all parameters x."""
         return {name: step for block in self.blocks.values() for name, step in block.items()}
 
     @cached_property
@@ -232,11 +232,12 @@ class Problem:
         return np.column_stack([(panel - view.panel_mm) / self.display.panel.pitches_mm, photo - view.photo_px])
 
     def priors(self, x: Floats) -> Floats:
-        """Return the deviations from the priors, in the priors' standard deviations."""
+        """Return how far x is from the priors, in the priors' standard deviations."""
         display, size = self.display, np.array(self.views[0].shape[::-1])
         depth, longer = display.aperture_distance_mm, float(size.max())
         focal, *middle = self.part(x, "lens")[:3]
-        # Each divisor is a prior's standard deviation; `depth` is the distance D.
+        # Each divisor is a prior's standard deviation; `depth` is the aperture
+        # distance.
         parts: list[npt.ArrayLike] = [
             (x[:2] / display.array.pitches_mm - 1.0) / 0.01,
             (self.part(x, "gap") - display.gap_mm) / (0.3 * depth),

@@ -1,4 +1,4 @@
-"""Find the lattice that the panel points seen from one camera position form.
+"""Find the lattice of the panel points that one camera position sees.
 
 A camera at C sees through the lenslet at L the paraxial panel point P = L (1 + D/Cz) -
 C D/Cz. D is the aperture distance. The points P are an affine image of the array's
@@ -112,7 +112,7 @@ def _extend_lattice(
     """Find a lattice around `middle`, extend it, and return it with the fraction of near points."""
     distance = np.hypot(*(points_mm - middle).T)
     first = points_mm[distance < FIRST_RADIUS * pitch]
-    if len(first) < 200:  # several points per lenslet
+    if len(first) < 200:  # too few points per lenslet
         return None
     basis, origin = _search_lattice(_some(first)[:10_000], middle, nominal, growth)
     lattice, radius, farthest = SeenLattice(origin, basis, grid), FIRST_RADIUS, distance.max() / pitch

@@ -116,12 +116,12 @@ def read_photograph(path: Path, shape: tuple[int, int] | None = None) -> Photogr
     """
     raw = read_numbers(path, MAX_PIXELS, "is not a readable photograph", "give a PNG, JPEG or TIFF file")
     if raw.dtype not in _CURVES:
-        raise input_error(path, f"contains {raw.dtype} values", "save it with 8 or 16 bits per colour")
+        raise input_error(path, f"contains {raw.dtype} values", "save the photograph with 8 or 16 bits per colour")
     if shape is not None and raw.shape[:2] != shape:
         what = f"is {raw.shape[1]} x {raw.shape[0]} pixels, but the first photograph is {shape[1]} x {shape[0]}"
         raise input_error(path, what, "take all photographs with one camera, one setting and one orientation")
     values = raw[..., :3] if raw.ndim == 3 else raw[..., None]
-    top = int(0.985 * np.iinfo(values.dtype).max)  # minimum clipped value
+    top = int(0.985 * np.iinfo(values.dtype).max)  # minimum value that counts as clipped
     light = np.zeros(values.shape[:2], np.float32)
     clipped = np.zeros(values.shape[:2], np.bool_)
     for channel in range(values.shape[2]):

@@ -102,7 +102,7 @@ def _pairs(display: Display, cells: Cells, width: int, height: int) -> tuple[Ind
     stays = np.zeros(len(pixel), bool)
     for step in itertools.product((0, -1, 1), repeat=2):
         far = np.abs(nearest + step - exact)
-        # The nearest pair is first; a cell that keeps all pixels needs no other.
+        # Pairs (m, n) near the ideal are first; a cell that keeps all pixels is done.
         candidates = (far.max(axis=1) <= 1.0 + ROUNDING) & (count < cell_size)
         if not candidates.any():
             continue
