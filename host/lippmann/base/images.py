@@ -231,7 +231,7 @@ def _quiet(path: Path) -> Iterator[None]:
     try:
         with silent_stderr():
             yield
-    except UnicodeDecodeError:  # the error message quotes a broken header
+    except UnicodeDecodeError:  # OpenImageIO's message quotes a broken header
         raise input_error(path, "is broken", "render the image again") from None
 
 

@@ -10,7 +10,7 @@ import threading
 from collections.abc import Iterator
 from types import FrameType
 
-#: Signal from a closed terminal, or `None` on Windows.
+#: Signal that a closed terminal sends, or `None` on Windows.
 HANGUP = getattr(signal, "SIGHUP", None)
 ENDING = (signal.SIGINT, signal.SIGTERM, *([HANGUP] if HANGUP else []))
 
@@ -91,11 +91,11 @@ def blocked_in_children() -> Iterator[None]:
     if not hasattr(signal, "pthread_sigmask"):
         yield
         return
-    from multiprocessing import resource_tracker  # slow to load
+    from multiprocessing import resource_tracker  # import it here, because it is slow to load
 
     before = signal.pthread_sigmask(signal.SIG_BLOCK, ENDING)
     try:
-        resource_tracker.ensure_running()  # starts first, because it unblocks some signals
+        resource_tracker.ensure_running()  # start the tracker first, because its start unblocks some signals
         signal.pthread_sigmask(signal.SIG_BLOCK, ENDING)
         yield
     finally:

@@ -1,4 +1,4 @@
-"""Checks a file's size, and the memory for its content before the allocation."""
+"""Checks the size of a file, and the memory for its content before the allocation."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ SHARE = 0.8
 
 
 def read_limited(path: Path, max_bytes: int, remedy: str) -> bytes:
-    """Return a file's bytes; raise InputError above `max_bytes`, such as for an endless device."""
+    """Return a file's bytes; raise InputError for more than `max_bytes`, as from an endless device."""
     data = bytearray()
     with path.open("rb") as stream:
         while part := stream.read(min(PART_BYTES, max_bytes + 1 - len(data))):
@@ -84,8 +84,8 @@ def load_arrays(
             return arrays, set(members)
     except InputError:
         raise
-    except Exception as error:  # broken files raise errors of many classes
-        # The file is too large, encrypted, or compressed by an unknown method.
+    except Exception as error:  # numpy and zipfile raise many classes for broken files
+        # Here, the file is too large, encrypted, or compressed by an unknown method.
         if isinstance(error, MemoryError | NotImplementedError | RuntimeError):
             error = ValueError(str(error) or "it is too large")
         usual = ValueError | OSError | KeyError | EOFError | TypeError | zipfile.BadZipFile | zlib.error

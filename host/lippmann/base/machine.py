@@ -23,7 +23,7 @@ DEFAULT_FREE_MB = 4000.0
 
 
 def free_memory_mb() -> float:
-    """Return the free memory, MB, of the machine or, if less, of a control group, with caches."""
+    """Return the smallest free memory, MB, of the machine and its control groups, with caches."""
     return min([proc_mb("meminfo", "MemAvailable") or DEFAULT_FREE_MB, *group_memory_mb()])
 
 
@@ -39,7 +39,7 @@ def group_memory_mb(root: Path = Path("/sys/fs/cgroup"), own: Path = Path("/proc
             continue
         names, limit, used, dropped = VERSIONS[1 if controllers else 2]
         for top in (root / name for name in names):
-            # A path may be valid only on a container's host; the group is then `top`.
+            # In a container, the path may be the host's; the group is then `top`.
             group = top / path.lstrip("/")
             for folder in [top] if ".." in group.parts else [group, *group.parents]:
                 if folder.is_relative_to(top):
@@ -70,7 +70,7 @@ def peak_memory_mb() -> float:
     if (peak := proc_mb("self/status", "VmHWM")) is not None:
         return peak
     try:
-        import resource  # Windows does not have it
+        import resource  # Windows does not have this module
     except ImportError:
         return 0.0
     return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024 / 1e6
@@ -81,7 +81,7 @@ def process_seconds() -> float:
     status = _text(Path("/proc/self/stat"))
     if not status or not hasattr(os, "sysconf"):
         return 0.0
-    # Field 22 is the start time. Field 2, the name in brackets, may contain spaces.
+    # Field 22 is the start time of the process. Field 2, the name, may contain spaces.
     ticks = int(status.rpartition(")")[2].split()[19])
     return time.clock_gettime(time.CLOCK_BOOTTIME) - ticks / os.sysconf("SC_CLK_TCK")
 

@@ -15,7 +15,7 @@ def provenance(command: str, packages: tuple[str, ...], programs: Mapping[str, s
     """Return machine, date, command, and the versions of Lippmann, programs and packages."""
     versions = dict(programs or {})
     for name in packages:
-        with contextlib.suppress(importlib.metadata.PackageNotFoundError):  # an extra is not installed
+        with contextlib.suppress(importlib.metadata.PackageNotFoundError):  # an optional package is not installed
             versions[name] = importlib.metadata.version(name)
     return {
         "machine": machine_name(),

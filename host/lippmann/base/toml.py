@@ -183,13 +183,13 @@ def parse(text: str, source: str, remedy: str = MEND) -> Table:
         if line:
             name = text.splitlines()[int(line[1]) - 1].partition("=")[0].strip()
             what = f"{name} is given a second time in line {line[1]}"
-            raise input_error(source, what, "remove one of the two") from None
+            raise input_error(source, what, "remove one of both lines") from None
         why = ENDLESS if "int_max_str_digits" in str(error) else error
         raise input_error(source, f"not TOML ({why})", remedy) from None
 
 
 def load(path: Path, what: str) -> Table:
-    """Return the tables of a TOML file; `what` is the kind of file in errors."""
+    """Read the tables of a TOML file; `what` is the kind of file in error messages."""
     remedy = f"give a {what} file (.toml)"
     try:
         text = read_limited(path, MAX_TOML_BYTES, remedy).decode("utf-8-sig")

@@ -315,7 +315,7 @@ class Solution:
 
 def solve(problem: Problem, x: Floats, robust_only: bool = False) -> Solution:
     """Fit the parameters, starting at x; unless `robust_only`, fit again without outliers."""
-    problem = problem.thinned(8000)  # maximum lenslets per view
+    problem = problem.thinned(8000)  # maximum number of lenslets per view
     weights = Weights.equal(problem, (1.0, 1.0))
     for _ in range(2):
         x = _minimise(problem, x, weights, True)
@@ -385,7 +385,7 @@ def _minimise(problem: Problem, x: Floats, weights: Weights, robust: bool) -> Fl
 def _smooth(problem: Problem, weights: Weights, k: int) -> SmoothErrors:
     places, view, (panel, photo) = problem.places[k][weights.inliers[k]], problem.views[k], weights.scatter[k]
     across = float(np.sqrt(np.prod(np.std(view.photo_px, axis=0)) / max(1e-9, float(np.prod(places.std(axis=0))))))
-    # These two constants were measured on simulated photographs.
+    # The two minimums were measured on simulated photographs.
     least = np.repeat([0.001 / panel, 0.0003 * across / photo], 2)
     # The first tuple is the ratio of smooth to independent scatter per residual column.
     return SmoothErrors.of(places, np.maximum((0.12, 0.12, 0.2, 0.2), least))

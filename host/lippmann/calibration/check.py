@@ -1,10 +1,10 @@
 """Draw pictures that test a calibration, and evaluate photographs of these pictures.
 
 `1-white` looks white to an eye at a position X and black from elsewhere; `2-dark` is
-its inverse. Where the array differs from the display file, X sees the inverse.
+its inverse. Where array and display file differ, an eye at X sees the inverse.
 
 `3-rings` makes each lenslet white or black, depending on its distance from the panel's
-middle. An eye without crosstalk sees rings, with gaps where pixels are assigned to the
+middle. An eye without crosstalk sees rings, which have gaps where pixels belong to a
 wrong lenslet.
 """
 
@@ -87,15 +87,15 @@ def judge_folder(folder: Path) -> Verdict:
 
 
 def judge(white: Light, dark: Light) -> Verdict:
-    """Compare the light (height, width) of both photographs, block by block."""
-    side = max(2, round(1 / 48 * max(white.shape)))  # side of a block, pixels
+    """Compare the photographs of white and dark (light, height x width), block by block."""
+    side = max(2, round(1 / 48 * max(white.shape)))  # side of a compared block, pixels
     height, width = (side * (length // side) for length in white.shape)
     shape = height // side, side, width // side, side
     means = [one[:height, :width].reshape(shape).mean(axis=(1, 3)) for one in (white, dark)]
     both = means[0] + means[1]
     panel = both > 0.2 * float(np.percentile(both, 95.0))  # darker blocks are outside the panel
     if float(both.max()) < 1e-3:
-        raise InputError("photographs 1-white and 2-dark are both black; expose both longer, with one exposure")
+        raise InputError("photographs 1-white and 2-dark are both black; expose both longer, and equally")
     inside = ndimage.binary_erosion(panel)  # blocks on the panel's edge show the mount too
     if inside.sum() < 9:
         raise InputError("the photographs show too little of the panel; move the camera nearer")

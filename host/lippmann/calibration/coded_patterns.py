@@ -6,11 +6,11 @@ pixel centres are at 1/2) is
     I = 1/2 + 1/2 cos(2 pi (u / T - n / N)).
 
 The Gray code encodes the index floor(u / (T/2)) of the half period. Phase and half
-period give u, even if a half period is misread near its edge. With N = 8, harmonics up
-to the sixth (camera tone curve) do not change the phase.
+period give u, even if a half period is misread near its edge. With N = 8, harmonics of
+the camera's tone curve up to the sixth do not change the phase.
 
-The first and the last picture show marks for aiming the camera. Their photographs are
-equal if the camera did not move.
+The first and the last picture show marks for aiming the camera. The photographs of both
+are equal if the camera did not move.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ from lippmann.errors import InputError, input_error
 from lippmann.rendering.integral_image import IntegralImage
 
 Kind = Literal["marks", "white", "black", "gray", "phase"]
-#: Period in panel pixels, and number of phase pictures per axis.
+#: Period of the phase pictures in panel pixels, and their number per axis.
 PERIOD_PX = 16
 STEPS = 8
 #: Name of the file that describes a set of patterns.
@@ -105,7 +105,7 @@ class PatternSet:
 
     @cached_property
     def patterns(self) -> tuple[Pattern, ...]:
-        """All pictures in order."""
+        """All pictures of the set, in order."""
         kinds: list[tuple[Kind, int, int]] = [("marks", 0, 0), ("white", 0, 0), ("black", 0, 0)]
         for axis in (0, 1):
             kinds += [("gray", axis, bit) for bit in reversed(range(self.bits(axis)))]
@@ -181,7 +181,7 @@ class AxisCode:
         """Add a pattern's photograph; `share` is its light, scaled to -1/2 for black, 1/2 for white."""
         if pattern.kind == "gray":
             self.code |= (share > 0.0).astype(np.uint16) << np.uint16(pattern.number)
-            self.doubtful += abs(share) < 0.12  # near the mean of black and white
+            self.doubtful += abs(share) < 0.12  # light near the mean of black and white
         else:
             self.wave += share * np.complex64(self.patterns.turn(pattern))
 
@@ -209,7 +209,7 @@ def _marks(height: int, width: int) -> Singles:
 
 
 def write_patterns(patterns: PatternSet, display: Display, folder: Path) -> list[Path]:
-    """Write the pictures and `patterns.toml`; return the pictures' paths. Raises like `make_folder`."""
+    """Write the pictures and `patterns.toml`; return the pictures' paths. Raises the errors of `make_folder`."""
     make_folder(folder)
     files = [folder / name for name in patterns.files]
     with contextlib.ExitStack() as unfinished:

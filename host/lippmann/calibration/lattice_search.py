@@ -25,7 +25,7 @@ from lippmann.optics.system import PanelFrame
 MAX_ROTATION_DEG, MAX_STRETCH = 8.0, 0.05
 #: Radius of the initial search region, in pitches.
 FIRST_RADIUS = 4.0
-#: Factor by which a lattice point's cell is scaled; panel points inside are near.
+#: Panel points in a lattice point's cell, scaled by this factor, are near the point.
 NEAR = 0.6
 MAX_POINTS, SEED = 80_000, 1909
 REMEDY = (
@@ -87,12 +87,12 @@ def find_lattice(name: str, points_mm: Floats, display: Display) -> SeenLattice:
         match = _extend_lattice(points_mm, middle, nominal, display.array.grid, pitch, growth)
         if match is not None and (best is None or match[0] > best[0]):
             best = match
-        if best is not None and best[0] > 0.8:  # enough points are near
+        if best is not None and best[0] > 0.8:  # enough points are near the lattice
             break
-    if best is None or best[0] < 0.55:  # random points give about 0.33
+    if best is None or best[0] < 0.55:  # a fraction of 0.33 of random points is near
         what = f"the points seen on the panel form no lattice like that of '{display.name}'"
         percent = 0.0 if best is None else 100.0 * best[0]
-        raise input_error(name, f"{what} ({percent:.0f} % of the points are near one)", REMEDY)
+        raise input_error(name, f"{what} ({percent:.0f} % of the points are near it)", REMEDY)
     # The best lattice may be outside the searched range.
     change = best[1].basis @ np.linalg.inv(nominal)
     turn = math.degrees(math.atan2(change[1, 0] - change[0, 1], change[0, 0] + change[1, 1]))

@@ -60,7 +60,7 @@ class Outline:
         return np.stack([x, y], axis=1)
 
     def located(self, photo_px: Values) -> tuple[Indices, Floats]:
-        """Return the lenslets (i, j) of pixels, and the pixels' offsets from the centres."""
+        """Return the lenslet (i, j) of each pixel, and the pixel's offset from its centre."""
         x, y = self.cells(photo_px).T
         i, j, dx, dy = self.lattice.locate(NumpyBackend(), x, y)
         return np.stack([i, j], axis=1).astype(np.int64), np.stack([dx, dy], axis=1)
@@ -76,7 +76,7 @@ def _apply_map(numbers: Floats, at: Values) -> Floats:
 def fit_outline(name: str, grid: Grid, photo_px: Values, index: Indices, shape: tuple[int, int]) -> Outline:
     """Fit an outline map to pixels (N, 2) that see the complete lenslets `index` (N, 2).
 
-    Raises InputError if less than half of the pixels agree.
+    Raises InputError if less than half of the pixels fit.
     """
     rng = np.random.default_rng(1910)
     some = rng.choice(len(photo_px), min(40_000, len(photo_px)), replace=False)
@@ -149,7 +149,7 @@ class Lenslets:
     cell_px: Floats
     #: Derivative (2, 2) of the cell position, pitches, by photograph pixel.
     steps: Floats
-    #: Derivative (N, 2, 2) of panel points by cell position, mm per pitch; its mean.
+    #: Derivative (N, 2, 2) of panel points by cell position, mm per pitch, and mean.
     moves: Floats
     spread: Floats
     #: Fraction of camera pixels that see the lenslet in whose outline they lie.
@@ -164,7 +164,7 @@ def _match_pixels(
     """Return the map, the lenslet (i, j) that each pixel sees, and a mask of pixels in its outline.
 
     Through the lenslet at l, a pixel at q sees the panel point l + B (q - l), in
-    lattice steps. B is 0 if the panel is in focus. Each iteration improves B.
+    lattice steps. B is 0 if lenslets focus on the panel. Each iteration improves B.
     """
     panel_steps = lattice.steps(points_mm)
     index, near = lattice.near(points_mm)
@@ -278,7 +278,7 @@ def _surrounded(table: Floats, places: Indices, least: Floats | float) -> Bools:
 
 
 def are_complete(index: Indices, counts: Indices, neighbours: float) -> Bools:
-    """Return a mask (N,) of lenslets that have full neighbours, and nearly the most pixels of them.
+    """Return a mask (N,) of lenslets with about as many pixels as their neighbours, which are full.
 
     A full neighbour has the fraction `neighbours` of the largest neighbour's pixels.
     """

@@ -40,7 +40,7 @@ class Fit(NamedTuple):
     modulation: float
     #: Residual of each phase photograph from the fitted cosine, in amplitudes.
     residuals: dict[Pattern, float]
-    #: Fraction of pixels whose Gray code and phase disagree by more than an edge.
+    #: Fraction of pixels whose Gray code and phase contradict each other.
     disagree: float
     #: Fraction of the panel points that fit the homography `panel_from_photo`.
     on_plane: float

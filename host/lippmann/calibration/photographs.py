@@ -69,7 +69,7 @@ def _photographs(folder: Path) -> dict[str, Path]:
         if one.suffix.lower() in SUFFIXES:
             if one.stem in photographs:
                 what = f"{photographs[one.stem].name} and {one.name} are photographs of the same pattern"
-                raise input_error(folder, what, "keep one of them")
+                raise input_error(folder, what, "keep one of both files")
             photographs[one.stem] = one
     return photographs
 
@@ -112,7 +112,7 @@ def decode_values(values: npt.NDArray[np.integer]) -> Light:
 def read_photograph(path: Path, shape: tuple[int, int] | None = None) -> Photograph:
     """Read the light of an sRGB photograph, averaged over the channels.
 
-    Raises InputError if it is unreadable or has not the size `shape`.
+    Raises InputError for an unreadable file or a size other than `shape`.
     """
     raw = read_numbers(path, MAX_PIXELS, "is not a readable photograph", "give a PNG, JPEG or TIFF file")
     if raw.dtype not in _CURVES:

@@ -133,7 +133,7 @@ def load_calibration(path: Path) -> Calibration:
         why = f"{error} is missing" if isinstance(error, KeyError) else reason(error)
         raise input_error(sidecar, f"cannot be read ({why})", remedy) from None
     if identity != display.identity:
-        raise input_error(sidecar, "belongs to another display file", "solve again, and keep both files together")
+        raise input_error(sidecar, "belongs to another display file", "run calibrate solve again; keep both files")
     return Calibration(**vars(findings), display=display, nominal=parse_display(nominal, "nominal"), field=field)
 
 
@@ -172,7 +172,7 @@ def parameters_of(nominal: Display, solution: Solution) -> tuple[Parameter, ...]
     """Return the fitted parameters of array and gap with 95 % intervals."""
     array, factor = nominal.array, float(students_t.ppf(0.975, 60))
     (px, py), depth, degree = array.pitches_mm, nominal.aperture_distance_mm, math.degrees(1.0)
-    # Columns: unit, factor to this unit, value in the file, maximum uncertainty.
+    # A row has unit, factor to the unit, display file's value, maximum uncertainty.
     rows = {
         "pitch_x": ("mm", 1.0, px, OPEN["pitch_x"] * px),
         "pitch_y": ("mm", 1.0, py, OPEN["pitch_y"] * py),

@@ -1,7 +1,7 @@
 """Simulate a camera's photographs of patterns on a display.
 
 Rays are traced once from all camera pixels to the panel. The result is a sparse matrix
-from panel pixels to camera pixels. A photograph is its product with a pattern's light.
+from panel pixels to camera pixels. Matrix times pattern light gives a photograph.
 """
 
 from __future__ import annotations
@@ -41,8 +41,8 @@ Band = tuple[int, int, Indices, Floats, Bools]
 class Projection:
     """Matrices that map light of panel pixels (columns) to light of camera pixels (rows)."""
 
-    matrices: tuple[sparse.csr_matrix, ...]  # one, or one per colour
-    brightness: Floats  # relative illumination (height, width)
+    matrices: tuple[sparse.csr_matrix, ...]  # one matrix, or one per colour
+    brightness: Floats  # the camera's relative illumination (height, width)
 
     def photograph(self, light: Light) -> Light:
         """Return the camera's light for a panel's; both are (height, width) or (height, width, 3)."""

@@ -139,7 +139,7 @@ def _number_lenslets(
     trials = []
     for number, (problem, start) in enumerate(likely):
         progress(number, len(likely))
-        sample = problem.thinned(400)  # at most 400 lenslets per position
+        sample = problem.thinned(400)  # maximum number of lenslets per position
         trial = solve(sample, first_fit(sample, start), robust_only=True)
         trials.append((_cost(trial), problem, trial.x))
     _, problem, x = min(trials, key=lambda one: one[0])
@@ -218,7 +218,7 @@ def _check_zoom(solution: Solution) -> None:
     if not sure:
         return
     views = [view.name for view in problem.views]
-    # If all others differ from the first in one direction, the first position is odd.
+    # If all others differ from the first in one direction, the first is wrong.
     first = len(sure) == len(zooms) > 1 and len({zooms[name] > 0.0 for name in sure}) == 1
     worst = max(sure, key=lambda name: abs(zooms[name]))
     odd, zoom = (views[0], -zooms[worst]) if first else (views[list(zooms).index(worst) + 1], zooms[worst])

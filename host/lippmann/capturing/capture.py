@@ -63,8 +63,8 @@ def check_placement(scene: Scene, setup: Setup) -> None:
     front = subject.distance_mm - (0.0 if lens is None else lens.extent_mm[1] - lens.hiatus_mm)
     if near >= front:
         raise InputError(
-            f"set-up '{setup.name}': the scene extends {near:.4g} mm in front of the object's centre, but lens or "
-            f"array are {front:.4g} mm in front of it; move the object away, or make the scene smaller"
+            f"set-up '{setup.name}': the scene extends {near:.4g} mm in front of the object's centre, but the lens or "
+            f"array is {front:.4g} mm in front of it; move the object away, or make the scene smaller"
         )
     image = setup.image_distance([far, near])
     to_camera = setup.camera_distance_mm
@@ -105,9 +105,9 @@ def placement_before(setup: Setup, path: Path, setup_path: str | Path | None = N
 def capture(scene: Scene, setup: Setup, settings: Settings, rotate: bool, progress: Progress | None = None) -> Rendered:
     """Render the image that a set-up captures of a scene, placed by `placement_before`.
 
-    Only a set-up with a sensor uses `settings.aperture`. `rotate` rotates the elemental
-    images. `lost_percent` are the percentages of rays that lens and array block. Raises
-    InputError like `check_placement`, and if all rays are blocked.
+    Only a set-up with a sensor uses `settings.aperture`. `rotate` means that elemental
+    images are rotated. `lost_percent` are the percentages of rays that lens and array
+    block. Raises InputError like `check_placement`, and if all rays are blocked.
     """
     check_placement(scene, setup)
     with ThreadPoolExecutor(1) as thread:
@@ -148,7 +148,7 @@ def shown_depth(setup: Setup, z_mm: npt.ArrayLike, rotated: bool) -> Floats:
     if eye_mm is None or (distance is None and not rotated):
         return depth
     wider, lean = (1.0, 2.0 / eye_mm) if distance is None else (1.0 + g / eye_mm, 1.0 / eye_mm)
-    # Equal to 1 / (wider / depth + lean), but also valid for depth 0.
+    # This form of 1 / (wider / depth + lean) is also valid for depth 0.
     with np.errstate(divide="ignore"):
         return np.asarray(depth / (wider + lean * depth))
 

@@ -39,7 +39,7 @@ class ThinLens:
     focal_length_mm: float
     aperture_mm: float
 
-    #: Distance from H' to H, and positions of the outermost vertices; all are 0.
+    #: A thin lens has H, H' and both outermost vertices at 0.
     hiatus_mm: ClassVar[float] = 0.0
     extent_mm: ClassVar[tuple[float, float]] = (0.0, 0.0)
 
@@ -47,7 +47,8 @@ class ThinLens:
         """Trace rays in the lens's frame, towards the object (dz > 0).
 
         Returns the rays from the last face, and a mask of rays that passed every face
-        inside the aperture, without total internal reflection. Blocked rays are finite.
+        inside the aperture, without total internal reflection. Blocked rays have finite
+        values.
         """
         x, y = ray.x - ray.z * (ray.dx / ray.dz), ray.y - ray.z * (ray.dy / ray.dz)
         power = 1.0 / self.focal_length_mm

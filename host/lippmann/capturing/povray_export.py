@@ -42,7 +42,7 @@ class Exported:
 
 @dataclass(frozen=True)
 class View:
-    """Camera and optics as POV-Ray text, and the image size in pixels."""
+    """Camera and optics as POV-Ray text, and the image's size in pixels."""
 
     camera: str
     width_px: int

@@ -149,12 +149,12 @@ def rtl_scene(
     models = _models.setdefault((build, f), [])
     try:
         model = models.pop()
-    except IndexError:  # all are in use
+    except IndexError:  # all models are in use
         model = SceneHarness(build, f)
     for slot, content in {**slots, CURVE_SLOT: table}.items():
         model.load(slot, content)
     pixels = model.draw(rays, words)
-    models.append(model)  # not after an error
+    models.append(model)  # a model is not reused after an error
     return pixels
 
 
@@ -174,17 +174,17 @@ def packed(config: Configuration) -> bytes:
 
 
 def optics_parameters(build: Build) -> dict[str, int | str]:
-    """Return the RTL's parameter `Build` of a build, as SystemVerilog."""
+    """Return the RTL parameter `Build` for a build, as SystemVerilog."""
     return {"Build": f"16'h{build_word(build):04x}"}
 
 
 def scene_parameters(build: SceneBuild, f: int) -> dict[str, int | str]:
-    """Return the RTL's parameters `F` and `Scene` of a build of the drawing."""
+    """Return the RTL parameters `F` and `Scene` of a scene drawing's build."""
     return {"F": f, "Scene": f"26'h{build.word:07x}"}
 
 
 def ray_library(build: Build, flags: Sequence[str]) -> Path:
-    """Return the library of a build of the optics, compiled at first use."""
+    """Return the ray tracer's library for a build, compiled at first use."""
     name, macro = f"rays-{build.grid}-{build.model}-{build.fraction_bits}", f"-DLIPPMANN_NEAR={build.near}"
     return _compiled(name, "batch.cpp", "lipp_ray_stream", optics_parameters(build), [*flags, macro])
 

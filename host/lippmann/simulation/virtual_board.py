@@ -51,7 +51,7 @@ MAX_SIDE_PX = 16383
 CLOCKS_OF_A_BIT = 8
 #: Idle time after which a new program may replace the connected program, s.
 IDLE_S = 60
-#: Age after which an incomplete frame is removed, as from a killed simulator, s.
+#: Age, s, after which an incomplete frame counts as left by a killed simulator.
 PART_S = 60.0
 #: Maximum length of a Unix socket's path, bytes (`sun_path` of unix(7), without NUL).
 MOST_SOCKET_BYTES = 107
@@ -128,7 +128,7 @@ def step_of(baud: int, clock_hz: int) -> int:
 def check_free(tcp_port: int) -> None:
     """Raise DeviceError if a board cannot listen on a TCP port."""
     with socket.socket() as listener:
-        listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)  # as the board does
+        listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)  # the board sets this option too
         try:
             listener.bind(("127.0.0.1", tcp_port))
         except OSError as error:
