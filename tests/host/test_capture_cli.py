@@ -101,7 +101,7 @@ def test_rotation_is_what_no_rotate_leaves_out(place, capfd, mi):
         ("aperture_mm = 300", "aperture_mm = 0.0001", (), "lens.aperture_mm: no ray passes lens and array"),
         ("position_mm = -60", "position_mm = -300", (), "array.position_mm: -300 mm is outside the image space"),
         ("[0, 0, 180]", "[0, 0, 180]\noffset_mm = [0, 0, 1005]", (), "the scene extends"),
-        ("", "", ("--size", "70"), "fewer than 2; give a larger --size"),
+        ("", "", ("--size", "70"), "at least 2 are needed; give a larger --size"),
         ("", "", ("--size", "0"), "size 0 is out of range"),
         ("distance_mm = 1450", "distance_mm = 412", (), "the camera, 411.9 mm behind"),
         ("[0, 0, 180]", "[0, 0, 180]\noffset_mm = [0, 0, 702]", (), "camera.distance_mm: the camera, "),

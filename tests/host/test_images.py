@@ -131,7 +131,7 @@ def test_places_that_cannot_be_written_are_refused(tmp_path, monkeypatch):
     (tmp_path / "folder.png").mkdir()
     with pytest.raises(InputError, match=r"folder\.png: is a folder"):
         check_output(tmp_path / "folder.png")
-    with pytest.raises(InputError, match=r"missing does not exist; make it"):
+    with pytest.raises(InputError, match=r"missing does not exist; make the folder"):
         check_output(tmp_path / "missing" / "a.png")
     # Root may write anywhere, but not there, though its permissions allow it.
     with pytest.raises(InputError, match=r"a\.png: cannot be written \(.+\); free space or choose another place"):

@@ -111,7 +111,7 @@ def test_an_installed_package_finds_its_rtl_and_the_users_cache(site, cache, wan
 
 def test_what_needs_the_checkout_says_so(site):
     done = python(site, "from lippmann.simulation.toolchain import *; repository()")
-    assert "MissingLibraryError: this needs the git checkout, not the pip package" in done.stderr
+    assert "MissingLibraryError: this command needs a git checkout" in done.stderr
 
 
 def test_a_cache_that_cannot_be_written_is_named(site):

@@ -49,7 +49,7 @@ MAX_KEY_BYTES, MAX_METADATA_BYTES = 70, 60_000
 
 #: Linear radiance, (height, width, 3).
 Radiance = npt.NDArray[np.float32]
-#: Function that checks a file's metadata; it raises an error to refuse the file.
+#: Function that checks a file's metadata, and may raise an error.
 Accept = Callable[[Mapping[str, str]], None]
 
 

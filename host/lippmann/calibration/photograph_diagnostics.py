@@ -36,7 +36,7 @@ class Samples:
 class Fit(NamedTuple):
     """Measures of how well photographs agree."""
 
-    #: Median amplitude of the phase photographs, relative to white minus black.
+    #: Median amplitude of the phase photographs; 1 spans black to white.
     modulation: float
     #: Residual of each phase photograph from the fitted cosine, in amplitudes.
     residuals: dict[Pattern, float]
@@ -48,7 +48,7 @@ class Fit(NamedTuple):
 
     @property
     def bad(self) -> float:
-        """Disagreement of the photographs, which an exchange of two increases."""
+        """Total disagreement, which two exchanged photographs increase."""
         return float(np.mean(list(self.residuals.values()))) + self.disagree + (1.0 - self.on_plane)
 
 

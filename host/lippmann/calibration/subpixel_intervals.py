@@ -12,9 +12,9 @@ adds c on the panel: b(p)^2 = a^2 |s'(p)|^2 + c^2. L is the sum of the second
 derivatives of s. a and c are fitted to each position's readings.
 
 A mean reading therefore gives an interval of t. The interval is short if points move by
-a pixel or more over the cell, and a pixel wide in focus. The middle of a wide interval
-is not a measurement, because neighbouring lenslets have similar errors. The movement s
-is computed from exact rays through the fitted array.
+a pixel or more over the cell, and a pixel wide if lenslets focus on the panel. The
+middle of a wide interval is not a measurement, because neighbouring lenslets have
+similar errors. The movement s is computed from exact rays through the fitted array.
 """
 
 from __future__ import annotations

@@ -23,8 +23,8 @@ SPARE_LENSLETS = 2
 #: Maximum number of faces that a ray meets in the array, including lenslet walls.
 ARRAY_FACES = 6
 #: Overlap of adjacent lenslets as a fraction of their width: POV-Ray reflects rays at
-#: walls between solids that only touch. At 2e-5, single precision loses some overlap. A
-#: much larger overlap makes steps between the curved faces.
+#: walls between solids that only touch. Single precision loses some of an overlap of
+#: 2e-5. A much larger overlap makes steps between the curved faces.
 OVERLAP = 3e-5
 #: Outer radius of the disc that stops light beside a lens, mm.
 STOP_MM = 1e5

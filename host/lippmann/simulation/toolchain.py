@@ -78,7 +78,7 @@ def repository() -> Path:
     """
     top = _checkout()
     if top is None:
-        raise MissingLibraryError("this needs the git checkout, not the pip package; run git clone, then make setup")
+        raise MissingLibraryError("this command needs a git checkout; run git clone, then make setup")
     return top
 
 

@@ -187,7 +187,7 @@ class BoardOptions(TypedDict, total=False):
     host_baud: int | None
     #: Clock of the board, Hz; `None` selects `usual_clock`.
     clock_hz: int | None
-    #: Fraction bits F of the optics; see `board_build`.
+    #: Number of fraction bits of the optics (F of `board_build`).
     fraction_bits: int | None
     #: An existing folder to which the board writes shown frames.
     capture: Path | None
