@@ -275,7 +275,7 @@ def observe(
     width_px, samples
         Width of the view, and number of rays per pixel of the view.
     display
-        The display with its errors: `image.display.misaligned(rotation_deg=0.1)`.
+        The display as built, such as `image.display.misaligned(rotation_deg=0.1)`.
         `None` means the image's display.
     window
         The part of the plane z = 0 in the view; `None` means the whole panel, `width_px` pixels wide.

@@ -129,7 +129,7 @@ class Board(Session):
 
         The panel keeps its frame until the new frame is complete and its CRC-32 is correct.
         While the board draws a scene, it only stores the frame, and a LippmannWarning is
-        issued. `progress` counts tiles.
+        issued. `progress` reports tiles.
 
         Raises the errors of `image_frame`, and DeviceError when the board does not
         answer, shows a test pattern, or refuses the frame.
@@ -142,7 +142,7 @@ class Board(Session):
     ) -> Sent:
         """Render a plan and show the image; complete tiles are sent after each rendered band.
 
-        `progress` counts rows. Raises the errors of `show` and of `executor`; after an
+        `progress` reports rows. Raises the errors of `show` and `executor`; after an
         error, the panel keeps its frame.
         """
         if not hasattr(plan, "bands"):

@@ -229,7 +229,7 @@ class SceneBoard:
     def wait(self, scene: bool | None = None) -> None:
         """Wait until the panel shows the written registers, and the scene or the stored frame.
 
-        `scene` None accepts both pictures. Raises DeviceError after `FRAME_SECONDS`.
+        `scene` None accepts either state. Raises DeviceError after `FRAME_SECONDS`.
         """
         until = time.monotonic() + FRAME_SECONDS
         while (status := self.status()).waits or scene not in (None, status.is_shown):

@@ -1,4 +1,4 @@
-"""Packets of the link: type, number, body and CRC-32, COBS-encoded and ended by a zero byte."""
+"""Packets of the link: type, sequence number, body, CRC-32; COBS-encoded, ended by a zero."""
 
 from __future__ import annotations
 

@@ -86,7 +86,7 @@ def cli() -> None:
 
 
 def run(arguments: list[str], command: click.Command = cli, name: str | None = "lippmann") -> int:
-    """Run a command and return its exit code; `name` None means the command's own name."""
+    """Run a command under a program name (None: the command's); return the exit code."""
     if sys.stdout is None:
         print("lippmann: stdout is closed; open it, or redirect it to /dev/null", file=sys.stderr)
         return MissingLibraryError.exit_code

@@ -28,7 +28,7 @@ from lippmann.simulation import virtual_board
 #: Pause between two checks of a running board, s.
 CHECK_S = 0.1
 #: Environment variable with the id of the process that started a background board.
-#: The board ends if that process ends before the board is ready.
+#: A board that is not ready yet ends if its starting process has ended.
 LAUNCHER = "LIPPMANN_LAUNCHER"
 #: Maximum time for writing the last captured frames, s.
 CAPTURE_SECONDS = 10.0
@@ -63,7 +63,7 @@ def start_command(
     tcp_port: int | None = option("TCP port on loopback; 0 selects a free port.", kind=click.IntRange(0, 65535)),
     baud: int | None = option("Simulate a UART with this baud rate.  [default: no UART]", kind=click.IntRange(1)),
     fraction_bits: int | None = option(
-        "Fraction bits of the words.  [default: 16; 18 for nearest texels]", kind=FRACTION_BITS
+        "Fraction bits of RTL words.  [default: 16; 18 for nearest texels]", kind=FRACTION_BITS
     ),
     capture: Folder | None = option("Folder for a PNG of each new frame; created if missing."),
     ready: Path | None = option("JSON file for the board's URL; the file exists while the board runs."),
@@ -86,7 +86,7 @@ def start_command(
         raise input_error("--tcp-port", f"{kind} has no port number", "leave out --tcp-port, or use --line tcp")
     if trace_clocks[0] >= trace_clocks[1]:
         what = f"{trace_clocks[0]} to {trace_clocks[1]} is an empty range"
-        raise input_error("--trace-clocks", what, "give the smaller number first")
+        raise input_error("--trace-clocks", what, "swap the two numbers")
     virtual_board.check_panel(display)
     _check_places(capture, ready, trace)
     if background and not ready:

@@ -178,8 +178,8 @@ def solve_command(
 
 #: Minimum fraction of the panel that the eye of `check` must see without crosstalk.
 MIN_OWN_SHARE = 0.5
-#: Fraction of the panel without crosstalk below which `check` logs a note. Above this
-#: fraction, only the corners of lenslet cells have crosstalk.
+#: Fraction of the panel without crosstalk below which `check` logs a note. Above it,
+#: only the corners of lenslet cells have crosstalk.
 LOGGED_SHARE = 0.95
 
 
@@ -188,7 +188,7 @@ def check_command(
     display: Display = argument("CALIBRATED.toml"),
     output: Folder | None = option("Output folder for the test pictures."),
     eye: Point | None = option("Position of the eye that sees 1-white as white, mm."),
-    photos: Folder | None = option("Check the photographs of 1-white and 2-dark in this folder."),
+    photos: Folder | None = option("Check photographs of 1-white and 2-dark in this folder."),
     device: str = DEVICE,
 ) -> int:
     """Draw pictures that test a calibration, or check photographs of these pictures.

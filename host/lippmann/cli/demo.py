@@ -53,7 +53,7 @@ FRAMES = 15
 STILL_VIEWS = 16
 VIEW_WIDTH_PX, DRAWN_VIEW_WIDTH_PX = 500, 400
 VIEW_SAMPLES = 64
-#: Side length of the central region in which rays are compared, pixels.
+#: Side length of the central region of compared rays, pixels.
 REGION_PX = 512
 
 

@@ -49,7 +49,7 @@ def command(
     eye: Point | None = option("Position of an eye, mm; a second window shows its view."),
     turn: float = option("Rotate the scene, degrees per second.", 0.0),
     turn_seconds: float | None = option("Duration of the rotation, s.  [default: to the end]", kind=finite(0.0)),
-    seconds: float | None = option("End after this time in seconds, with a complete picture.", kind=finite(0.0)),
+    seconds: float | None = option("End after this time, s, with a complete picture.", kind=finite(0.0)),
     samples: int = option("Samples per pixel of a complete picture.", MAX_SAMPLES, click.IntRange(1)),
     model: ModelOption = option("Lens model; auto chooses the cheapest model once.", "auto"),
     settings: Settings = LIGHT,

@@ -26,7 +26,7 @@ from lippmann.rendering.sampling import Window
 
 MAX_VIEW_PX = 16384
 SWEEP_FRAMES = 21
-#: Panel size in pixels above which views read only the needed rows of the file.
+#: Panel size in pixels above which views read only needed rows of the file.
 STORED_PX = 1 << 26
 
 

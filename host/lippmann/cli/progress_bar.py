@@ -45,7 +45,7 @@ def with_progress(label: str, items: Collection[Item]) -> Iterator[Item]:
 
 
 def _progress_lines(label: str) -> Progress:
-    # The rate counts from the first report, so it excludes compilation and earlier runs.
+    # The rate counts from the first report, to exclude compilation and earlier runs.
     started = logged = time.monotonic()
     first: tuple[float, int] | None = None
 

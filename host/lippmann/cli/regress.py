@@ -100,7 +100,7 @@ class _Output:
     def write(
         self, verdicts: list[tuple[str, Verdict]], words: bool, ended: str | None, about: Mapping[str, object]
     ) -> None:
-        """Write the verdicts; `ended` is the error that ended a stream early, if any."""
+        """Write the verdicts; `ended` is the error that ended a stream early."""
         texts = {name: value if isinstance(value, str) else json.dumps(value) for name, value in about.items() if value}
         if self.junit:
             from lippmann.conformance.junit import write_junit

@@ -44,7 +44,7 @@ def command(
     moved: Moved = MOVED,
     frames_per_second: float = option("Frame rate of a film.", FRAMES_PER_SECOND, finite(0.1)),
     title: str | None = option("Heading of the page.  [default: the image's name]"),
-    serve: bool = option("Serve the page on this machine until Ctrl-C instead of writing a file."),
+    serve: bool = option("Serve the page until Ctrl-C instead of writing a file."),
     tcp_port: int = option("TCP port of --serve; 0 selects a free port.", 0, click.IntRange(0, 65535)),
     force: bool = FORCE,
     seed: int = SEED,
