@@ -40,7 +40,7 @@ from lippmann.scenes.scene import Part, Scene, check_scene_file, load_scene
 
 #: Default number of layers.
 COUNT = 4
-#: Layer counts for which --costs measures the PSNR.
+#: Layer counts at which --costs measures PSNR.
 MEASURED = (1, 2, 3, 4, 6, 8)
 
 
