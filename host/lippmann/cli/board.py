@@ -48,7 +48,7 @@ def program_command(
     flash: bool = option("Write the bitstream to flash memory, which keeps it at power-off."),
     display_path: Path | None = option("Refuse a bitstream that is not for this display file."),
 ) -> None:
-    """Load a bitstream into an FPGA board (openFPGALoader); power-off erases it without --flash.
+    """Load a bitstream into an FPGA board (openFPGALoader); --flash keeps it at power-off.
 
     Example: lippmann board program build/bitstream/ulx3s-vga-square.bit
     """
