@@ -83,7 +83,7 @@ def test_no_dividers_are_better():
     [
         (Fraction(200), Fraction(25), MEMORY, "no pixel clock within 1.1%"),  # VCO 2000 MHz
         (Fraction(1), Fraction(25), MEMORY, "no pixel clock within 1.1%"),  # VCO 128 MHz at most
-        (Fraction(25), Fraction(25), (Fraction(124), Fraction(1241, 10)), "one of 124 to 124 MHz"),
+        (Fraction(25), Fraction(25), (Fraction(124), Fraction(1241, 10)), "memory clock of 124 to 124 MHz"),
         (Fraction(25), Fraction(7), MEMORY, "an oscillator of 7 MHz"),
         (Fraction(25), Fraction(401), MEMORY, "an oscillator of 401 MHz"),
     ],
