@@ -473,7 +473,7 @@ class DeadlyPlan:
 
 @pytest.mark.parametrize(
     ("number", "more", "message"),
-    [(signal.SIGKILL, 0, ".* crashed several .*: give fewer .*"), (signal.SIGSTOP, 3, "no worker is left; run it .*")],
+    [(signal.SIGKILL, 0, ".* crashed several .*: use fewer .*"), (signal.SIGSTOP, 3, "no worker is left; run .*")],
 )
 def test_own_workers_that_end_are_told(monkeypatch, number, more, message):
     """Dask gives a task to three more workers, or to none. It does not replace a stopped worker."""
