@@ -1,4 +1,4 @@
-"""Draw the picture of a calibration: a photograph, and an eye's view before and after. `make pictures` runs it."""
+"""Draw docs/pictures/calibration.png: a photograph of a pattern, and an eye's view before and after calibration."""
 
 import tempfile
 from pathlib import Path
@@ -11,10 +11,10 @@ from lippmann.display.description import display_text, load_display
 from lippmann.eye.observer import Eye, observe, whole_window
 from make_pictures import SCENES, picture, row
 
-#: How the display is built, other than its file says, and where the camera stands, mm: as in docs/how-to/calibrate.md.
+#: Errors of the display as built, and positions of the camera in mm, both as in docs/how-to/calibrate.md.
 BUILT = {"rotation_deg": 0.3, "pitch_scale": 1.002, "gap_mm": 0.2}
 PLACES = "0,0,80", "35,12,90", "-30,-10,115"
-#: The photograph that is shown, and the eye of the views.
+#: File pattern of the photograph in the picture, and the eye whose views are drawn.
 SHOWN, EYE = "position-1/*-phase-x-0.png", Eye((0.0, 0.0, 600.0))
 WIDTH_PX = 320
 

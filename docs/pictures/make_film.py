@@ -1,4 +1,4 @@
-"""Draw the picture of the shipped film: an eye's view of four frames. `make pictures` runs it."""
+"""Draw docs/pictures/film.png: an eye's view of four frames of a shipped film."""
 
 import lippmann as lp
 from lippmann.motion.film import load_film

@@ -1,4 +1,4 @@
-"""Draw the pictures of docs/how-it-works.md as SVG, for light and dark pages. `make pictures` runs it, in a second."""
+"""Draw the pictures of docs/how-it-works.md as SVG that follows the light or dark theme of the page."""
 
 import re
 from html import escape
@@ -15,7 +15,7 @@ STYLE = """<style>text{font:15px sans-serif}.bold{font-weight:bold}.code{font:14
 .glass{fill:#1d3d4a;stroke:#7cc4e0}.wire{stroke:#aab4be}.ray{stroke:#ff7b6b}.dot{fill:#ff7b6b}.word{fill:#e8ecf0}}</style>
 <defs><marker id="head" viewBox="0 0 8 8" refX="7" refY="4" markerWidth="8" markerHeight="8"
 markerUnits="userSpaceOnUse" orient="auto-start-reverse"><path class="wire" d="M1,1 7,4 1,7"/></marker></defs>"""
-#: The display in the picture of a ray: three lenslets, six pixels behind each, the pixels in focus.
+#: The display in how-ray.svg: three lenslets with six pixels behind each, focused on the pixels.
 DISPLAY = """gap_mm = 10.667\n[panel]\nwidth_px = 18\nheight_px = 18\npixel_pitch_mm = 1.66667
 [array]\ngrid = "square"\npitch_mm = 10\nradius_mm = 9\nindex = 1.5\nthickness_mm = 11"""
 FILES = """*written by*; *file*; *read by, among others*
@@ -30,7 +30,7 @@ you; *film*|`film.toml`; `animate`, `live`
 
 
 class Drawing:
-    """The elements of one picture. Paths are texts of points, "x,y x,y", in pixels; y grows downwards."""
+    """Collects the SVG elements of one picture. A path is a string of points "x,y x,y" in pixels, with y downwards."""
 
     def __init__(self, name, height, title):
         self.path, size = Path(__file__).with_name(f"how-{name}.svg"), f'width="{WIDTH}" height="{height}"'
@@ -38,7 +38,7 @@ class Drawing:
         self.parts += [f"<title>{title}</title>", STYLE, f'<rect class="page" {size} rx="8"/>']
 
     def words(self, x, y, text, anchor="middle"):
-        """Write lines of text, separated by |, about the height y: `code` and *bold*."""
+        """Write lines of text, separated by |, centred at the height y; `...` is set as code, *...* as bold."""
         lines = re.sub("`(.*?)`", r'<tspan class="code">\1</tspan>', escape(text))
         lines = re.sub(r"\*(.*?)\*", r'<tspan class="bold">\1</tspan>', lines).split("|")
         for k, line in enumerate(lines):
@@ -46,7 +46,7 @@ class Drawing:
             self.parts.append(f'<text class="word" text-anchor="{anchor}" x="{x}" y="{base:.1f}">{line}</text>')
 
     def labels(self, text):
-        """Write labels of one line, each with its place."""
+        """Write one-line labels, each preceded by its position."""
         for x, y, label in re.findall(r"(\d+),(\d+) ([^;\n]+)", text):
             self.words(x, int(y) - 5, label)
 
@@ -57,7 +57,7 @@ class Drawing:
             self.words(x + width / 2, y + height / 2, text)
 
     def lines(self, *paths, kind="wire end"):
-        """Draw a line along each path, with arrowheads at its `end`, `both` ends or none."""
+        """Draw a line along each path, with an arrowhead at its end, at both ends, or none."""
         self.parts += [f'<polyline class="{kind}" points="{path}"/>' for path in paths]
 
 
@@ -88,12 +88,12 @@ def draw_ray():
     d = Drawing("ray", 432, "A ray from a pixel through its lenslet to the scene")
     display = parse_display(DISPLAY, "how-ray.svg")
     array, gap, pixel = display.array, display.gap_mm, display.panel.pixel_pitch_mm
-    # 1 mm is drawn as 10 pixels. The vertices' plane is at 340, the axis at 225.
+    # 1 mm is 10 pixels of the picture. The plane of the vertices is at x = 340, the axis at y = 225.
     domes = "".join(f"A90,90 0 0 0 324.8,{y}" for y in (275, 175, 75))
     d.parts.append(f'<path class="glass" d="M230,375H324.8{domes}H230Z"/>')
     for k in range(18):
         d.box(110, 75 + 10 * pixel * k, 13, 16.7, kind="file" if 6 <= k < 12 else "part", corner=0)
-    # A chief ray by golden. In air it aims at the centre of the aperture plane; so it comes to the flat face.
+    # Golden traces a chief ray. In air the ray aims at the lenslet's centre in the aperture plane.
     start = -2.5 * pixel
     ray = trace(display, [[9 + start / pixel, 9]])
     (x, _, z), (dx, _, dz) = ray.origin_mm[0], ray.direction[0]

@@ -1,6 +1,6 @@
-"""Draw the pictures of the documentation, and write the table in docs/models.md. `make pictures` runs it.
+"""Draw most pictures of the documentation, and write the table in docs/models.md.
 
-Takes a minute or two on two cores. `--table` makes the table alone, in a few seconds.
+This script takes a minute or two on two cores. With `--table` it writes only the table, in a few seconds.
 """
 
 import sys
@@ -29,7 +29,7 @@ EYE_MM = 600.0
 BACKGROUND, INK, MARK = (255, 255, 255), (40, 40, 40), (255, 255, 0)
 FONT = ImageFont.load_default(13)
 
-#: Displays of the models' table and plot in addition to the shipped ones: (name, description, TOML).
+#: (name, description, TOML) of further displays in the table and the plot of lens models, after the shipped displays.
 PANEL = "[panel]\nwidth_px = 2400\nheight_px = 2400\ndpi = 600\n"
 VARIATIONS = (
     (
@@ -63,7 +63,7 @@ TABLE_DEPTH_MM = 50.0
 
 
 def picture(linear, width_px):
-    """Return an 8-bit sRGB picture of linear radiance, reduced to a width by averaging light, not code values."""
+    """Convert linear radiance into an 8-bit sRGB picture of a given width, averaging radiance, not sRGB values."""
     height, width = linear.shape[:2]
     height_px = round(width_px * height / width)
     planes = [Image.fromarray(np.ascontiguousarray(linear[:, :, k])) for k in range(3)]
@@ -72,13 +72,13 @@ def picture(linear, width_px):
 
 
 def crop(linear, centre, side, width_px):
-    """Return a square crop of the panel, enlarged without smoothing."""
+    """Cut a square out of the panel's image, and enlarge its pixels without smoothing."""
     x, y = centre[0] - side // 2, centre[1] - side // 2
     return srgb(linear[y : y + side, x : x + side]).resize((width_px, width_px), Image.Resampling.NEAREST)
 
 
 def row(pictures, captions, name):
-    """Save pictures side by side, each with a caption below, in a palette of 256 colours to keep the file small."""
+    """Save pictures side by side, with a caption below each, as a PNG with a palette of 256 colours."""
     margin, line = 6, 20
     height = max(p.height for p in pictures)
     sheet = Image.new("RGB", (sum(p.width + margin for p in pictures) + margin, height + line + 2 * margin), BACKGROUND)
@@ -97,12 +97,12 @@ def save(image, name, **options):
 
 
 def srgb(radiance):
-    """Return an 8-bit sRGB picture of linear radiance."""
+    """Convert linear radiance into an 8-bit sRGB picture."""
     return Image.fromarray(encoded_values(radiance, "srgb", 8))
 
 
 def look(image, x_mm, width_px=300, **options):
-    """Return the view of an eye at a height of 0, as a picture."""
+    """Return a picture of what an eye at the height y = 0 sees."""
     return srgb(lp.observe(image, (x_mm, 0.0, EYE_MM), width_px=width_px, **options).radiance)
 
 
@@ -111,7 +111,7 @@ def make_pictures():
     fish, chart = (lp.load_scene(SCENES / f"{name}/{name}.xml") for name in ("fish", "chart"))
     on_square, on_hex = (lp.render(fish, display, model="exact") for display in (square, hexagonal))
 
-    # The integral image, whole and enlarged.
+    # integral.png: the whole integral image and an enlarged part.
     centre, side, width_px = (1000, 1080), 144, 288
     whole = picture(on_square.radiance, width_px)
     scale = width_px / square.panel.width_px
@@ -124,13 +124,13 @@ def make_pictures():
         "integral.png",
     )
 
-    # Views of several eyes.
+    # views-*.png: views of several eyes.
     for name, image, reach in (("square", on_square, 30), ("hex", on_hex, 100)):
         xs = (-reach, 0, reach)
         captions = [f"eye at x = {x:+d} mm" if x else "eye on the axis" for x in xs]
         row([look(image, x) for x in xs], captions, f"views-{name}.png")
 
-    # The animation.
+    # sweep.gif: views of a moving eye.
     reach, frames = 30.0, 13
     stills = [look(on_square, x, 240) for x in np.linspace(-reach, reach, frames).tolist()]
     palette = stills[frames // 2].quantize(112, Image.Quantize.MAXCOVERAGE, kmeans=4)
@@ -138,7 +138,7 @@ def make_pictures():
     stills += stills[-2:0:-1]
     save(stills[0], "sweep.gif", save_all=True, append_images=stills[1:], duration=90, loop=0)
 
-    # Misalignment, and an eye outside the viewing zone.
+    # faults.png: views through misaligned arrays, and of an eye outside the viewing zone.
     wrong = (
         ("as designed", square, 0.0),
         ("array turned by 1 degree", square.misaligned(rotation_deg=1.0), 0.0),
@@ -148,7 +148,7 @@ def make_pictures():
     views = [look(on_square, x, 220, display=built) for _, built, x in wrong]
     row(views, [name for name, _, _ in wrong], "faults.png")
 
-    # The chart: known depths, direct and through the arrays.
+    # chart.png: the test chart, seen directly and through the arrays.
     with own_variant():
         direct = render_view(chart, (20.0, 0.0, EYE_MM), whole_window(square, 300), Settings(samples=16)).radiance
     charts = [lp.render(chart, display, model="exact") for display in (square, hexagonal)]
@@ -158,7 +158,7 @@ def make_pictures():
         "chart.png",
     )
 
-    # An eye with a pupil.
+    # focus.png: views of an eye with a pupil, focused on several depths.
     row(
         [look(charts[0], 0.0, pupil_mm=20.0, focus_z_mm=z) for z in (0.0, 60.0, -60.0)],
         ["pupil 20 mm, focus on the display", "focus at z = +60 mm", "focus at z = -60 mm"],
@@ -170,20 +170,20 @@ def make_pictures():
 
 
 def table_displays():
-    """Return (name, description, display) of the displays in the models' table."""
+    """Return (name, description, display) for each display in the table of lens models."""
     shipped = [(name, what, load_display(SCENES / f"displays/{name}.toml")) for name, what in SHIPPED]
     return shipped + [(name, what, parse_display(text.format(panel=PANEL), name)) for name, what, text in VARIATIONS]
 
 
 def errors_px(display: Display, aperture: str, depths_mm: tuple[float, float]) -> list[float]:
-    """Return the largest error of each model except `exact` over the probe."""
+    """Return the largest error of each lens model except `exact`, over the test rays, in pixels of the view."""
     pixels, points = probe(display, aperture)
     truth = trace(display, pixels, points, "exact")
     return [model_error_px(display, truth, trace(display, pixels, points, m), depths_mm) for m in MODELS[:-1]]
 
 
 def models_table() -> str:
-    """Return the table of docs/models.md: errors in pixels of the reconstructed view, and the choice of auto."""
+    """Return the table of docs/models.md: errors in pixels of the reconstructed view, and the model of `auto`."""
     lines = [
         "| display | rays | pinhole | thin | paraxial | `auto` takes |",
         "|---|---|---|---|---|---|",

@@ -1,4 +1,4 @@
-"""Draw the picture of the viewer page with the fish, in headless Chromium. `make pictures` runs it."""
+"""Draw docs/pictures/viewer.png: the viewer page of the fish, as headless Chromium shows it."""
 
 import io
 import tempfile
@@ -16,11 +16,11 @@ from tools.browser import browser_page
 HERE = Path(__file__).resolve().parent
 TOP = HERE.parents[1]
 SIZE_PX = (1240, 900)
-#: Position of the eye, for the view and for the direct render beside it.
+#: Position of the eye, for the view on the page and for the direct view beside it.
 EYE_MM = (-15.0, 5.0, 600.0)
 
-#: Waits until all rays of the view are traced, moves the eye to that of the direct render, shows three lenslets of the
-#: panel, and waits again.
+#: JavaScript that waits until the page has traced all rays, moves the eye to the position of the direct view, shows
+#: three lenslets of the panel, and waits again.
 READY = """
 lippmann.eye.then(async () => {
   const later = (milliseconds) => new Promise((done) => setTimeout(done, milliseconds));

@@ -1,4 +1,4 @@
-"""Sphinx configuration of the documentation's site: `make site`. It reads the pages in place."""
+"""Sphinx configuration for `make site`, which builds the site from the pages in docs/."""
 
 from __future__ import annotations
 
@@ -23,28 +23,28 @@ extensions = ["myst_parser", "sphinx.ext.autodoc", "numpydoc"]
 source_suffix = {".md": "markdown"}
 root_doc = "README"
 include_patterns = ["README.md", "CONTRIBUTING.md", "SECURITY.md", "CHANGELOG.md", "docs/**.md", "scenes/README.md"]
-# Sphinx searches every folder that is not excluded.
+# Exclude folders without pages, because Sphinx searches all other folders.
 exclude_patterns = [".*", "build", "out", "host", "rtl", "sim", "tests"]
 
-# Anchors are those that forges make, so that links work on both.
+# Make heading anchors as code forges make them, so that links work on the site and on the forge.
 myst_heading_anchors = 4
 
-smartquotes_action = "qe"  # quotes and ellipses only: a dash made from -- would break options
+smartquotes_action = "qe"  # convert quotes and ellipses, but keep -- of options
 
 autodoc_default_options = {"members": True}
 autodoc_member_order = "bysource"
 autodoc_typehints = "signature"
-autosummary_generate = False  # numpydoc would generate pages
-numpydoc_show_class_members = False  # autodoc lists them
+autosummary_generate = False  # do not generate numpydoc's pages of members
+numpydoc_show_class_members = False  # autodoc lists the class members
 
 html_theme = "furo"
 html_title = f"Lippmann {release}"
 html_copy_source = False
 html_show_sphinx = False
-# The site needs no network.
+# The site works without a network.
 html_theme_options = {"sidebar_hide_name": False}
 
-#: Parts of the table of contents, and the folders or pages of each.
+#: Headings of the table of contents, with the folders or pages under each heading.
 PARTS = {
     "Overview": "docs/how-it-works",
     "How to": "docs/how-to/",
@@ -60,7 +60,7 @@ PARTS = {
 
 
 class Environment(SandboxedEnvironment):
-    """Keeps its templates: numpydoc makes an environment for each docstring, and compiles its one template in each."""
+    """Caches compiled templates, because numpydoc makes an environment for each docstring."""
 
     compiled = {}  # noqa: RUF012
 
@@ -74,9 +74,9 @@ docscrape_sphinx.SandboxedEnvironment = Environment
 
 
 def add_contents(app, docname, source):
-    """Add the site's table of contents to the first page, which forges show without it.
+    """Add the table of contents to the site's first page, the README.
 
-    Pages have the order of the first page's own table; pages that it does not name come last.
+    The pages have the order of the README's table; pages that the README does not name come last.
     """
     if docname != root_doc:
         return
@@ -93,14 +93,14 @@ def add_contents(app, docname, source):
 
 
 def add_index(app, error):
-    """Write an index.html that redirects to the first page."""
+    """Write an index.html that redirects to the site's first page."""
     if error is None and app.builder.format == "html":
         refresh = f'<!doctype html><meta http-equiv="refresh" content="0; url={root_doc}.html"><title>Lippmann</title>'
         (Path(app.outdir) / "index.html").write_text(f'{refresh}<a href="{root_doc}.html">Lippmann</a>\n')
 
 
 def skip_constants(app, what, name, thing, skip, options):
-    """Leave out a module's constants and type aliases: their comments are for readers of the source."""
+    """Omit module constants and type aliases from the API pages: their comments are for readers of the source."""
     return skip or (
         what == "module"
         and (not callable(thing) or isinstance(thing, types.GenericAlias) or get_origin(thing) is Annotated)
@@ -108,9 +108,9 @@ def skip_constants(app, what, name, thing, skip, options):
 
 
 def plain_types(app, what, name, thing, options, signature, returned):
-    """Leave the ranges of keys out of a dataclass's signature: its attributes are described below it."""
+    """Remove the ranges of keys from the signature of a dataclass: the list of attributes shows the ranges."""
     if what == "class" and dataclasses.is_dataclass(thing):
-        start_mitsuba("llvm")  # its types have names only in a variant
+        start_mitsuba("llvm")  # Mitsuba's types have names only after a variant is set
         hints = get_type_hints(thing, localns={"mi": mitsuba(), "mts": mitsuba()})
         given = inspect.signature(thing)
         typed = [one.replace(annotation=hints[one.name]) for one in given.parameters.values()]
@@ -119,7 +119,7 @@ def plain_types(app, what, name, thing, options, signature, returned):
 
 
 def setup(app):
-    """Called by Sphinx."""
+    """Register this file's functions with Sphinx, which calls `setup`."""
     app.connect("autodoc-skip-member", skip_constants)
     app.connect("autodoc-process-signature", plain_types)
     app.connect("source-read", add_contents)

@@ -9,15 +9,15 @@
 ///   s_axis -> lipp_axis_to_rays -> rays --> +-------------------+ -> lipp_axis_from_rays -> m_axis
 ///
 /// The subordinate has the 512 bytes of docs/generated/registers.md. The headers of the two stream
-/// adapters define the bits of tdata. Rays of s_axis are traced after software wrote source = stream;
-/// with source = raster the block makes the rays itself, and s_axis waits.
+/// adapters define the bits of tdata. While the register field source is `stream`, the block traces
+/// the rays of s_axis; while source is `raster`, the block makes the rays itself, and s_axis waits.
 ///
-/// For Wishbone, lipp_wishbone_to_apb takes the place of lipp_axil_to_apb.
+/// For Wishbone, replace lipp_axil_to_apb by lipp_wishbone_to_apb.
 module axi_optics #(
   parameter lipp_optics_pkg::build_t Build = lipp_optics_pkg::ExactSquare
 ) (
-  input  logic         clk_i,           // of all three ports
-  input  logic         rst_ni,          // of all three ports; ends with the clock, as ARESETn does
+  input  logic         clk_i,           // clock of all three buses
+  input  logic         rst_ni,          // reset of all three buses, released synchronously
 
   input  logic         s_axil_awvalid,
   output logic         s_axil_awready,
@@ -29,7 +29,7 @@ module axi_optics #(
   input  logic [3:0]   s_axil_wstrb,
   output logic         s_axil_bvalid,
   input  logic         s_axil_bready,
-  output logic [1:0]   s_axil_bresp,    // SLVERR: no such register or access
+  output logic [1:0]   s_axil_bresp,    // SLVERR: the register or access does not exist
   input  logic         s_axil_arvalid,
   output logic         s_axil_arready,
   input  logic [8:0]   s_axil_araddr,   // bytes
@@ -41,15 +41,15 @@ module axi_optics #(
 
   input  logic         s_axis_tvalid,
   output logic         s_axis_tready,
-  input  logic [127:0] s_axis_tdata,    // a ray: u, v, a, b
-  input  logic         s_axis_tlast,    // of its frame
-  input  logic         s_axis_tuser,    // first of its frame
+  input  logic [127:0] s_axis_tdata,    // one ray: u, v, a, b
+  input  logic         s_axis_tlast,    // 1: the last ray of a frame
+  input  logic         s_axis_tuser,    // 1: the first ray of a frame
 
   output logic         m_axis_tvalid,
   input  logic         m_axis_tready,
-  output logic [255:0] m_axis_tdata,    // an exit ray: lenslet, status, origin, direction
-  output logic         m_axis_tlast,    // of its frame
-  output logic         m_axis_tuser     // first of its frame
+  output logic [255:0] m_axis_tdata,    // one exit ray: lenslet, status, origin, direction
+  output logic         m_axis_tlast,    // 1: the last exit ray of a frame
+  output logic         m_axis_tuser     // 1: the first exit ray of a frame
 );
   import lipp_optics_pkg::*;
 

@@ -1,13 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
 `default_nettype none
 
-/// A user's design around Lippmann's optics block: it writes the display's registers, then traces
-/// every pixel of the panel, and gives the exit rays to whatever follows.
+/// Example of a user's design around Lippmann's optics block: writes the display's registers,
+/// traces a chief ray for every pixel of the panel, and outputs the exit rays.
 ///
 ///   boot -> APB4 ------------------> lipp_optics_block -> exit rays
 ///   pixel_source -> fifo (stream) ->
 ///
-/// Its own `board`, `fifo` and `delay` are other modules than lipp_board, lipp_fifo and lipp_delay.
+/// The example's modules `board`, `fifo` and `delay` do not collide with lipp_board and so on.
 module board
   import display_pkg::F, lipp_optics_pkg::IndexBits, lipp_optics_pkg::PixelBits;
 (
@@ -16,17 +16,17 @@ module board
 
   output logic                        exit_valid_o,
   input  logic                        exit_ready_i,
-  output logic signed [IndexBits-1:0] exit_i_o,       // lenslet
+  output logic signed [IndexBits-1:0] exit_i_o,       // lenslet index along a row
   output logic signed [IndexBits-1:0] exit_j_o,
-  output logic signed [F+3:0]         exit_x_o,       // origin from its centre, radii
+  output logic signed [F+3:0]         exit_x_o,       // exit point, lens-local, in radii
   output logic signed [F+3:0]         exit_y_o,
   output logic signed [F+3:0]         exit_z_o,
-  output logic signed [F+1:0]         exit_dx_o,      // unit direction
+  output logic signed [F+1:0]         exit_dx_o,      // direction, a unit vector
   output logic signed [F+1:0]         exit_dy_o,
   output logic signed [F+1:0]         exit_dz_o,
   output lipp_optics_pkg::ray_status_e    exit_status_o,
-  output logic                        exit_last_o,    // of the frame
-  output logic                        lost_o          // a ray left two clocks ago and is not good
+  output logic                        exit_last_o,    // 1: the last exit ray of the frame
+  output logic                        lost_o          // 1: two clocks ago a ray left, not ok
 );
 
   logic rst_n;

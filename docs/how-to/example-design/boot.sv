@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 `default_nettype none
 
-/// Writes the words of display_pkg::Writes over APB, one after the other, once after reset.
+/// After reset, writes the words of display_pkg::Writes over APB, one after the other.
 module boot (
   input  logic        clk_i,
   input  logic        rst_ni,

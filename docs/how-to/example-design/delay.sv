@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 `default_nettype none
 
-/// A user's own delay of a bit, with other parameters and ports than lipp_delay.
+/// Delays a bit; shows that a user's module `delay` does not collide with lipp_delay.
 module delay #(
   parameter int Clocks = 2
 ) (

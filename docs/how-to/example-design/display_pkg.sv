@@ -5,7 +5,7 @@ package display_pkg;
   localparam int F = 16;
   localparam int Columns = 32;
   localparam int Rows = 24;
-  /// Writes to the optics block: address in bytes, word.
+  /// Register writes to the optics block: 9 bits of byte address, 32 bits of data.
   localparam int WriteCount = 42;
   localparam logic [40:0] Writes[WriteCount] = '{
     {9'h040, 32'h968c01e2},

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 `default_nettype none
 
-/// A user's own FIFO of four words, with other ports than lipp_fifo.
+/// Four-word FIFO; shows that a user's module `fifo` does not collide with lipp_fifo.
 module fifo #(
   parameter int Bits = 8
 ) (

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Makes display_pkg.sv, the registers of the display, and expected.mem, its exit rays by the integer twin.
+"""Writes display_pkg.sv (the display's register values) and expected.mem (its exit rays, computed by the integer twin).
 
-Run it after a change of display.toml, or of the build below: python docs/how-to/example-design/make_data.py
+After a change of display.toml, MODEL or FRACTION_BITS, run: python docs/how-to/example-design/make_data.py
 """
 
 from pathlib import Path
@@ -26,7 +26,7 @@ package display_pkg;
   localparam int F = {f};
   localparam int Columns = {columns};
   localparam int Rows = {rows};
-  /// Writes to the optics block: address in bytes, word.
+  /// Register writes to the optics block: 9 bits of byte address, 32 bits of data.
   localparam int WriteCount = {count};
   localparam logic [40:0] Writes[WriteCount] = '{{
     {writes}
@@ -36,7 +36,7 @@ endpackage
 
 
 def texts() -> dict[str, str]:
-    """Return the text of each file."""
+    """Return the texts of display_pkg.sv and expected.mem, keyed by file name."""
     display = load_display(str(HERE / "display.toml"))
     panel = display.panel
     build = Build.of(display, MODEL, FRACTION_BITS, aims=False)

@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 `default_nettype none
 
-/// The centres of the panel's pixels, row by row from the top left, once after reset.
+/// Emits the centre of each pixel of the panel, row by row from the top left, once after reset.
 ///
-/// u = 8 (2 column + 1 - Columns), v = 8 (Rows - 2 row - 1): sixteenths of a pixel from the centre.
+/// u = 8 (2 column + 1 - Columns), v = 8 (Rows - 2 row - 1), in 1/16 pixel from the panel's centre.
 module pixel_source
   import display_pkg::Columns, display_pkg::Rows, lipp_optics_pkg::PixelBits;
 (

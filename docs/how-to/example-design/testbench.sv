@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 `default_nettype none
 
-/// Checks every exit ray of `board`, bit for bit, against expected.mem, the rays of Lippmann's
-/// integer model. The receiver pauses at random; +seed=N draws other pauses.
+/// Compares every exit ray of `board`, bit for bit, with expected.mem, the exit rays of Lippmann's
+/// integer twin. The receiver pauses at random; +seed=N sets the seed of the pauses.
 module testbench;
   import display_pkg::*;
 
