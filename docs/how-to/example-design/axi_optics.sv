@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 `default_nettype none
 
-/// Lippmann's optics block as a part of an AXI system: its registers are an AXI4-Lite subordinate, its
+/// Lippmann's optics block in an AXI system: its registers are an AXI4-Lite subordinate, and its
 /// rays come and go on AXI4-Stream.
 ///
 ///   s_axil -> lipp_axil_to_apb --> APB4 --> +-------------------+
