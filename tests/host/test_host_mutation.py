@@ -203,7 +203,7 @@ def test_faults_are_counted_and_reported(tmp_path, capsys):
     made = faults_page("host_mutation", {"command": "make x"}, rows, {"a": made}, scratch).write(tmp_path / "page")
     assert [path.name for path in made] == ["host_mutation.md", "host_mutation.csv", "host_mutation.png"]
     page = made[0].read_text()
-    assert "1 of 2 faults caught (50.0 %); 1 more changes are no faults" in page
+    assert "1 of 2 faults caught (50.0 %); 1 other changes do not change any result" in page
     assert "\n-was 2\n+now 2 | x\n" in page
     assert "| a.py | 4 | `was 4` | `now 4 \\| x` | 0 is 0 |\n" in page
     assert "`tests/test_a.py::test_b`" in page
