@@ -245,7 +245,7 @@ def test_the_page_lists_holes_with_reasons(tmp_path):
     assert host == [{"file": "host/lippmann/a.py", "lines": 4, "met": 3, "missing": "7"}]
     rtl = [{"file": "rtl/a.sv", "lines": 10, "met": 9, "toggles": 4, "toggled": 2, "missing": "3"}]
     text = page({"date": "today"}, rtl, host, {"rtl/a.sv": "a fault only", "host/lippmann/a.py": "a reason"}).text()
-    for said in ("RTL: 90.0 % of 10 lines.", "Host: 75.0 % of 4 statements", "| rtl/a.sv | 3 | a fault only |"):
+    for said in ("90.0 % of 10 lines of the RTL.", "75.0 % of 4 statements", "| rtl/a.sv | 3 | a fault only |"):
         assert said in text
     assert "| host/lippmann/a.py | 7 | a reason |" in text
 
