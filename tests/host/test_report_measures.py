@@ -284,17 +284,17 @@ def test_comparison_tells_the_moves_and_no_others(tmp_path):
     assert (move.table, move.row, move.figure) == ("report-made", "fast", "rate")
     assert (move.before, move.now) == (Measured(400.0, 9.0), Measured(300.0, 9.0))
     assert move.ratio == 0.75
-    assert "1 of 2 figures moved" in told(found, tmp_path)
+    assert "1 of 2 values changed" in told(found, tmp_path)
     assert "| report-made | fast | rate | 400 | 300 | 0.75 |" in told(found, tmp_path)
 
 
 @pytest.mark.parametrize(
     ("key", "compares", "said"),
     [
-        ("command", False, "command differ"),
-        ("seed", False, "seed differ"),
-        ("machine", True, f"machine, now {ORIGIN['machine']}, then other"),
-        ("versions", True, f"versions, now {ORIGIN['versions']}, then other"),
+        ("command", False, "differ in command"),
+        ("seed", False, "differ in seed"),
+        ("machine", True, f"machine, now {ORIGIN['machine']}, before other"),
+        ("versions", True, f"versions, now {ORIGIN['versions']}, before other"),
     ],
 )
 def test_a_run_of_another_origin_is_told_and_only_compared_where_it_measured_the_same(tmp_path, key, compares, said):
@@ -308,7 +308,7 @@ def test_a_run_of_another_origin_is_told_and_only_compared_where_it_measured_the
 def test_without_a_run_before_nothing_is_compared(tmp_path):
     found = compare(ORIGIN, [made({"fast": (1.0, 0.0)})], None)
     assert (dict(found.before), found.moved) == ({}, ())
-    assert "nothing to compare with" in told(found, tmp_path)
+    assert "no values are compared" in told(found, tmp_path)
 
 
 def test_works_are_done_in_turn():
