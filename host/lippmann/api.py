@@ -224,7 +224,7 @@ def capture(
         check_flags(rotate=rotate)
     rotated = not built.concave if rotate is None else rotate
     settings = Settings(samples, aperture or "full", integrator, max_depth, seed, memory_mb, shading)
-    check_memory(built.display.panel.width_px, built.display.panel.height_px, settings, colours=1)
+    check_memory(*built.display.panel.size_px, settings, colours=1)
     placement, path = None, None if isinstance(setup, Setup) else setup
     if isinstance(scene, str | Path):
         placement = placement_before(built, check_scene_file(scene), path)

@@ -7,7 +7,8 @@ import math
 import re
 import sys
 import warnings
-from collections.abc import Collection, Iterable
+from collections.abc import Collection, Iterable, Iterator
+from contextlib import contextmanager
 from numbers import Integral, Real
 from pathlib import Path
 from typing import Self
@@ -76,6 +77,15 @@ def reason(error: Exception) -> str:
     if "pickle" in str(error):  # numpy does not load Python objects
         return "it contains no array of numbers"
     return str((isinstance(error, OSError) and error.strerror) or error)
+
+
+@contextmanager
+def located(where: object) -> Iterator[None]:
+    """Put `where: ` before the message of an InputError that a block raises."""
+    try:
+        yield
+    except InputError as error:
+        raise InputError(f"{where}: {error}") from None
 
 
 def path_of(value: object, what: str) -> Path:

@@ -17,7 +17,7 @@ import numpy.typing as npt
 from lippmann.base.files import scratch_folder
 from lippmann.base.images import Radiance
 from lippmann.base.tones import encode, psnr_db
-from lippmann.base.variant import drjit, mitsuba
+from lippmann.base.variant import dr, mi
 from lippmann.capturing.capture import capture, placement_before
 from lippmann.capturing.capture_setup import load_setup
 from lippmann.conformance.engine_report import EYE_MM, VIEW_SAMPLES, middle
@@ -60,7 +60,6 @@ class Decoupled(CachedProgram):
 
     def light_of(self, place: Place, cached: Any) -> Any:
         """Return each sample's light: that of the pixel's first sample on the same side of the same shape."""
-        dr, mi = drjit(), mitsuba()
         shape = dr.gather(mi.UInt32, self.cache.lattices.shape, place.lattice, cached)
         surface = dr.select(cached, 2 * shape + dr.select(place.back, mi.UInt32(1), mi.UInt32(0)), NONE)
         dr.eval(surface)
@@ -225,7 +224,6 @@ def _apart(one: Field, other: Field) -> Field:
 
 def every_strip(source: RaySource, every: int, rows: int = 1) -> RaySource:
     """Return the part of a picture that has one strip of `rows` rows from each group of `every` strips."""
-    mi = mitsuba()
 
     def moved(b: Any, v: Any) -> tuple[Any, Any]:
         strip = b.floor(v * (1.0 / rows))

@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import sys
 from collections.abc import Callable, Iterator
+from importlib import import_module
 from types import ModuleType
 from typing import Any, TypeAlias
 
@@ -89,13 +90,6 @@ def mitsuba() -> ModuleType:
     return mi
 
 
-def drjit() -> ModuleType:
-    """Import and return the module `drjit`."""
-    import drjit
-
-    return drjit
-
-
 class _Lazy:
     """A stand-in for a module that is imported at first use."""
 
@@ -109,7 +103,7 @@ class _Lazy:
 
 
 #: The modules `drjit` and `mitsuba`, imported at first use.
-dr: Jit = _Lazy(drjit)
+dr: Jit = _Lazy(lambda: import_module("drjit"))
 mi: Jit = _Lazy(mitsuba)
 
 

@@ -229,7 +229,7 @@ def check_rays(board: Board, display: Display, columns: tuple[int, int], rows: t
     display that the board's optics do not support.
     """
     panel = display.panel
-    frame = Raster(panel.width_px, panel.height_px, columns, rows)
+    frame = Raster(*panel.size_px, columns, rows)
     build = board.optics_build()
     config = configuration(display, build, build.model)
     board.write_all([*optics_writes(config), *raster_writes(frame)])
@@ -237,7 +237,7 @@ def check_rays(board: Board, display: Display, columns: tuple[int, int], rows: t
     twin_crc = 0
     band = max(1, CHUNK_RAYS // (columns[1] - columns[0] + 1))
     for first in range(rows[0], rows[1] + 1, band):
-        part = Raster(panel.width_px, panel.height_px, columns, (first, min(first + band - 1, rows[1])))
+        part = Raster(*panel.size_px, columns, (first, min(first + band - 1, rows[1])))
         words = raster(part, np.zeros(TABLE_ENTRIES, np.int64), build.fraction_bits)
         traced = ray_pipeline(words.u, words.v, words.a, words.b, config, build)
         twin_crc = zlib.crc32(np.stack(traced, axis=1).astype("<i4").tobytes(), twin_crc)

@@ -10,7 +10,7 @@ from lippmann.base.progress_protocol import Progress
 from lippmann.base.toml import documented, key
 from lippmann.board.drawn_scene import Loaded, SceneBoard
 from lippmann.display.description import Display
-from lippmann.errors import InputError
+from lippmann.errors import InputError, located
 from lippmann.fixed.scene_build import CURVE_SLOT
 from lippmann.fixed.scene_configuration import build_curve_table, scene_words, slot_bytes
 from lippmann.motion.layer_film import LayerFilm
@@ -49,10 +49,8 @@ def load_textures(
             raise InputError(f"{where}: layer '{name}': {str(error).removeprefix('layer: ')}") from None
     for frame in range(film.frames):
         stack, numbers = film.at(frame)
-        try:
+        with located(f"{where}: frame {frame}"):
             scene_words(display, stack, scene.build, numbers, [film.names[number] for number in numbers])
-        except InputError as error:
-            raise InputError(f"{where}: frame {frame}: {error}") from None
     scene.wait()  # an ended scene's slots become free when the panel no longer shows the scene
     slots = scene.free_slots(contents)
     loaded = scene.load(dict(zip(slots, contents, strict=True)), progress)

@@ -192,7 +192,7 @@ class BoardSink:
     def __init__(self, session: Session, plan: Plan, force: bool = False) -> None:
         """Raise InputError for a plan of another display; with `force`, only for another panel size."""
         panel = plan.display.panel
-        check_shape((panel.height_px, panel.width_px, 3), plan.display, session.info, force)
+        check_shape(panel.shape, plan.display, session.info, force)
         self.bands = bands_of_plan(plan)
         self._panel = panel
         self._session = session

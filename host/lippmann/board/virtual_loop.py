@@ -50,7 +50,7 @@ def capturing(display: Display, scene: SceneBuild | None = None) -> Iterator[Cap
         captured.counts = counts
         for path in sorted(folder.glob("frame-*.rgb")):
             frame = np.frombuffer(path.read_bytes(), np.uint8)
-            captured.frames.append(frame.reshape(display.panel.height_px, display.panel.width_px, 3))
+            captured.frames.append(frame.reshape(display.panel.shape))
 
 
 def frames_differ(frames: Sequence[Pixels], expected: Sequence[Pixels]) -> int:

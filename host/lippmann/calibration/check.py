@@ -35,7 +35,7 @@ MAX_DARK, MIN_RIGHT = 0.3, 0.95
 def rings(display: Display) -> Light:
     """Draw white and black rings as linear light (height, width, 3)."""
     panel, lattice = display.panel, Lattice.of(display.array)
-    light = np.zeros((panel.height_px, panel.width_px, 3), np.float32)
+    light = np.zeros(panel.shape, np.float32)
     columns = np.arange(panel.width_px)[None]
     for row in range(panel.height_px):
         places = Pixels(display, columns, np.array([[row]]), (0, 0), None).places

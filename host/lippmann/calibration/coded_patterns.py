@@ -26,7 +26,7 @@ import numpy.typing as npt
 
 from lippmann import __version__
 from lippmann.base import toml
-from lippmann.base.files import make_folder, replacing
+from lippmann.base.files import make_folder, write_file
 from lippmann.base.toml import key, toml_text
 from lippmann.base.tones import encoded_values
 from lippmann.display.description import Display, Side
@@ -87,7 +87,7 @@ class PatternSet:
     @classmethod
     def of(cls, display: Display) -> PatternSet:
         """Return the set of pictures for a display's panel."""
-        return cls(display.panel.width_px, display.panel.height_px)
+        return cls(*display.panel.size_px)
 
     @property
     def sides_px(self) -> tuple[int, int]:
@@ -217,8 +217,7 @@ def write_patterns(patterns: PatternSet, display: Display, folder: Path) -> list
             light = np.broadcast_to(patterns.light(pattern)[..., None], (patterns.height_px, patterns.width_px, 3))
             unfinished.callback(file.unlink, missing_ok=True)
             IntegralImage(light, display, {"pattern": pattern.stem, "version": __version__}).save(file)
-        with replacing(folder / FILE) as partial:
-            partial.write_text(patterns.text(display), encoding="utf-8")
+        write_file(folder / FILE, patterns.text(display))
         unfinished.pop_all()
     return files
 
@@ -227,7 +226,7 @@ def read_patterns(path: Path, display: Display) -> PatternSet:
     """Read `patterns.toml`; raise InputError if the patterns were drawn for another panel size."""
     raw = toml.read(PatternsFile, toml.load(path, "patterns"), str(path))
     panel = display.panel
-    if (raw.width_px, raw.height_px) != (panel.width_px, panel.height_px):
+    if (raw.width_px, raw.height_px) != panel.size_px:
         what = (
             f"the patterns of '{raw.display}' are {raw.width_px} x {raw.height_px} pixels, but the panel of "
             f"'{display.name}' has {panel.width_px} x {panel.height_px}"

@@ -13,7 +13,7 @@ import numpy as np
 import numpy.typing as npt
 from scipy.stats import t as students_t
 
-from lippmann.base.files import replacing
+from lippmann.base.files import replacing, write_file
 from lippmann.base.limits import load_arrays
 from lippmann.calibration.bundle_adjustment import BOW, Solution
 from lippmann.display.description import Array, Display, check_radius, display_text, load_display, parse_display
@@ -95,8 +95,7 @@ class Calibration(Findings):
     def save(self, path: Path) -> Path:
         """Write the display to `path` and the other results to a .npz file; return its path."""
         sidecar = path.with_suffix(".npz")
-        with replacing(path) as partial:
-            partial.write_text(display_text(self.display), encoding="utf-8")
+        write_file(path, display_text(self.display))
         with replacing(sidecar) as partial:
             summary, nominal = _bytes(json.dumps(self.summary())), _bytes(display_text(self.nominal))
             np.savez_compressed(partial, field=self.field, summary=summary, nominal=nominal)

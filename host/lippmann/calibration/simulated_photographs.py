@@ -172,7 +172,7 @@ def photograph_folder(
 def panel_light(path: Path, panel: Panel) -> Light:
     """Return the light (height, width) or (height, width, 3) of a panel that shows a PNG file."""
     with Image.open(path) as picture:
-        if picture.size != (panel.width_px, panel.height_px):
+        if picture.size != panel.size_px:
             width, height = picture.size
             what = f"is {width} x {height} pixels, but the panel is {panel.width_px} x {panel.height_px}"
             raise input_error(path, what, "write patterns for this display")

@@ -141,7 +141,8 @@ def _number_lenslets(
         progress(number, len(likely))
         sample = problem.thinned(400)  # maximum number of lenslets per position
         trial = solve(sample, first_fit(sample, start), robust_only=True)
-        trials.append((_cost(trial), problem, trial.x))
+        scatter = float(np.mean([math.hypot(*one) for one in trial.weights.scatter]))
+        trials.append((scatter * (1.0 + 5.0 * _outliers(trial)), problem, trial.x))
     _, problem, x = min(trials, key=lambda one: one[0])
     return problem, x
 
@@ -196,11 +197,6 @@ def trace_again(solution: Solution, problem: Problem) -> Problem:
 
 def _scatter(solution: Solution) -> float:
     return max(panel for panel, _ in solution.weights.scatter)
-
-
-def _cost(solution: Solution) -> float:
-    scatter = float(np.mean([math.hypot(*one) for one in solution.weights.scatter]))
-    return scatter * (1.0 + 5.0 * _outliers(solution))
 
 
 def _outliers(solution: Solution) -> float:

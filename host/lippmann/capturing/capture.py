@@ -38,7 +38,7 @@ import numpy as np
 import numpy.typing as npt
 
 from lippmann.base.progress_protocol import Progress
-from lippmann.base.variant import mitsuba
+from lippmann.base.variant import mi
 from lippmann.capturing.capture_setup import Pickup, Setup
 from lippmann.capturing.elemental_rotation import rotated, rotation_map
 from lippmann.errors import InputError
@@ -218,7 +218,6 @@ def capture_source(setup: Setup, aperture: Aperture = "chief") -> RaySource:
     panel, array = setup.display.panel, setup.array
 
     def lines(b: DrJitBackend, u: Arr, v: Arr, square: tuple[Arr, Arr]) -> Lines:
-        mi = mitsuba()
         aims = None
         if aperture == "full" and isinstance(setup.pickup, Pickup):
             x, y = square_to_cell(b, *square, Lattice.of(array))
@@ -232,4 +231,4 @@ def capture_source(setup: Setup, aperture: Aperture = "chief") -> RaySource:
     def owner(b: DrJitBackend, u: Arr, v: Arr) -> Arr:
         return owner_number(*system_of(setup).locate(b, u, v)[:2])
 
-    return RaySource(panel.width_px, panel.height_px, lines, detail_mm=array.finest_mm, owner=owner)
+    return RaySource(*panel.size_px, lines, detail_mm=array.finest_mm, owner=owner)

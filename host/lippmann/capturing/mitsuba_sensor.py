@@ -12,7 +12,7 @@ from typing import Any, cast
 
 import numpy as np
 
-from lippmann.base.variant import VARIANTS, current_device, drjit, mitsuba
+from lippmann.base.variant import VARIANTS, current_device, dr, mi
 from lippmann.display.description import Display, load_display
 from lippmann.display.subpixels import layout_of
 from lippmann.errors import input_error
@@ -38,9 +38,6 @@ def register() -> None:
 
 
 def _sensor_class() -> type:
-    mi: Any = mitsuba()
-    dr = drjit()
-
     class IntegralSensor(mi.Sensor):  # type: ignore[misc]
         def __init__(self, props: Any) -> None:
             super().__init__(props)
@@ -95,7 +92,6 @@ def _sensor_class() -> type:
 
 
 def _subpixel_weight(b: DrJitBackend, display: Display, u: Arr, v: Arr) -> Arr:
-    mi, dr = mitsuba(), drjit()
     layout = layout_of(display.panel.subpixels)
     if layout is None:
         return mi.Color3f(1.0)

@@ -82,7 +82,7 @@ def write_folder(scene: Scene, view: View, folder: Path) -> Exported:
             files = sorted(file.name for file in partial.iterdir())
             for file in files:
                 if (folder / file).is_dir():
-                    raise input_error(str(folder / file), "is a folder", "choose another folder for the export")
+                    raise input_error(folder / file, "is a folder", "choose another folder for the export")
             folder.mkdir(exist_ok=True)
             with interrupts.hold_signals():
                 for file in files:
@@ -114,5 +114,5 @@ def export_display(scene: Scene, display: Display, model: Model, folder: Path) -
     # A ray that the lenslets block must be black, so point the ray away from the scene.
     direction = np.where(active[:, None], -rays.direction, [0.0, 0.0, 1.0])
     origin[~active] = (0.0, 0.0, near)
-    view = View('#include "rays.inc"', panel.width_px, panel.height_px, rays=(origin, direction))
+    view = View('#include "rays.inc"', *panel.size_px, rays=(origin, direction))
     return write_folder(scene, view, folder)

@@ -55,7 +55,7 @@ def setup_view(setup: Setup) -> View:
     if isinstance(setup.lens, LensPair):
         parts += [_plano_convex(setup.lens, setup.lens.faces[k : k + 2], origin) for k in (0, 2)]
         faces += 4
-    return View(camera, panel.width_px, panel.height_px, "\n".join(parts), faces)
+    return View(camera, *panel.size_px, "\n".join(parts), faces)
 
 
 def _plano_convex(pair: LensPair, faces: tuple[Face, ...], origin_mm: float) -> str:

@@ -20,7 +20,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from lippmann.base.variant import drjit, mitsuba
+from lippmann.base.variant import dr, mi
 from lippmann.capturing.povray_source import Item, Tree
 from lippmann.capturing.povray_text import block, identifier, matrix, number, plain, rows, vector
 from lippmann.scenes.placement import ORIGIN, Placement, Triple
@@ -75,7 +75,6 @@ class Materials:
     """Converts each material once, and copies the image textures to the export folder."""
 
     def __init__(self, folder: Path) -> None:
-        self._mi = mitsuba()
         self.folder = folder
         #: Textures to declare in `scene.inc`, keyed by name.
         self.textures: dict[str, str] = {}
@@ -119,7 +118,7 @@ class Materials:
                 tint = item.triple("specular_reflectance", WHITE)
                 index = self._read_index(item)
                 normal = ((index - 1.0) / (index + 1.0)) ** 2
-                inner = float(self._mi.fresnel_diffuse_reflectance(1.0 / index)[0])
+                inner = float(mi.fresnel_diffuse_reflectance(1.0 / index)[0])
                 diffuse = (1.0 - normal) ** 2 / (index**2 * (1.0 - inner))
                 finish = f"diffuse {number(diffuse)} reflection {{ rgb 0, rgb {vector(tint)} fresnel on }}"
                 side = self._read_coloured_side(item, "diffuse_reflectance", finish)
@@ -130,10 +129,10 @@ class Materials:
 
     def _read_index(self, item: Item) -> float:
         try:
-            glass = self._mi.load_dict({"type": item.plugin, **item.values("int_ior", "ext_ior")})
+            glass = mi.load_dict({"type": item.plugin, **item.values("int_ior", "ext_ior")})
         except Exception as error:  # Mitsuba's errors have no common base
             raise item.refusal(f"has an unknown index ({' '.join(str(error).split())[:99]})", "give a number") from None
-        return float(self._mi.traverse(glass)["eta"])
+        return float(mi.traverse(glass)["eta"])
 
     def _read_coloured_side(self, item: Item, name: str, finish: str) -> Side:
         texture = item.child(name)
@@ -158,13 +157,13 @@ class Materials:
         key = (path.resolve(), raw)
         if key not in self._pictures:
             try:
-                bitmap = self._mi.Bitmap(str(path))
+                bitmap = mi.Bitmap(str(path))
             except Exception as error:
                 raise texture.refusal(f"cannot be read ({' '.join(str(error).split())[:200]})", "repair it") from None
-            if bitmap.component_format() != self._mi.Struct.Type.UInt8:
+            if bitmap.component_format() != mi.Struct.Type.UInt8:
                 raise texture.refusal("has more than 8 bits per colour", "save the image as an 8-bit PNG")
             name = f"{plain(path.stem)}-{len(self._pictures)}.png"
-            bitmap = bitmap.convert(self._mi.Bitmap.PixelFormat.RGB, self._mi.Struct.Type.UInt8, bitmap.srgb_gamma())
+            bitmap = bitmap.convert(mi.Bitmap.PixelFormat.RGB, mi.Struct.Type.UInt8, bitmap.srgb_gamma())
             bitmap.write(str(self.folder / name))
             self._pictures[key] = name
         return self._pictures[key]
@@ -282,7 +281,6 @@ def _mesh(item: Item, material: Material, placement: Placement, folder: Path, pl
 
 def _outside(mesh: Any, points: Array, faces: Array) -> npt.NDArray[np.bool_]:
     """Return a mask of the faces whose vertices are counter-clockwise, seen from the front."""
-    mi, dr = mitsuba(), drjit()
     # Mitsuba's normal points to the front; it depends on winding, vertex normals,
     # flip_normals and mirroring.
     centre = dr.zeros(mi.PreliminaryIntersection3f, len(faces))
@@ -315,7 +313,6 @@ def _check_closed(item: Item, points: Array, faces: Array) -> None:
 
 
 def _load_mesh(item: Item) -> tuple[Any, str]:
-    mi = mitsuba()
     properties = {"type": item.plugin, "to_world": mi.ScalarTransform4f(item.matrix()), **item.values("flip_normals")}
     stem = item.plugin
     if item.plugin != "rectangle":

@@ -11,7 +11,7 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from lippmann.base.variant import mitsuba
+from lippmann.base.variant import mi
 from lippmann.errors import InputError, input_error
 from lippmann.scenes.placement import Matrix, Triple
 from lippmann.scenes.scene import parsed
@@ -42,7 +42,7 @@ class Item:
     def refusal(self, what: str, remedy: str) -> InputError:
         """Return an InputError that names this object and its position in the scene file."""
         name = f"{self.kind.lower()} '{self.plugin}'" + (f" ({self.id})" if self.id else "")
-        where = str(self.tree.mi.parser.file_location(self.tree.state, self._node))
+        where = str(mi.parser.file_location(self.tree.state, self._node))
         return input_error(where, f"{name} {what}", remedy)
 
     def _take(self, name: str) -> Any:
@@ -103,7 +103,6 @@ class Tree:
     """A parsed scene file; object 0 is the scene itself."""
 
     def __init__(self, path: Path) -> None:
-        self.mi = mi = mitsuba()
         self.path = path
         self.reference = mi.Properties.ResolvedReference
         with parsed(path) as (configuration, self.state):

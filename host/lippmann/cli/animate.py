@@ -84,7 +84,7 @@ def command(
     seconds, rendered = time.perf_counter() - started, len(frames.missing_plans)
     if video:
         values = (encoded_values(image.radiance, panel.transfer, min(panel.bits, 8)) for image in frames.images())
-        write_video(video, values, panel.width_px, panel.height_px, film.frames_per_second)
+        write_video(video, values, *panel.size_px, film.frames_per_second)
     if view and window and eye:
         with progress_bar("view") as progress:
             views = (observe(one.radiance, display, Eye(eye), window).radiance for one in frames.images(progress))

@@ -142,7 +142,7 @@ def check_command(
     Example: lippmann board check --display scenes/displays/vga-square.toml
     """
     panel = display.panel
-    column, row, width, height = region or (0, 0, panel.width_px, panel.height_px)
+    column, row, width, height = region or (0, 0, *panel.size_px)
     columns, rows = (column, column + width - 1), (row, row + height - 1)
     if not (0 <= column <= columns[1] < panel.width_px and 0 <= row <= rows[1] < panel.height_px):
         what = f"is not inside a panel of {panel.width_px} x {panel.height_px} pixels"

@@ -42,7 +42,7 @@ def command() -> None:
 @contextlib.contextmanager
 def _panel(display: Display, port: str | None, baud: int | None, monitor: int) -> Iterator[Callable[[Pixels], object]]:
     if port is None:
-        with full_screen((display.panel.width_px, display.panel.height_px), monitor) as show:
+        with full_screen(display.panel.size_px, monitor) as show:
             yield show
         return
     with opened_board(port, baud, display, frames=True) as board:
@@ -80,7 +80,7 @@ def patterns_command(
 
 def _check_same_panel(built: Display, display: Display) -> None:
     panel, own = built.panel, display.panel
-    if (panel.width_px, panel.height_px) != (own.width_px, own.height_px):
+    if panel.size_px != own.size_px:
         size = f"the panel has {panel.width_px} x {panel.height_px} pixels"
         what = f"{size}, '{display.name}' has {own.width_px} x {own.height_px}"
         raise input_error(f"display '{built.name}'", what, "give a display file with the same panel")

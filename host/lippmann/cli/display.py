@@ -35,7 +35,7 @@ def command(
         raise InputError("no display; give --display FILE, or a board with --port URL")
     panel = None if display is None else display.panel
     if display is not None:
-        target = Target(int(display.identity, 16), display.panel.width_px, display.panel.height_px)
+        target = Target(int(display.identity, 16), *display.panel.size_px)
     if port is not None:
         with opened_board(port, baud, None if force else display) as board:
             target = Target(board.info.identity, board.info.width, board.info.height)

@@ -110,20 +110,17 @@ def _as_json(view: EyeView) -> dict[str, object]:
     return {**asdict(view), "zone_mm": view.zone_mm and view.zone_mm._asdict()}
 
 
-def _crosstalk(view: EyeView) -> str:
-    share = view.status_share
-    return percent(share["crosstalk"], not view.sees_all) if share["ok"] or share["crosstalk"] else "dark"
-
-
 def _table(display: Display, views: list[EyeView]) -> Iterator[str]:
     form = "{:>8}  {:<12}{:<17}{:<18}{:<12}{:<10}{}"
     yield form.format("z, mm", "crosstalk", "zone, mm", "depth, mm", "view step", "lenslet", "moire")
     for view in views:
         zone, (far, near), moire = view.zone_mm, view.depth_range_mm, view.moire_lenslets
         size = "none" if zone is None else f"{zone.right_mm - zone.left_mm:.4g} x {zone.top_mm - zone.bottom_mm:.4g}"
+        share = view.status_share
+        crosstalk = percent(share["crosstalk"], not view.sees_all) if share["ok"] or share["crosstalk"] else "dark"
         yield form.format(
             f"{view.eye_mm[2]:g}",
-            _crosstalk(view),
+            crosstalk,
             size,
             f"{far:+.4g} to {near:+.4g}",
             f"{view.view_step_mm:.3g} mm",

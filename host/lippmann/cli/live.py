@@ -79,7 +79,7 @@ def command(
     lens_model = report_and_choose_model(scene, display, options)
     picture = LivePicture(scene, display, lens_model, settings)
     if view is not None:
-        view.draw(np.zeros((panel.height_px, panel.width_px, 3), np.float32), moving=True)  # compile the view
+        view.draw(np.zeros(panel.shape, np.float32), moving=True)  # compile the view
     hand = Hand(scene.placement, picture.middle_mm, panel.width_mm / panel.width_px)
     with contextlib.ExitStack() as stack:
         sender, checked = None, None if force else display
@@ -87,7 +87,7 @@ def command(
             sender = Sender(stack.enter_context(opened_board(port, baud, checked, "show it", True)))
         windows = Screens() if window is False else stack.enter_context(screens())
         opened = time.perf_counter()
-        windows.open(PANEL, (panel.width_px, panel.height_px), monitor)
+        windows.open(PANEL, panel.size_px, monitor)
         if view is not None:
             windows.open(VIEW, (view.window.width_px, view.window.height_px))
         show = LiveShow(picture, hand, windows, view, None if sender is None else sender.send, reel)
@@ -127,7 +127,7 @@ def _check_panels(
     if window is False and (port is None or eye is not None):
         raise InputError("--no-window needs a board: give --port, and leave out --eye")
     if window is not False:
-        check_screens((display.panel.width_px, display.panel.height_px), monitor)
+        check_screens(display.panel.size_px, monitor)
 
 
 def _film_scale(moved: Moved) -> float | None:

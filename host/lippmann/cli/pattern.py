@@ -38,7 +38,7 @@ def command(
     """
     path = check_output(output)
     panel = display.panel
-    check_memory(panel.width_px, panel.height_px, Settings(), colours=1)
+    check_memory(*panel.size_px, Settings(), colours=1)
     with nullcontext() if eye is None else own_variant(device):
         image = draw(display, kind, None if eye is None else Eye(eye), lens, fraction_bits)
     image.save(path)

@@ -86,7 +86,7 @@ def command(
 
 def _pixels(spec: str, display: Display, random: np.random.Generator) -> Floats:
     panel = display.panel
-    size = np.array([panel.width_px, panel.height_px])
+    size = np.array(panel.size_px)
     if re.fullmatch(r"[+-]?[0-9]{1,18}", spec):
         count = int(spec)
         if not 1 <= count <= MAX_RAYS:

@@ -18,7 +18,7 @@ from lippmann.cli.options_rendering import MOVED, Moved
 from lippmann.cli.output import emit, log
 from lippmann.cli.progress_bar import progress_bar
 from lippmann.display.description import Display
-from lippmann.errors import InputError, LippmannError, input_error
+from lippmann.errors import InputError, input_error, located
 from lippmann.eye.many_views import grid_of_eyes
 from lippmann.eye.observer import Eye
 from lippmann.eye.page_server import PageServer
@@ -115,8 +115,6 @@ def frames_of(path: str) -> list[str | Path]:
 
 def _read_direct(eye: Point, path: str, display: Display) -> Direct:
     direct = Direct(Eye(eye).position_mm, read_picture(path).radiance)
-    try:
+    with located(path):
         check_direct(direct, display)
-    except LippmannError as error:
-        raise InputError(f"{path}: {error}") from None
     return direct

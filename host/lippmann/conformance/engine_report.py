@@ -18,7 +18,7 @@ import numpy as np
 from lippmann.base.images import Radiance
 from lippmann.base.provenance import provenance
 from lippmann.base.tones import psnr_db
-from lippmann.base.variant import current_device, mitsuba
+from lippmann.base.variant import current_device, dr, mi
 from lippmann.conformance.fifty_digits import exact_array, size, true_rays
 from lippmann.conformance.figures import Comparison, Figures, Measured, Stored, Value, compare
 from lippmann.conformance.pages import TEMPLATES, Page
@@ -133,7 +133,7 @@ def errors(truth: Rays, rays: Rays, depths_mm: Pair) -> dict[str, float]:
 def random_rays(display: Display, aperture: Aperture, count: int, seed: int) -> PanelRays:
     """Return rays from random pixel centres, with aperture points exact in the widest words."""
     panel, random = display.panel, np.random.default_rng(seed)
-    pixels = np.float64(0.5) + random.integers((0, 0), (panel.width_px, panel.height_px), (count, 2))
+    pixels = np.float64(0.5) + random.integers((0, 0), panel.size_px, (count, 2))
     if aperture == "chief":
         return PanelRays("sample", display, pixels, None)
     words = words_of_aims(display, random_aims(display, random, count), WIDEST)
@@ -165,9 +165,6 @@ def timed(rays: int, work: Callable[[], object], clock: Callable[[], float] = ti
 
 def fast_rate(display: Display, model: Model, aperture: Aperture, rays: int) -> Rate:
     """Return a function that measures the fast engine's rate in rays/s."""
-    mi = mitsuba()
-    import drjit as dr
-
     b = DrJitBackend(current_device())
     system = System.of(display)
     panel = display.panel

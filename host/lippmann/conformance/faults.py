@@ -165,7 +165,7 @@ def _number_variants(display: Display) -> Iterator[Variant]:
 
 
 def _panel_variants(display: Display) -> Iterator[Variant]:
-    w, h = display.panel.width_px, display.panel.height_px
+    w, h = display.panel.size_px
     moves: dict[str, Bend] = {
         "rows counted from the bottom (y flipped)": lambda p: np.column_stack([p[:, 0], h - p[:, 1]]),
         "columns counted from the right (x flipped)": lambda p: np.column_stack([w - p[:, 0], p[:, 1]]),

@@ -110,7 +110,7 @@ def _system(rays: PanelRays | WorldRays, n: SimpleNamespace) -> System:
     rho = max(mp.hypot(*corner) for corner in corners)
     sag = n.radius_mm - mp.sqrt(n.radius_mm**2 - rho**2)
     offset, turn = (n.offset_x_mm, n.offset_y_mm), n.rotation_deg / 180
-    frame = PanelFrame(pixels, panel.width_px, panel.height_px, offset, mp.cospi(turn), mp.sinpi(turn))
+    frame = PanelFrame(pixels, *panel.size_px, offset, mp.cospi(turn), mp.sinpi(turn))
     distance = n.gap_mm + n.thickness_mm / n.index if to_panel else max(n.gap_mm, sag)
     convergence = Convergence()
     if display.viewing_distance_mm is not None:

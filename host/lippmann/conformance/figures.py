@@ -162,7 +162,7 @@ def _value(text: str) -> Value:
 
 
 def _broken(path: Path, what: str) -> InputError:
-    return input_error(str(path), what, "remove it, or name another run's folder with --against")
+    return input_error(path, what, "remove it, or name another run's folder with --against")
 
 
 # ---- comparison of two runs ----

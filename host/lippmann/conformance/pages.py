@@ -17,7 +17,7 @@ from markdown_it import MarkdownIt
 from PIL import Image
 from PIL.PngImagePlugin import PngInfo
 
-from lippmann.base.files import make_folder, replacing
+from lippmann.base.files import make_folder, write_file
 from lippmann.conformance.figures import Row, Rows, columns, figure, spanned, table, values, where, write_csv
 from lippmann.conformance.plots import Plot
 
@@ -89,13 +89,11 @@ class Page:
         if as_html:
             pages[folder / f"{self.name}.html"] = self.html()
         for path, text in pages.items():
-            with replacing(path) as partial:
-                partial.write_text(text, encoding="utf-8")
+            write_file(path, text)
         for name, rows in self.tables.items():
             write_csv(folder / f"{name}.csv", self.origin, rows)
         for plot in self.plots:
-            with replacing(folder / f"{plot.name}.png") as partial:
-                partial.write_bytes(stamped(plot.png, self.origin))
+            write_file(folder / f"{plot.name}.png", stamped(plot.png, self.origin))
         return [*pages, *(folder / f"{n}.csv" for n in self.tables), *(folder / f"{p.name}.png" for p in self.plots)]
 
 

@@ -79,9 +79,9 @@ def write_vectors(
     contains files.
     """
     if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
-        raise input_error(str(folder), "exists already", "give a new or empty folder")
+        raise input_error(folder, "exists already", "give a new or empty folder")
     if not folder.parent.is_dir():
-        raise input_error(str(folder), f"the folder {folder.parent} does not exist", "create it first")
+        raise input_error(folder, f"the folder {folder.parent} does not exist", "create it first")
     entries = []
     try:
         with partial_folder(folder) as partial:
@@ -175,7 +175,7 @@ def read_foreign(
     folder as `path`. Raises InputError for an invalid file.
     """
     if not path.is_file():
-        raise input_error(str(path), not_there(path), "give a .npz, .csv or .mem file of rays")
+        raise input_error(path, not_there(path), "give a .npz, .csv or .mem file of rays")
     suffix = path.suffix.lower()
     if suffix == ".npz":
         return _of_arrays(path, display, model)
@@ -184,16 +184,16 @@ def read_foreign(
     elif suffix in (".mem", ".hex"):
         inputs_path = inputs or path.with_name("inputs.mem")
         if not inputs_path.is_file():
-            raise input_error(str(inputs_path), not_there(inputs_path), "give the file of input rays with --inputs")
+            raise input_error(inputs_path, not_there(inputs_path), "give the file of input rays with --inputs")
         files = ((inputs_path, INPUTS), (path, OUTPUTS))
         words = [word for file, names in files for word in words_of_memory(file, widths(names, fraction_bits))]
         columns = dict(zip((*INPUTS, *OUTPUTS), words, strict=True))
     else:
-        raise input_error(str(path), f"unknown extension '{path.suffix}'", "give a .npz, .csv or .mem file")
+        raise input_error(path, f"unknown extension '{path.suffix}'", "give a .npz, .csv or .mem file")
     lengths = {len(column) for column in columns.values()}
     if len(lengths) != 1 or not lengths.pop():
         raise input_error(
-            str(path), "input and output files differ in number of rays, or are empty", "give one line per ray"
+            path, "input and output files differ in number of rays, or are empty", "give one line per ray"
         )
     return foreign_from_words(columns, display, model, fraction_bits)
 
@@ -204,7 +204,7 @@ def _csv_columns(path: Path, fraction_bits: int) -> dict[str, Ints]:
     names = (*INPUTS, *OUTPUTS)
     missing = [name for name in names if name not in heading and name not in ("a", "b")]
     if missing:
-        raise input_error(str(path), f"has no columns {', '.join(missing)}", f"begin the file with {','.join(names)}")
+        raise input_error(path, f"has no columns {', '.join(missing)}", f"begin the file with {','.join(names)}")
     first = next(lines, None)
     if first is None:
         return dict.fromkeys(names, np.zeros(0, np.int64))
@@ -213,7 +213,7 @@ def _csv_columns(path: Path, fraction_bits: int) -> dict[str, Ints]:
         if table.shape[1] != len(heading):
             raise ValueError
     except ValueError:
-        raise input_error(str(path), "contains a non-integer, or rows of different lengths", "give integers") from None
+        raise input_error(path, "contains a non-integer, or rows of different lengths", "give integers") from None
     columns = dict.fromkeys(names, np.zeros(len(table), np.int64)) | dict(zip(heading, table.T, strict=True))
     for name, bits in zip(names, widths(names, fraction_bits), strict=True):
         low = 0 if bits == STATUS_BITS else -(1 << (bits - 1))
@@ -222,27 +222,27 @@ def _csv_columns(path: Path, fraction_bits: int) -> dict[str, Ints]:
         if out.any():
             ray = int(np.argmax(out))
             what = f"{name} of ray {ray} is {columns[name][ray]}, beyond its {bits} bits"
-            raise input_error(str(path), what, f"give {low} to {high}, or another --fraction-bits")
+            raise input_error(path, what, f"give {low} to {high}, or another --fraction-bits")
     return columns
 
 
 def _of_arrays(path: Path, display: Display, model: Model) -> ForeignRays:
     raw, there = load_arrays(path, (*INPUT_ARRAYS, *FIELDS), "give an .npz of numbers", 1000)  # maximum bytes per ray
     if "from_world" in there:
-        raise input_error(str(path), "contains rays from the world", "give rays from the panel")
+        raise input_error(path, "contains rays from the world", "give rays from the panel")
     arrays = {name: np.atleast_1d(array).astype(np.float64) for name, array in raw.items()}
     for name in ("pixel", "direction"):
         if name not in arrays:
-            raise input_error(str(path), f"has no array {name}", "add arrays pixel and direction (see vectors.json)")
+            raise input_error(path, f"has no array {name}", "add arrays pixel and direction (see vectors.json)")
     n = len(arrays["pixel"])
     if not n:
-        raise input_error(str(path), "contains no rays", "give at least one ray")
+        raise input_error(path, "contains no rays", "give at least one ray")
     for name, array in arrays.items():
         shape = (n, 2 if name in INPUT_ARRAYS else FIELDS[name][1])
         if (array[:, None] if array.ndim == 1 else array).shape != shape:
-            raise input_error(str(path), f"array {name} has shape {array.shape}", f"give {shape}")
+            raise input_error(path, f"array {name} has shape {array.shape}", f"give {shape}")
         if name in INPUT_ARRAYS and not np.isfinite(array).all():
-            raise input_error(str(path), f"array {name} contains NaN or infinity", "remove its ray")
+            raise input_error(path, f"array {name} contains NaN or infinity", "remove its ray")
         arrays[name] = array.reshape(shape)
     inputs = PanelRays("foreign", display, arrays.pop("pixel"), arrays.pop("aperture_mm", None), model)
     return ForeignRays(inputs, arrays)
@@ -256,9 +256,9 @@ def text_of(path: Path) -> str:
     except UnicodeDecodeError:
         text = "\0"
     except OSError as error:
-        raise input_error(str(path), f"cannot be read ({error.strerror})", remedy) from None
+        raise input_error(path, f"cannot be read ({error.strerror})", remedy) from None
     if "\0" in text:
-        raise input_error(str(path), "is not text", remedy)
+        raise input_error(path, "is not text", remedy)
     return text
 
 

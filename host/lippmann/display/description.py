@@ -17,7 +17,7 @@ from lippmann.base.toml import Checked, documented, key, variant
 from lippmann.base.tones import MAX_PAIRS, Curve, curve_of
 from lippmann.display.glass import SELLMEIER, index_of
 from lippmann.display.subpixels import Subpixel, layout_of
-from lippmann.errors import InputError, check_type, input_error, path_of
+from lippmann.errors import InputError, check_type, input_error, located, path_of
 
 Grid = Literal["square", "hex"]
 PlanoSide = Literal["panel", "viewer"]
@@ -93,6 +93,16 @@ class Panel(Checked):
     def pitches_mm(self) -> Pair:
         """Pixel pitches in x and y, mm."""
         return both_pitches(self.pixel_pitch_mm)
+
+    @property
+    def size_px(self) -> tuple[int, int]:
+        """Numbers of columns and of rows."""
+        return self.width_px, self.height_px
+
+    @property
+    def shape(self) -> tuple[int, int, int]:
+        """Shape of the array of a picture: rows, columns and 3 colours."""
+        return self.height_px, self.width_px, 3
 
     @property
     def coarsest_mm(self) -> float:
@@ -365,10 +375,8 @@ def display_of(keys: Any, name: str, where: str) -> Display:
         panel["pixel_pitch_mm"] = MM_PER_INCH / dpi
     panel["pixel_pitch_mm"] = plain_pitch(panel["pixel_pitch_mm"])
     for part, check in (("transfer", curve_of), ("subpixels", layout_of)):
-        try:
+        with located(f"{where}panel.{part}"):
             check(panel[part])
-        except InputError as error:
-            raise InputError(f"{where}panel.{part}: {error}") from None
     white, black = panel["white_cd_m2"], panel["black_cd_m2"]
     if black and not black < (white or 0.0):
         what = "needs white_cd_m2" if white is None else f"{black:g} is not below white_cd_m2, {white:g}"
@@ -410,10 +418,8 @@ def index_of_keys(keys: Any, where: str) -> float:
     """Return `keys.index`, or the index of `keys.glass` at the design wavelength."""
     if keys.glass is None:
         return float(keys.index)
-    try:
+    with located(f"{where}glass"):
         return index_of(keys.glass)
-    except InputError as error:
-        raise InputError(f"{where}glass: {error}") from None
 
 
 def display_text(display: Display) -> str:

@@ -150,7 +150,7 @@ def _draw_close(axis: Axes, display: Display, system: System, place: Floats) -> 
     first, last = (system.frame.pixel_from_panel(place[0] + a, place[1] - a) for a in (-reach, reach))
     columns, rows = (
         np.arange(max(0, int(low)), min(count, int(high) + 1) + 1)
-        for low, high, count in zip(first, last, (panel.width_px, panel.height_px), strict=True)
+        for low, high, count in zip(first, last, panel.size_px, strict=True)
     )
     x, y = system.frame.panel_from_pixel(columns, rows)
     if len(columns) <= MAX_PIXELS:

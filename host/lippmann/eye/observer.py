@@ -18,7 +18,7 @@ import numpy.typing as npt
 
 from lippmann.base import interrupts
 from lippmann.base.images import Radiance, StoredRows, write_picture
-from lippmann.base.variant import current_device, drjit, mitsuba
+from lippmann.base.variant import current_device, dr, mi
 from lippmann.display.description import Display, Panel
 from lippmann.display.subpixels import layout_of
 from lippmann.errors import InputError, as_number, check_choice, check_flags, whole_number
@@ -90,7 +90,7 @@ def whole_window(display: Display, width_px: int | None = None) -> Window:
 def check_size(radiance: Light | StoredRows, display: Display) -> None:
     """Refuse an image that does not have the size of a display's panel."""
     panel = display.panel
-    if radiance.shape != (panel.height_px, panel.width_px, 3):
+    if radiance.shape != panel.shape:
         raise InputError(
             f"the image is {radiance.shape[1]} x {radiance.shape[0]} pixels, but the panel of '{display.name}' has "
             f"{panel.width_px} x {panel.height_px}; render it for this display"
@@ -115,7 +115,6 @@ def observe(
     InputError if the image does not have the panel's size, the model is unknown, or
     `samples` is out of range.
     """
-    mi, dr = mitsuba(), drjit()
     panel = display.panel
     check_size(radiance, display)
     check_choice("model", model, MODELS)
@@ -153,7 +152,6 @@ def observe(
 
 
 def _emitted_light(b: DrJitBackend, panel: Panel, look_up: LookUp, hits: PixelHits, visible: Arr) -> list[Arr]:
-    mi, dr = mitsuba(), drjit()
     column = mi.UInt32(dr.clip(dr.floor(hits.u), 0, panel.width_px - 1))
     row = mi.UInt32(dr.clip(dr.floor(hits.v), 0, panel.height_px - 1))
     # The look-up may evaluate the hits, so rays are not traced again below.
@@ -173,7 +171,6 @@ def _emitted_light(b: DrJitBackend, panel: Panel, look_up: LookUp, hits: PixelHi
 
 
 def _light_in_memory(radiance: Light) -> LookUp:
-    mi, dr = mitsuba(), drjit()
     light = mi.Float(np.ascontiguousarray(radiance, np.float32).ravel())
 
     def look_up(visible: Arr, column: Arr, row: Arr, hits: PixelHits) -> list[Arr]:
@@ -185,7 +182,6 @@ def _light_in_memory(radiance: Light) -> LookUp:
 
 def _light_on_disk(radiance: StoredRows, visible: Arr, column: Arr, row: Arr, hits: PixelHits) -> list[Arr]:
     """Return the light that rays see of an image on disk; read only parts that a ray sees."""
-    mi, dr = mitsuba(), drjit()
     dr.eval(visible, column, row, hits.u, hits.v, hits.status)
     _, width, _ = radiance.shape
     rows = max(1, STORED_BYTES // (12 * width))
@@ -205,7 +201,6 @@ def eye_rays(
     b: DrJitBackend, eye: Eye, window: Window, pixel: Arr, sample: Arr, seed: int
 ) -> tuple[tuple[Arr, ...], tuple[Arr, ...]]:
     """Return origins in the pupil, and unit directions (double), of rays through the window's pixels."""
-    mi, dr = mitsuba(), drjit()
     row = pixel // window.width_px
     column = pixel - row * window.width_px
     s, t = points_in_square(pixel, sample, seed, stream=0)

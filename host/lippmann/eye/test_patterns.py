@@ -18,7 +18,7 @@ import numpy.typing as npt
 from lippmann import __version__
 from lippmann.base import interrupts
 from lippmann.base.tones import decode
-from lippmann.base.variant import current_device, drjit, mitsuba
+from lippmann.base.variant import current_device, dr, mi
 from lippmann.display.description import Display
 from lippmann.errors import InputError, check_choice
 from lippmann.eye.observer import CHUNK_RAYS, Eye, eye_rays
@@ -75,7 +75,7 @@ class Pixels:
         columns, rows = np.broadcast_arrays(self.column, self.row)
         if (f := self.fraction_bits) is not None:
             config = configuration(self.display, Build.of(self.display, "pinhole", f, aims=False), "pinhole")
-            i, j, x, y = locate_pixels(config, grid, f, panel.width_px, panel.height_px, columns, rows)
+            i, j, x, y = locate_pixels(config, grid, f, *panel.size_px, columns, rows)
             centre, views = holds_centre(config, f, x, y), places_in_cell(grid, f, x, y)
             return Places(i, j, centre, *views, system.lattice.present(NumpyBackend(), i, j))
         u, v = columns + 0.5, rows + 0.5
@@ -151,12 +151,11 @@ PATTERNS: dict[Kind, Callable[[Pixels], Values]] = {
 
 def white_for_eye(display: Display, eye: Eye) -> Values:
     """Return 1 for pixels that an eye sees through their own lenslets, else 0, (height, width)."""
-    mi, dr = mitsuba(), drjit()
     panel, b, system = display.panel, DrJitBackend(current_device()), System.of(display)
     # A lenslet spreads its rays on the panel; they must be at most half a pixel apart.
     spread = abs(1.0 - display.aperture_distance_mm / display.array.focal_length_mm)
     samples = min(2 + int(np.ceil(2.0 * spread)), 8) ** 2
-    window = Window(panel.width_mm, panel.height_mm, panel.width_px, panel.height_px)
+    window = Window(panel.width_mm, panel.height_mm, *panel.size_px)
     total = panel.width_px * panel.height_px
     white, chunk = dr.zeros(mi.Float, total), max(1, CHUNK_RAYS // samples)
     for start in range(0, total, chunk):
@@ -195,7 +194,7 @@ def draw(
     if fraction_bits is not None and kind not in ON_BOARD:
         raise InputError(f"--fraction-bits belongs to the patterns of a board, {', '.join(ON_BOARD)}; leave it out")
     panel = display.panel
-    light = np.empty((panel.height_px, panel.width_px, 3), np.float32)
+    light = np.empty(panel.shape, np.float32)
     white = None if eye is None else white_for_eye(display, eye)
     for first in range(0, panel.height_px, BAND_ROWS):
         rows = np.arange(first, min(first + BAND_ROWS, panel.height_px))[:, None]

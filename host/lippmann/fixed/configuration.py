@@ -302,7 +302,7 @@ def _check_build(display: Display, build: Build, model: Model) -> None:
 def _check_panel(display: Display) -> None:
     panel, array = display.panel, display.array
     limit = 1 << (words.PIXEL_BITS - words.PIXEL_FRACTION)
-    if max(panel.width_px, panel.height_px) >= limit:
+    if max(panel.size_px) >= limit:
         raise InputError(
             f"register raster_panel: a panel of {panel.width_px} x {panel.height_px} is outside its range, 1 to "
             f"{limit - 1} in each direction; lower panel.width_px and panel.height_px"

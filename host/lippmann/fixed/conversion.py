@@ -18,7 +18,7 @@ def words_of_pixels(display: Display, pixels: Floats) -> tuple[Ints, Ints]:
     Raises InputError for pixels that do not fit the words and, if elemental images
     converge, for pixels outside the panel, whose rays may be too steep.
     """
-    scale, half = 1 << PIXEL_FRACTION, 0.5 * np.array([display.panel.width_px, display.panel.height_px])
+    scale, half = 1 << PIXEL_FRACTION, 0.5 * np.array(display.panel.size_px)
     words = np.floor((pixels - half) * (scale, -scale) + 0.5)
     if not fits(words, PIXEL_BITS).all():
         reach = 1 << (PIXEL_BITS - 1 - PIXEL_FRACTION)

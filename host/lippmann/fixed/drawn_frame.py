@@ -60,7 +60,7 @@ def draw(
     at_once = max(1, _CHUNK_RAYS // (panel.width_px * scene_build.samples))
 
     def draw_rows(part: range) -> Bytes:
-        u, v = sample_words(panel.width_px, panel.height_px, scene_build.samples, part)
+        u, v = sample_words(*panel.size_px, scene_build.samples, part)
         rays = pipeline(u, v, np.zeros_like(u), np.zeros_like(u), registers, build)
         return shade(rays, words, slots, table, scene_build, f)
 

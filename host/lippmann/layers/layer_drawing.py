@@ -252,5 +252,5 @@ def plan_layers(
     check_choice("engine", engine, LAYER_ENGINES)
     check_choice("model", model, MODELS)
     options = RenderOptions(model, engine=engine, fraction_bits=fraction_bits, settings=Settings(samples))
-    bands = tuple(bands_of(display.panel.width_px, display.panel.height_px, samples, "llvm"))
+    bands = tuple(bands_of(*display.panel.size_px, samples, "llvm"))
     return LayerPlan(display, options, bands, stack, filter)

@@ -19,12 +19,12 @@ import numpy as np
 import numpy.typing as npt
 
 from lippmann.base import toml
-from lippmann.base.files import make_folder, replacing
+from lippmann.base.files import make_folder, replacing, write_file
 from lippmann.base.images import check_output
 from lippmann.base.toml import documented, key, toml_text
 from lippmann.base.tones import decode
 from lippmann.display.description import Display, Pair
-from lippmann.errors import InputError, input_error, likely_file, not_there, path_of, reason, warn_user
+from lippmann.errors import InputError, input_error, likely_file, located, not_there, path_of, reason, warn_user
 from lippmann.layers.scene_cutting import SLOT, Area, Cut, Reach, Slab, check_slot, layer_of, reach_of, texels_for
 from lippmann.layers.stack import COLOURS, MAX_DEPTH_MM, MAX_LAYERS, MAX_SIDE, Bytes, Floats, Layer, LayerStack, Size
 from lippmann.optics.display_properties import depth_reach_mm
@@ -105,10 +105,8 @@ def load_named_layers(path: str | Path) -> tuple[LayerStack, tuple[str, ...]]:
             raise input_error(f"{where}.picture", f"{picture} is a layer already", "copy it under another name")
         texels, palette = _read_png(file.parent / picture)
         depth = math.inf if one.depth_mm == "sky" else float(one.depth_mm)
-        try:
+        with located(where):
             layers[name] = Layer(texels, palette, depth, np.array([one.s, one.t]), one.brightness, one.visible)
-        except InputError as error:
-            raise InputError(f"{where}: {error}") from None
     return LayerStack(tuple(layers.values()), np.array(keys.background)), tuple(layers)
 
 
@@ -142,8 +140,7 @@ def save_layers(path: str | Path, stack: LayerStack, names: Sequence[str] = ()) 
     former_pictures = _written_pictures(file)
     for picture, layer in zip(pictures, stack.layers, strict=True):
         _write_png(picture, layer)
-    with replacing(file) as partial:  # written after the pictures
-        partial.write_text(_layers_text(stack, names), encoding="utf-8")
+    write_file(file, _layers_text(stack, names))  # written after the pictures
     for picture in former_pictures:
         if picture.stem.casefold() not in used_names:
             picture.unlink(missing_ok=True)

@@ -98,7 +98,7 @@ def reach_of(display: Display) -> Reach:
     panel = display.panel
     # The outermost rays leave the lenslets at the panel's edges.
     band = math.ceil(EDGE_LENSLETS * display.array.coarsest_mm / min(panel.pitches_mm))
-    sides = panel.width_px, panel.height_px
+    sides = panel.size_px
     every = [np.unique(np.linspace(0, side - 1, REACH_RAYS).astype(int)) for side in sides]
     edge = [np.unique(np.r_[: min(band, side), max(side - band, 0) : side]) for side in sides]
     grids = np.meshgrid(edge[0], every[1]), np.meshgrid(every[0], edge[1])

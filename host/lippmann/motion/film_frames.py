@@ -91,7 +91,7 @@ def plan_film(film: Film, display: Display, options: RenderOptions, scale: float
         # The depths in the film file are for the original size.
         film = replace(film, near_mm=None, far_mm=None)
     panel = display.panel
-    bands = tuple(bands_of(panel.width_px, panel.height_px, options.settings.samples * colours_of(panel)))
+    bands = tuple(bands_of(*panel.size_px, options.settings.samples * colours_of(panel)))
     picture = display, options, bands, film.scene, digest
     return [
         FramePlan(*picture, film.placement(frame, at_rest, film_placement), film, frame, film.moves(frame, at_rest))

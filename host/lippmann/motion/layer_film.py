@@ -11,9 +11,9 @@ import numpy as np
 from msgspec import Meta
 
 from lippmann.base import toml
-from lippmann.base.toml import documented, key, values
+from lippmann.base.toml import documented, key
 from lippmann.display.description import Display
-from lippmann.errors import InputError, did_you_mean, input_error, likely_file
+from lippmann.errors import did_you_mean, input_error, likely_file, located
 from lippmann.layers.layers_folder import Light, check_depth, is_layers, load_named_layers
 from lippmann.layers.stack import Layer, LayerStack
 from lippmann.motion.film import MAX_FRAMES, Motion, check_frames, interpolate
@@ -104,11 +104,9 @@ def load_layer_film(path: str | Path) -> LayerFilm:
     if not path.exists():
         remedy = likely_file(path, (".toml",)) or "give a film of layers (.toml), or a folder that lippmann layers made"
         raise input_error(path, "no such file", remedy)
-    film = LayerFilmFile(**values(toml.read(LayerFilmFile, toml.load(path, "film-of-layers"), str(path))))
-    try:
+    film = toml.read(LayerFilmFile, toml.load(path, "film-of-layers"), str(path))
+    with located(f"{path}: layers"):
         stack, names = load_named_layers(path.parent / film.layers)
-    except InputError as error:
-        raise InputError(f"{path}: layers: {error}") from None
     moving: set[str] = set()
     for place, one in enumerate(film.layer):
         where = f"{path}: layer[{place}]"
@@ -160,9 +158,7 @@ def _move_layer(layer: Layer, moving: MovingLayer, frame: int, motion: Motion) -
 def check_keys(film: LayerFilm, display: Display, path: str | Path) -> None:
     """Raise InputError if a frame has an invalid layer, such as a layer behind the eyes."""
     for frame in range(film.frames):
-        try:
+        with located(f"{path}: frame {frame}"):
             stack, numbers = film.at(frame)
-        except InputError as error:
-            raise InputError(f"{path}: frame {frame}: {error}") from None
         for number, layer in zip(numbers, stack.layers, strict=True):
             check_depth(layer.depth_mm, display, f"{path}: frame {frame}: layer '{film.names[number]}': depth")

@@ -56,7 +56,7 @@ class Encoder:
     def __init__(self, panel: Panel) -> None:
         bits = min(panel.bits, 8)
         self._byte = getattr(dr, mi.variant().split("_")[0]).ad.UInt8
-        self._shape = (panel.height_px, panel.width_px, 3)
+        self._shape = panel.shape
         self._least = mi.Float(least_radiance(panel, bits))
         self._values = self._byte(values_of(bits))
         dr.make_opaque(self._least, self._values)

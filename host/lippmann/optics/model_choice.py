@@ -112,7 +112,7 @@ def probe(display: Display, aperture: str, inside: float = INSIDE) -> tuple[Floa
 
 def panel_size(display: Display) -> Floats:
     """Return the panel's width and height, (2,) pixels."""
-    return np.array([display.panel.width_px, display.panel.height_px], np.float64)
+    return np.array(display.panel.size_px, np.float64)
 
 
 def located(display: Display, pixels: Floats) -> tuple[Floats, Floats]:

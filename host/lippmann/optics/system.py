@@ -48,7 +48,7 @@ class PanelFrame:
         """Return the maps of a display."""
         panel, array = display.panel, display.array
         turn = exact_rotation(array.rotation_deg)
-        return cls(panel.pitches_mm, panel.width_px, panel.height_px, array.offset_mm, *turn)
+        return cls(panel.pitches_mm, *panel.size_px, array.offset_mm, *turn)
 
     @property
     def corners(self) -> tuple[Pair, ...]:

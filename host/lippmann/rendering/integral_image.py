@@ -99,7 +99,7 @@ class IntegralImage(Showable):
             what = f"the radiance is {self.radiance.dtype}, not linear light, where 1 is white"
             remedy = "give float32; IntegralImage.load decodes the values of a PNG"
             raise input_error(where, what, remedy)
-        if self.radiance.shape != (panel.height_px, panel.width_px, 3):
+        if self.radiance.shape != panel.shape:
             size = " x ".join(str(side) for side in self.radiance.shape)
             what = f"the radiance is {size}, the panel {panel.height_px} x {panel.width_px} x 3"
             raise input_error(where, what, "render it for this display")
@@ -151,7 +151,7 @@ class IntegralImage(Showable):
         check_flags(force=force, stored=stored)
         built = display_at(display)
         accept = None if force else partial(_check_metadata, built, path)
-        size = built.panel.width_px, built.panel.height_px
+        size = built.panel.size_px
         file = StoredRows(path, size, accept) if stored else read_picture(path, size, accept)
         radiance = cast(Radiance, file) if isinstance(file, StoredRows) else file.radiance
         image = cls(radiance, built, file.metadata)

@@ -62,19 +62,15 @@ def register_lights() -> None:
             self, scene: Jit, sampler: Jit, ray: Jit, medium: Jit = None, active: Jit = True
         ) -> tuple[Jit, Jit, list[Jit]]:
             if has_splats(scene):
-                return _sample_splats(scene, sampler, ray, active)
+                field = mi.load_dict({"type": "volprim_rf_basic", "max_depth": MAX_SPLATS})
+                radiance, _, _, _ = field.sample(dr.ADMode.Primal, scene, sampler, ray, None, None, active)
+                return radiance, mi.Bool(active), []
             return _sample_lights(scene, sampler, ray, active, self.max_depth, self.shadows)
 
         def aov_names(self) -> list[str]:
             return []
 
     mi.register_integrator("lights", Lights)
-
-
-def _sample_splats(scene: Jit, sampler: Jit, ray: Jit, active: Jit) -> tuple[Jit, Jit, list[Jit]]:
-    field = mi.load_dict({"type": "volprim_rf_basic", "max_depth": MAX_SPLATS})
-    radiance, _, _, _ = field.sample(dr.ADMode.Primal, scene, sampler, ray, None, None, active)
-    return radiance, mi.Bool(active), []
 
 
 def _sample_lights(

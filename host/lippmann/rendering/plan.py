@@ -269,7 +269,7 @@ class Job:
         options = replace(self.options, model=model, tolerance=TOLERANCE)
         panel = self.display.panel
         rays = options.settings.samples * colours_of(panel)
-        bands = tuple(bands_of(panel.width_px, panel.height_px, rays))
+        bands = tuple(bands_of(*panel.size_px, rays))
         digest = digest_of(path) if portable else ""
         renderer = make_renderer(scene, self.display, options, bands, in_memory=not portable)
         if renderer.cache_report is not None:

@@ -122,7 +122,7 @@ def display_source(
 
     layout, finest = layout_of(panel.subpixels), display.array.finest_mm
     fast = engine == "fast"
-    return RaySource(panel.width_px, panel.height_px, lines, layout, fast, finest, owner if fast else None)
+    return RaySource(*panel.size_px, lines, layout, fast, finest, owner if fast else None)
 
 
 @dataclass(frozen=True)

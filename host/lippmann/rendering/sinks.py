@@ -107,7 +107,7 @@ class MemorySink:
         panel = plan.display.panel
         self.bands, self.plan = bands_of_plan(plan), plan
         self._missing = dict(enumerate(self.bands))
-        self.radiance = np.empty((panel.height_px, panel.width_px, 3), np.float32)
+        self.radiance = np.empty(panel.shape, np.float32)
         self.metadata = plan.metadata
 
     def missing_bands(self) -> Sequence[Band]:
@@ -148,7 +148,7 @@ class KeptBands:
             self.release()
             raise
         panel = plan.display.panel
-        self.shape = panel.height_px, panel.width_px, 3
+        self.shape = panel.shape
         self.metadata = plan.metadata
         self._checked: set[int] = set()
 

@@ -67,7 +67,7 @@ def cached_file(path: Path, inputs: Iterable[Path | str], make: Callable[[Path],
             if is_full(error):
                 raise no_space(str(target.parent), error.strerror) from None
             why = f"compiled simulations cannot be stored there ({error.strerror})"
-            raise input_error(str(target.parent), why, "make the folder writable, or set XDG_CACHE_HOME") from None
+            raise input_error(target.parent, why, "make the folder writable, or set XDG_CACHE_HOME") from None
         with lock:
             import fcntl  # only Unix has it
 

@@ -157,13 +157,13 @@ def usual_clock(display: Display, scene: SceneBuild | None, memory: Memory) -> i
 
 def timing_of(display: Display) -> tuple[int, ...]:
     """Return the video timing of a display's panel, in the order of `TIMING`."""
-    return KNOWN_TIMINGS.get((display.panel.width_px, display.panel.height_px), REDUCED)
+    return KNOWN_TIMINGS.get(display.panel.size_px, REDUCED)
 
 
 def check_panel(display: Display) -> None:
     """Raise InputError if a panel is too large for a board."""
     panel = display.panel
-    if max(panel.width_px, panel.height_px) > MAX_SIDE_PX:
+    if max(panel.size_px) > MAX_SIDE_PX:
         what = f"the panel has {panel.width_px} x {panel.height_px} pixels"
         raise input_error(f"display '{display.name}'", what, f"give a panel of at most {MAX_SIDE_PX} x {MAX_SIDE_PX}")
 
@@ -248,7 +248,7 @@ def start(display: Display, **options: Unpack[BoardOptions]) -> RunningBoard:
             place /= f"board-{secrets.token_hex(4)}.sock"
             if len(os.fsencode(place)) > MOST_SOCKET_BYTES:
                 what = "the folder's name is too long for a Unix socket"
-                raise input_error(str(place.parent), what, "set TMPDIR to a shorter folder")
+                raise input_error(place.parent, what, "set TMPDIR to a shorter folder")
         words |= {"line": port, "place": place, "ready": ready}
         command = [str(program)]
         for name, value in words.items():
@@ -325,7 +325,7 @@ def keep_as_png(folder: Path, display: Display, after: int = 0) -> list[Path]:
     Raises CaptureError if a PNG file cannot be written, and keeps the .rgb file.
     """
     panel = display.panel
-    shape = panel.height_px, panel.width_px, 3
+    shape = panel.shape
     pictures = []
     for raw in sorted(folder.glob("frame-*.rgb")):
         if raw.stat().st_size != math.prod(shape):
