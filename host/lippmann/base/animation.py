@@ -61,11 +61,6 @@ def animation_bytes(
     return stream.getvalue()
 
 
-def animation_mb(frames: int, width_px: int, height_px: int) -> float:
-    """Return the memory that `write_animation` needs, MB."""
-    return frames * width_px * height_px * FRAME_BYTES / 1e6
-
-
 def _common_palette(frames: Sequence[PIL.Image.Image]) -> PIL.Image.Image:
     from PIL import Image
 

@@ -86,7 +86,9 @@ class Movement:
         # Process about 65,536 readings at once.
         for lenslets in np.array_split(np.arange(len(slopes)), min(len(slopes), 1 + len(at) // 65_536)):
             first = ends[lenslets[0]]
-            powers = _place_powers(at[first : ends[lenslets[-1] + 1]])
+            axes = at[first : ends[lenslets[-1] + 1]].T
+            x, y = (np.cumprod([np.ones_like(one), *[one] * 7], axis=0, dtype=np.float32) for one in axes)
+            powers = np.asarray([x[a] * y[b] for a, b in PLACE])
             for k in lenslets:
                 low, high = ends[k : k + 2] - first
                 moved[ends[k] : ends[k + 1]] = powers[:, low:high].T @ factors[k]
@@ -110,11 +112,6 @@ class Moved:
         a, c = map(np.float32, blur)
         edge = np.maximum(np.hypot(a * self.change, c), np.float32(1e-3))  # lower limit of b, pixels
         return self.shift + np.float32(0.5) * a * a * self.bent, edge
-
-
-def _place_powers(local: Values) -> Singles:
-    x, y = (np.cumprod([np.ones_like(one), *[one] * 7], axis=0, dtype=np.float32) for one in local.T)
-    return np.asarray([x[a] * y[b] for a, b in PLACE])
 
 
 def _powers(values: Values, exponents: Sequence[tuple[int, int]]) -> Floats:

@@ -8,7 +8,7 @@ from dataclasses import replace
 import click
 
 from lippmann import api
-from lippmann.base.animation import ANIMATION_SUFFIXES, animation_mb
+from lippmann.base.animation import ANIMATION_SUFFIXES, FRAME_BYTES
 from lippmann.base.images import check_output
 from lippmann.base.tones import encoded_values
 from lippmann.base.variant import start_mitsuba
@@ -105,7 +105,7 @@ def _view_window(path: Name, film: Film, display: Display, width_px: int, settin
         raise InputError(f"{path}: a GIF shows at most {GIF_SPEED:g} frames a second; choose .mp4, .png or .apng")
     window = even_window(whole_window(display, width_px))
     count = film.frames if suffix in ANIMATION_SUFFIXES else 1
-    needed_mb = BASE_MEMORY_MB + animation_mb(count, window.width_px, window.height_px)
+    needed_mb = BASE_MEMORY_MB + count * window.width_px * window.height_px * FRAME_BYTES / 1e6
     what = f"{path}: {count} frames of {window.width_px} x {window.height_px} pixels in memory"
     check_memory_mb(needed_mb, settings.memory_mb, what, "give a smaller --width, or an .mp4 file")
     return window

@@ -26,9 +26,10 @@ from lippmann.fixed.scene_configuration import scene_words
 from lippmann.layers.layer_count import Row, measured_cuts, row_of
 from lippmann.layers.layer_drawing import Filter, scene_build_of
 from lippmann.layers.layers_folder import (
+    PICTURES_FILE,
     check_for_display,
     cut_pictures,
-    is_pictures,
+    is_layers,
     save_layers,
     warn_of_depths,
     warn_of_textures,
@@ -70,7 +71,7 @@ def command(
     """
     table = None if costs is None else check_output(costs, (".csv",))
     cuts: list[tuple[Cut, list[float]]]
-    if is_pictures(scene_path):
+    if is_layers(scene_path, PICTURES_FILE):
         if moved.changes or apart is not None or table:
             raise InputError(f"{scene_path}: positions are fixed; leave out --apart, --costs and placement options")
         cut, names = cut_pictures(scene_path, display, slot)

@@ -16,7 +16,7 @@ from lippmann.cli.options_rendering import MOVED, RENDERING, SCHEDULER, WORKERS,
 from lippmann.cli.output import emit
 from lippmann.cli.progress_bar import progress_bar
 from lippmann.display.description import Display, load_display
-from lippmann.errors import InputError
+from lippmann.errors import InputError, located
 from lippmann.layers.layer_drawing import Filter, plan_layers
 from lippmann.layers.layers_folder import check_depth, is_layers, load_named_layers, warn_of_depths
 from lippmann.rendering.band_sizes import check_display_memory, is_long_render
@@ -112,7 +112,7 @@ def _open_layers(path: str, display: Display, options: RenderOptions, moved: Mov
         raise InputError(f"{flag_of(name)} is for scenes; leave it out with layers")
     stack, names = load_named_layers(path)
     scale = 1.0 if moved.scale is None else moved.scale
-    try:
+    with located(path):
         stack = stack.moved(scale, moved.offset or (0.0, 0.0, 0.0))
         depths = [(name, layer.depth_mm) for name, layer in zip(names, stack.layers, strict=True)]
         for name, depth in depths:
@@ -122,5 +122,3 @@ def _open_layers(path: str, display: Display, options: RenderOptions, moved: Mov
         plan = plan_layers(stack, display, filter, options.settings.samples, model, engine, options.fraction_bits)
         warn_of_depths(depths, display)
         yield plan
-    except InputError as error:
-        raise InputError(f"{path}: {error}") from None

@@ -398,8 +398,7 @@ def _find_word_fault(words: FixedRays, twin: FixedRays) -> Finding | None:
         rays = np.arange(max(0, -lag), len(twin.status) - max(0, lag))
         return np.asarray(np.all([a[rays + lag] == b[rays] for a, b in zip(words, right, strict=True)], axis=0))
 
-    late = _find_delay(equal)
-    if late:
+    if late := _find_delay(equal):
         return late
     faults = {
         f"sign of the words {', '.join(names)}": {name: -getattr(twin, name) for name in names} for names in SIGNS

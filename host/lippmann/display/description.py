@@ -340,9 +340,7 @@ def load_display(path: str | Path) -> Display:
 
 def display_at(display: str | Path | Display) -> Display:
     """Return the display, read from its file if `display` is a path."""
-    if isinstance(display, Display):
-        return display
-    return load_display(display)
+    return display if isinstance(display, Display) else load_display(display)
 
 
 def parse_display(text: str, source: str = "display") -> Display:

@@ -286,11 +286,6 @@ class PicturesFile:
     picture: Annotated[tuple[PictureKeys, ...], key("", lengths=(1, MAX_LAYERS))]
 
 
-def is_pictures(path: str | Path) -> bool:
-    """Tell whether a path is a folder of pictures, or its `pictures.toml`."""
-    return is_layers(path, PICTURES_FILE)
-
-
 def cut_pictures(path: str | Path, display: Display, slot: Size = SLOT) -> tuple[Cut, tuple[str, ...]]:
     """Return the layers of a folder of pictures for a display, front to back, and their names.
 

@@ -135,9 +135,6 @@ def meet(b: Backend, dome: Dome, ray: Ray, upward: bool) -> Crossing:
     zero = 0.0 * ray.x
     settled = hit & dome.lattice.holds(at.x, at.y)
 
-    def unsettled(*state: Arr) -> Arr:
-        return ~state[0] & (state[1] < MAX_CELLS)
-
     def step(settled: Arr, steps: Arr, di: Arr, dj: Arr, *tail: Arr) -> State:
         # `tail` has the ray in its present cell, its point on the dome, and its cosine.
         local = Ray(*tail[:6])
@@ -162,7 +159,7 @@ def meet(b: Backend, dome: Dome, ray: Ray, upward: bool) -> Crossing:
         )
 
     state = (settled, b.integer(zero), zero, zero, *ray, at.x, at.y, at.z, cosine)
-    state = b.loop(unsettled, step, state)
+    state = b.loop(lambda *state: ~state[0] & (state[1] < MAX_CELLS), step, state)
     is_met, _, di, dj, *tail = state
     # A ray that missed keeps its last point.
     x, y, z = (b.where(is_met, tail[6 + k], tail[k]) for k in range(3))

@@ -9,7 +9,7 @@ from lippmann.base.machine import free_memory_mb
 from lippmann.base.tones import BAND_ROWS
 from lippmann.base.variant import current_device
 from lippmann.display.description import Display
-from lippmann.errors import InputError
+from lippmann.errors import InputError, located
 from lippmann.rendering.options import Settings, Shading
 from lippmann.rendering.pixel_filter import BYTES_A_PIXEL, is_filter_allowed
 from lippmann.rendering.sampling import TILE_PX, colours_of
@@ -56,10 +56,8 @@ def memory_mb(width_px: int, height_px: int, shading: Shading, samples: int, col
 def check_display_memory(display: Display, settings: Settings, where: str) -> None:
     """Raise InputError, which names `where`, if a display's image exceeds the memory limit."""
     panel = display.panel
-    try:
-        check_memory(panel.width_px, panel.height_px, settings, colours_of(panel))
-    except InputError as error:
-        raise InputError(f"{where}: panel.width_px, panel.height_px: {error}") from None
+    with located(f"{where}: panel.width_px, panel.height_px"):
+        check_memory(*panel.size_px, settings, colours_of(panel))
 
 
 def check_memory(width_px: int, height_px: int, settings: Settings, colours: int) -> None:
