@@ -120,7 +120,7 @@ board/lipp_dispatcher.sv
 board/lipp_board.sv
 board/lipp_board_with_store.sv
 board/lipp_board_with_sdram.sv
-board/lipp_board_lamps.sv
+board/lipp_buttons_and_lamps.sv
 board/lipp_video_board.sv
 common/lipp_ring.sv
 common/lipp_block_ring.sv

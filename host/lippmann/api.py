@@ -34,7 +34,7 @@ from lippmann.layers.layers_folder import load_named_layers
 from lippmann.layers.stack import LayerStack
 from lippmann.optics.model_choice import TOLERANCE
 from lippmann.optics.rays import Engine, Model
-from lippmann.rendering.band_sizes import check_display_memory, check_memory
+from lippmann.rendering.band_memory import check_display_memory, check_memory
 from lippmann.rendering.diagnostics import warn_of_unused_parts
 from lippmann.rendering.executors import choose_executor, render_here
 from lippmann.rendering.integral_image import IntegralImage, check_image

@@ -24,9 +24,9 @@ from lippmann.rendering.renderer import render_view
 from lippmann.rendering.sampling import Window, first_depths
 from lippmann.rendering.sinks import render_picture
 from lippmann.scenes.placement import Placement, arranged
+from lippmann.scenes.quilts_and_views import EYES, eyes_note, eyes_text, quilt_path, tiled
 from lippmann.scenes.scene import Scene, load_scene
 from lippmann.scenes.splats import write_table
-from lippmann.scenes.window_views import EYES, eyes_note, eyes_text, quilt_path, tiled
 
 from tools.bench import MeasurementRun, measurement
 from tools.report_plots import contact_sheet, make_page

@@ -21,7 +21,7 @@ from lippmann.display.description import Display, load_display
 from lippmann.eye.observer import whole_window
 from lippmann.fixed.scene_build import BLOCK_BYTES, SceneBuild
 from lippmann.fixed.scene_configuration import slot_bytes
-from lippmann.layers.layer_count import EYES, FULL_SAMPLES, decibels, eyes_of, full_views, row_of, streamed, views_of
+from lippmann.layers.layer_costs import EYES, FULL_SAMPLES, decibels, eyes_of, full_views, row_of, streamed, views_of
 from lippmann.layers.layer_drawing import FILTERS, ExitLines, Filter, draw_golden, exit_lines
 from lippmann.layers.scene_cutting import SLOT, Area, Cut, cut_scene, disparity, peel, reach_of
 from lippmann.layers.stack import MAX_LAYERS, LayerStack
@@ -74,7 +74,7 @@ def measure_scene(
 
     `parts` has the scene to cut by depths and the separate layer; None: cut the complete scene by depths. `drawn` is
     "streamed" or a filter. `line_bytes` is the first picture's size; `frame_bytes` is the size of each further picture,
-    in which a layer moves. `lippmann.layers.layer_count.row_of` describes the other columns; they are None for a
+    in which a layer moves. `lippmann.layers.layer_costs.row_of` describes the other columns; they are None for a
     streamed frame if they do not apply.
     """
     settings = Settings(TEXEL_SAMPLES, seed=seed) if settings is None else settings

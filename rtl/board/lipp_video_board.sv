@@ -13,7 +13,7 @@
 /// its own reset, made from the asynchronous reset rst_ni, for example the lock signal of a PLL.
 /// The video is black while rst_ni is low, and remains black until the first frame is shown.
 ///
-/// `lipp_sdram_controller` describes the SDRAM's pins, `lipp_board_lamps` the status LEDs.
+/// `lipp_sdram_controller` describes the SDRAM's pins, `lipp_buttons_and_lamps` the status LEDs.
 ///
 ///   rx_i -> lipp_board_with_sdram <-> pins of the SDRAM
 ///                     |
@@ -78,7 +78,7 @@ module lipp_video_board #(
   logic rst_n, clock_lost, packet, error;
   lipp_reset_sync i_reset (.clk_i, .rst_ni, .rst_no(rst_n));
   lipp_bit_sync i_clock_lost (.clk_i, .rst_ni(rst_n), .d_i(clock_lost_i), .q_o(clock_lost));
-  lipp_board_lamps i_lamps (
+  lipp_buttons_and_lamps i_lamps (
     .clk_i, .rst_ni(rst_n), .packet_i(packet), .error_i(error), .clock_lost_i(clock_lost),
     .button_i, .linked_o, .alarm_o, .pattern_o
   );

@@ -15,8 +15,8 @@ from lippmann.eye.many_views import eyes_of, scene_viewer
 from lippmann.eye.observer import Eye, whole_window
 from lippmann.rendering.options import Settings
 from lippmann.rendering.sampling import Window, first_depths
+from lippmann.scenes.quilts_and_views import quilt_path
 from lippmann.scenes.scene import load_scene
-from lippmann.scenes.window_views import quilt_path
 from PIL import Image
 from scene_cases import glowing_sphere, write_scene
 from test_film import DISPLAY

@@ -15,7 +15,7 @@ from lippmann.conformance.fit import INSIDE, TRIED_SAMPLES, away_from_borders, c
 from lippmann.display.description import load_display
 from lippmann.engines import trace, trace_fixed
 from lippmann.errors import InputError
-from lippmann.layers.layer_count import LayerChoice, choose_layers
+from lippmann.layers.layer_costs import LayerChoice, choose_layers
 from lippmann.optics.model_choice import choose_model
 from lippmann.optics.rays import MODELS
 from lippmann.optics.sample_points import points_in_pixel

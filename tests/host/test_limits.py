@@ -11,7 +11,7 @@ import zlib
 
 import numpy as np
 import pytest
-from lippmann.base import limits, toml
+from lippmann.base import file_limits, toml
 from lippmann.base.images import read_picture
 from lippmann.cli import run
 from lippmann.display.description import load_display
@@ -69,12 +69,14 @@ ZEROS = [bytes(1 << 20)] * 38 + [bytes(40_000_000 - (38 << 20))]
 def test_an_archive_is_counted_before_it_is_expanded(place, capsys, command, monkeypatch):
     archive("bomb.npz", pixel=[header((2_500_000, 2)), *ZEROS], direction=[header((2_500_000, 3))])
     assert (place / "bomb.npz").stat().st_size < 50_000
-    monkeypatch.setattr(limits, "free_memory_mb", lambda: 500.0)
+    monkeypatch.setattr(file_limits, "free_memory_mb", lambda: 500.0)
     words = ["trace", "-o", "r.npz", "--pixels"] if command == "trace" else ["regress", "--rays"]
     assert "bomb.npz: 2500000 rays: needs" in refused(capsys, *words, "bomb.npz")
-    monkeypatch.setattr(limits, "free_memory_mb", lambda: 1e9)
-    archive("more.npz", pixel=[header((limits.MAX_RAYS + 1, 2))], direction=[header((9, 3))])
-    assert f"contains {limits.MAX_RAYS + 1} rays; give at most {limits.MAX_RAYS}" in refused(capsys, *words, "more.npz")
+    monkeypatch.setattr(file_limits, "free_memory_mb", lambda: 1e9)
+    archive("more.npz", pixel=[header((file_limits.MAX_RAYS + 1, 2))], direction=[header((9, 3))])
+    assert f"contains {file_limits.MAX_RAYS + 1} rays; give at most {file_limits.MAX_RAYS}" in refused(
+        capsys, *words, "more.npz"
+    )
 
 
 def test_an_arrays_header_is_counted_before_it_is_read(place, capsys):
@@ -141,7 +143,7 @@ def test_keys_of_some_parts_and_many_numbers_are_read():
 
 @pytest.mark.parametrize("reader", [lambda: load_display("big.toml"), lambda: load_scene("big.xml")])
 def test_endless_files_are_cut(place, reader, mi, monkeypatch):
-    monkeypatch.setattr(limits, "MAX_XML_BYTES", 1 << 20)
+    monkeypatch.setattr(file_limits, "MAX_XML_BYTES", 1 << 20)
     name = "big.toml" if "toml" in str(reader.__code__.co_consts) else "big.xml"
     os.mkfifo(name)
     monkeypatch.setattr("pathlib.Path.is_file", lambda self: True)
@@ -180,7 +182,7 @@ def test_scenes_that_nest_too_deeply(place, mi):
 def test_a_small_picture_of_a_large_size_is_not_expanded(place, monkeypatch):
     data = chunk(b"IDAT", zlib.compress(bytes(1 << 20)))
     (place / "bomb.png").write_bytes(png(16_000, 16_000, data, chunk(b"IEND")))
-    monkeypatch.setattr(limits, "free_memory_mb", lambda: 1000.0)
+    monkeypatch.setattr(file_limits, "free_memory_mb", lambda: 1000.0)
     with pytest.raises(InputError, match=r"bomb\.png: 16000 x 16000 pixels: needs 6144 MB, the limit is 800 MB; use"):
         read_picture("bomb.png")
 

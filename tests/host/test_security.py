@@ -8,11 +8,11 @@ import tempfile
 from pathlib import Path
 
 import pytest
-from lippmann.base import images, limits, toml
+from lippmann.base import file_limits, images, toml
 from lippmann.calibration import photographs
 from lippmann.eye import page_server
 from lippmann.layers import layers_folder
-from lippmann.scenes import depth_picture, meshes, splats, window_views
+from lippmann.scenes import depth_picture, meshes, quilts_and_views, splats
 from lippmann.simulation.toolchain import repository
 from lippmann.simulation.virtual_board import IDLE_S
 
@@ -30,16 +30,18 @@ def test_the_limits_are_those_of_the_code():
     def row(start):
         return re.search(rf"^\| {re.escape(start)} \| (.*) \|$", PAGE, re.M)[1]
 
-    assert row("TOML file") == f"{limits.MAX_TOML_BYTES >> 20} MB; {toml.MAX_KEY_PARTS} parts in a dotted key"
-    assert row("scene's XML").startswith(f"{limits.MAX_XML_BYTES >> 20} MB; elements {limits.MAX_XML_DEPTH} deep")
-    assert row("table of pixels or words") == f"{limits.MAX_TABLE_BYTES >> 20} MB"
-    assert limits.MAX_RAYS == 10**8
-    assert limits.SHARE == 0.8
+    assert row("TOML file") == f"{file_limits.MAX_TOML_BYTES >> 20} MB; {toml.MAX_KEY_PARTS} parts in a dotted key"
+    assert row("scene's XML").startswith(
+        f"{file_limits.MAX_XML_BYTES >> 20} MB; elements {file_limits.MAX_XML_DEPTH} deep"
+    )
+    assert row("table of pixels or words") == f"{file_limits.MAX_TABLE_BYTES >> 20} MB"
+    assert file_limits.MAX_RAYS == 10**8
+    assert file_limits.SHARE == 0.8
     assert f"{images.MAX_CHANNELS} channels; {images.MAX_TEXT_BYTES >> 10} KB" in row("image")
     assert row("photograph of a calibration") == f"{photographs.MAX_PIXELS // 10**6} million pixels"
     assert row("picture of depths") == f"{depth_picture.MAX_PIXELS // 10**6} million pixels"
-    million = window_views.MAX_PIXELS // 10**6
-    views, megabytes = window_views.MAX_VIEWS, window_views.MAX_BYTES >> 20
+    million = quilts_and_views.MAX_PIXELS // 10**6
+    views, megabytes = quilts_and_views.MAX_VIEWS, quilts_and_views.MAX_BYTES >> 20
     told = f"{million} million pixels in all; {views} views; {megabytes} MB of `views.json`"
     assert row("quilt, folder of views") == told
     most = layers_folder.MAX_PIXELS // 10**6
@@ -47,8 +49,8 @@ def test_the_limits_are_those_of_the_code():
     corners, large = meshes.MAX_CORNERS // 10**6, splats.MAX_BYTES >> 30
     texture = f"{corners} million corners of faces and {meshes.MAX_PIXELS // 10**6} million pixels a texture"
     assert row("mesh, splats") == f"{meshes.MAX_BYTES >> 30} GB, {texture}; {large} GB"
-    assert limits.MAX_HEADER_BYTES == 10_000
-    assert row("bitstream") == f"{limits.MAX_BITSTREAM_BYTES >> 20} MB"
+    assert file_limits.MAX_HEADER_BYTES == 10_000
+    assert row("bitstream") == f"{file_limits.MAX_BITSTREAM_BYTES >> 20} MB"
     assert IDLE_S == 60
     assert page_server.MAX_REQUESTS == 8
 

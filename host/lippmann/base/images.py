@@ -18,8 +18,8 @@ import numpy as np
 import numpy.typing as npt
 
 from lippmann.base import interrupts
+from lippmann.base.file_limits import check_expanded, png_chunks, png_is_complete
 from lippmann.base.files import not_written, remove_stale_once, replacing
-from lippmann.base.limits import check_expanded, png_chunks, png_is_complete
 from lippmann.base.programs import silent_stderr
 from lippmann.base.tones import BAND_ROWS, Numbers, Transfer, decode, encoded_values, transfer_text
 from lippmann.errors import InputError, input_error, likely_file, missing_library, not_there, path_of, reason, warn_user

@@ -22,7 +22,7 @@ from typing import Any, TypeVar, get_args, get_type_hints
 import msgspec
 import tomli_w
 
-from lippmann.base.limits import MAX_TOML_BYTES, read_limited
+from lippmann.base.file_limits import MAX_TOML_BYTES, read_limited
 from lippmann.errors import InputError, check_type, input_error, likely_file, reason
 
 #: Maximum number of parts of a dotted key; the parse time grows with its square.

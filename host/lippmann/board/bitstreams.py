@@ -15,7 +15,7 @@ import subprocess
 from dataclasses import dataclass
 from pathlib import Path
 
-from lippmann.base.limits import MAX_BITSTREAM_BYTES, read_limited
+from lippmann.base.file_limits import MAX_BITSTREAM_BYTES, read_limited
 from lippmann.base.programs import run_program
 from lippmann.board.fpga_boards import FpgaBoard, Usb, fpga_board
 from lippmann.errors import DeviceError, MissingLibraryError, device_error, input_error, no_board_error, reason

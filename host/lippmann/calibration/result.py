@@ -13,8 +13,8 @@ import numpy as np
 import numpy.typing as npt
 from scipy.stats import t as students_t
 
+from lippmann.base.file_limits import load_arrays
 from lippmann.base.files import replacing, write_file
-from lippmann.base.limits import load_arrays
 from lippmann.calibration.bundle_adjustment import BOW, Solution
 from lippmann.display.description import Array, Display, check_radius, display_text, load_display, parse_display
 from lippmann.errors import InputError, LippmannError, input_error, reason

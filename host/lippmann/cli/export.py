@@ -29,13 +29,13 @@ from lippmann.errors import InputError, input_error
 from lippmann.eye.many_views import Viewer, eyes_of, focus_depths, image_viewer, scene_viewer
 from lippmann.eye.observer import Eye, whole_window
 from lippmann.optics.rays import Model
-from lippmann.rendering.band_sizes import BASE_MEMORY_MB, check_memory_mb
+from lippmann.rendering.band_memory import BASE_MEMORY_MB, check_memory_mb
 from lippmann.rendering.integral_image import IntegralImage
 from lippmann.rendering.options import MAX_SAMPLES, Settings
 from lippmann.rendering.sampling import Window, first_depths
 from lippmann.scenes.formats import kind_of
+from lippmann.scenes.quilts_and_views import EYES, eyes_note, eyes_text, quilt_path, tiled
 from lippmann.scenes.scene import Scene, check_scene_file, load_scene
-from lippmann.scenes.window_views import EYES, eyes_note, eyes_text, quilt_path, tiled
 
 
 @click.group("export")

@@ -18,7 +18,7 @@ from lippmann.cli.progress_bar import progress_bar
 from lippmann.conformance.fit import MOST_SAMPLES, Fit, fit
 from lippmann.display.description import Display
 from lippmann.errors import InputError, input_error
-from lippmann.layers.layer_count import BLOCK_RAMS, MULTIPLIERS, SLOTS, TOLERANCE_DB, LayerChoice, choose_layers
+from lippmann.layers.layer_costs import BLOCK_RAMS, MULTIPLIERS, SLOTS, TOLERANCE_DB, LayerChoice, choose_layers
 from lippmann.optics.display_properties import display_properties
 from lippmann.optics.model_choice import TOLERANCE
 from lippmann.rendering.options import Settings

@@ -23,7 +23,7 @@ from lippmann.cli.progress_bar import progress_bar
 from lippmann.display.description import Display
 from lippmann.errors import InputError, LippmannWarning, input_error
 from lippmann.fixed.scene_configuration import scene_words
-from lippmann.layers.layer_count import Row, measured_cuts, row_of
+from lippmann.layers.layer_costs import Row, measured_cuts, row_of
 from lippmann.layers.layer_drawing import Filter, scene_build_of
 from lippmann.layers.layers_folder import (
     PICTURES_FILE,

@@ -25,7 +25,7 @@ from lippmann.motion.film import Film, is_film, load_film
 from lippmann.motion.film_frames import Reel, plan_film
 from lippmann.motion.live_picture import MAX_SAMPLES, PANEL, VIEW, EyeView, LivePicture, LiveShow, Played
 from lippmann.motion.live_windows import Hand, Screens, check_screens, screens
-from lippmann.rendering.band_sizes import check_display_memory
+from lippmann.rendering.band_memory import check_display_memory
 from lippmann.rendering.options import ModelOption, RenderOptions, Settings
 from lippmann.rendering.plan import report_and_choose_model
 from lippmann.scenes.placement import Placement

@@ -19,7 +19,7 @@ from lippmann.errors import InputError, input_error
 from lippmann.eye.observer import Eye, View, whole_window
 from lippmann.motion.video import VIEW_SUFFIXES, even_window, write_views
 from lippmann.optics.rays import Model
-from lippmann.rendering.band_sizes import BASE_MEMORY_MB, check_memory_mb
+from lippmann.rendering.band_memory import BASE_MEMORY_MB, check_memory_mb
 from lippmann.rendering.integral_image import IntegralImage
 from lippmann.rendering.options import MAX_SAMPLES
 from lippmann.rendering.sampling import Window

@@ -19,7 +19,7 @@ from lippmann.display.description import Display, load_display
 from lippmann.errors import InputError, located
 from lippmann.layers.layer_drawing import Filter, plan_layers
 from lippmann.layers.layers_folder import check_depth, is_layers, load_named_layers, warn_of_depths
-from lippmann.rendering.band_sizes import check_display_memory, is_long_render
+from lippmann.rendering.band_memory import check_display_memory, is_long_render
 from lippmann.rendering.executors import choose_executor, render_here
 from lippmann.rendering.options import RenderOptions
 from lippmann.rendering.plan import Job, Plan, open_scene

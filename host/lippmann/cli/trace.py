@@ -10,9 +10,9 @@ from typing import Any, Literal
 
 import numpy as np
 
+from lippmann.base.file_limits import MAX_RAYS, MAX_TABLE_BYTES, check_expanded, lines_of, load_arrays, read_limited
 from lippmann.base.files import replacing
 from lippmann.base.images import check_output
-from lippmann.base.limits import MAX_RAYS, MAX_TABLE_BYTES, check_expanded, lines_of, load_arrays, read_limited
 from lippmann.base.variant import start_mitsuba
 from lippmann.cli.frame import Name, make_command, option
 from lippmann.cli.options import DEVICE, DISPLAY, ENGINE_BITS, LENS_MODEL, SEED

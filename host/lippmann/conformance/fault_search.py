@@ -82,14 +82,14 @@ def fitted_together(inputs: PanelRays, values: Arrays) -> Iterator[tuple[Variant
 
         def residuals(candidates: Floats, names: tuple[str, ...] = names, unit: Floats = unit) -> Floats:
             rays = inputs
-            for name, value in zip(names, candidates * unit, strict=True):
-                rays = with_number(name, float(value), rays)
-            return (rays.trace().direction - values["direction"]).ravel()
+            try:
+                for name, value in zip(names, candidates * unit, strict=True):
+                    rays = with_number(name, float(value), rays)
+                return (rays.trace().direction - values["direction"]).ravel()
+            except NO_RAYS:  # a huge residual makes the fit take a smaller step
+                return np.full(values["direction"].size, 1e3)
 
-        try:
-            fit = least_squares(residuals, old / unit, loss="soft_l1", f_scale=1e-4, diff_step=1e-6, max_nfev=25)
-        except NO_RAYS:
-            continue
+        fit = least_squares(residuals, old / unit, loss="soft_l1", f_scale=1e-4, diff_step=1e-6, max_nfev=25)
         wrong = [
             _wrong_number(name, float(value), was)
             for name, value, was in zip(names, fit.x * unit, old, strict=True)

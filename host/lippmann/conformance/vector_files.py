@@ -12,8 +12,8 @@ from typing import Any
 
 import numpy as np
 
+from lippmann.base.file_limits import MAX_TABLE_BYTES, lines_of, load_arrays, read_limited
 from lippmann.base.files import moved, not_written, partial_folder
-from lippmann.base.limits import MAX_TABLE_BYTES, lines_of, load_arrays, read_limited
 from lippmann.conformance.faults import FIELDS
 from lippmann.conformance.fifty_digits import condition, true_hits, true_rays
 from lippmann.conformance.hard_cases import CASES

@@ -31,7 +31,7 @@ from lippmann.fixed.words import WIDEST
 from lippmann.layers.layers_folder import check_for_display
 from lippmann.layers.stack import Bytes, Floats, Layer, LayerStack, light_of, opacity_of
 from lippmann.optics.rays import MODELS, Engine, Model, gets_through
-from lippmann.rendering.band_sizes import bands_of
+from lippmann.rendering.band_memory import bands_of
 from lippmann.rendering.cache_key import pixels_identity
 from lippmann.rendering.integral_image import metadata_of
 from lippmann.rendering.options import RenderOptions, Settings

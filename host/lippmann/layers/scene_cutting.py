@@ -32,7 +32,7 @@ from lippmann.optics.backend import Arr
 from lippmann.optics.rays import Status
 from lippmann.optics.sample_points import points_in_pixel
 from lippmann.optics.zones import half_width, middle_eye, viewing_distance
-from lippmann.rendering.band_sizes import CHUNK_SAMPLES
+from lippmann.rendering.band_memory import CHUNK_SAMPLES
 from lippmann.rendering.options import Settings
 from lippmann.rendering.renderer import make_integrator
 from lippmann.rendering.sampling import Lines, Seeds, first_hit, sampler_of

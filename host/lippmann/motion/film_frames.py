@@ -17,7 +17,7 @@ from lippmann.base.progress_protocol import Progress, report_each
 from lippmann.display.description import Display
 from lippmann.errors import InputError, input_error
 from lippmann.motion.film import Film
-from lippmann.rendering.band_sizes import bands_of
+from lippmann.rendering.band_memory import bands_of
 from lippmann.rendering.cache_key import pixels_identity
 from lippmann.rendering.executors import Band, RenderedBand
 from lippmann.rendering.integral_image import IntegralImage

@@ -16,7 +16,6 @@ from lippmann.base.variant import Jit, current_device, dr, mi
 from lippmann.rendering.lights import has_splats
 from lippmann.rendering.options import Settings
 from lippmann.rendering.sampling import TILE_PX, RaySource
-from lippmann.rendering.shading import MAX_LAMPS
 from lippmann.rendering.surface_lattice import MAX_POINTS
 from lippmann.scenes.scene import Scene
 
@@ -43,6 +42,8 @@ MIN_RAYS = 1 << 21
 MAX_UNCACHED = 0.5
 #: Pattern of spot lights with an image; other spot lights have a uniform spectrum.
 SPOT_PICTURE = re.compile(r"texture = (?!UniformSpectrum)")
+#: Maximum number of lamps: a bit each of a cache point's 32, beside `shading.COMPUTED`.
+MAX_LAMPS = 31
 #: Mitsuba's classes of lamps whose irradiance is almost linear between points.
 LAMPS = ("PointLight", "SpotLight", "DirectionalEmitter")
 

@@ -21,7 +21,7 @@ from lippmann.fixed.words import WIDEST
 from lippmann.optics import model_choice
 from lippmann.optics.model_choice import TOLERANCE
 from lippmann.optics.rays import Model
-from lippmann.rendering.band_sizes import bands_of
+from lippmann.rendering.band_memory import bands_of
 from lippmann.rendering.cache_key import PIXEL_LIBRARIES, pixels_identity
 from lippmann.rendering.diagnostics import warn_of_unused_parts, warn_of_view
 from lippmann.rendering.integral_image import metadata_of

@@ -23,7 +23,7 @@ from lippmann.base.variant import Jit, current_device, dr, mi
 from lippmann.display.description import Display
 from lippmann.errors import InputError, warn_user
 from lippmann.optics.rays import Engine, Model
-from lippmann.rendering.band_sizes import CHUNK_SAMPLES, bands_of, check_memory, memory_mb
+from lippmann.rendering.band_memory import CHUNK_SAMPLES, bands_of, check_memory, memory_mb
 from lippmann.rendering.irradiance_cache_choice import CacheTrial, is_worth_a_trial, max_points, why_not_cached
 from lippmann.rendering.lights import register_lights
 from lippmann.rendering.options import Settings, Shading

@@ -97,7 +97,6 @@ def keep_garbage() -> Iterator[None]:
 
 #: Bit of a point's lamp mask: irradiance is computed. Other bits mark visible lamps.
 COMPUTED = 1 << 31
-MAX_LAMPS = 31
 
 
 class IrradianceCache:

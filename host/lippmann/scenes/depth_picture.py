@@ -10,14 +10,14 @@ from typing import Annotated, ClassVar
 import numpy as np
 
 from lippmann.base import toml
+from lippmann.base.file_limits import read_limited
 from lippmann.base.images import read_numbers
-from lippmann.base.limits import read_limited
 from lippmann.base.toml import documented, key
 from lippmann.errors import input_error, not_there
 from lippmann.optics.rays import Floats
 from lippmann.scenes.meshes import write_surface
 from lippmann.scenes.mitsuba_xml import new_scene, plugin, to_world, value, write
-from lippmann.scenes.window_views import Views, read_light
+from lippmann.scenes.quilts_and_views import Views, read_light
 
 #: Maximum number of depth pixels, and maximum size of the TOML file in bytes.
 MAX_PIXELS, MAX_BYTES = 1 << 23, 1 << 28

@@ -10,13 +10,13 @@ from typing import Literal
 from lippmann.base.files import scratch_folder
 from lippmann.errors import input_error
 from lippmann.optics.rays import Floats
-from lippmann.scenes import depth_picture, meshes, splats, window_views
+from lippmann.scenes import depth_picture, meshes, quilts_and_views, splats
 
 Kind = Literal["mitsuba", "mesh", "splats", "quilt", "views", "depth picture"]
 PLY_HEAD = 1 << 16
 FORMATS = (
     f"give a Mitsuba scene (.xml), a mesh or splats ({', '.join(meshes.SUFFIXES)}), a quilt (NAME_qs8x6a0.75.png), "
-    f"a folder with {window_views.EYES}, or a .toml with [depth_picture]"
+    f"a folder with {quilts_and_views.EYES}, or a .toml with [depth_picture]"
 )
 #: Suffixes of files that an error suggests for a misspelt name.
 SUFFIXES = (".xml", *meshes.SUFFIXES)
@@ -26,14 +26,14 @@ def kind_of(path: Path) -> Kind | None:
     """Return the kind of a scene's file or folder, or None for an unknown format."""
     suffix = path.suffix.lower()
     if path.is_dir():
-        return "views" if (path / window_views.EYES).is_file() else None
+        return "views" if (path / quilts_and_views.EYES).is_file() else None
     if suffix == ".xml":
         return "mitsuba"
     if suffix == ".ply" and _has_splats(path):
         return "splats"
     if suffix in meshes.SUFFIXES:
         return "mesh"
-    if suffix in window_views.PICTURES and window_views.TILING.search(path.stem):
+    if suffix in quilts_and_views.PICTURES and quilts_and_views.TILING.search(path.stem):
         return "quilt"
     return "depth picture" if depth_picture.is_depth_picture(path) else None
 
@@ -62,7 +62,7 @@ def as_mitsuba(path: Path, scene_from_display: Floats, notes: list[str]) -> Iter
             elif kind == "depth picture":
                 scene_file = depth_picture.write_scene(path, folder, notes)
             else:
-                read_views = window_views.read_quilt if kind == "quilt" else window_views.read_folder
+                read_views = quilts_and_views.read_quilt if kind == "quilt" else quilts_and_views.read_folder
                 scene_file = read_views(path).write_scene(folder)
         except OSError as error:
             raise input_error(path, f"cannot be read ({error.strerror or error})", "check the file") from None

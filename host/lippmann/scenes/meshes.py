@@ -21,7 +21,7 @@ from xml.etree.ElementTree import Element
 import numpy as np
 import numpy.typing as npt
 
-from lippmann.base.limits import read_limited
+from lippmann.base.file_limits import read_limited
 from lippmann.base.tones import decode, encode
 from lippmann.base.variant import mi
 from lippmann.errors import input_error

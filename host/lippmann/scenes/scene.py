@@ -16,11 +16,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from lippmann.base.limits import check_xml
+from lippmann.base.file_limits import check_xml
 from lippmann.base.variant import dr, mi
 from lippmann.errors import InputError, check_type, input_error, likely_file, path_of
 from lippmann.scenes.formats import FORMATS, SUFFIXES, as_mitsuba, kind_of
-from lippmann.scenes.light_field import register_light_field
+from lippmann.scenes.light_field_emitter import register_light_field
 from lippmann.scenes.meshes import check_faces
 from lippmann.scenes.placement import Arrange, Matrix, Placement, front_of, placement_beside, usual_arrange
 

@@ -105,7 +105,7 @@ PARAMETERS = {
         {"ByteLink": 1, "HPositive": 0, "VPositive": 0, **built(Grid=1)},
         {**built(F=16), **drawn(2, 3, 5, 32, 1, 1)},
     ],
-    "board_lamps": [{"HoldBits": 1, "IdleBits": 1}],
+    "buttons_and_lamps": [{"HoldBits": 1, "IdleBits": 1}],
     "video_board": [{"Dvi": 0, **built(F=14, Model=0)}],
     "block_ring": [{"Width": w, "Cycles": c} for w, c in ((1, 5), (30, 33))],
     "config_bank": [{"Width": w} for w in (1, 1140)],

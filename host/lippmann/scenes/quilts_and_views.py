@@ -21,8 +21,8 @@ from xml.etree.ElementTree import Element
 import numpy as np
 import numpy.typing as npt
 
+from lippmann.base.file_limits import read_limited
 from lippmann.base.images import LINEAR_SUFFIXES, Radiance, StoredRows
-from lippmann.base.limits import read_limited
 from lippmann.base.tones import decode
 from lippmann.errors import input_error
 from lippmann.optics.rays import Floats

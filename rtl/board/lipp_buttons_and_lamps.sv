@@ -7,7 +7,7 @@
 /// high for 2^HoldBits clocks after the last error, and permanently if a clock has failed
 /// (clock_lost_i). Each press of the button selects the next test pattern. After the last pattern,
 /// a press selects 0, no pattern. A press counts if the button is stable for 2^IdleBits clocks.
-module lipp_board_lamps #(
+module lipp_buttons_and_lamps #(
   parameter int HoldBits = 23,
   parameter int IdleBits = 20
 ) (
@@ -23,7 +23,7 @@ module lipp_board_lamps #(
 );
 
   if (HoldBits < 1 || IdleBits < 1) begin : gen_illegal
-    $fatal(1, "lipp_board_lamps: HoldBits and IdleBits must be 1 or more");
+    $fatal(1, "lipp_buttons_and_lamps: HoldBits and IdleBits must be 1 or more");
   end
 
   localparam logic [2:0] Last = lipp_panel_pkg::PatternRamp;
