@@ -73,7 +73,7 @@ WORLD_ARRAYS = {
 def write_vectors(
     folder: Path, sets: Iterable[PanelRays | WorldRays], model: Model, fraction_bits: int, about: Mapping[str, object]
 ) -> list[Entry]:
-    """Write ray sets into a new or empty folder; return the entries of `vectors.json`.
+    """Write all ray sets or none into a new or empty folder; return the entries of `vectors.json`.
 
     Omit rays from the world unless `model` is exact. Raises InputError if the folder
     contains files.

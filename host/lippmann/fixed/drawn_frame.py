@@ -47,9 +47,9 @@ def draw(
 ) -> Bytes:
     """Draw a layer stack with an optics build and a scene build; return the pixels (rows, width, 3).
 
-    `model` is the lens model, by default the build's. `rows` are the panel's rows to
-    draw, by default all. `pipeline` traces rays and `shade` draws them, by default as
-    in the twin. Raises InputError if the display or the stack does not fit the builds.
+    `model` is the lens model, by default the build's. `rows` are the rows to draw, by
+    default all. `pipeline` traces rays and `shade` draws them, in several threads, by
+    default as in the twin. Raises InputError if display or stack does not fit a build.
     """
     panel, f = display.panel, build.fraction_bits
     rows = range(panel.height_px) if rows is None else rows

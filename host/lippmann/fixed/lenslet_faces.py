@@ -138,7 +138,7 @@ def cell_step(
 def move_lenslet(
     hx: Ints, hy: Ints, di: Ints, dj: Ints, cx: int, cy: int, rx: int, grid: Grid, f: int, shear: bool
 ) -> tuple[Ints, Ints, Bools]:
-    """Return points relative to the next lenslet, (hx - di cx - dj rx, hy - dj cy), and a mask of overflows."""
+    """Return (hx - di cx - dj rx, hy - dj cy) from the next lenslet, F fraction bits, and mask overflows."""
     if not shear:
         rx = cx >> 1 if grid == "hex" else 0
     word = f + 3

@@ -22,7 +22,7 @@ Bytes = npt.NDArray[np.uint8]
 #: Bits and fraction bits of a signed pixel coordinate, from the panel's centre.
 PIXEL_BITS = 18
 PIXEL_FRACTION = 4
-#: Bits and fraction bits of coefficients, and of offsets, from pixels to lattice coordinates.
+#: Bits and fraction bits of signed coefficients and offsets from pixels to lattice coordinates.
 SLOPE_BITS = 35
 SLOPE_FRACTION = 36
 OFFSET_BITS = 52

@@ -174,7 +174,7 @@ def choose_layers(
     """Choose the cheapest layers of a placed scene that keep a moving eye's views within the tolerance.
 
     Costs are compared by block RAMs, then bytes, then multipliers. Raises InputError if
-    the tolerance is not positive and finite, if no board has a slot, if one layer
+    the tolerance is not positive and finite, if no board has one of `slots`, if a layer
     exceeds the hardware, or if no eye sees the scene.
     """
     if not 0.0 < tolerance_db < math.inf:

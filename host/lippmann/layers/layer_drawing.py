@@ -95,7 +95,7 @@ def scene_build_of(stack: LayerStack, filter: Filter, samples: int) -> SceneBuil
     except InputError:
         number, layer = max(enumerate(stack.layers), key=lambda one: one[1].width * one[1].height)
         what = f"{layer.width} x {layer.height} texels need slots of {width} x {height}, larger than a board can have"
-        remedy = f"make the slot smaller, at most {MAX_TEXEL_BLOCKS * BLOCK_BYTES} texels"
+        remedy = f"shrink the layers to slots of at most {MAX_TEXEL_BLOCKS * BLOCK_BYTES} texels"
         raise input_error(f"layers: layer[{number}]", what, f"{remedy}, or use the engine golden") from None
 
 

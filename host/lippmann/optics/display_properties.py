@@ -81,7 +81,7 @@ class EyeView:
 
 
 def eye_views(display: Display, eyes_mm: Sequence[tuple[float, float, float]]) -> list[EyeView]:
-    """Return each eye's view of a display; raise InputError for an eye behind the display."""
+    """Return each eye's view of a display; raise InputError for an eye not in front of it."""
     pitch, distance = display.array.finest_mm, display.aperture_distance_mm
     shares = [status_share(display, eye) for eye in eyes_mm]
     reach, step = pitch * distance / display.panel.coarsest_mm, display.panel.coarsest_mm / distance

@@ -100,7 +100,7 @@ class Lattice:
         return (b.absolute(along) <= self.half_steps[0]) & (b.absolute(2.0 * j) <= self.half_steps[1])
 
     def nearest_within(self, x: Arr, y: Arr) -> Point:
-        """Return points (mm), clipped to the centres of the array's outermost lenslets."""
+        """Return points (mm), clipped to within the centres of the array's outermost lenslets."""
         if self.half_steps is None:
             return x, y
         px, py = self.pitches_mm

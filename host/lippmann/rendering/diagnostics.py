@@ -103,6 +103,6 @@ def _warn_of_depths(
         low, high = (round(float(z), 3) for z in (depths.min(), depths.max()))
         warn_user(
             f"{100.0 * (1.0 - sharp):.0f} % of what {where} sees, z = {low:.4g} to {high:.4g} mm, is outside the "
-            f"display's depth range, z = {far:.4g} to {near:.4g} mm: fine detail there is lost; fit, scale or "
+            f"display's depth range, z = {far:.4g} to {near:.4g} mm: fine detail there becomes noise; fit, scale or "
             "move the scene"
         )

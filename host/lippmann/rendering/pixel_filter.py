@@ -37,7 +37,7 @@ def is_filter_allowed(samples: int, colours: int) -> bool:
 
 def noise_fraction(samples: int, colours: int) -> float:
     """Return the approximate fraction of the noise that remains after the filter."""
-    # With s = `softness`, the weights' root mean square is 1 - 2 s / 3 along an axis.
+    # With s = `softness`, the weights' mean square is 1 - 2 s / 3 along each axis.
     return 1.0 - 2.0 * softness(samples) / 3.0 if is_filter_allowed(samples, colours) else 1.0
 
 
