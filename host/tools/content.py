@@ -38,7 +38,7 @@ SPLATS, SPLAT_MM, LOGIT = 12_000, (0.7, 0.7, 0.15), 4.0
 DISPLAY, GALLERY, COLUMNS = "vga-square", "paper-square", 8
 #: Numbers of views, across and upwards, in each folder of views.
 VIEWS = ((4, 1), (8, 1), (16, 1), (32, 1), (64, 1), (8, 5), (16, 9))
-#: Position (x, y) of each eye, mm.
+#: Position (x, y) of each eye, mm; the eyes' distance, mm; rays per pixel of a view; samples per pixel of a picture.
 EYES_MM = {"middle": (0.0, 0.0), "beside": (22.0, 0.0), "above": (0.0, 22.0), "corner": (22.0, 22.0)}
 EYE_MM, EYE_SAMPLES, SAMPLES = 600.0, 64, 16
 #: Scale of the fish on the measurement's small display, mm per unit.

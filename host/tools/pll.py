@@ -106,7 +106,7 @@ def _candidates(pixel_mhz: Span, oscillator_mhz: Fraction, memory_mhz: Span, dvi
 
 
 def panel_pixel_mhz(width: int, height: int, timing: tuple[int, ...], rate_hz: int = 60) -> Fraction:
-    """Return a panel's pixel clock, MHz; `timing` has porches and syncs in pixels, in the order of `TIMING`."""
+    """Return a panel's pixel clock, MHz; `timing` has porches and syncs, in pixels and lines, as `TIMING`."""
     h_front, h_sync, h_back, v_front, v_sync, v_back = timing[:6]
     total = (width + h_front + h_sync + h_back) * (height + v_front + v_sync + v_back)
     return Fraction(total * rate_hz, 1_000_000)

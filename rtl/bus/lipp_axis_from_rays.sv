@@ -15,7 +15,7 @@
 ///   Bit tuser is 1 for the first ray of a frame.
 ///   Bit tlast is 1 for the last ray of a frame.
 ///
-/// The origin is 2^-(F+1) R (x, y, z) from the lenslet's centre; R is the dome's radius in mm.
+/// Origin: 2^-(F+1) R (x, y, z) mm, with the dome's radius R; direction: 2^-(F+1) (dx, dy, dz).
 module lipp_axis_from_rays #(
   parameter int F = 23
 ) (

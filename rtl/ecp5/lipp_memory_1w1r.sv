@@ -6,7 +6,7 @@
 /// Ports and behaviour are those of rtl/common/lipp_memory_1w1r.sv. Port A writes and port B reads.
 /// A cell is configured as 512 words x 36 bits, 1024 x 18, 2048 x 9, 4096 x 4, 8192 x 2 or 16384 x
 /// 1. Words of 36 bits use the data pins of both ports of the cell. Reading an address while it is
-/// being written is undefined; no module of this project does so.
+/// being written is undefined; no FIFO and no request of the board does so.
 module lipp_memory_1w1r #(
   parameter int Width = 36,
   parameter int AddressBits = 9

@@ -94,8 +94,8 @@ module lipp_quadratic #(
 
   // The table of coefficients is read as eight parts. Each part has its own address, which is 0
   // while another part is selected. One common address would drive the whole table over long wires
-  // and limit the clock frequency. A part at address 0 outputs 0, so an OR of all parts replaces a
-  // multiplexer.
+  // and limit the clock frequency. A part that is not selected outputs 0, so an OR of all parts
+  // replaces a multiplexer.
   localparam int Parts = 8;
   localparam int Part = Entries / Parts;
   logic [Parts-1:0][Wt-1:0] entry_q;

@@ -9,9 +9,9 @@
 ///   ACTIVE, tRCD, count x (READ or WRITE), tWR after a write, PRECHARGE, tRP.
 ///
 /// Reading n words therefore takes max(tRCD + n, tRAS) + tRP clocks. Writing n words takes max(tRCD
-/// + n + tWR - 1, tRAS) + tRP clocks. All times of the data sheet are rounded up to clocks. A
-/// transaction is accepted two clocks before its ACTIVE command, so that the arbiter can select the
-/// client as late as possible.
+/// + n + tWR - 1, tRAS) + tRP clocks. The minimum times of the data sheet are rounded up to
+/// clocks. A transaction is accepted two clocks before its ACTIVE command, so that the arbiter can
+/// select the client as late as possible.
 ///
 /// All words to write must be available: write_word_i is taken in each clock in which write_take_o
 /// is high. Read words cannot be delayed: each word is valid in the clock in which read_valid_o is

@@ -141,7 +141,7 @@ module dispatcher_properties #(
     assume (!in_take || !in_last_i || byte_q >= 2'd2);
     assume (!bus_done_i || bus_q);
     assume (!bus_q || bus_for_q < Late || bus_done_i);
-    // At the third read of the status, an apply has taken effect, and an aborted frame has ended.
+    // At the third read of the status, an apply has taken effect, and an abort has left no ray.
     assume (!(bus_done_i && look_q && bus_word_i[1]) || running_q);
     assume (!(bus_done_i && look_q && looks_q == 2'd3 && !bus_word_i[1])
         || (!bus_word_i[0] && !bus_word_i[3]));

@@ -130,7 +130,7 @@ module flow_control_properties #(
 
   if (Order) begin : gen_order
     wire [Index-1:0] before = watch - leaves_q;  // number of rays that leave before the watched ray
-    wire [Latency-1:0] follows;  // bit s: stage s has the next index after stage s + 1
+    wire [Latency-1:0] follows;  // bit s: the count into stage s is its own plus marks[s]
     for (genvar s = 0; s < Latency; s = s + 1) begin : gen_stage
       wire [Index-1:0] entry = s == 0 ? accepted_q : before_q[(s == 0 ? 0 : s-1)*Index +: Index];
       assign follows[s] = entry == before_q[s*Index +: Index] + marks[s];
