@@ -104,9 +104,9 @@ def test_rotation_is_what_no_rotate_leaves_out(place, capfd, mi):
         ("", "", ("--size", "70"), "at least 2 are needed; give a larger --size"),
         ("", "", ("--size", "0"), "size 0 is out of range"),
         ("distance_mm = 1450", "distance_mm = 412", (), "the camera, 411.9 mm behind"),
-        ("[0, 0, 180]", "[0, 0, 180]\noffset_mm = [0, 0, 702]", (), "camera.distance_mm: the camera, "),
+        ("[0, 0, 180]", "[0, 0, 180]\noffset_mm = [0, 0, 702]", (), "camera.distance_mm: the scene's image ("),
         ("width_px = 400\nheight_px = 300", "width_px = 24\nheight_px = 24", (), "2.4 lenslets across the display"),
-        ("", "", ("--display-out", "s.toml"), "s.toml: is another display's file"),
+        ("", "", ("--display-out", "s.toml"), "s.toml: exists, and is not this image's display file"),
         ("", "", ("--aperture", "chief"), "aperture applies only to a [pickup]"),
         ("", "", ("--memory-mb", "nan"), "'--memory-mb': 'nan' is not finite; give a finite number"),
         ("", "", ("-o", "out.jpg"), "unknown extension"),
@@ -200,7 +200,7 @@ def test_the_same_again(place, capfd, mi):
     capture(capfd, "--display-out", "shows.toml", "--size", "200")
     assert (place / "shows.toml").read_bytes() == written
     _, err = capture(capfd, "--display-out", "shows.toml", "--size", "120", code=2)
-    assert "shows.toml: is another display's file; give another name" in err
+    assert "shows.toml: exists, and is not this image's display file; give another name" in err
     assert (place / "shows.toml").read_bytes() == written
 
 

@@ -13,7 +13,7 @@ import numpy.typing as npt
 from lippmann.errors import InputError
 
 Numbers = npt.NDArray[Any]
-#: A measured transfer curve: pairs (panel value, light) that rise from 0 to 1.
+#: A measured, piecewise linear curve: pairs (panel value, light), rising from 0 to 1.
 Curve = tuple[tuple[float, float], ...]
 #: A transfer curve: a name, a measured curve, or a measured curve as metadata text.
 Transfer = str | Curve
@@ -109,7 +109,7 @@ def decode(values: Numbers, transfer: Transfer) -> npt.NDArray[np.float32]:
 
 
 def encoded_values(radiance: Numbers, transfer: Transfer, bits: int) -> npt.NDArray[np.unsignedinteger[Any]]:
-    """Encode linear radiance; quantise it to 2^bits levels in the full range of uint8 or uint16."""
+    """Encode linear radiance; quantise it to 2^bits levels in the full range of uint8, or uint16 above 8 bits."""
     levels = (1 << bits) - 1
     kind = np.uint8 if bits <= 8 else np.uint16
     values = np.empty(radiance.shape, kind)

@@ -3,7 +3,7 @@
 A .bit file begins with FF 00, then header texts that each end with 00, then FF. The
 preamble FF FF BD B3 precedes the configuration. A configuration command has one command
 byte, three option bytes, and data. The command VERIFY_ID (E2) contains the JTAG
-identity. The last command is PROGRAM_DONE (5E).
+identity. The last command is PROGRAM_DONE (5E); FF bytes may follow it.
 """
 
 from __future__ import annotations
@@ -173,7 +173,7 @@ def on_usb(usb: Usb) -> list[Adapter] | None:
 
 
 def choose_adapter(board: FpgaBoard, adapters: list[Adapter] | None, serial: str | None) -> str | None:
-    """Return the serial number of a board's adapter; None means the only adapter.
+    """Return the serial number of a board's adapter; None means the only adapter, or no USB list.
 
     Raises DeviceError unless exactly one adapter matches.
     """
@@ -183,7 +183,7 @@ def choose_adapter(board: FpgaBoard, adapters: list[Adapter] | None, serial: str
     if serial is not None:
         if serial not in [one.serial for one in adapters]:
             what = "no adapter on USB has this serial number"
-            raise no_board_error(f"--serial {serial}", what, f"choose from {there}")
+            raise no_board_error(f"--serial {serial}", what, f"choose from {there}" if adapters else CONNECT)
         return serial
     boards = [one for one in adapters if board.usb.text in one.text]
     if not boards:

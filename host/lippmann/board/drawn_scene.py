@@ -150,7 +150,7 @@ class SceneBoard:
             what = f"the board has no slot {slot}"
             raise InputError(f"{what}; give 0 to {self.build.slots_built - 1}, or {CURVE_SLOT} for the curve")
         if len(content) != size:
-            raise InputError(f"slot {slot} takes {size} bytes, not {len(content)}; resize the texture")
+            raise InputError(f"slot {slot} takes {size} bytes, not {len(content)}; give contents of this size")
         return _cut(content)
 
     def holds(self, slot: int, content: bytes) -> bool:

@@ -9,8 +9,8 @@ forward. With (a, b) = (x, y) / z and r^2 = a^2 + b^2, its pixel is
 Each lenslet that a camera sees gives two points: the panel point that it shows, and its
 middle in the photograph. The fit weights both points by their scatter. A part of the
 errors is smooth over the array (`SmoothErrors`). Weak priors constrain parameters that
-the photographs do not determine. The covariance is a sandwich estimate over blocks of
-lenslets, because the errors of neighbouring lenslets are correlated.
+the photographs do not determine, and set their uncertainty. The covariance is a
+sandwich estimate over blocks of lenslets, because errors of neighbours are correlated.
 """
 
 from __future__ import annotations
@@ -33,11 +33,11 @@ from lippmann.calibration.lenslet_measurement import Lenslets, regular
 from lippmann.display.description import Display
 from lippmann.optics.rays import Bools, Floats
 
-#: Array parameters and their finite-difference steps, in mm or radians.
+#: Array parameters and their finite-difference steps: mm, radians, shear as a ratio.
 ARRAY = {"pitch_x": 1e-5, "pitch_y": 1e-5, "shear": 1e-6, "rotation": 1e-6, "offset_x": 1e-4, "offset_y": 1e-4}
 GAP = {"gap": 1e-4}
-#: Coefficients (mm) of the array's height, with their steps. The height is a polynomial
-#: of coordinates in units of the panel's half width and half height.
+#: Coefficients (mm) of the array's height above its mean, with steps. The height is a
+#: polynomial of coordinates in units of the panel's half width and half height.
 BOW = {"tilt_x": 1e-4, "tilt_y": 1e-4, "bow_xx": 1e-4, "bow_yy": 1e-4, "bow_xy": 1e-4}
 #: Degrees of the polynomial in the slope that models how blur moves lenslet seams.
 SEAMS = range(3, 10)
@@ -208,7 +208,7 @@ class Problem:
         return Rays(np.column_stack([centres + outline, z]), centres + point, seam_terms)
 
     def aside(self, x: Floats, k: int, middles: Floats) -> Floats:
-        """Return the offsets (N, 2), pitches, of measured from traced middles (N, 3)."""
+        """Return the measured minus the traced `middles` (N, 3), as offsets (N, 2), pitches."""
         return np.asarray((self.views[k].cell_px - projected(middles, *self.pose(x, k))) @ self.views[k].steps)
 
     def predict(self, x: Floats, k: int, rays: Rays | None = None) -> tuple[Floats, Floats]:

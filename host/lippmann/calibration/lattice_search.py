@@ -51,7 +51,7 @@ class SeenLattice:
         return np.asarray(self.origin + steps @ self.basis.T)
 
     def near(self, points_mm: Floats) -> tuple[npt.NDArray[np.int64], Bools]:
-        """Return the nearest lattice points (i, j) (N, 2), and a mask (N,) of points within `NEAR` of them."""
+        """Return the nearest lattice points (i, j) (N, 2), and a mask (N,) of points near them (see `NEAR`)."""
         steps = self.steps(points_mm)
         index = np.round(steps)
         return index.astype(np.int64), within(steps - index, self.grid, NEAR)
@@ -101,7 +101,7 @@ def find_lattice(name: str, points_mm: Floats, display: Display) -> SeenLattice:
     if abs(turn) > MAX_ROTATION_DEG or beyond:
         raise InputError(
             f"{name}: compared with the display file, the lattice seen on the panel is rotated by {turn:.2f} degrees, "
-            f"and its pitch times magnification is {100.0 * stretch:.2f} % larger; {REMEDY}"
+            f"and its pitch times magnification differs by {100.0 * stretch:+.2f} %; {REMEDY}"
         )
     return best[1]
 

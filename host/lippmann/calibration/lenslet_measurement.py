@@ -278,9 +278,9 @@ def _surrounded(table: Floats, places: Indices, least: Floats | float) -> Bools:
 
 
 def are_complete(index: Indices, counts: Indices, neighbours: float) -> Bools:
-    """Return a mask (N,) of lenslets with about as many pixels as their neighbours, which are full.
+    """Return a mask (N,) of lenslets with about as many pixels as their largest neighbour.
 
-    A full neighbour has the fraction `neighbours` of the largest neighbour's pixels.
+    On all four sides, a lenslet has at least the fraction `neighbours` of these pixels.
     """
     table, places = _table(index, counts)
     i, j = places

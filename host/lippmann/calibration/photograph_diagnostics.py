@@ -93,7 +93,7 @@ def find_lit(path: Path, white: Light, black: Light, clipped: Bools) -> tuple[Li
     # Pixels that are clipped even in black are not in `lit`; count all pixels too.
     overall = float(clipped.mean())
     if clipped_share > 0.2 or overall > 0.5:
-        what = f"is overexposed: {100.0 * max(clipped_share, overall):.0f} % of its pixels are clipped"
+        what = f"is overexposed: {100.0 * max(clipped_share, overall):.0f} % of the panel or photograph is clipped"
         raise input_error(path, what, "expose all photographs shorter, so that white does not clip")
     return span, lit & ~clipped
 

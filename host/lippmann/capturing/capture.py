@@ -75,8 +75,8 @@ def check_placement(scene: Scene, setup: Setup) -> None:
         if at_infinity or camera_mm <= image.max():
             reaches = "infinity" if at_infinity else f"{image.max():.4g} mm"
             raise InputError(
-                f"set-up '{setup.name}': camera.distance_mm: the camera, {camera_mm:.4g} mm behind the lens, is in the "
-                f"scene's image ({image[0]:.4g} mm to {reaches}); move the camera or the object away"
+                f"set-up '{setup.name}': camera.distance_mm: the scene's image ({image[0]:.4g} mm to {reaches}) "
+                f"reaches the camera, {camera_mm:.4g} mm behind the lens; move the camera or the object away"
             )
     # Light of a point deeper than `reach` covers the whole display.
     panel, side = setup.display.panel, setup.display.array.finest_mm

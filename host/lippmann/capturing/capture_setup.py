@@ -1,7 +1,7 @@
 """Reads a set-up file (docs/reference/setup-file.md) of object, lens, array and camera.
 
 All parts of a set-up are on one axis. Image distances start at the lens's image-side
-principal plane, object distances at the object-side plane.
+principal plane, object distances at the object-side principal plane.
 """
 
 from __future__ import annotations

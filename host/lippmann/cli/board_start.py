@@ -86,7 +86,7 @@ def start_command(
         raise input_error("--tcp-port", f"{kind} has no port number", "leave out --tcp-port, or use --line tcp")
     if trace_clocks[0] >= trace_clocks[1]:
         what = f"{trace_clocks[0]} to {trace_clocks[1]} is an empty range"
-        raise input_error("--trace-clocks", what, "swap the two numbers")
+        raise input_error("--trace-clocks", what, "give a larger second number")
     virtual_board.check_panel(display)
     _check_places(capture, ready, trace)
     if background and not ready:

@@ -74,7 +74,7 @@ def patterns_command(
             time.sleep(wait_s)
     names = [one.name for one in files]
     result = {"folder": output, "patterns": names, "period_px": patterns.period_px, "streamed": port is not None}
-    text = f"{output}: {len(files)} patterns and {FILE}; photograph all from 3 positions: position-1, -2, -3"
+    text = f"{output}: {len(files)} patterns and {FILE}; photograph all from 3 positions into position-1, -2, -3"
     emit(result, text, display)
 
 
@@ -206,7 +206,7 @@ def check_command(
     if photos is not None:
         verdict = judge_folder(photos)
         right, dark, worst = (100.0 * x for x in (verdict.right_share, verdict.dark_share, verdict.worst_dark_share))
-        text = f"{right:.1f} % of the panel is correct; dark has {dark:.1f} % of the light (at most {worst:.1f})"
+        text = f"{right:.1f} % of the panel is correct; dark has {dark:.1f} % of the light (95 % quantile {worst:.1f})"
         emit(asdict(verdict), f"{photos}: {text}", display)
         return 0 if verdict.right else FOUND_WRONG
     if output is None or eye is None:

@@ -56,7 +56,7 @@ def command(
     if display_out:
         check_output(display_out, (".toml",))
         if display_out.exists() and display_out.read_bytes() != display_text(setup.display).encode():
-            raise input_error(display_out, "is another display's file", "give another name")
+            raise input_error(display_out, "exists, and is not this image's display file", "give another name")
     rotate = not setup.concave if rotate is None else rotate
     scene_file = check_scene_file(scene_path)
     warn_if_unplaced(scene_file)

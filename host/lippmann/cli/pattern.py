@@ -44,7 +44,7 @@ def command(
     image.save(path)
     lit = float(image.radiance.any(axis=2).mean())
     if eye is not None and not lit:
-        log("note: the panel is black: the eye sees every pixel as crosstalk; see lippmann inspect --eye")
+        log("note: the panel is black: the eye sees no pixel without crosstalk; see lippmann inspect --eye")
     size = {"width_px": panel.width_px, "height_px": panel.height_px}
     result = {"output": path, "kind": kind, **size, "lit_share": lit}
     emit(result, f"{path}: {kind}, {panel.width_px} x {panel.height_px}, {100 * lit:.2f} % of the pixels lit", display)

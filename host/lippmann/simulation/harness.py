@@ -201,4 +201,4 @@ def _compiled(name: str, driver: str, module: str, values: Mapping[str, int | st
 
 
 def _in_256ths(*chances: float) -> list[int]:
-    return [min(round(chance * 256.0), 255) for chance in chances]
+    return [min(round(chance * 256.0), 255) for chance in chances]  # at 256, no ray would pass
