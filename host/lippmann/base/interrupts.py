@@ -91,7 +91,7 @@ def blocked_in_children() -> Iterator[None]:
     if not hasattr(signal, "pthread_sigmask"):
         yield
         return
-    from multiprocessing import resource_tracker  # import it here, because it is slow to load
+    from multiprocessing import resource_tracker  # import late: it is slow to load
 
     before = signal.pthread_sigmask(signal.SIG_BLOCK, ENDING)
     try:

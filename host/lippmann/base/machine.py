@@ -1,4 +1,4 @@
-"""Describes the machine's processor, and measures the memory that can still be allocated."""
+"""Describes the processor, and measures the memory that can still be allocated."""
 
 from __future__ import annotations
 

@@ -161,7 +161,7 @@ def rivals(table: Schema) -> list[tuple[list[str], bool]]:
 
 
 def tables(node: Schema, name: str = "") -> Iterator[tuple[str, Schema]]:
-    """Yield name and schema of a table and of its inner tables; the name of the top table is ""."""
+    """Yield name and schema of a table and of its inner tables; the top table's name is ""."""
     for option in node.get("anyOf", [node]):
         if "properties" in option:
             yield name, option

@@ -74,7 +74,7 @@ class Verdict:
 def judge_folder(folder: Path) -> Verdict:
     """Evaluate a folder's photographs 1-white and 2-dark, taken from the eye's position."""
     if not folder.is_dir():
-        raise input_error(folder, "the folder does not exist", "give the folder that contains the photographs")
+        raise input_error(folder, "the folder does not exist", "give the photographs' folder")
     paths = []
     for name in NAMES[:2]:
         files = [one for suffix in SUFFIXES if (one := folder / f"{name}{suffix}").is_file()]

@@ -181,7 +181,7 @@ def _check_view(samples: Samples, match: Fit) -> None:
 def check_marks(
     position: Position, first: Pattern, last: Pattern, before: Light, after: Light, lit: npt.NDArray[np.bool_]
 ) -> None:
-    """Raise InputError if the camera moved or the light changed between the first and the last photograph."""
+    """Raise InputError if the camera moved or the light changed between first and last photograph."""
     rows, columns = np.flatnonzero(lit.any(axis=1)), np.flatnonzero(lit.any(axis=0))
     if len(rows) < 8 or len(columns) < 8:
         return

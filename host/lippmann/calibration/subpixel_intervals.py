@@ -75,7 +75,7 @@ class Movement:
         return np.asarray(np.einsum("dp,npa->nda", ways, own) + half)
 
     def of(self, local: Values, slopes: Floats, aside: Floats, group: Indices) -> Moved:
-        """Return the movement, relative to each cell's mean, at cell positions (M, 2); lenslets `group` (M,) ascend."""
+        """Return the movement relative to each cell's mean, at positions (M, 2); lenslets `group` (M,) ascend."""
         own, at = self._own(slopes), np.asarray(local + aside[group], np.float32)
         own[:, 0] -= np.einsum("nd,nda->na", aside, self.over_cell(slopes, aside))
         ways = [one @ own for one in ALONG]
