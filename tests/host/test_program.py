@@ -133,7 +133,7 @@ def test_no_board_and_two_boards(place, monkeypatch, capsys):
     capsys.readouterr()
     assert "--serial: is empty" in refused(capsys, 2, "board.bit", "--serial", "")
     line = refused(capsys, 1, "board.bit", "--serial", "K1")
-    assert "there is 'FT231X USB UART' (DN0), 'ULX3S FPGA 85K v3.0.8' (K00219), " in line
+    assert "choose from 'FT231X USB UART' (DN0), 'ULX3S FPGA 85K v3.0.8' (K00219), " in line
 
 
 def test_a_loader_that_cannot_be_run_or_does_not_end(place, monkeypatch, capsys):
