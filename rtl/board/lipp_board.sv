@@ -21,8 +21,8 @@
 /// Output shown_o is high while a frame or a scene is on the panel.
 ///
 /// With ByteLink = 1, a byte stream replaces the UART, for a USB FIFO or a fast simulation. Output
-/// in_ready_o is low until the clock after the registers have left reset, so that no earlier byte
-/// is lost. The file docs/reference/protocol.md describes the protocol, and
+/// in_ready_o is low until the clock after the registers have left reset, so that no byte is lost.
+/// The file docs/reference/protocol.md describes the protocol, and
 /// docs/generated/board-registers.md describes the registers.
 ///
 /// Data flow of requests, frames and rays through the modules:
@@ -436,7 +436,7 @@ module lipp_board #(
     lipp_optics_pkg::ray_status_e status;
     logic first, last;
   } exit_t;
-  // traced: exit ray of the optics block; traced_q, exit: that ray after one and two skid buffers
+  // traced: exit ray of the optics block; traced_q: after one skid buffer; exit: after two
   exit_t traced, traced_q, exit;
   logic traced_valid, traced_ready, traced_valid_q, exit_open, scene_open, unused_ray;
   assign unused_ray = ^{ray, exit.first};

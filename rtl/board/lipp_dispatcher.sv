@@ -11,8 +11,8 @@
 /// SIGN, ABORT or RESET with an older number is refused.
 ///
 /// Every request gets a reply. No request waits forever: each module answers within the number of
-/// clocks that its header states, and replies wait only for the serial line. A task that takes
-/// longer, such as a frame of the raster, runs while further requests are answered.
+/// clocks that its header states, and replies wait only for the serial line. A long task, such as a
+/// frame of the raster, runs while further requests are answered.
 ///
 /// A board that draws scenes (Layers > 0) implements version 3 of the protocol. With Layers = 0 the
 /// board implements version 2. Output update_o is high while a WRITE changes the scene's registers,
@@ -473,7 +473,7 @@ module lipp_dispatcher #(
                   register_start <= 1'b1;
                 end else begin
                   state_q <= Reply;
-                  // If the optics were busy, the host may repeat the request.
+                  // A request refused because the optics are busy is executed when repeated.
                   if (ray_denied) executed_q <= 1'b0;
                 end
               end

@@ -17,7 +17,7 @@
 ///
 /// The bus_* ports connect to register_bus, one access at a time. The operations are:
 ///
-///   OpClaim  asks if the block's registers may be written: StatusOk once no apply is pending.
+///   OpClaim  waits until no apply is pending; StatusOk permits a write of the block's registers.
 ///   OpTrace  traces the rays of the stream. After done_o with StatusOk, nine words per exit ray
 ///            follow as a stream. Before the words of the last ray, the source is the raster again.
 ///   OpSign   starts a frame whose rays are signed. OpSign returns StatusBusy if the frame has
@@ -39,7 +39,7 @@ module lipp_ray_access (
   output lipp_link_pkg::runs_e         runs_o,
   output logic                         denied_o,  // with done_o, 1: the pipeline was in use
 
-  output logic [7:0]        word_at_o,     // index of the word to read of the rays to trace
+  output logic [7:0]        word_at_o,     // index of the word to read among the rays' words
   input  logic [31:0]       word_i,        // word at index word_at_o, two clocks later
   output logic              word_valid_o,  // 1: word_o is a word of an exit ray
   input  logic              word_ready_i,
@@ -78,7 +78,7 @@ module lipp_ray_access (
   logic signing_q, sign_refused_q;
   logic restore_q;  // 1: the trace must end by making the raster the source
   logic [2:0] pause_q;
-  logic [8:0] remaining_q;        // words of rays to trace that were not read yet
+  logic [8:0] remaining_q;        // number of unread words of the rays to trace
   logic [7:0] at_q;
   logic [3:0] exit_left_q;
   logic [8:0][31:0] exit_q;

@@ -46,12 +46,12 @@ module lipp_register_access #(
 
   typedef enum logic [2:0] {Idle, Range, Check, Fetch, Fetched, Ask, Wait, Word} state_e;
   state_e state_q;
-  logic write_q, board_q, optics_q, scene_q;  // write_q: WRITE; others: block of the range
+  logic write_q, board_q, optics_q, scene_q;  // write_q: a WRITE; others: the selected block
   logic [8:0] remaining_q;           // words left to check (WRITE), then left to access
   logic [7:0] at_q;                  // index of the WRITE's current data word
   logic [8:0] register_q;            // word address of the current register
   logic [10:0] address;
-  // End: first address after the last register, which is 0x400 (after the optics) with Layers = 0.
+  // End: first address after the last register; with Layers = 0 it is 0x400, after the optics.
   localparam logic [10:0] End = 11'(Layers > 0 ? 'h600 + 32 * Layers : 'h400);
   assign address = {register_q, 2'd0};
   assign word_at_o = at_q;

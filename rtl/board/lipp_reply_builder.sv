@@ -14,12 +14,12 @@ module lipp_reply_builder #(
   input  logic                           clk_i,
   input  logic                           rst_ni,
   input  logic                           start_i,
-  output logic                           ready_o,  // comes from a register
+  output logic                           ready_o,  // output of a register
   input  logic [8*HeadBytes-1:0]         head_i,
   input  logic [$clog2(HeadBytes+1)-1:0] bytes_i,  // number of bytes of the head
   input  logic [9:0]                     words_i,  // number of words after the head
   input  logic                           word_valid_i,
-  output logic                           word_ready_o,  // comes from a register
+  output logic                           word_ready_o,  // output of a register
   input  logic [31:0]                    word_i,
   output logic                           words_done_o,
 

@@ -33,7 +33,7 @@ module lipp_request_order (
   import lipp_link_pkg::*;
 
   logic newest_valid_q;           // 1: an executed request is remembered
-  logic same, newer_q, passed_q;  // passed_q: an answered request was not executed
+  logic same, newer_q, passed_q;  // passed_q: a request was answered but not executed
   request_e kind_q;
   logic [15:0] number_q, newest_q, after;
   logic [31:0] nonce_q;

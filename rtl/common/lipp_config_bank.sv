@@ -25,7 +25,7 @@ module lipp_config_bank #(
   end
 
   logic pending_q;
-  logic copy_q;  // 1: copy in this clock; registered, because it enables every bit
+  logic copy_q;  // 1: copy in this clock; registered, because its fan-out is large
   logic [Width-1:0] config_q;
   assign busy_o = pending_q;
   assign hold_o = apply_i || (pending_q && !copy_q);

@@ -10,7 +10,7 @@
 ///
 /// Input hold_i makes ready_o low from the next clock on, because ready_o is a register. Output
 /// idle_o is high while no ray is in the pipeline or in the FIFO, so that the pipeline's
-/// configuration may change. The counter of rays counts an accepted ray one clock later, and a ray
+/// configuration can change. The counter of rays counts an accepted ray one clock later, and a ray
 /// that leaves two clocks later. Therefore the timing paths from valid_i and ready_i end in
 /// registers, and the output may lie far away on the FPGA. Output idle_o falls one clock after a
 /// ray is accepted, and rises three clocks after the last ray has left.
@@ -59,7 +59,7 @@ module lipp_flow_control #(
     end
   end
 
-  // ---- valid bits of the stages, 64 per register: a simulator shifts a register at once ----
+  // ---- valid bits of the stages, 64 per register, which a simulator shifts in one step ----
 
   // Held is 1 for an illegal Latency, so that elaboration reaches the error message.
   localparam int Held = Latency < 1 ? 1 : Latency;

@@ -23,7 +23,7 @@ module lipp_cobs_encoder (
   localparam logic [7:0] Longest = 8'd254;  // maximum number of bytes in a group
 
   // Each of the two banks contains the bytes of a group from address 1 on. No address is written
-  // and read in the same clock, so synthesis need not define the result.
+  // and read in the same clock, so synthesis need not define this case.
   (* no_rw_check *) logic [7:0] bytes[512];
   logic [1:0] full_q;
   logic [1:0] final_q;       // bit k: bank k has the packet's last group

@@ -100,8 +100,8 @@ module lipp_packet_fifo #(
       dropped_short_o <= judge_q && !long_q && !cobs_q && short_q;
       dropped_crc_o <= judge_q && !long_q && !cobs_q && !short_q && !right_q;
 
-      // These addresses may change late, because the next packet writes its first byte at least
-      // five clocks after the check of a packet.
+      // These addresses may change this late, because the next packet writes its first byte at
+      // least five clocks after the check of a packet.
       if (judge_q && good) stored_q <= write_at_q;
       if (judge_q && !good) write_at_q <= stored_q;
       else if (write) write_at_q <= write_at_q + address_t'(1);

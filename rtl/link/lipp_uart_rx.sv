@@ -7,8 +7,8 @@
 /// is 2^13, which is 8 clocks per bit. Each bit is the majority of three samples, at 3/8, 4/8 and
 /// 5/8 of the bit time, accurate to half a clock. Therefore a spike shorter than 1/8 bit is
 /// ignored, and a start bit shorter than half a bit counts as noise. A byte is at the output at 6/8
-/// of its stop bit. After 6/8 of a stop bit, the next start bit is accepted, so the sender may be 2
-/// % too fast or slow.
+/// of its stop bit. After 6/8 of a stop bit, the next start bit is accepted, so a sender that is 2
+/// % too fast or too slow is tolerated.
 ///
 /// Output framing_error_o pulses if the stop bit was low: the byte is lost, and the line must go
 /// high before the next byte. Output overflow_o pulses if a byte arrived before the previous byte
@@ -46,8 +46,8 @@ module lipp_uart_rx (
 
   always_ff @(posedge clk_i) begin
     if (busy_q) {bit_q, eighth_q, phase_q} <= place_d;
-    // The initial position is one clock ahead, which corrects two mean delays of half a clock: from
-    // the edge of the start bit to the first low sample, and to the clock that enters an eighth.
+    // The position starts one clock ahead, which corrects two mean delays of half a clock: start
+    // bit edge to first low sample, and start of an eighth to its first clock.
     else {bit_q, eighth_q, phase_q} <= {3'b0, step_i, 1'b0};
     enter_q <= busy_q && place_d[15:13] != eighth_q;
     if (enter_q && eighth_q inside {[3'd3:3'd5]}) sample_q <= {sample_q[1:0], line};

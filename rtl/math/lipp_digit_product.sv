@@ -18,7 +18,7 @@ module lipp_digit_product #(
     $fatal(1, "lipp_digit_product: W must be 3 or more and Digit 1 to 4");
   end
 
-  // Each row of partial products of a bit of d above bit 0 has W + 1 bits.
+  // The sums mask and add words of W + 1 bits: a, and half, which is a shifted right by one bit.
   logic [W:0] a, half;
   assign a = {Signed && a_i[W-1], a_i};
   assign half = {{2{Signed && a_i[W-1]}}, a_i[W-1:1]};

@@ -128,7 +128,7 @@ module lipp_sdram_controller
   transaction_t at_q;
   logic write_q, tag_q, last_q, settled;
   logic [PauseBits-1:0] pause_q, pause_d;
-  logic [HoldBits-1:0] hold_q;  // its number of ones is the clocks until the row may be closed
+  logic [HoldBits-1:0] hold_q;  // its number of ones counts the clocks until the row may close
   assign ready_o = state_q == Idle && open_q;
   assign settled = !hold_q[0];
 

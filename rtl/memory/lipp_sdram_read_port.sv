@@ -69,7 +69,7 @@ module lipp_sdram_read_port
     .count_i, .pair_i(pair_valid && pair_ready), .valid_o(split_valid), .ready_i(split_ready),
     .transaction_o(split_transaction)
   );
-  logic unused_free;  // split_free is unused: it is high when the last pixel has left
+  logic unused_free;  // split_free needs no check: it is high again before busy_q falls
   assign unused_free = split_free;
   lipp_async_fifo #(.Width($bits(transaction_t)), .AddressBits(2)) i_transactions (
     .in_clk_i(clk_i), .in_rst_ni(rst_ni), .in_valid_i(split_valid), .in_ready_o(split_ready),

@@ -6,8 +6,8 @@
 /// Towards the SDRAM controller, the port offers transactions and outputs words. All words of a
 /// transaction cross to the memory's clock before the port offers the transaction, so the
 /// controller never waits for a word. Output done_o is a pulse after the memory accepted the last
-/// transaction of the request. The SDRAM executes requests accepted after done_o after this
-/// transaction. The next request is accepted after done_o.
+/// transaction of the request. The SDRAM executes this transaction before any request accepted
+/// after done_o. The next request is accepted after done_o.
 module lipp_sdram_write_port
   import lipp_sdram_pkg::*;
 #(
@@ -74,7 +74,7 @@ module lipp_sdram_write_port
     .count_i, .pair_i(pair_valid && pair_ready), .valid_o(split_valid), .ready_i(split_ready),
     .transaction_o(split_transaction)
   );
-  logic unused_free;  // split_free is unused: it is high when the last transaction is taken
+  logic unused_free;  // split_free needs no check: it is high again before busy_q falls
   assign unused_free = split_free;
   lipp_async_fifo #(.Width($bits(transaction_t)), .AddressBits(2)) i_transactions (
     .in_clk_i(clk_i), .in_rst_ni(rst_ni), .in_valid_i(split_valid), .in_ready_o(split_ready),

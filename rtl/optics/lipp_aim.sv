@@ -54,7 +54,7 @@ module lipp_aim #(
 
   logic signed [IndexBits-1:0] di, dj, i_late, j_late;
   logic signed [W-1:0] a, b, x_late, y_late;
-  logic unused_beyond;  // aperture points cannot overflow lattice coordinates
+  logic unused_beyond;  // always 0: points in [-2, 2) cannot wrap an index
   if (Grid == GridHex) begin : gen_hex
     lipp_lenslet_hex #(.F(F)) i_lenslet (
       .clk_i, .x_i(L'(a_i)), .y_i(L'(b_i)), .i_o(di), .j_o(dj), .x_o(a), .y_o(b),

@@ -64,7 +64,7 @@ module lipp_cell_step #(
     $fatal(1, "lipp_cell_step: Grid must be GridSquare or GridHex");
   end
 
-  // ---- compute q0, the distance along the rows, one clock before a distance with a product ----
+  // ---- compute q0, the distance along the rows ----
   logic signed [Wq-1:0] q0_d;
   if (Shear) begin : gen_shear
     localparam int Drop = F - Guard;

@@ -39,7 +39,7 @@ module lipp_lenslet_square #(
   end
   assign beyond_o = x_q[L] != x_q[L-1] || y_q[L] != y_q[L-1];
 
-  // Subtracting the added 1/2 again inverts the fraction's top bit, which becomes the sign.
+  // Subtracting the 1/2 that was added inverts the fraction's top bit, which becomes the sign.
   assign i_o = x_q[L-1:F];
   assign j_o = y_q[L-1:F];
   assign x_o = (F+2)'($signed({~x_q[F-1], x_q[F-2:0]}));

@@ -90,7 +90,7 @@ package lipp_optics_pkg;
     logic signed [SlopeBits-1:0]  y_from_v;
     logic signed [OffsetBits-1:0] x_offset;
     logic signed [OffsetBits-1:0] y_offset;
-    logic signed [31:0] slope_x;         // slope per a - x (exact) or x; F + E fraction bits
+    logic signed [31:0] slope_x;         // slope per a - x (exact) or per x; F + E fraction bits
     logic signed [31:0] slope_y;
     logic signed [31:0] slope_aim_x;     // slope per a; F + E fraction bits
     logic signed [31:0] slope_aim_y;

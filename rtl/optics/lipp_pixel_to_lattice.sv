@@ -38,7 +38,7 @@ module lipp_pixel_to_lattice #(
   import lipp_math_pkg::*;
   import lipp_optics_pkg::*;
 
-  localparam int LowBits = SlopeBits - MulBits;  // width of al, unsigned: 17 bits
+  localparam int LowBits = SlopeBits - MulBits;  // width of the unsigned part al, 17 bits
   localparam int Wo = OffsetBits - LowBits;
   localparam int Whi = Wo + 2;  // width of hi, a sum of three words
 

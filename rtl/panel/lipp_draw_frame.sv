@@ -26,8 +26,8 @@
 /// arrive in the order of the rays. `lipp_pixel_feed` outputs each pixel at its own position in the
 /// video frame, and counts and drops late pixels. If pixels of a frame are still missing at
 /// begin_i, the next frame is black and all its pixels count as underflows. Output owns_o is high
-/// while this module needs the optics, which is while pixels are missing and, one clock late, while
-/// source_i or shown_o is high.
+/// while this module needs the optics: while pixels are missing, or, one clock late, while source_i
+/// or shown_o is high.
 module lipp_draw_frame #(
   parameter int Width = 640,   // the panel's width in pixels
   parameter int Height = 480,  // the panel's height in pixels

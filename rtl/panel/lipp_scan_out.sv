@@ -18,8 +18,8 @@
 /// Output frame_end_o is a pulse at the start of vertical sync, one clock before swapped_o. At
 /// frame_end_o, no pixel of the previous frame is in the pipeline. After frame_end_o, want_o pulses
 /// for each pixel of the frame, even while a test pattern is shown. In the clock of each pulse of
-/// want_o, pixel_i must be the pixel. The first pulse of want_o comes VSync + VBack lines and HSync
-/// + HBack pixels after frame_end_o.
+/// want_o, pixel_i must be that pixel. The first pulse of want_o comes VSync + VBack lines and
+/// HSync + HBack pixels after frame_end_o.
 ///
 /// Each of the values r, g, b is output as floor(p (brightness + 1) / 256), where p is the pixel's
 /// value. Pixel and sync outputs are aligned, each delayed by pattern_latency(Grid) + 3 clocks from

@@ -159,7 +159,7 @@ module lipp_test_pattern #(
   assign v_under = (Wp + 1)'(limit_q) + (Wp + 1)'(v_det_q);
   always_ff @(posedge clk_i) begin
     det_q <= Wp'(xu_yv) - Wp'(xv_yu);          // determinant with 38 fraction bits
-    limit_q <= (det_q >>> 3) + (det_q >>> 7);  // limit with 36 fraction bits, as the products
+    limit_q <= (det_q >>> 3) + (det_q >>> 7);  // limit with 36 fraction bits, like the products
     u_det_q <= Wp'(yv_x) - Wp'(xv_y);
     v_det_q <= Wp'(xu_y) - Wp'(yu_x);
     centre_q <= !(u_over[Wp] || u_under[Wp] || v_over[Wp] || v_under[Wp]);

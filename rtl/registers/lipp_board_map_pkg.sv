@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Generated from rtl/registers.rdl by `make registers`; do not edit.
-/// Which words of a board with every block and layer can be written, byte addresses.
+/// Byte addresses of the words that can be written, on a board with every block and layer.
 package lipp_board_map_pkg;
   function automatic logic writable(logic [10:0] at);
     return at inside {

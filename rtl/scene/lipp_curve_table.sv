@@ -8,7 +8,7 @@
 ///   rgb_o = table[L < 4096 ? L : 4096 + (L >> 4)]        for each of red, green and blue.
 ///
 /// For L < 4096, where the curve is steep, each L has its own table entry. Entries 4096 to 4351 are
-/// never read. Each channel has its table copy. The latency is curve_latency() clocks.
+/// never read. Each channel has its own copy of the table. The latency is curve_latency() clocks.
 module lipp_curve_table (
   input  logic                                      clk_i,
   input  logic                                      write_i,  // 1: write a byte of the table

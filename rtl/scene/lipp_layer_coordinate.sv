@@ -25,7 +25,7 @@
 ///
 /// The last term of the bound is present only in builds with F < 20, which truncate a and b. At F =
 /// 23 the error is therefore at most 2^-12 if |a| + |b| <= 128 and (|a| + |b|) |depth| <= 4096. At
-/// F = 16, a slope's last bit is half the direction error, 14 urad, of the optics. The latency is
+/// F = 16, a slope's last bit is half the optics' direction error, which is 14 urad. The latency is
 /// layer_latency(F) clocks.
 module lipp_layer_coordinate #(
   parameter int F = 16,

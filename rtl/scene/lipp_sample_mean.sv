@@ -5,11 +5,11 @@
 ///
 ///   light_o = (sum of light_i + 2^(SamplesBits-1)) >> SamplesBits   for red, green and blue.
 ///
-/// There may be clocks without a sample between samples. The first sample of a frame always begins
-/// a pixel, even if the previous pixel is incomplete. Output last_of_pixel_o reports that light_o
-/// is a complete pixel. Outputs first_o and last_o report that the pixel contains the frame's first
-/// or last sample. The latency of all outputs is mean_latency(SamplesBits) clocks. With one sample
-/// per pixel the outputs are the inputs.
+/// Samples need not arrive in consecutive clocks. The first sample of a frame always begins a
+/// pixel, even if the previous pixel is incomplete. Output last_of_pixel_o reports that light_o is
+/// a complete pixel. Outputs first_o and last_o report that the pixel contains the frame's first or
+/// last sample. The latency of all outputs is mean_latency(SamplesBits) clocks. With one sample per
+/// pixel the outputs are the inputs.
 module lipp_sample_mean #(
   parameter int SamplesBits = 0  // log2 of the samples per pixel, 0 to 2
 ) (

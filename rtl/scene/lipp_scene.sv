@@ -13,7 +13,7 @@
 /// Input write_i stores a byte in a texture slot, 0 to slots - 1. The bytes of a slot are the
 /// texels row by row, then the palette (r, g, b, a of each entry). The four bytes of a palette
 /// entry must come one after another, with no byte for another slot between them. Slot 15 is the
-/// panel's curve. A byte may be written in every clock. A slot that is being drawn must not be
+/// panel's curve. A byte can be written in every clock. A slot that is being drawn must not be
 /// written; the module does not check this rule.
 ///
 /// The modules in order are `lipp_exit_line`, `lipp_layer_coordinate` for each layer,
@@ -151,8 +151,8 @@ module lipp_scene #(
     .background_i(used.background), .light_o(ray_light)
   );
 
-  // This delay carries the marks of each ray. The marks of rays that a reset discarded pass before
-  // the first ray of the next frame.
+  // This delay carries the marks of each ray. A reset does not clear the delay; the marks of the
+  // discarded rays leave it before the next frame's first ray.
   logic pixel_ends, pixel_first, pixel_last, ends, out_first, out_last;
   logic [2:0][LightBits-1:0] pixel_light;
   logic [2:0][7:0] rgb;

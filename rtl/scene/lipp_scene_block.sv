@@ -11,8 +11,8 @@
 ///
 /// The register port is APB4. A write changes the bytes whose strobe is set. An access to a layer
 /// takes three clocks, because its word is selected in two steps: within each layer, then among
-/// layers. The file rtl/registers.rdl defines the registers. A build has only its layers'
-/// registers.
+/// layers. The file rtl/registers.rdl defines the registers. A build has registers only for its own
+/// layers.
 module lipp_scene_block #(
   parameter lipp_scene_pkg::scene_build_t Scene = lipp_scene_pkg::FourLayers
 ) (

@@ -41,7 +41,7 @@ package lipp_scene_pkg;
   typedef struct packed {
     logic [1:0]  samples_bits;  // log2 of the rays per pixel, 0 to 2
     logic        bilinear;      // 1: bilinear filter; 0: nearest texel
-    logic [10:0] height;        // texel rows of a slot, 2 to 1024; even if bilinear
+    logic [10:0] height;        // texel rows of a slot, 2 to 1024; an even number if bilinear
     logic [3:0]  width_bits;    // log2 of the texel columns of a slot, 5 to 10
                                 // columns times rows must be a multiple of 1024, at most 261120
     logic [3:0]  slots;         // number of slots, from `layers` to 15
@@ -95,8 +95,8 @@ package lipp_scene_pkg;
   endfunction
 
   /// Return whether a build is legal. A legal build has 1 to 8 layers, a slot for each layer, 32 to
-  /// 1024 columns (a power of two), 2 to 1024 rows (even if bilinear), a multiple of 1024 texels up
-  /// to 261120, and 1, 2 or 4 samples per pixel.
+  /// 1024 columns (a power of two), 2 to 1024 rows (an even number if bilinear), a multiple of 1024
+  /// texels up to 261120, and 1, 2 or 4 samples per pixel.
   function automatic bit legal(scene_build_t scene);
     int size;
     size = int'(scene.height) << scene.width_bits;
@@ -178,7 +178,7 @@ package lipp_scene_pkg;
     return 3;
   endfunction
 
-  /// Return the latency of `lipp_scene` from exit ray to pixel, without its handshakes' clocks.
+  /// Return the latency of `lipp_scene` from exit ray to pixel, excluding its handshakes.
   function automatic int scene_latency(int f, scene_build_t scene);
     return exit_line_latency(f) + layer_latency(f) + fetch_latency()
         + texel_blend_latency() + composite_latency(int'(scene.layers))

@@ -57,7 +57,7 @@ module lipp_texel_blend #(
     end
 
     for (genvar c = 0; c < 3; c++) begin : gen_channel
-      // The order of channels is reversed: red is the lowest byte of colour_i, the top part of
+      // The order of channels is reversed: red is the lowest byte of colour_i, but the top part of
       // light_o.
       logic [LightBits-1:0] square;
       logic signed [2*MulBits-1:0] full_product;

@@ -136,7 +136,7 @@ module lipp_texel_fetch #(
 
       // A product f_q g_q and three subtractions give the weights. Invalid weights are set to 0.
       localparam int ProductLatency = small_latency();
-      localparam int Weights = Latency - ProductLatency - 2;  // clock of the product's start
+      localparam int Weights = Latency - ProductLatency - 2;  // clock in which the product starts
       logic [17:0] product;
       logic [1:0] column_shown, row_shown;
       logic [8:0] f_later, g_later;

@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 // Batch harness: wraps Verilated `lipp_ray_stream` in a shared library that traces arrays of rays.
 //
-// With random pauses, on request, a comparison of results also tests the handshake. The Python
-// module lippmann.simulation.harness compiles this file once for each build.
+// On request, random pauses are inserted, so that a comparison of results also tests the
+// handshakes. The Python module lippmann.simulation.harness compiles this file once for each build.
 #include <cstdint>
 #include <cstring>
 #include <memory>
@@ -51,7 +51,7 @@ void clock(Vtop& top) {
 // optics_config_t, least significant word first. In each clock the input pauses with a probability
 // of idle / 256, and the output with a probability of stall / 256. Returns the number of clocks
 // from the first offered ray to the last exit ray, or -1 if no ray arrives. The library exports
-// only this function (-fvisibility=hidden), so that the compiler may inline the model.
+// only this function (-fvisibility=hidden), so that the compiler can inline the model.
 extern "C" __attribute__((visibility("default"))) int64_t lippmann_trace(
     int64_t count, const int64_t* u, const int64_t* v, const int64_t* a, const int64_t* b,
     const uint32_t* config, int64_t* out, uint64_t seed, uint32_t idle, uint32_t stall) {

@@ -215,8 +215,8 @@ class Board {
 
  private:
   // Returns true if the board is idle: the last request is answered, its frames have been on the
-  // panel for some time, and no waveform is requested. An idle board runs its clock at a small
-  // fraction of its speed until the host's next byte, which takes almost no processor time.
+  // panel for some time, and no waveform is requested. To save processor time, an idle board runs
+  // its clock at a small fraction of its speed until the host's next byte.
   bool idle() const {
     return answered_ && options_.trace.empty() &&
            clocks_ - spoke_ > 1'000'000 + 4LL * LIPPMANN_WIDTH * LIPPMANN_HEIGHT;
@@ -295,7 +295,7 @@ class Board {
     ++in_;
     spoke_ = clocks_;
     answered_ = false;
-    // The socket's thread waits while the buffer is full, until ring() wakes it at half a buffer.
+    // The socket's thread stops at a full buffer; ring() wakes it when half the buffer is free.
     if (line_.from_host().room() == HostSocket::kPlaces / 2) line_.ring();
   }
 

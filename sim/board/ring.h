@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Ring buffer that passes bytes from one thread to another, without locks and system calls.
+// Ring buffer that passes bytes from one thread to another, without locks or system calls.
 #pragma once
 
 #include <algorithm>

@@ -16,7 +16,7 @@
 
 // AC characteristics and refresh times of an SDRAM speed grade, in ps.
 struct SdramGrade {
-  uint64_t ck3, ck2;  // minimum clock period with CAS latency 3 and 2
+  uint64_t ck3, ck2;  // minimum clock periods with CAS latency 3 (ck3) and 2 (ck2)
   uint64_t rcd, rp, ras, ras_max, rc, rfc, rrd, wr;
   uint64_t mrd_clocks = 2;
   uint64_t power_up = 100'000'000;
@@ -135,7 +135,7 @@ class Sdram {
   struct Bank {
     bool open = false;
     uint16_t row = 0;
-    // Times of the last ACTIVE, PRECHARGE and WRITE. A flag is true after the first such command.
+    // Times of the last ACTIVE, PRECHARGE and WRITE. Each flag is true after its first command.
     uint64_t active = 0, precharge = 0, write = 0;
     bool was_active = false, was_precharged = false, was_written = false;
   };

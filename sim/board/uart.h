@@ -19,7 +19,7 @@ class Uart {
     if (left_ <= step_) {
       left_ += 0x10000 - step_;
       sending_ >>= 1;
-      if (sending_ == 1) sending_ = 0;  // the stop bit was sent last
+      if (sending_ == 1) sending_ = 0;  // only the marker is left: all bits are sent
     } else {
       left_ -= step_;
     }

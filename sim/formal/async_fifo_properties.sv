@@ -7,7 +7,7 @@
 /// old or the new count, if at most one bit of the count changes at a time (function one_bit).
 module async_fifo_properties #(
   parameter int Width = 2,
-  parameter int AddressBits = 2  // log2 of the entries; the code below lists 2^2 words
+  parameter int AddressBits = 2  // log2 of the number of entries; the code below lists 2^2 words
 ) (
   input logic             in_clk_i,
   input logic             out_clk_i,

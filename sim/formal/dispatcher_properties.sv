@@ -232,7 +232,7 @@ module dispatcher_properties #(
   wire lists = kind inside {RequestTiles, RequestBlocks};
   // 1: a WRITE to the optics, which ray_access must permit
   wire on_optics = i_dut.on_optics || i_dut.draws;
-  // These flags are the modules that the current request uses while it is executed.
+  // These flags tell which modules the current request uses while it is executed.
   wire uses_regs = kind inside {RequestHello, RequestRead, RequestWrite};
   wire uses_rays = kind inside {RequestTrace, RequestSign, RequestAbort} || on_optics;
   wire reg_reads = regs inside {RegAsk, RegWait, RegWord} && !reg_write;

@@ -1,14 +1,14 @@
 // SPDX-License-Identifier: Apache-2.0
 /// Two proofs of `lipp_flow_control` around any pipeline: a ray carries its index instead of data.
 ///
-/// The first proof (Order = 0) shows the assertions of flow_control_checks, which are about numbers
-/// of rays. A binary tree counts the rays in the pipeline, so that the induction is short at any
-/// Latency. Each node contains the number of rays in its stages, and changes only with the rays
-/// that enter and leave these stages. A node is the sum of its two children, and the root is the
-/// number of rays in the pipeline.
+/// The first proof (Order = 0) shows the assertions of flow_control_checks, which count rays. A
+/// binary tree counts the rays in the pipeline, so that the induction is short at any Latency. Each
+/// node contains the number of rays in its stages, and changes only with the rays that enter and
+/// leave these stages. A node is the sum of its two children, and the root is the number of rays in
+/// the pipeline.
 ///
-/// The second proof (Order = 1) is about the order of the rays. The n-th accepted ray enters with
-/// the index n, leaves the pipeline Latency clocks later, and must be the n-th ray to leave. A
+/// The second proof (Order = 1) shows that the rays keep their order. The n-th accepted ray enters
+/// with the index n, leaves the pipeline Latency clocks later, and must be the n-th ray to leave. A
 /// stage without a ray contains arbitrary data (junk_i). Indices count modulo 2^(AddressBits+1),
 /// twice the maximum number of rays inside. The second proof assumes a result of the first proof:
 /// the FIFO is never overfilled.

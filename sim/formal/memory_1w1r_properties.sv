@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
-/// Proves that memory_1w1r_kept may replace `lipp_memory_1w1r` in larger proofs.
+/// Proves that memory_1w1r_kept can replace `lipp_memory_1w1r` in larger proofs.
 ///
 /// The word read at an address is the word last written there, as it was two clocks before.
 module memory_1w1r_properties #(
   parameter int Width = 2,
-  parameter int AddressBits = 3  // log2 of the words; the code below lists 2^3 words
+  parameter int AddressBits = 3  // log2 of the number of words; the code below lists 2^3 words
 ) (
   input logic                   clk_i,
   input logic                   write_i,

@@ -4,7 +4,7 @@
 ///
 /// A model replaces `lipp_flow_control` and the pipeline of any latency. The model accepts no ray
 /// after hold, has a number of rays inside, which leave at any time, and raises idle at any time
-/// after the last ray has left. The proof of `lipp_flow_control` shows that it is like this model.
+/// after the last ray has left. `lipp_flow_control` is proved to behave like this model.
 module ray_stream_properties #(
   parameter int Width = 2  // number of bits of the configuration
 ) (

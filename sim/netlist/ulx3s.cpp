@@ -11,7 +11,7 @@
 // The Python program tools.netlist builds this file and defines its macros. LIPPMANN_CLOCKS is a
 // list of X(port, divider), one for each output of the PLL: pll_clkos is the clock of the TMDS bit
 // pairs, pll_clkos2 the system clock, pll_clkos3 the memory clock. LIPPMANN_VCO_KHZ is the
-// frequency of the VCO. LIPPMANN_TIMING lists the fields of dvi::Timing after the panel's size.
+// frequency of the VCO. LIPPMANN_TIMING lists the fields of dvi::Timing, except the panel's size.
 //
 // SIGTERM and SIGINT end the board. SIGUSR1 presses button 1 of the board. The last line on stdout
 // is a JSON object of counts, which tools.netlist checks. The object also contains the name of each

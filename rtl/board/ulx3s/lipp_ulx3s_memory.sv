@@ -10,8 +10,8 @@
 /// Read data are captured four clocks after the READ command left the pads. Let T be the clock
 /// period. Let d be the round-trip delay of output register, traces and input pad. The SDRAM's
 /// clock is delayed by T / 2. With a CAS latency of 3, the read word is valid from 2.5 T + d + tAC
-/// to 3.5 T + d + tOH. Grade -75 has tAC = 5.4 ns and tOH = 2.7 ns, so d may be T / 2 - 2.7 ns to
-/// 1.5 T - 5.4 ns. The permitted range of d is 1.3 to 6.6 ns at 125 MHz, 2.3 to 9.6 ns at 100 MHz.
+/// to 3.5 T + d + tOH. Grade -75 has tAC = 5.4 ns and tOH = 2.7 ns, so T / 2 - 2.7 ns <= d <= 1.5 T
+/// - 5.4 ns. The permitted range of d is 1.3 to 6.6 ns at 125 MHz, 2.3 to 9.6 ns at 100 MHz.
 module lipp_ulx3s_memory (
   input  logic        clk_i,
   input  logic        cke_i,
