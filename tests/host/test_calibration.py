@@ -21,8 +21,8 @@ from lippmann.calibration.bundle_adjustment import WITHIN, Problem, SmoothErrors
 from lippmann.calibration.coded_patterns import PatternSet, read_patterns, write_patterns
 from lippmann.calibration.initial_estimate import array_of
 from lippmann.calibration.lattice_search import find_lattice, steps_of, within
-from lippmann.calibration.lens_projection import fit_projection, inner_rays, movement
 from lippmann.calibration.lenslet_measurement import Lenslets, Readings, regular
+from lippmann.calibration.lenslet_projection import fit_projection, inner_rays, movement
 from lippmann.calibration.photographs import positions
 from lippmann.calibration.result import Calibration, ContradictionError, Parameter, load_calibration
 from lippmann.calibration.shooting import average_frames, open_webcam, shoot

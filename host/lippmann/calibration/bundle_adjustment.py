@@ -28,8 +28,8 @@ import numpy.typing as npt
 from scipy.optimize import least_squares
 
 from lippmann.base import interrupts
-from lippmann.calibration.lens_projection import FOLDS, LensProjection, powers
 from lippmann.calibration.lenslet_measurement import Lenslets, regular
+from lippmann.calibration.lenslet_projection import FOLDS, LensProjection, powers
 from lippmann.display.description import Display
 from lippmann.optics.rays import Bools, Floats
 

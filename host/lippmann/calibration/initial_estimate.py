@@ -17,8 +17,8 @@ import numpy as np
 
 from lippmann.calibration.bundle_adjustment import Problem, rotation_of
 from lippmann.calibration.lattice_search import SeenLattice
-from lippmann.calibration.lens_projection import fit_projection
 from lippmann.calibration.lenslet_measurement import Lenslets
+from lippmann.calibration.lenslet_projection import fit_projection
 from lippmann.display.description import Display, Grid
 from lippmann.optics.lattice import HALF_SQRT3
 from lippmann.optics.rays import Floats

@@ -15,8 +15,8 @@ from lippmann.base.progress_protocol import Progress
 from lippmann.calibration.bundle_adjustment import BOW, LENS, OUTLIER, Problem, Solution, first_fit, judged, solve
 from lippmann.calibration.initial_estimate import starts
 from lippmann.calibration.lattice_search import SeenLattice, find_lattice
-from lippmann.calibration.lens_projection import axes_at, fit_projection, movement, outline_mm
 from lippmann.calibration.lenslet_measurement import Lenslets, measure_lenslets
+from lippmann.calibration.lenslet_projection import axes_at, fit_projection, movement, outline_mm
 from lippmann.calibration.pattern_decoding import decode_position
 from lippmann.calibration.photographs import pattern_set, positions
 from lippmann.calibration.result import (

@@ -28,8 +28,8 @@ import numpy.typing as npt
 from scipy.optimize import least_squares
 from scipy.special import ndtr
 
-from lippmann.calibration.lens_projection import axes_at, inner_rays, means
 from lippmann.calibration.lenslet_measurement import Lenslets, Readings
+from lippmann.calibration.lenslet_projection import axes_at, inner_rays, means
 from lippmann.display.description import Display
 from lippmann.optics.rays import Bools, Floats, Indices
 from lippmann.optics.system import PanelFrame

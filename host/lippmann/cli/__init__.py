@@ -11,7 +11,8 @@ from click.shell_completion import CompletionItem
 
 from lippmann import __version__
 from lippmann.base.files import new_folders, remove_empty
-from lippmann.cli.output import drop_output, logs_on_stderr, report_error
+from lippmann.cli.error_reports import drop_output, report_error
+from lippmann.cli.output import logs_on_stderr
 from lippmann.errors import InputError, MissingLibraryError, missing_library
 
 #: Commands in the order of typical work; the module of the same name defines `command`.

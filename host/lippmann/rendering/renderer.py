@@ -58,14 +58,10 @@ class Rendered:
     shading: Shading = "each"
 
     @property
-    def samples_per_second(self) -> float:
-        """Number of rays per second, without compilation."""
-        return self.samples_traced / max(self.seconds, 1e-9)
-
-    @property
     def measured(self) -> dict[str, float]:
-        """The render's times and speed, keyed by name."""
-        return {name: getattr(self, name) for name in ("seconds", "prepare_seconds", "samples_per_second")}
+        """The time figures for reports, keyed by name."""
+        rate = self.samples_traced / max(self.seconds, 1e-9)
+        return {"seconds": self.seconds, "prepare_seconds": self.prepare_seconds, "samples_per_second": rate}
 
 
 def make_integrator(scene: Scene, settings: Settings) -> Jit:

@@ -11,8 +11,6 @@ from xml.etree.ElementTree import Element, ElementTree, SubElement, indent
 import numpy as np
 import numpy.typing as npt
 
-from lippmann.optics.rays import Floats
-
 
 def plugin(parent: Element, tag: str, kind: str, **attributes: str) -> Element:
     """Add the element of a plugin, such as a `shape` of type `ply`, and return it."""
@@ -29,22 +27,6 @@ def value(parent: Element, tag: str, name: str, content: npt.ArrayLike) -> None:
         text = " ".join(f"{number:.9g}" for number in np.ravel(content).tolist())
     values = dict(zip("xyz", text.split(), strict=True)) if tag in ("vector", "point") else {"value": text}
     SubElement(parent, tag, {"name": name, **values})
-
-
-#: For each default light, its direction in the display's frame, and its fraction of the
-#: light on a surface that faces the viewer. The first light comes from the viewer, so
-#: that nothing visible is black; the others are a key light and a weak fill light.
-LIGHTS = (((0.0, 0.0, 1.0), 0.35), ((-0.5, 0.7, 1.0), 0.5), ((0.8, -0.3, 0.5), 0.15))
-
-
-def add_lights(scene: Element, scene_from_display: Floats) -> None:
-    """Add `LIGHTS`, rotated by `scene_from_display` (3, 3). Surfaces towards the viewer show their albedo."""
-    for direction, fraction in LIGHTS:
-        towards = np.array(direction) / np.linalg.norm(direction)
-        light = plugin(scene, "emitter", "directional")
-        value(light, "vector", "direction", -scene_from_display @ towards)
-        # Lambert: radiance = albedo / pi * irradiance * cosine.
-        value(light, "rgb", "irradiance", [np.pi * fraction / towards[2]] * 3)
 
 
 def to_world(parent: Element, step: str, **numbers: float) -> None:
