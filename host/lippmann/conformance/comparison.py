@@ -181,9 +181,9 @@ def compare(
 ) -> Comparison:
     """Compare tested rays with the golden engine's rays.
 
-    The allowed error of a ray is its bound plus the ray's change if panel point or
-    aperture point move by `moves_mm`, (N, 2) each; the default moves are the
-    `roundings`. If `every` is false, only rays that exceed their bounds are moved.
+    The allowed error of a ray is its bound plus its largest change when panel point or
+    aperture point moves by `moves_mm`, (N, 2) each (default: `roundings`). If `every` is
+    false, only rays that exceed their bounds are moved.
     """
     inputs = foreign.inputs
     rays, n = golden(inputs), len(inputs.pixels)
@@ -239,7 +239,7 @@ def _on_some_side(compared: Comparison, panel_mm: Floats, aim_mm: Floats) -> Boo
         values = np.array([side[name] for side in sides])
         low = np.where(same[..., None], values, np.inf).min(axis=0)
         high = np.where(same[..., None], values, -np.inf).max(axis=0)
-        # A value may lie outside the moved rays' range, by the range's width plus the limit.
+        # Accept values outside the moved rays' range by at most its width plus the limit.
         beyond = np.maximum(low - fields[name], fields[name] - high) - np.maximum(high - low, 0.0)
         far = np.where(np.isfinite(beyond), np.maximum(beyond, 0.0), np.inf)
         right &= alone | (np.linalg.norm(far, axis=1) <= compared.limits[name])

@@ -131,7 +131,7 @@ def errors(truth: Rays, rays: Rays, depths_mm: Pair) -> dict[str, float]:
 
 
 def random_rays(display: Display, aperture: Aperture, count: int, seed: int) -> PanelRays:
-    """Return rays from random pixel centres, with aperture points exact in the widest words."""
+    """Return rays from random pixel centres; the widest words represent their aperture points exactly."""
     panel, random = display.panel, np.random.default_rng(seed)
     pixels = np.float64(0.5) + random.integers((0, 0), panel.size_px, (count, 2))
     if aperture == "chief":
@@ -301,7 +301,7 @@ def measure_all(scenes: Path, plan: Plan, seed: int) -> Figures:
         engines_of_display = engines_for(display)
         pictures = Pictures.of(scenes, display, plan, seed)
         for aperture in APERTURES:
-            # Full apertures would need more RTL builds; the RTL's words equal the twin's.
+            # Simulate only chief rays: full apertures need more builds, and the RTL equals the twin.
             engines = [e for e in engines_of_display if e != "rtl" or (plan.simulate and aperture == "chief")]
             views = _views(pictures, engines) if aperture == "chief" else {}
             for row in measure_rays(display, aperture, pictures.scene.depth_range_mm, MODELS, engines, plan, seed):

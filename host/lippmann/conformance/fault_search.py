@@ -125,7 +125,7 @@ def _word_lengths(direction: Floats) -> Iterator[Variant]:
 
 
 def _fit_number(name: str, value: float, inputs: PanelRays, direction: Floats) -> Iterator[Variant]:
-    # Offsets that differ by a pitch are equivalent, so their size does not predict their error.
+    # Search offsets in units of the pitch: offsets that differ by a pitch are equivalent.
     unit = value if value and "offset" not in name else inputs.display.array.coarsest_mm
 
     @cache
@@ -136,8 +136,8 @@ def _fit_number(name: str, value: float, inputs: PanelRays, direction: Floats) -
             return math.inf
         return float(np.median(np.linalg.norm(rays.direction - direction, axis=1)))
 
-    # On a large panel, steps of `LOOKED` skip lenslets. Steps of `near`, up to 2 % in
-    # all, move the panel's corner by 1/4 pitch each.
+    # On a large panel, a step of `LOOKED` moves the corner by several lenslets. A step
+    # of `near`, which goes up to 2 %, moves the corner by 1/4 pitch.
     panel = inputs.display.panel
     step = 0.25 * inputs.display.array.finest_mm / (0.5 * math.hypot(panel.width_mm, panel.height_mm))
     near = step * np.arange(-int(0.02 / step), int(0.02 / step) + 1, dtype=np.float64)
@@ -149,7 +149,7 @@ def _fit_number(name: str, value: float, inputs: PanelRays, direction: Floats) -
     # Rotations that differ by a lattice symmetry fit equally well; take the smallest change.
     best = min(candidates, key=lambda candidate: (round(loss(candidate), 9), abs(candidate - value)))
     width = 0.02 * abs(unit)
-    for _ in range(48):  # shrinks the width to 2e-11 of its start
+    for _ in range(48):  # shrinks the width by the factor 2e-11
         best = min((best - width, best, best + width), key=loss)
         width *= 0.6
     if math.isfinite(loss(best)):
@@ -165,7 +165,7 @@ def pairs(inputs: PanelRays, fields: Arrays, apart: Callable[[Variant], float]) 
     units = list(fitted(inputs, fields | {"direction": unit_vectors(fields["direction"])}))
     yield from (both(one, number) for one in ranked if one.bend is not None for number in units)
     yield from (both(*numbers) for numbers in fitted_together(inputs, fields))
-    # Fit a second fault after one of the 12 nearest, a fitted one, or a change of outputs.
+    # After each of the 12 nearest faults, fitted faults and faults of outputs, fit a second fault.
     changes = [one for one in (*ranked[:12], *numbers) if one.change is not None]
     for one in (*changes, *(one for one in ranked if one.bend is not None)):
         with suppress(*NO_RAYS, KeyError):

@@ -35,7 +35,7 @@ _convert_number = mp.npconvert
 
 
 def _convert(value: Any) -> Digits:
-    # For each product, mpmath would format the complete array in an error message.
+    # Raise here: mpmath itself would format the array in an error message, for each product.
     if isinstance(value, np.ndarray) and value.ndim:
         raise TypeError("an array is not a number")
     return _convert_number(value)
@@ -176,7 +176,7 @@ def has_other_fate(rays: Rays | Hits, true: Rays | Hits) -> Bools:
 
 
 def movable_inputs(rays: PanelRays | WorldRays) -> list[tuple[str, Digits, Floats]]:
-    """Return name, exact value and float64 value of each input, but no display parameters of 0."""
+    """Return name, exact value and float64 value of each input, except display parameters that are 0."""
     inputs = exact_inputs(rays).items()
     return [(name, x, np.asarray(x, np.float64)) for name, x in inputs if isinstance(x, np.ndarray) or x]
 
@@ -195,11 +195,11 @@ def _slopes(rays: PanelRays | WorldRays, true: Rays | Hits, name: str, value: Di
 
 
 class Condition(NamedTuple):
-    """Changes (N,) of rays, summed, if each input and the result change by one ulp."""
+    """Change (N,) of each ray, summed over one ulp of each input and of the result."""
 
     #: Change of the ray's direction, radians; for rays from the world, `shift_mm` / pitch.
     turn: Floats
-    #: Shift of the exit point, with the ulp of pitch or thickness; for rays from the
+    #: Shift of the exit point (its ulp is that of pitch or thickness); for rays from the
     #: world, shift of the point on the panel.
     shift_mm: Floats
     #: Change of direction, radians, per mm of shift of the start point and the aperture

@@ -45,8 +45,8 @@ MOST_SAMPLES = 1024
 TRIED_SAMPLES = sorted({round(MOST_SAMPLES ** (k / 142)) for k in range(143)})
 #: Scale of the cell in which test rays start; outside, rounding may change the lenslet.
 INSIDE = 0.97
-#: Number of rays in the second test of an RTL build, and safety margin, as a fraction,
-#: for the rounding errors of other rays.
+#: Number of rays in the second test of an RTL build. Fraction of the tested rounding
+#: error that is added for other rays.
 SPREAD_RAYS, ROUNDING_MARGIN = 200_000, 0.05
 
 
@@ -107,7 +107,7 @@ def gap(samples: int, sides: Pair) -> float:
 
 
 def choose_build(display: Display, depth_range_mm: Pair, tolerance: float) -> tuple[Build | None, float]:
-    """Return the cheapest RTL build within the tolerance and its error, or None and the smallest error."""
+    """Return the cheapest RTL build within the tolerance, and its error; else None and the smallest error."""
     try:
         # Round the pixels to words first, so that rounding moves no pixel across a cell border.
         probes = {
@@ -153,7 +153,7 @@ def _spread(display: Display) -> Floats:
 
 
 def away_from_borders(display: Display, pixels: Floats) -> Floats:
-    """Return the pixel coordinates (N, 2) in their lenslet's cell scaled by INSIDE."""
+    """Select the pixels (N, 2) that are within the fraction INSIDE of their lenslet's cell."""
     lattice = System.of(display).lattice
     axes = np.array(lattice.axes)
     across = np.abs(in_cells_mm(display, pixels) @ axes.T).max(axis=1)

@@ -153,7 +153,7 @@ def cell_ties(display: Display, random: Random, count: int) -> Sets:
 
 @_case
 def grazing_launch(display: Display, random: Random, count: int) -> Sets:
-    """Test rays that leave the panel at ever smaller angles to it, as far as the engines accept."""
+    """Test rays that leave the panel at ever smaller angles to it, down to twice the engines' limit."""
     pixels = random_pixels(display, random, count)
     # Half of the engines' limit leaves room for rounding and tolerances.
     farthest = 0.5 * FARTHEST_LENSLETS * display.array.finest_mm / display.aperture_distance_mm
@@ -202,7 +202,7 @@ def grazing_exit(display: Display, random: Random, count: int) -> Sets:
 
 @_case
 def far_cells(display: Display, random: Random, count: int) -> Sets:
-    """Test rays that leave through a lenslet two steps away, with aims up to 1.4 pitches at steep domes.
+    """Test rays aimed up to 1.4 pitches from their lenslet's centre that leave a steep dome two steps away.
 
     If the domes face the viewer, the set is empty: two steps would need larger aims.
     """

@@ -29,8 +29,8 @@ SAMPLE, FIT_SAMPLE = 1500, 300
 FEW = 90
 #: Minimum fraction of rays that a fault must match to be the diagnosis.
 EXPLAINED = 0.97
-#: Maximum distance of rays from a fault, relative to golden, in wrong arrays, and
-#: maximum increase of the distance in any array.
+#: In wrong arrays: maximum distance from a fault's rays, divided by that from golden
+#: rays. In any array: maximum excess of the former over the latter.
 NEARER, SAME = 0.5, 1e-9
 #: Maximum difference of correct words from golden rays, in ulps of the words.
 WORD_UNITS = 64.0
@@ -248,7 +248,7 @@ def _wrapped(compared: Comparison) -> bool:
     apart = (compared.fields["direction"] - right)[wrong]
     turns = np.round(apart / 2.0)
     residual = np.linalg.norm(apart - 2.0 * turns, axis=1)
-    # A component of magnitude 1 with the wrong sign also has an error of 2.
+    # An error of 2 may also be a wrong sign of a component of magnitude 1.
     return bool(
         wrong.any()
         and (np.abs(turns).sum(axis=1) == 1.0).all()
@@ -331,7 +331,7 @@ def _match(variant: Variant, sample: Comparison) -> tuple[float, float]:
         wrong = sample.wrong_by[name]
         if wrong.any():
             golden_far = _middle(name, own[wrong])
-            if not golden_far:  # golden matches, for example on an edge
+            if not golden_far:  # golden rays match, perhaps on an edge
                 return 0.0, np.inf
             ratios.append(_middle(name, far[wrong]) / golden_far)
         if _middle(name, far[bad]) > _middle(name, own[bad]) + SAME:

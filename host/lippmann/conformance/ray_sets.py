@@ -126,7 +126,7 @@ def random_sizes(random: Random, low: float, high: float, count: int) -> Floats:
 
 
 def edge_points(display: Display, random: Random, count: int, vertices: float = 0.0) -> Floats:
-    """Return random points (count, 2), mm, on a cell's edges, the fraction `vertices` on corners."""
+    """Return random points (count, 2), mm, on a cell's edges; the fraction `vertices` of them is at corners."""
     corners = corners_mm(display.array)
     side, along = random.integers(0, len(corners), count), random.random((count, 1))
     along = np.maximum(along - vertices, 0.0) / (1.0 - vertices)

@@ -120,7 +120,7 @@ class Stream:
 
 
 def digest_of_set(notes: Iterable[str], questions: Floats | list[str]) -> str:
-    """Return the hash of a set's notes (with single blanks) and questions, numbers (N, 4) or words."""
+    """Return the hash of a set's notes (with single blanks) and of its questions: numbers (N, 4) or words."""
     lines = "".join(" ".join(line.split()) + "\n" for line in notes)
     numbers = np.ascontiguousarray(questions, "<f8").tobytes() if isinstance(questions, np.ndarray) else None
     return hashlib.sha256(lines.encode() + (numbers or "\n".join(questions).encode())).hexdigest()

@@ -56,7 +56,7 @@ class ErrorMaps(dict[str, ErrorMap]):
     """Error maps of all checked rays, keyed by array."""
 
     def add(self, foreign: ForeignRays, bounds: Bounds) -> None:
-        """Add the errors of a ray set, without rays on an edge or with only a status.
+        """Add a ray set's errors, except of rays on an edge and rays with only a status.
 
         Also count them in ulps of the word, or of the vector's largest component as
         float32.

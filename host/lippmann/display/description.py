@@ -153,7 +153,7 @@ class Array(Checked):
 
     @property
     def keys(self) -> dict[str, object]:
-        """The array's keys and values in a display file, without a default `shear` or `extent_mm`."""
+        """The array's keys and values in a display file; a default `shear` or `extent_mm` is omitted."""
         defaults = {"shear": 0.0, "extent_mm": None}
         fields = dataclasses.asdict(self).items()
         return {name: value for name, value in fields if name not in defaults or value != defaults[name]}
@@ -408,7 +408,7 @@ def both_pitches(pitch_mm: Pitch) -> Pair:
 
 
 def plain_pitch(pitch_mm: Pitch) -> Pitch:
-    """Replace two equal pitches by one number: both forms have the same identity."""
+    """Replace two equal pitches by one number, so that both forms have the same identity."""
     return pitch_mm[0] if isinstance(pitch_mm, tuple) and len(set(pitch_mm)) == 1 else pitch_mm
 
 

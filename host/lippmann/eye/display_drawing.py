@@ -29,7 +29,7 @@ GLASS, LENSLET, IMAGE, RAY = "#56b4e9", "#0072b2", "#d55e00", "#e69f00"
 CLOSE = 4.0
 #: Number of lenslet marks across the drawn panel.
 MARKS = 30.0
-#: Close-ups show pixels up to this number of pixels across.
+#: Maximum width, pixels, of a close-up that shows its pixels.
 MAX_PIXELS = 150
 #: Eye distances in the drawing of zones, in viewing distances.
 HEIGHTS = np.linspace(0.2, 3.0, 15)
@@ -65,7 +65,7 @@ def draw_zones(display: Display, path: Path, eye_mm: Sequence[float] | None = No
     places = np.linspace(-1.2 * widest, 1.2 * widest, PLACES)
     eyes = np.array([(x, y, z) for _, y, z in middle for x in places])
     shares = status_shares(display, eyes, MAP_RAYS).reshape(len(middle), len(places), -1)
-    # Use the fraction of light, not of rays: eyes far aside see dark panels.
+    # Divide by rays that see light, not by all: eyes far to the side see dark panels.
     right, wrong = shares[..., Status.OK], shares[..., Status.CROSSTALK]
     wrong = wrong / np.maximum(right + wrong, 1.0 / MAP_RAYS)
     with _drawing(path, 1, 1, (7.0, 6.5)) as ((axis,),):

@@ -21,7 +21,7 @@ from lippmann.rendering.renderer import render_view
 from lippmann.rendering.sampling import Window
 from lippmann.scenes.scene import Scene
 
-#: Fraction of the viewing zone over which eyes spread; crosstalk begins at its ends.
+#: Fraction of the viewing zone over which eyes spread; crosstalk begins at the zone's ends.
 ZONE_SHARE = 0.95
 #: Full angle of the eyes' cone for a display without a viewing zone, degrees.
 CONE_DEG = 20.0

@@ -111,7 +111,7 @@ def observe(
 
     `radiance` is linear, (height, width, 3). An image on disk (`StoredRows`) is read in
     parts, as rays see them. The view covers the window, with `samples` rays per pixel.
-    Without `crosstalk`, rays that end in a neighbour's cell see black. Raises
+    If `crosstalk` is false, rays that end in a neighbour's cell see black. Raises
     InputError if the image does not have the panel's size, the model is unknown, or
     `samples` is out of range.
     """
@@ -154,7 +154,7 @@ def observe(
 def _emitted_light(b: DrJitBackend, panel: Panel, look_up: LookUp, hits: PixelHits, visible: Arr) -> list[Arr]:
     column = mi.UInt32(dr.clip(dr.floor(hits.u), 0, panel.width_px - 1))
     row = mi.UInt32(dr.clip(dr.floor(hits.v), 0, panel.height_px - 1))
-    # The look-up may evaluate the hits, so rays are not traced again below.
+    # If the look-up evaluates the hits, the code below does not trace the rays again.
     colour = look_up(visible, column, row, hits)
     if panel.black:
         colour = [dr.select(visible, panel.black + (1.0 - panel.black) * c, 0.0) for c in colour]

@@ -86,7 +86,7 @@ def eye_reach_mm(display: Display) -> float:
 
 
 def focus_reach_mm(display: Display) -> float:
-    """Return the maximum focus depth, mm: twice the depth range, but less than the nearest eye's."""
+    """Return the maximum focus depth, mm: twice the depth range's near end, at most 90 % of the nearest eye's z."""
     return _round_up(min(2.0 * depth_reach_mm(display)[1], 0.9 * DISTANCES[0] * viewing_distance(display)))
 
 
@@ -263,7 +263,7 @@ def png_base64(radiance: Light) -> str:
 
 
 def script_json(value: object) -> str:
-    """Return JSON for a `<script>` element, with `<` escaped, or it could end the element."""
+    """Return JSON for a `<script>` element, with `<` escaped, because `<` could end the element."""
     return json.dumps(value, allow_nan=False).replace("<", "\\u003c")
 
 

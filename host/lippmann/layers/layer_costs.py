@@ -111,7 +111,7 @@ def measured_cuts(
     filter: Filter | None,
     progress: Progress | None,
 ) -> Iterator[tuple[Cut, list[float]]]:
-    """Cut a scene into each number of layers; yield the cut and, with a filter, its views' PSNR.
+    """For each number of layers, cut a scene; yield the cut and, if `filter` is set, its views' PSNR.
 
     `parts` are the scene that is cut by depth and the scene that becomes one layer, as
     in `cut_scene`.

@@ -223,7 +223,7 @@ def texels_for(area: Area, display: Display, slot: Size) -> Size:
 
 
 def finest_texel(depth_mm: float, display: Display) -> float:
-    """Return neighbouring rays' distance at a depth, mm, at least a pixel; at infinity, of their slopes."""
+    """Return neighbouring rays' distance at a depth, mm, at least a pixel; at infinity, their slopes' difference."""
     pixel = display.panel.coarsest_mm
     slope = pixel / display.aperture_distance_mm
     return slope if math.isinf(depth_mm) else max(pixel, abs(depth_mm) * slope)
@@ -409,7 +409,7 @@ def partition(values: Floats, weights: Floats, count: int) -> list[int]:
     """Split ordered values into `count` runs of minimum weighted variance; return the runs' ends."""
     n = len(values)
     sums = [np.concatenate([[0.0], np.cumsum(weights * values**power)]) for power in range(3)]
-    # `runs` has, for each end, the squared deviations of the runs from each start.
+    # `runs[end - 1][start]` is the weighted sum of squared deviations of values[start:end].
     runs = []
     for end in range(1, n + 1):
         w, m, q = (one[end] - one[:end] for one in sums)

@@ -1,8 +1,8 @@
-"""Describes a scene as a stack of layers, textures of palette colours, before a background.
+"""Describes a scene as a stack of layers (textures of palette colours) in front of a background.
 
 The engines golden, twin and rtl draw the bytes that a board stores. Pillow chooses a
 picture's initial palette. Lloyd's algorithm then moves each colour to the mean of its
-texels. Distances of colours are measured in opacity, and in the root of light times it.
+texels. Colours are compared by opacity, and by opacity times the root of light.
 """
 
 from __future__ import annotations

@@ -204,7 +204,7 @@ class FrameFolder:
 
 @dataclass
 class Reel:
-    """A film that plays in a loop. No frame is skipped, so the film may be slower."""
+    """A film that plays in a loop. No frame is skipped, so slow rendering slows the film."""
 
     plans: Sequence[FramePlan]
     frames_per_second: float

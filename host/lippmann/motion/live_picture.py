@@ -75,7 +75,7 @@ class Encoder:
 
 #: Render time of a moving picture, s, above which a block of pixels gets one ray.
 QUICK_S = 0.06
-#: Number of timed pictures, because another program may slow one down.
+#: Number of timed pictures; the fastest one counts.
 TRIALS = 3
 MAX_BLOCK = 8
 #: Samples per pixel of each pass while the scene is at rest.
@@ -90,7 +90,7 @@ class LivePicture:
     def __init__(
         self, scene: Scene, display: Display, model: Model, settings: Settings, block: int | None = None
     ) -> None:
-        """Compile the programs. The speed determines a `block` of None. Raises errors of `Renderer`."""
+        """Compile the programs. If `block` is None, speed decides it. Raises errors of `Renderer`."""
         self._scene = scene
         self._panel = display.panel
         self._encoder = Encoder(display.panel)

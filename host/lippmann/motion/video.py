@@ -54,7 +54,7 @@ def write_video(
         codec += ["-vf", "scale=out_color_matrix=bt709:out_range=tv"]
         codec += ["-colorspace", "bt709", "-color_primaries", "bt709", "-color_trc", "iec61966-2-1"]
     with replacing(path) as partial:
-        place = f"file:{partial}"  # else ffmpeg takes a colon for a protocol, a dash for an option
+        place = f"file:{partial}"  # else a colon would mean a protocol, and a dash an option
         command = [ffmpeg, "-y", "-v", "quiet", *source, *codec, place]
         try:
             # ffmpeg has its own process group, so that Ctrl-C does not end ffmpeg.

@@ -34,8 +34,8 @@ def points_in_pixel(pixel: Arr, sample: Arr, samples: int, seed: Arr, number: Ar
     A hash of pixel and seed mirrors a pixel's points or exchanges their axes, so that
     errors differ between pixels, and partly between seeds. Random shifts of the points
     would make the error at a straight edge 1.1 to 1.4 times as large. In pass `number`
-    over a picture, the golden steps continue; golden steps also move each point within
-    1/N of the pixel's width.
+    over a picture, golden steps continue along one axis, and move each point by less
+    than 1/N of the pixel's width along the other.
     """
     if samples == 1:
         return mi.Float(0.5), mi.Float(0.5)

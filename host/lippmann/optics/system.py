@@ -120,8 +120,8 @@ class System:
     """The optical system of a display.
 
     `concave` means a capture's plano-concave lenslets, flat towards the panel and
-    `thickness_mm` thick at the vertex. For them, `exact` must trace rays, from the
-    panel.
+    `thickness_mm` thick at the vertex. Only the model `exact` traces rays through them,
+    from the panel.
     """
 
     frame: PanelFrame

@@ -176,8 +176,8 @@ def trace_to_panel(
     """Trace rays from the world, (N, 3) origins in mm and (N, 3) unit directions, to the panel.
 
     A ray has missed if its |dz| is below `FLATTEST`, or if it meets the array beyond
-    `FARTHEST_LENSLETS`. Raises `trace`'s errors, and InputError for lengths other than
-    1.
+    `FARTHEST_LENSLETS`. Raises `trace`'s errors, and InputError for directions that are
+    not of length 1.
     """
     check_choice("model", model, MODELS)
     origins = columns("origin_mm", origin_mm, 3, MAX_LENGTH_MM)

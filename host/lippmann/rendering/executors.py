@@ -35,8 +35,8 @@ logger = logging.getLogger("lippmann")
 ANSWER_S = 10.0
 #: Time in s after which the log reports that no worker is left.
 ALONE_S = 5.0
-#: Time in s without a heartbeat after which other workers get a worker's bands, or
-#: without any local worker after which the render ends.
+#: Time in s after which other workers get the bands of a worker that sends no
+#: heartbeat, and after which a render ends if no local worker is left.
 STOPPED_WORKER_S = 30.0
 #: Bands submitted per worker thread: one is rendered, one waits.
 AHEAD = 2
@@ -206,7 +206,7 @@ def _give_up_stopped_workers(client: Client, heartbeats: dict[str, tuple[float, 
 @contextlib.contextmanager
 def local_workers(count: int) -> Iterator[tuple[str, Security]]:
     """Start local workers; yield the scheduler's address and TLS keys. Raises MissingLibraryError."""
-    # Dask runs any code that it receives: it gets only loopback, with TLS.
+    # Dask runs any code that it receives, so it listens only on loopback, with TLS.
     try:
         import dask
         from distributed import LocalCluster, Security

@@ -25,7 +25,7 @@ Trial = tuple[Radiance, Radiance, float]
 CACHE_DB = 45.0
 #: Minimum number of rays per point of the cache for shading "auto".
 RAYS_A_POINT = 4
-#: Minimum lamps for the cache: for one, a trial costs too much (reports/shading.md).
+#: Minimum lamps for the cache: for one lamp, a trial costs too much (reports/shading.md).
 MIN_LAMPS = 2
 #: Image parts along each axis that the cache's trial compares.
 TRIAL_PARTS = 4
@@ -42,7 +42,7 @@ MIN_RAYS = 1 << 21
 MAX_UNCACHED = 0.5
 #: Pattern of spot lights with an image; other spot lights have a uniform spectrum.
 SPOT_PICTURE = re.compile(r"texture = (?!UniformSpectrum)")
-#: Maximum number of lamps: a bit each of a cache point's 32, beside `shading.COMPUTED`.
+#: Maximum number of lamps: a cache point has 32 bits, one per lamp and `shading.COMPUTED`.
 MAX_LAMPS = 31
 #: Mitsuba's classes of lamps whose irradiance is almost linear between points.
 LAMPS = ("PointLight", "SpotLight", "DirectionalEmitter")

@@ -31,7 +31,7 @@ class Settings:
     seed: int = 0
     #: Memory limit, MB. None means 80 % of the free memory.
     memory_mb: float | None = None
-    #: Diffuse light is from an irradiance cache ("shared") or computed by ray ("each").
+    #: Diffuse light is from an irradiance cache ("shared") or computed per ray ("each").
     #: "auto" uses the cache if it is faster and a trial finds it accurate.
     shading: Shading = "auto"
     #: Maximum points of the cache. None means 2^22, or fewer with shading "auto".

@@ -261,7 +261,7 @@ class Job:
         """Return a plan, for all processes if `portable`. Raises errors of `arranged` and `Renderer`."""
         # Other processes and kept bands identify the scene by its files.
         scene = place_scene(self.scene, self.display, self.arrange)
-        path = scene.path.absolute()  # keep links: files beside them are read
+        path = scene.path.absolute()  # keep links: files beside a link are read
         if portable and not path.exists():
             raise InputError("a scene in memory can neither be shared with workers nor be kept; give a scene file")
         # The model is chosen, so the tolerance must not change the plan's identity.

@@ -196,7 +196,7 @@ class Renderer:
         filtered = self._filtered and self._pass == 0
         sums = PixelFilter(self._source, self._samples, rows) if filtered else None
         lost = []
-        # Chunks have equal sizes, and a fixed cost, because Dr.Jit visits all shapes.
+        # Use few chunks of equal size: each has a fixed cost, because Dr.Jit visits all shapes.
         chunks = max(1, math.ceil(tiles / self._tiles_per_chunk - CHUNK_SLACK))
         size = -(-tiles // chunks)
         for first in range(0, tiles, size):
@@ -216,7 +216,7 @@ class Renderer:
         """Render tiles into `sums`, or into `planes` if `sums` is None; return numbers of lost samples."""
         pixels = count * TILE_PX * TILE_PX
         index = dr.arange(mi.UInt32, pixels * self.rays)
-        # Values that change between chunks are opaque, for Dr.Jit compiles literals.
+        # Values that change between chunks are opaque: a new literal needs a new program.
         first = dr.opaque(mi.UInt32, rows.start // TILE_PX * self._across + first_tile)
         seeds = Seeds(*(dr.opaque(mi.UInt32, value) for value in (self._seed, self._pass)))
         dr.make_opaque(index)
@@ -234,7 +234,7 @@ class Renderer:
 
 def radiance_of(planes: list[Jit], width: int) -> Radiance:
     """Return colour planes as an image (rows, width, 3), which may share Dr.Jit's memory."""
-    # Other threads need a copy: freeing Dr.Jit's memory, they may wait for ever.
+    # Other threads need a copy: a thread that frees Dr.Jit's memory may wait for ever.
     return np.asarray(dr.ravel(mi.Color3f(planes))).reshape(-1, width, 3)
 
 

@@ -70,7 +70,7 @@ class RaySource:
 
 
 def owner_number(i: Jit, j: Jit) -> Jit:
-    """Return a number (UInt32) for lenslet (i, j); neighbouring lenslets have other numbers."""
+    """Return a number (UInt32) for lenslet (i, j); neighbouring lenslets have different numbers."""
     return mi.UInt32(mi.Int32(i)) * 0x10001 + mi.UInt32(mi.Int32(j))
 
 

@@ -251,7 +251,7 @@ class CachedProgram(Program):
 
     def trial(self, index: Jit, first: Jit, seeds: Seeds, pose: Pose, samples: int) -> tuple[Radiance, Radiance, float]:
         """Return radiance (pixels, 3) with and without the cache, and the fraction of uncached samples."""
-        # Samples without the cache are black in both arrays.
+        # Samples whose light is not cached are black in both arrays.
         weight, place, fate, *_ = self._met(index, first, seeds, pose, self._parts, self.cache.lattices)
         cached = fate == CACHED
         radiances = []

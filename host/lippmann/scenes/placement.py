@@ -182,7 +182,7 @@ def fitting(low: Matrix, high: Matrix, display: Display) -> Placement:
     far, near = display_properties(display).depth_range_mm
     middle = 0.5 * (far + near)
     x, y, z = (float(side) for side in high - low)
-    # The box's front, z = middle + scale z / 2, must be in the pyramid eye to panel.
+    # The box's front, z = middle + scale z / 2, must be in the pyramid from eye to panel.
     widths = ((side, panel_side) for side, panel_side in ((x, panel.width_mm), (y, panel.height_mm)))
     scales = [full * (1.0 - middle / eye) / (side + 0.5 * full * z / eye) for side, full in widths if side + z > 0.0]
     scale = min([*scales, (near - far) / z] if z > 0.0 else scales)

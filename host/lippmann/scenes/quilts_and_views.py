@@ -171,7 +171,7 @@ def _read_by_pillow(path: Path, count: int) -> Radiance:
 
 #: Pattern of the tiling in a quilt's name: columns, rows, aspect of a view.
 TILING = re.compile(r"_qs([1-9][0-9]{0,2})x([1-9][0-9]{0,2})a([0-9]{1,4}(?:\.[0-9]{1,9})?)$")
-#: Angles of Looking Glass' cameras, degrees: between the outermost, and of the height.
+#: Looking Glass' angles, degrees: between the outermost cameras, and a camera's vertical field.
 CONE_DEG, FIELD_DEG = 40.0, 14.0
 EYES_KEY = "eyes"
 

@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 
 #: A bounding box: the corners with the lowest and the highest x, y, z, (3,) each.
 Box = tuple[Matrix, Matrix]
-#: Size of surroundings on each axis: at least this many times all other shapes.
+#: Minimum size of surroundings on each axis, divided by that of all other shapes.
 SURROUNDS = 3.0
 #: Box around most splats: percentiles, relative margin, a splat's extent in sigmas.
 STRAY_PERCENT, STRAY_REACH, SIGMAS = (5.0, 95.0), 0.25, 3.0
