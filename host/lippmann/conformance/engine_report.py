@@ -131,7 +131,7 @@ def errors(truth: Rays, rays: Rays, depths_mm: Pair) -> dict[str, float]:
 
 
 def random_rays(display: Display, aperture: Aperture, count: int, seed: int) -> PanelRays:
-    """Return rays from random pixel centres; the widest words represent their aperture points exactly."""
+    """Return rays from random pixel centres, with aperture points that the widest words hold exactly."""
     panel, random = display.panel, np.random.default_rng(seed)
     pixels = np.float64(0.5) + random.integers((0, 0), panel.size_px, (count, 2))
     if aperture == "chief":

@@ -42,7 +42,7 @@ FIELDS = {
 BESIDE = ((1, 0), (-1, 0), (0, 1), (0, -1), (1, 1), (-1, -1))
 
 TIE_RULE = "cells closed on their other side (tie rule)"
-#: Name of the parameter that changes index and radius together, at constant focal length.
+#: Name of the parameter that changes index and radius, at constant focal length.
 GLASS = "another glass, of the same focal length: array.index"
 #: Exceptions from a fault that makes the display or all rays invalid.
 NO_RAYS = (LippmannError, ValueError, ZeroDivisionError)

@@ -35,7 +35,7 @@ _convert_number = mp.npconvert
 
 
 def _convert(value: Any) -> Digits:
-    # Raise here: mpmath itself would format the array in an error message, for each product.
+    # Raise first: for each product, mpmath would format the array in a message.
     if isinstance(value, np.ndarray) and value.ndim:
         raise TypeError("an array is not a number")
     return _convert_number(value)

@@ -15,7 +15,7 @@ from lippmann.optics.rays import ENGINES, MODELS
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-#: Colour palette of Okabe and Ito, for readers with any colour vision.
+#: Colour palette of Okabe and Ito.
 COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#000000")
 MARKS = ("o", "s", "^", "x", "D", "v", "+")
 

@@ -162,7 +162,7 @@ def _write_header(top: Path, entries: list[Entry], fraction_bits: int, about: Ma
 
 # ---- reading of files of rays ----
 
-#: Names of the arrays of input rays; each array has two columns.
+#: Names of the input arrays; each array has two columns.
 INPUT_ARRAYS = ("pixel", "aperture_mm")
 
 

@@ -408,7 +408,7 @@ def both_pitches(pitch_mm: Pitch) -> Pair:
 
 
 def plain_pitch(pitch_mm: Pitch) -> Pitch:
-    """Replace two equal pitches by one number, so that both forms have the same identity."""
+    """Replace two equal pitches by one number, so that both have the same identity."""
     return pitch_mm[0] if isinstance(pitch_mm, tuple) and len(set(pitch_mm)) == 1 else pitch_mm
 
 

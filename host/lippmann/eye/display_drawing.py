@@ -31,11 +31,11 @@ CLOSE = 4.0
 MARKS = 30.0
 #: Maximum width, pixels, of a close-up that shows its pixels.
 MAX_PIXELS = 150
-#: Eye distances in the drawing of zones, in viewing distances.
+#: Eye distances in `draw_zones`, in viewing distances.
 HEIGHTS = np.linspace(0.2, 3.0, 15)
-#: Number of eyes at each distance in the drawing of zones.
+#: Number of eyes at each distance in `draw_zones`.
 PLACES = 41
-#: Number of rays per eye in the drawing of zones.
+#: Number of rays per eye in `draw_zones`.
 MAP_RAYS = 256
 
 

@@ -154,7 +154,7 @@ def observe(
 def _emitted_light(b: DrJitBackend, panel: Panel, look_up: LookUp, hits: PixelHits, visible: Arr) -> list[Arr]:
     column = mi.UInt32(dr.clip(dr.floor(hits.u), 0, panel.width_px - 1))
     row = mi.UInt32(dr.clip(dr.floor(hits.v), 0, panel.height_px - 1))
-    # If the look-up evaluates the hits, the code below does not trace the rays again.
+    # The look-up may evaluate the hits; then the code below need not trace again.
     colour = look_up(visible, column, row, hits)
     if panel.black:
         colour = [dr.select(visible, panel.black + (1.0 - panel.black) * c, 0.0) for c in colour]

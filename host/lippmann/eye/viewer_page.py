@@ -86,7 +86,7 @@ def eye_reach_mm(display: Display) -> float:
 
 
 def focus_reach_mm(display: Display) -> float:
-    """Return the maximum focus depth, mm: twice the depth range's near end, at most 90 % of the nearest eye's z."""
+    """Return the maximum focus depth, mm: twice the depth range's near end, but behind the nearest eye."""
     return _round_up(min(2.0 * depth_reach_mm(display)[1], 0.9 * DISTANCES[0] * viewing_distance(display)))
 
 

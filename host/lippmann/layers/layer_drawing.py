@@ -226,7 +226,7 @@ class LayerPlan(Plan):
         else:
             from lippmann.simulation import harness  # only rtl needs it
 
-            # Threads suffice: the simulators run outside Python's global lock.
+            # The simulators run outside Python's global lock.
             panel = draw(*args, harness.rtl_pipeline, harness.rtl_scene, processor_count(), rows)
         return decode(panel / np.float64(255.0), display.panel.transfer), []
 

@@ -140,7 +140,7 @@ def save_layers(path: str | Path, stack: LayerStack, names: Sequence[str] = ()) 
     former_pictures = _written_pictures(file)
     for picture, layer in zip(pictures, stack.layers, strict=True):
         _write_png(picture, layer)
-    write_file(file, _layers_text(stack, names))  # written after the pictures
+    write_file(file, _layers_text(stack, names))
     for picture in former_pictures:
         if picture.stem.casefold() not in used_names:
             picture.unlink(missing_ok=True)

@@ -48,7 +48,7 @@ REACH_RAYS = 101
 DEPTH_RAYS = (256, 192)
 #: Texels across and down of a trial view that finds a slab's area.
 TRIAL_RAYS = (128, 96)
-#: Samples per texel of a trial view that finds a slab's area.
+#: Samples per texel of a trial view.
 TRIAL_SAMPLES = 4
 #: Minimum number of texels that a layer continues under a nearer layer.
 EDGE_TEXELS = 2.0
@@ -409,7 +409,7 @@ def partition(values: Floats, weights: Floats, count: int) -> list[int]:
     """Split ordered values into `count` runs of minimum weighted variance; return the runs' ends."""
     n = len(values)
     sums = [np.concatenate([[0.0], np.cumsum(weights * values**power)]) for power in range(3)]
-    # `runs[end - 1][start]` is the weighted sum of squared deviations of values[start:end].
+    # `runs[end - 1][start]` is the weighted squared deviation of values[start:end].
     runs = []
     for end in range(1, n + 1):
         w, m, q = (one[end] - one[:end] for one in sums)

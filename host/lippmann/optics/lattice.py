@@ -105,7 +105,6 @@ class Lattice:
             return x, y
         px, py = self.pitches_mm
         row = self.half_sqrt3 * py if self.grid == "hex" else py
-        # The limits are the centres of the outermost rows and outermost lenslets.
         along, across = 0.5 * (self.half_steps[0] - 1) * px, (self.half_steps[1] // 2) * row
         y = np.clip(y, -across, across)
         return self.sheared(np.clip(x - self.shear * y, -along, along), y)

@@ -22,14 +22,14 @@ from lippmann.optics.sample_points import R2_STEPS
 from lippmann.optics.system import System
 from lippmann.optics.trace import trace_to_panel
 
-#: Eye distance, mm, that is assumed for a display without a viewing distance.
+#: Eye distance, mm, assumed for a display without a viewing distance.
 VIEWING_DISTANCE_MM = 600.0
 #: Maximum coordinate of an eye, mm: a thousand kilometres.
 FARTHEST_EYE_MM = 1e9
 TOO_FAR = f"eye: is farther away than {FARTHEST_EYE_MM:g} mm; give its position in mm, such as 0,0,600"
-#: Number of rays by which an eye's crosstalk is measured.
+#: Number of rays that measure an eye's crosstalk.
 SHARE_RAYS = 1 << 13
-#: Numbers of lenslets, across and down the panel, that are tested for crosstalk.
+#: Numbers of lenslets tested for crosstalk, across and down the panel.
 LENSLETS = (5, 3)
 #: Tested points: fraction of the way to a cell's rim, fraction of the rim's height.
 POINTS = ((0.6, 0.0), (0.95, 0.0), (0.95, 1.0), (0.99, 0.0), (0.99, 1.0))

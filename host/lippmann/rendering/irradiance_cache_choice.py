@@ -21,22 +21,22 @@ from lippmann.scenes.scene import Scene
 
 #: Radiance (pixels, 3) with and without the cache, and fraction of uncached samples.
 Trial = tuple[Radiance, Radiance, float]
-#: Minimum PSNR in dB of the cache's trial for shading "auto".
+#: Minimum PSNR in dB of a trial for shading "auto".
 CACHE_DB = 45.0
 #: Minimum number of rays per point of the cache for shading "auto".
 RAYS_A_POINT = 4
 #: Minimum lamps for the cache: for one lamp, a trial costs too much (reports/shading.md).
 MIN_LAMPS = 2
-#: Image parts along each axis that the cache's trial compares.
+#: Image parts along each axis that a trial compares.
 TRIAL_PARTS = 4
-#: Rays per colour in the cache's trial. 2^18 rays would need another recording if a
+#: Rays per colour in a trial. 2^18 rays would need another recording if a
 #: texture has 2^18 values.
 TRIAL_RAYS = 28 * 28 * 256
-#: Maximum samples per pixel in the cache's trial.
+#: Maximum samples per pixel in a trial.
 TRIAL_SAMPLES = 4
-#: Seed of the tile positions in the cache's trial, for any seed of the render.
+#: Seed of the tile positions in a trial, for any seed of the render.
 TRIAL_SEED = 1
-#: Minimum number of rays in a picture for which a trial of the cache saves time.
+#: Minimum number of rays in a picture for which a trial saves time.
 MIN_RAYS = 1 << 21
 #: Maximum fraction of samples on surfaces without a lattice, to use the cache.
 MAX_UNCACHED = 0.5

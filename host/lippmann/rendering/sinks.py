@@ -30,7 +30,7 @@ from lippmann.rendering.renderer import finite_radiance
 logger = logging.getLogger("lippmann")
 #: Pattern of a kept band's file name: the picture's identity and the first row.
 BAND_NAME = re.compile(r"([0-9a-f]{16})-([0-9]{5})\.npy")
-#: Bytes of the CRC-32 that follows the rows in a kept band's file.
+#: Bytes of the CRC-32 after the rows in a kept band's file.
 CRC_BYTES = 4
 
 

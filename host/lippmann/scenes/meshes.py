@@ -427,7 +427,7 @@ def check_faces(path: Path) -> None:
             raise ValueError("an element has a negative count")
         try:
             data = plyfile.PlyData.read(str(path), known_list_len={"face": dict.fromkeys(LISTS, 3)})
-        except plyfile.PlyParseError:  # faces that are not triangles: read each list
+        except plyfile.PlyParseError:  # not triangles: read each list
             data = plyfile.PlyData.read(str(path), mmap=False)
         vertices = data["vertex"].count if "vertex" in data else 0
         faces = [data["face"][name] for name in LISTS if "face" in data and name in data["face"]]
