@@ -283,8 +283,8 @@ def _check_build(display: Display, build: Build, model: Model) -> None:
         off = abs(display.array.shear) * max(abs(y) for _, y in frame.corners)
         pixels = math.hypot(off * frame.cos / frame.pitch_mm[0], off * frame.sin / frame.pitch_mm[1])
         raise InputError(
-            f"this build is not for display '{display.name}': shear is False, and without array.shear = "
-            f"{display.array.shear:g} the lenslets at the panel's corner are {off:.3g} mm ({pixels:.3g} pixels) off; "
+            f"this build is not for display '{display.name}': shear is False, but array.shear = "
+            f"{display.array.shear:g} moves lenslets at the panel's corner by {off:.3g} mm ({pixels:.3g} pixels); "
             "build with shear = True"
         )
     converge = build.converge or display.viewing_distance_mm is not None

@@ -221,7 +221,7 @@ def _check_gltf(path: Path, kind: str, data: bytes, notes: list[str]) -> None:
 class _Textures:
     def __init__(self, folder: Path, source: Path) -> None:
         self._folder, self.source = folder, source
-        #: File names, keyed by picture id and use. A stored picture's id is not reused.
+        #: File names, keyed by picture id and use; a picture is stored to keep its id unique.
         self._written: dict[tuple[int, str, tuple[float, ...]], tuple[str, Image]] = {}
 
     def write(self, picture: Image, part: str, factor: Floats) -> str:
