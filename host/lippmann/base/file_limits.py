@@ -1,4 +1,4 @@
-"""Checks the size of a file, and the memory for its content before the allocation."""
+"""Checks a file's size, and before the allocation the memory that its content needs."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ SHARE = 0.8
 
 
 def read_limited(path: Path, max_bytes: int, remedy: str) -> bytes:
-    """Return a file's bytes; raise InputError for more than `max_bytes`, as from an endless device."""
+    """Return a file's bytes; raise InputError if a file or device supplies more than `max_bytes`."""
     data = bytearray()
     with path.open("rb") as stream:
         while part := stream.read(min(PART_BYTES, max_bytes + 1 - len(data))):

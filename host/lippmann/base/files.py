@@ -60,7 +60,7 @@ def _machine() -> str:
 
 
 def _life(pid: int) -> str:
-    """Hash a process's start time; return "" for an ended process, a constant without /proc."""
+    """Hash a process's start time; return "" if it has ended, a constant if /proc is missing."""
     if not Path("/proc/self/stat").exists():
         return "0" * 8
     try:
@@ -125,7 +125,7 @@ def no_space(where: object, why: str | None = None) -> NoSpaceError:
 
 
 def on_full_disk(path: Path) -> str | None:
-    """Append `PROBE_BYTES` to a file; return the system's message if the disk is full, else None."""
+    """Append `PROBE_BYTES` bytes to a file; return the system's message if the disk is full, else None."""
     try:
         with path.open("ab") as stream:
             stream.write(bytes(PROBE_BYTES))

@@ -39,12 +39,12 @@ HALF_MAX = 65504.0
 MAX_CHANNELS = 4
 #: Maximum size of a PNG's compressed texts, bytes; they may expand a thousandfold.
 MAX_TEXT_BYTES = 1 << 18
-#: OpenImageIO's names of transfer curves, for which it writes a PNG gamma chunk.
+#: OpenImageIO's names of the transfer curves for which it writes a PNG gamma chunk.
 COLOUR_SPACES = {"srgb": "sRGB", "gamma2.2": "Gamma2.2", "linear": "Linear"}
 #: Without row filters, PNG files are written three times as fast, and are not larger.
 PNG_SETTINGS = {"png:filter": 0x08, "png:compressionLevel": 2}
 PREFIX = "lippmann:"
-#: Maximum size of a metadata key (limit of PNG), and of all metadata (of TIFF), bytes.
+#: Maximum size of a metadata key (PNG's limit) and of all metadata (TIFF's), bytes.
 MAX_KEY_BYTES, MAX_METADATA_BYTES = 70, 60_000
 
 #: Linear radiance, (height, width, 3).
@@ -193,7 +193,7 @@ def _file_spec(
     elif suffix == ".exr":
         kind = oiio.HALF
     if suffix in (".tif", ".tiff"):
-        # In TIFF, an entry is a line of ImageDescription; a tab starts more lines.
+        # In TIFF, an entry is a line of ImageDescription; a tab continues the entry.
         lines = [f"{PREFIX}{key}={value}".replace("\n", "\n\t") for key, value in entries.items()]
         settings["ImageDescription"] = "\n".join(lines)
     else:
@@ -440,7 +440,7 @@ def _claimed_size(path: Path, refused: InputError) -> float:
         raise input_error(path, not_there(path), "give a PNG, JPEG or TIFF file")
     try:
         with warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # for large pictures and unusual metadata
+            warnings.simplefilter("ignore")  # about large pictures, unusual metadata
             with Image.open(path, formats=FORMATS) as picture:
                 if picture.format == "PNG" and not png_is_complete(path):  # a chunk may declare 4 GB
                     raise refused

@@ -95,7 +95,7 @@ def blocked_in_children() -> Iterator[None]:
 
     before = signal.pthread_sigmask(signal.SIG_BLOCK, ENDING)
     try:
-        resource_tracker.ensure_running()  # starts first, because its start unblocks signals
+        resource_tracker.ensure_running()  # start it first, because its start unblocks signals
         signal.pthread_sigmask(signal.SIG_BLOCK, ENDING)
         yield
     finally:

@@ -23,7 +23,7 @@ DEFAULT_FREE_MB = 4000.0
 
 
 def free_memory_mb() -> float:
-    """Return the smallest free memory, MB, of the machine and its control groups, with caches."""
+    """Return the minimum free memory, MB, of machine and control groups; caches count as free."""
     return min([proc_mb("meminfo", "MemAvailable") or DEFAULT_FREE_MB, *group_memory_mb()])
 
 

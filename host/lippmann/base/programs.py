@@ -21,7 +21,7 @@ GRACE_S = 5.0
 
 @contextlib.contextmanager
 def starting_python() -> Iterator[None]:
-    """Start child Pythons that do not import from the current folder or warn about semaphores.
+    """Start child Pythons that neither import from the current folder nor warn about semaphores.
 
     Dask's workers do not run the user's script, which may have no `__main__` guard.
     """
@@ -56,8 +56,8 @@ def run_program(
 ) -> subprocess.CompletedProcess[str]:
     """Run a program without input; return exit code and output, with undecodable bytes replaced.
 
-    A signal to this process first ends the program's process group. Raises OSError if
-    the program does not start, and subprocess.TimeoutExpired after `timeout_s`.
+    A signal ends the program's process group before KeyboardInterrupt. Raises OSError
+    if the program does not start, and subprocess.TimeoutExpired after `timeout_s`.
     """
     until = None if timeout_s is None else time.monotonic() + timeout_s
     with interrupts.hold_signals() as came:

@@ -33,7 +33,7 @@ DEEP_KEY = re.compile(rf"""(?<![\w-])(?:(?>[\w-]+|"[^"\n]*"|'[^'\n]*')[ \t]*+\.[
 
 Form = TypeVar("Form")
 Schema = dict[str, Any]
-#: Types of a table of a TOML file, declaration or schema, and of a value in the table.
+#: Types of a table (of a TOML file, declaration or schema) and of a value in it.
 Table = dict[str, Any]
 Value = Any
 #: Top-level keys, and the kind of file that each key indicates.

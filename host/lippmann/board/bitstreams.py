@@ -46,7 +46,7 @@ REMEDY = "give a file that make bitstream wrote"
 
 @dataclass(frozen=True)
 class BitFile:
-    """Header of a bitstream; without a text of `make bitstream`, it has only `idcode`."""
+    """Header of a bitstream; if `make bitstream` wrote no text, only `idcode` is set."""
 
     idcode: int
     board: str

@@ -35,7 +35,7 @@ def load_textures(
 ) -> tuple[Loaded, list[int]]:
     """Load a film's textures and the panel's transfer curve; return the counts and each layer's slot.
 
-    A shown scene stays on the panel unless its transfer curve differs. `progress`
+    A shown scene stays on the panel unless it uses another transfer curve. `progress`
     counts blocks. `where` names the film in messages. Raises InputError, before it
     sends anything, for layers that do not fit the build and for motion beyond a
     register's range. Raises DeviceError when too few slots are free, and the errors of
@@ -116,7 +116,7 @@ def play_film(
 
 
 def _show_first(scene: SceneBoard, display: Display, film: LayerFilm, slots: list[int], played: Played) -> None:
-    """Show the first frame; until then, keep a shown scene with equal lattice and background."""
+    """Show the first frame; until then, a shown scene stays if its lattice and background match."""
     stack, numbers = film.at(0)
     order = [slots[number] for number in numbers]
     is_shown = scene.status().is_shown

@@ -44,7 +44,7 @@ USUAL_TRANSFER, USUAL_BITS = "srgb", 8
 
 
 def panel_values(radiance: npt.NDArray[np.float32], transfer: Transfer, bits: int) -> Pixels:
-    """Encode linear radiance (height, width, 3) as panel values 0 to 255, also for fewer than 8 bits."""
+    """Encode linear radiance (height, width, 3) as values 0 to 255, also for panels of fewer than 8 bits."""
     return encoded_values(radiance, transfer, min(bits, LINK_BITS)).astype(np.uint8)
 
 
@@ -157,7 +157,7 @@ def _tones_of(panel: Panel) -> Tones:
 
 
 def _tones_in(name: str, metadata: Mapping[str, str], encoded: bool) -> Tones:
-    """Return the tones in metadata. Version 0.1 wrote no bits, and a curve only to PNG files."""
+    """Return the tones in metadata. Lippmann 0.1 wrote no bits, and the curve only to PNG files."""
     bits = metadata.get("bits")
     if bits is not None and (len(bits) > 2 or not bits.isdecimal() or not 1 <= int(bits) <= 16):
         raise input_error(name, f"'{bits[:20]}' is not a panel's number of bits", "render it again")

@@ -152,7 +152,7 @@ def _send_tiles(
     progress: Progress | None = None,
     window_bytes: int = WINDOW_BYTES,
 ) -> ReplyStatus:
-    """Send tiles; the board copies tiles that are `in_front`. Return OK, or STALE_EPOCH after a swap."""
+    """Send tiles; the board copies those `in_front` from its front buffer. Return OK, or STALE_EPOCH after a swap."""
     grid = session.info.grid
     refused: set[int] = set()
 

@@ -130,7 +130,7 @@ class Rays(NamedTuple):
 
 @dataclass(frozen=True)
 class Problem:
-    """A nominal display and each view's lenslets to fit; the parameters x concatenate `blocks`."""
+    """Data of a fit: nominal display, and each view's lenslets; the parameters x concatenate `blocks`."""
 
     display: Display
     projections: Sequence[LensProjection]
@@ -373,7 +373,7 @@ def _minimise(problem: Problem, x: Floats, weights: Weights, robust: bool) -> Fl
         slopes,
         x_scale="jac",
         loss="soft_l1" if robust else "linear",
-        f_scale=1.5,  # standard deviations above which soft_l1 is about linear
+        f_scale=1.5,  # standard deviations above which soft_l1 is nearly linear
         ftol=1e-8,  # stop below this relative change of the cost
         xtol=1e-12,
         gtol=1e-12,

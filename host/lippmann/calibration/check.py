@@ -4,7 +4,7 @@
 its inverse. Where array and display file differ, an eye at X sees the inverse.
 
 `3-rings` makes each lenslet white or black, depending on its distance from the panel's
-middle. An eye without crosstalk sees rings, with gaps where pixels belong to a wrong
+middle. Without crosstalk, an eye sees rings, with gaps where pixels belong to a wrong
 lenslet.
 """
 

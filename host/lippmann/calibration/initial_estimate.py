@@ -1,7 +1,7 @@
 """Number the lenslets equally for all camera positions, and estimate initial parameters.
 
-Each camera position numbers the lenslets from its own origin. A lenslet's panel point
-is offset from its centre by about the gap times the slope to the camera. The search
+Each camera position numbers the lenslets from its own origin. A panel point is offset
+from its lenslet's centre by roughly the gap times the slope to the camera. The search
 tries gaps around the nominal gap: with the correct gap, the lattices of all positions
 agree.
 """
@@ -84,7 +84,7 @@ def starts(
         moved = projection.traced(np.tile(aside / place[2], (len(gaps), 1)), gaps, ())[1]
         grown = projection.traced(np.tile([-1e-3, 0.0], (len(gaps), 1)), gaps, ())[1][:, :1] / 1e-3 / place[2] + 1.0
         zero = one.origin - moved
-        # A lenslet's distance is its panel point's distance divided by `grown`.
+        # The pose fits panel points; their lattice is `grown` times the lenslets'.
         true_place = np.hstack([zero + aside / grown, place[2] / grown])
         lattices.append((zero, one.basis / grown[..., None], true_place))
     zeros, bases, true_places = (np.stack(part, axis=1) for part in zip(*lattices, strict=True))

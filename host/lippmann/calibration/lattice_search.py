@@ -2,8 +2,8 @@
 
 A camera at C sees through the lenslet at L the paraxial panel point P = L (1 + D/Cz) -
 C D/Cz. D is the aperture distance. The points P are an affine image of the array's
-lattice. The search rotates and scales the nominal lattice to maximise the sum of exp(2
-pi i k . P) near the panel's middle. Least squares extend the result outwards.
+lattice. The search rotates and scales the nominal lattice (reciprocal vectors k) to
+maximise the sum of exp(2 pi i k . P) near the panel's middle. Least squares extend it.
 """
 
 from __future__ import annotations
@@ -58,7 +58,7 @@ class SeenLattice:
 
 
 def within(steps: Floats, grid: Grid, share: float) -> Bools:
-    """Return which lattice coordinates (..., 2) lie in the cell at 0, scaled by `share`."""
+    """Return which lattice coordinates (..., 2) lie in `share` times the cell at 0."""
     i, j = steps[..., 0], steps[..., 1]
     if grid == "square":
         return np.asarray(np.maximum(abs(i), abs(j)) < 0.5 * share)

@@ -131,7 +131,7 @@ def axes_at(angle_deg: float) -> Floats:
 
 
 def movement(display: Display, slopes: Floats, distance_mm: float) -> float:
-    """Return the panel points' movement per movement in the inner cell, for slopes (N, 2)."""
+    """Return the mean derivative of panel points by position in the inner cell, for slopes (N, 2)."""
     inner, at, arrives = inner_rays(display, slopes, distance_mm)
     inner, at = (one - means(one, arrives)[:, None] for one in (np.broadcast_to(inner, at.shape), at))
     moves = np.linalg.lstsq(inner[arrives], at[arrives], rcond=None)[0]
@@ -168,7 +168,7 @@ def _middles(display: Display, slopes: Floats, height_mm: float, distance_mm: fl
     axes = np.array([lattice.centre(1.0, 0.0), lattice.centre(0.0, 1.0)])
     to_steps, grown = np.linalg.inv(axes), 1.0 + display.aperture_distance_mm / distance_mm
     inside = _cell(display, MIDDLE, 12)
-    # Each slope gets other edge directions.
+    # Each slope uses different edge directions.
     angles = 2.0 * np.pi / EDGE_POINTS * (np.arange(EDGE_POINTS) + R2_STEPS[0] * np.arange(len(slopes))[:, None] % 1.0)
     ways = np.stack([np.cos(angles), np.sin(angles)], axis=2)
     middles = np.zeros_like(slopes)
@@ -176,7 +176,7 @@ def _middles(display: Display, slopes: Floats, height_mm: float, distance_mm: fl
         arrives, at = _trace_rays(display, slopes, middles[:, None] + inside, height_mm, distance_mm)
         fits = [_movement(inside[one] @ to_steps, at[k, one] @ to_steps / grown) for k, one in enumerate(arrives)]
         centre, moves, shift = (np.array(part) for part in zip(*fits, strict=True))
-        # The edge is nearer than 1.2 pitches.
+        # The edge is within 1.2 pitches of the middle.
         low, high = np.zeros(angles.shape), np.full(angles.shape, 1.2 * display.array.coarsest_mm)
         for _ in range(11):  # bisections
             half = 0.5 * (low + high)

@@ -90,7 +90,7 @@ def find_lit(path: Path, white: Light, black: Light, clipped: Bools) -> tuple[Li
     # Ignore camera pixels with less contrast.
     lit = span > 0.1 * bright
     clipped_share = float((clipped & lit).sum()) / max(1, int(lit.sum()))
-    # Pixels that are clipped even in black are not in `lit`; count all pixels too.
+    # `lit` lacks pixels that are clipped even in black; `overall` counts them too.
     overall = float(clipped.mean())
     if clipped_share > 0.2 or overall > 0.5:
         what = f"is overexposed: {100.0 * max(clipped_share, overall):.0f} % of the panel or photograph is clipped"

@@ -8,7 +8,7 @@ the cell or, if several pairs do, the nearest pair. Pixels that would leave the 
 stay in place.
 
 The centre of rotation is at most half a pixel from the lenslet's centre in x and y. On
-a square lattice without rotation, every pixel of a cell inside the image is rotated.
+a square lattice along the panel's edges, every pixel of a complete cell is rotated.
 """
 
 from __future__ import annotations

@@ -71,9 +71,9 @@ class LensPair:
         """Return the pair with the radius that gives a focal length f; raise ValueError if d > f.
 
         1/f = 2/F - d/F^2 for lenses of focal length F = R / (n - 1) whose inner
-        principal planes are d apart (Hecht, Optics, section 6.1). The curved face's
-        plane is at the vertex, the flat face's plane T/n inside, for radius R, index n,
-        thickness T.
+        principal planes are d apart (Hecht, Optics, section 6.1). With radius R, index
+        n and thickness T, these planes are at a curved face's vertex, and T/n inside a
+        flat face.
         """
         flats_inside = {"in": 0, "out": 2, "image": 1, "object": 1}[self.convex]
         d = self.separation_mm + flats_inside * self.thickness_mm / self.index

@@ -23,7 +23,7 @@ from lippmann.optics.sample_points import square_to_cell
 from lippmann.rendering.sampling import APERTURES, lines_from_pixels
 
 WHERE = "sensor 'integral'"
-#: Maximum relative difference of `to_world`'s singular values by float32 rounding.
+#: Maximum relative difference of `to_world`'s singular values from float32 rounding.
 SAME_SCALE = 1e-4
 
 
@@ -78,7 +78,7 @@ def _sensor_class() -> type:
         def sample_ray_differential(
             self, time: Arr, sample1: Arr, sample2: Arr, sample3: Arr, active: Arr = True
         ) -> tuple[Arr, Arr]:
-            """Return `sample_ray`'s rays without differentials: adjacent rays may pass other lenslets."""
+            """Return `sample_ray`'s rays without differentials: adjacent rays may pass different lenslets."""
             ray, weight = self.sample_ray(time, sample1, sample2, sample3, active)
             return mi.RayDifferential3f(ray), weight
 

@@ -73,7 +73,7 @@ def _plano_convex(pair: LensPair, faces: tuple[Face, ...], origin_mm: float) -> 
         f"interior {{ ior {number(pair.index)} }} no_shadow",
     )
     hole = f"{vector((0, 0, ends[1]))}, z, {number(STOP_MM)}, {number(radius)}"
-    # The stop is not reflected in the scene, because it covers half of all directions.
+    # Scene surfaces must not reflect the stop, which covers half of all directions.
     stop = f"disc {{ {hole} {BLACK} no_shadow no_reflection }}"
     return f"{solid}\n{stop}"
 

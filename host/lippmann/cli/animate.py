@@ -32,7 +32,7 @@ from lippmann.scenes.placement import SCALE_RANGE, warn_if_unplaced
 from lippmann.scenes.scene import check_scene_file
 
 MAX_VIEW_PX = 4096
-#: Maximum frame rate of a GIF, Hz; viewers show each frame 20 ms or more.
+#: Maximum frame rate of a GIF, Hz; viewers show each frame for at least 20 ms.
 GIF_SPEED = 50.0
 
 

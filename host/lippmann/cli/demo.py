@@ -170,7 +170,7 @@ def _views(scene: Scene, image: IntegralImage, out: Path) -> tuple[list[Direct],
     captions = [f"through the lenslets, eye at x = {eye.position_mm[0]:+.0f} mm" for eye in eyes[three]]
     pictures = views[three] + [direct.radiance for direct in directs]
     write_contact_sheet(out / "views.png", pictures, captions + ["the scene itself"] * 3)
-    # A view resolves one pixel per lenslet.
+    # The PSNR is measured on views with one pixel per lenslet.
     panel_views = map(image_viewer(image, coarse, VIEW_SAMPLES), eyes[three])
     scene_views = map(scene_viewer(scene, coarse, Settings(samples=VIEW_SAMPLES)), eyes[three])
     return directs, list(map(psnr_db, panel_views, scene_views))

@@ -94,7 +94,7 @@ class Declared:
             attributes["required"] = kind is not bool
         if attributes["type"] is None:
             attributes["type"] = Choice(get_args(kind)) if get_origin(kind) is Literal else KINDS.get(kind, kind)
-        # The shell completes file names, as a text may be one.
+        # The shell also completes file names for texts, which may be file names.
         if attributes["type"] is str or getattr(attributes["type"], "form", "") in ("FILE", "FOLDER"):
             attributes["shell_complete"] = lambda *_: [CompletionItem("", type="file")]
         if self.flag is None:
@@ -124,7 +124,7 @@ def make_command(name: str, into: click.Group | None = None) -> Callable[[Functi
 
     def decorate(function: Function) -> click.Command:
         def callback(**values: object) -> object:
-            # Files are not read during parsing; a `functools.partial` reads its file here.
+            # A file is read here, not during parsing, by a `functools.partial`.
             read = {name: value() if isinstance(value, functools.partial) else value for name, value in values.items()}
             return _call(function, read)
 

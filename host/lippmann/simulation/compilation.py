@@ -50,8 +50,8 @@ class RtlError(LippmannError):
 def cached_file(path: Path, inputs: Iterable[Path | str], make: Callable[[Path], None], suffix: str = "") -> Path:
     """Return the path of a cached file; if it is missing, `make` writes it completely or not at all.
 
-    One process makes the file and the others wait. The file name is that of `path`, a
-    hash of inputs (texts, file contents), processor and Verilator, and the suffix.
+    One process makes the file and the others wait. The file name consists of `path`'s
+    name, a hash (of inputs, processor and Verilator), and the suffix.
     """
     always = " ".join(sorted(features())) + verilator_version()
     key = hashlib.sha256(always.encode() + Path(__file__).read_bytes())

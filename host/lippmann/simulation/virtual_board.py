@@ -137,7 +137,7 @@ def check_free(tcp_port: int) -> None:
 
 
 def board_build(display: Display, scene: SceneBuild | None = None, fraction_bits: int | None = None) -> Build:
-    """Return the RTL parameters of a display's optics; `cross_cells` is set for speed.
+    """Return the RTL parameters of a display's optics; `cross_cells` is set, as this simulates faster.
 
     F is `fraction_bits`, by default 18 for a board that draws nearest texels, else 16.
     """
@@ -266,7 +266,7 @@ def start(display: Display, **options: Unpack[BoardOptions]) -> RunningBoard:
 def _remove_dead_lines(place: Path) -> None:
     """Remove the sockets and tokens of killed boards, which have no listening process.
 
-    The system's tables list listeners; a test connection would replace a program.
+    A test connection would disconnect a program; the system's tables list listeners.
     """
     # List the files before the listeners: a board may start meanwhile.
     there = [*place.glob("board-*.sock"), *place.glob("tcp-*.token")]
