@@ -125,7 +125,7 @@ def no_space(where: object, why: str | None = None) -> NoSpaceError:
 
 
 def on_full_disk(path: Path) -> str | None:
-    """Append `PROBE_BYTES` bytes to a file; return the system's message if the disk is full, else None."""
+    """Append `PROBE_BYTES` bytes to a file; return the system's message if the disk is full."""
     try:
         with path.open("ab") as stream:
             stream.write(bytes(PROBE_BYTES))

@@ -153,7 +153,7 @@ def write_picture(
 
 
 def describe_wrong(radiance: Rows, negative: bool = False, first_row: int = 0) -> str:
-    """Describe number and first position of NaN, infinite or negative values; return "" if none."""
+    """Describe number and first position of NaN, infinite or negative values; "" if none."""
     count, place = 0, ""
     for first in range(0, radiance.shape[0], BAND_ROWS):
         rows = radiance[first : first + BAND_ROWS]

@@ -65,7 +65,7 @@ def proc_mb(file: str, entry: str) -> float | None:
 
 
 def peak_memory_mb() -> float:
-    """Return the peak memory of this process so far, MB, or 0 if the system does not report it."""
+    """Return the peak memory of this process so far, MB, or 0 if unknown."""
     # Prefer /proc, because `getrusage` includes the memory of the parent process.
     if (peak := proc_mb("self/status", "VmHWM")) is not None:
         return peak

@@ -231,7 +231,7 @@ def read(form: Callable[..., Form], raw: Mapping[str, Value], source: str) -> Fo
     try:
         read: Form = msgspec.convert(raw, form, dec_hook=_path)
         return read
-    except InputError as error:  # a __post_init__ raises this class
+    except InputError as error:  # raised by a __post_init__
         raise InputError(f"{source}: {error}") from None
     except msgspec.ValidationError as error:
         # A msgspec message ends with the key: "at `$.object[0].keys[1].frame`".

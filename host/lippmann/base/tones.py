@@ -116,7 +116,7 @@ def encoded_values(radiance: Numbers, transfer: Transfer, bits: int) -> npt.NDAr
     for first in range(0, len(values), BAND_ROWS):
         rows = slice(first, first + BAND_ROWS)
         level = np.rint(encode(radiance[rows], transfer) * levels)
-        # Double precision avoids rounding the levels of 9 to 15 bits twice.
+        # In single precision, levels of 9 to 15 bits would be rounded twice.
         values[rows] = np.rint(level * np.float64(np.iinfo(kind).max / levels))
     return values
 

@@ -81,7 +81,7 @@ class Board(Session):
         return FixedRays(*out.T)
 
     def sign(self, rays: int) -> tuple[int, int]:
-        """Trace a frame of about `rays` rays; return the number of rays and their CRC-32.
+        """Trace a frame of roughly `rays` rays; return their exact number and CRC-32.
 
         A time-out or Ctrl-C aborts the frame.
         """
@@ -226,7 +226,7 @@ def check_rays(board: Board, display: Display, columns: tuple[int, int], rows: t
 
     `columns` and `rows` give the region's first and last pixel, counted from the
     panel's top left. Raises InputError for a region outside the panel, and for a
-    display that the board's optics do not support.
+    display that the optics do not support.
     """
     panel = display.panel
     frame = Raster(*panel.size_px, columns, rows)
@@ -271,7 +271,7 @@ def find_board(
 
     Other devices may react to a search. Therefore, if `urls` is None, only known USB
     adapters and this user's virtual boards are tried first. If no board answers, the
-    other ports are tried, but only if `allowed`, called with their list, returns True.
+    others are tried if `allowed`, called with their list, returns True.
     """
     first_urls = [*adapter_ports(), *own_boards()] if urls is None else list(urls)
     other_urls = [url for url in ports() if url not in first_urls] if urls is None else []

@@ -158,7 +158,7 @@ class SceneBoard:
         return self.crcs(slot) == list(map(zlib.crc32, _cut(content)))
 
     def free_slots(self, contents: Sequence[bytes]) -> list[int]:
-        """Return a slot for each content: a slot that has the content already, or a writable slot.
+        """Return a slot for each content: one that has it already, or a writable slot.
 
         Raises DeviceError if too few slots are available.
         """

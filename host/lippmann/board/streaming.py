@@ -65,7 +65,7 @@ class Sent:
 
     @property
     def overhead(self) -> float:
-        """Ratio of all other bytes on the line to the bytes of coded tiles."""
+        """Bytes on the line besides coded tiles, per byte of coded tiles."""
         return self.wire_bytes / self.payload_bytes - 1.0 if self.payload_bytes else 0.0
 
 

@@ -130,7 +130,7 @@ class Rays(NamedTuple):
 
 @dataclass(frozen=True)
 class Problem:
-    """Data of a fit: nominal display, and each view's lenslets; the parameters x concatenate `blocks`."""
+    """Data of a fit: nominal display, each view's lenslets; the parameters x concatenate `blocks`."""
 
     display: Display
     projections: Sequence[LensProjection]
@@ -173,7 +173,7 @@ class Problem:
         return x[ends[block] - len(self.blocks[block]) : ends[block]]
 
     def packed(self, **parts: npt.ArrayLike) -> Floats:
-        """Build the parameter vector x from these blocks; the parameters of other blocks are 0."""
+        """Build the parameter vector x from these blocks; other parameters are 0."""
         zeros = {block: np.zeros(len(names)) for block, names in self.blocks.items()}
         return np.concatenate([np.ravel(part) for part in (zeros | parts).values()])
 

@@ -191,7 +191,7 @@ class AxisCode:
         return abs(self.wave) * np.float32(4.0 / self.patterns.steps)
 
     def points(self) -> tuple[Singles, npt.NDArray[np.bool_]]:
-        """Return each camera pixel's panel coordinate, pixels, and whether the coordinate is reliable."""
+        """Return each camera pixel's panel coordinate, pixels, and whether it is reliable."""
         points = self.patterns.point(np.angle(self.wave), self.patterns.half_of(self.code))
         # A weaker cosine is noise. At a Gray code edge, one bit is doubtful.
         good = (self.amplitude > 0.2) & (self.doubtful <= 1)

@@ -124,7 +124,7 @@ NEIGHBOURS = 0.8
 
 @dataclass(frozen=True)
 class Readings:
-    """Panel points (M, 2), their positions (M, 2) in the cell, pitches, and their lenslets (M,), sorted."""
+    """Panel points (M, 2), their positions (M, 2) in the cell, pitches, and lenslets (M,), sorted."""
 
     panel_px: npt.NDArray[np.float32]
     local: npt.NDArray[np.float32]
@@ -149,8 +149,7 @@ class Lenslets:
     cell_px: Floats
     #: Derivative (2, 2) of the cell position, pitches, by photograph pixel.
     steps: Floats
-    #: Derivative (N, 2, 2) of panel points by cell position, mm per pitch, and its
-    #: mean.
+    #: Derivative (N, 2, 2) of panel points by cell position, mm per pitch; its mean.
     moves: Floats
     spread: Floats
     #: Fraction of camera pixels that see the lenslet in whose outline they lie.

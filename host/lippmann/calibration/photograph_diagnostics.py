@@ -81,7 +81,7 @@ def fit(samples: Samples, pitch_px: float) -> Fit:
 
 
 def find_lit(path: Path, white: Light, black: Light, clipped: Bools) -> tuple[Light, Bools]:
-    """Return white minus black, and which pixels see the panel; refuse a dark or a clipped photograph."""
+    """Return white minus black, and which pixels see the panel; refuse dark or clipped photographs."""
     span = white - black
     bright = float(np.percentile(span.ravel()[:: max(1, span.size // 200_000)], 95.0))
     if bright < 0.02:

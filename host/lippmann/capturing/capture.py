@@ -162,7 +162,7 @@ class CapturedRays(NamedTuple):
 
 
 def system_of(setup: Setup) -> System:
-    """Return the optics of the captured array; pixels have the same lenslets as in the display."""
+    """Return the optics of the captured array; each pixel has the same lenslet as in the display."""
     convergence = System.of(setup.display).convergence
     return replace(System.of(setup.captured), concave=setup.concave, convergence=convergence)
 

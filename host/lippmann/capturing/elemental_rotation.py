@@ -102,7 +102,7 @@ def _pairs(display: Display, cells: Cells, width: int, height: int) -> tuple[Ind
     stays = np.zeros(len(pixel), bool)
     for step in itertools.product((0, -1, 1), repeat=2):
         far = np.abs(nearest + step - exact)
-        # Pairs (m, n) near the ideal are first; a cell that keeps all pixels is done.
+        # Pairs (m, n) near the ideal are tried first, until a cell keeps all pixels.
         candidates = (far.max(axis=1) <= 1.0 + ROUNDING) & (count < cell_size)
         if not candidates.any():
             continue
@@ -123,5 +123,5 @@ def _pairs(display: Display, cells: Cells, width: int, height: int) -> tuple[Ind
 
 
 def rotated(picture: npt.NDArray[Any], partner: Indices) -> npt.NDArray[Any]:
-    """Exchange the pixels of a picture (height, width, channels) according to a `rotation_map`."""
+    """Exchange the pixels of a picture (height, width, channels) by a `rotation_map`."""
     return np.take(picture.reshape(-1, picture.shape[-1]), partner, axis=0).reshape(picture.shape)

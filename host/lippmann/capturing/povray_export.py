@@ -93,7 +93,7 @@ def write_folder(scene: Scene, view: View, folder: Path) -> Exported:
 
 
 def export_display(scene: Scene, display: Display, model: Model, folder: Path) -> Exported:
-    """Write the scene, and a camera of one ray per display pixel, traced by the golden engine.
+    """Write the scene, and a camera whose rays, one per display pixel, the golden engine traces.
 
     POV-Ray traces the rays from in front of the scene towards the display. Raises
     InputError for sub-pixels, too many pixels, and scene parts that POV-Ray cannot

@@ -80,7 +80,7 @@ class Item:
         return np.eye(4) if value is None else np.array(value.matrix, np.float64).reshape(4, 4)
 
     def child(self, name: str) -> Item | None:
-        """Return the object to which a property refers; return None if the property is a value."""
+        """Return the object to which a property refers, or None if the property is a value."""
         value = self._properties.get(name)
         if not isinstance(value, self.tree.reference):
             return None

@@ -111,7 +111,7 @@ def command(
     }
     write_file(out / "demo.json", json.dumps(result, indent=2) + "\n")
     if not (result["rays_equal"] and result["bytes_differ"] == 0 and result["crc_equal"]):
-        raise DeviceError(f"{out / 'demo.json'}: the board's frame is not the render; please report this")
+        raise DeviceError(f"{out / 'demo.json'}: the board's frame differs from the render; please report this")
     if any(film["pixels_differ"] or film["underflows"] for film in drawn.values()):
         raise DeviceError(f"{out / 'demo.json'}: board and twin drew different frames; please report this")
     emit(result, (f"{what:<85}{out / where if where else ''}".rstrip() for what, where in _steps(result, panel)))
@@ -170,7 +170,7 @@ def _views(scene: Scene, image: IntegralImage, out: Path) -> tuple[list[Direct],
     captions = [f"through the lenslets, eye at x = {eye.position_mm[0]:+.0f} mm" for eye in eyes[three]]
     pictures = views[three] + [direct.radiance for direct in directs]
     write_contact_sheet(out / "views.png", pictures, captions + ["the scene itself"] * 3)
-    # The PSNR is measured on views with one pixel per lenslet.
+    # The PSNR compares views with one pixel per lenslet.
     panel_views = map(image_viewer(image, coarse, VIEW_SAMPLES), eyes[three])
     scene_views = map(scene_viewer(scene, coarse, Settings(samples=VIEW_SAMPLES)), eyes[three])
     return directs, list(map(psnr_db, panel_views, scene_views))

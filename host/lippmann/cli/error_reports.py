@@ -76,7 +76,7 @@ def _usage(error: click.ClickException) -> str:
 
 
 def was_interrupted(error: BaseException | None) -> bool:
-    """Return whether Ctrl-C or SIGTERM caused an error, even through a library."""
+    """Return whether Ctrl-C or SIGTERM caused an error, even one from a library."""
     if interrupts.received:
         return True
     while error is not None:
@@ -87,7 +87,7 @@ def was_interrupted(error: BaseException | None) -> bool:
 
 
 def report_error(error: BaseException, with_json: bool) -> int:
-    """Print the line of an error on stderr, with `with_json` also as a JSON object; return the exit code."""
+    """Print an error's line on stderr, with `with_json` also as JSON; return the exit code."""
     message, code = _explain(error)
     if message.startswith("Usage:"):
         click.echo(message, err=True)

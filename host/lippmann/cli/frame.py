@@ -94,7 +94,7 @@ class Declared:
             attributes["required"] = kind is not bool
         if attributes["type"] is None:
             attributes["type"] = Choice(get_args(kind)) if get_origin(kind) is Literal else KINDS.get(kind, kind)
-        # The shell also completes file names for texts, which may be file names.
+        # A text may be a file name, so the shell completes file names.
         if attributes["type"] is str or getattr(attributes["type"], "form", "") in ("FILE", "FOLDER"):
             attributes["shell_complete"] = lambda *_: [CompletionItem("", type="file")]
         if self.flag is None:

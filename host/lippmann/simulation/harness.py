@@ -24,7 +24,7 @@ from lippmann.simulation.toolchain import build_folder, hardware, needed, rtl_so
 #: Size of the RTL type `scene_config_t` in 32-bit words.
 _CONFIG_WORDS = 69
 _POINTER, _NUMBER = ctypes.c_void_p, ctypes.c_int64
-#: C types of the pauses' seed, and of their probabilities (1/256) at input and output.
+#: C types: seed of the pauses, and their probabilities (1/256) at input and output.
 _PAUSES = ctypes.c_uint64, ctypes.c_uint32, ctypes.c_uint32
 
 

@@ -159,7 +159,7 @@ def rtl_sources(top: Path) -> list[Path]:
 
 
 def needed(text: str, files: Sequence[Path] | Mapping[str, Path]) -> list[Path]:
-    """Return the SystemVerilog files that a text, or a file found so far, names outside comments.
+    """Return the SystemVerilog files that a text names, directly or indirectly, outside comments.
 
     The names are the keys of a mapping, or else the files' stems. The result has the
     order of `files`.

@@ -137,7 +137,7 @@ def check_free(tcp_port: int) -> None:
 
 
 def board_build(display: Display, scene: SceneBuild | None = None, fraction_bits: int | None = None) -> Build:
-    """Return the RTL parameters of a display's optics; `cross_cells` is set, as this simulates faster.
+    """Return the RTL parameters of a display's optics; `cross_cells` is set: it simulates faster.
 
     F is `fraction_bits`, by default 18 for a board that draws nearest texels, else 16.
     """
@@ -147,7 +147,7 @@ def board_build(display: Display, scene: SceneBuild | None = None, fraction_bits
 
 
 def usual_clock(display: Display, scene: SceneBuild | None, memory: Memory) -> int:
-    """Return a board's default clock, Hz; with SDRAM, this is the panel's minimum."""
+    """Return a board's default clock, Hz; with SDRAM, it just suffices for `FRAMES_HZ`."""
     if memory == "block":
         return CLOCK_HZ
     panel, timing = display.panel, timing_of(display)
