@@ -133,7 +133,7 @@ module lipp_dispatcher #(
   end
 
   localparam int CurveBlocks = 8; // number of 1024-byte blocks of slot 15, the panel's curve
-  localparam int HeadBytes = 34;  // bytes of the longest head of a reply, that of HELLO
+  localparam int HeadBytes = 34;  // number of bytes of the longest reply head, that of HELLO
   localparam logic [15:0] AtOptics = 16'h200, AtBuild = 16'h208, AtScene = 16'h400,
       AtDraw = 16'h40C;
 

@@ -22,7 +22,7 @@ module lipp_presenter (
   output logic [15:0]       epoch_o,
   // CRC-32 of the last frame shown, valid from one clock after swapped_i
   output logic [31:0]       shown_crc_o,
-  output logic              failed_o,        // pulse: the frame's CRC-32 is not the requested one
+  output logic              failed_o,        // pulse: the back buffer's CRC-32 is wrong
 
   output logic              check_start_o,   // pulse: starts lipp_frame_check
   input  logic              check_done_i,

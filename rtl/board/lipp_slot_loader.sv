@@ -13,7 +13,7 @@
 /// entries of slot 15, the panel's curve, follow the entries of the last texture slot. Reset clears
 /// the table, one entry per clock. While the table is cleared, busy_o is high, start_i must stay
 /// low, and reads are undefined. Output read_crc_o(t) is the entry at read_slot_i(t - 2) and
-/// read_at_i(t - 2), as written before t - 2.
+/// read_at_i(t - 2), as it was before clock t - 2.
 module lipp_slot_loader #(
   parameter int Slots = 5,    // number of slots, 1 to 15
   parameter int Blocks = 49   // number of blocks per slot, 1 to 256

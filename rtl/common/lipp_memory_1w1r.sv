@@ -3,7 +3,7 @@
 
 /// Memory with one write port and one read port. The read latency is two clocks.
 ///
-/// Output read_data_o(t) is the word at read_at_i(t - 2), as written before t - 2. The module has a
+/// Output read_data_o(t) is the word at read_at_i(t - 2), as it was before t - 2. The module has a
 /// register at its output. An FPGA family replaces this module by its memory cell (rtl/ecp5/).
 module lipp_memory_1w1r #(
   parameter int Width = 36,

@@ -28,7 +28,7 @@ module lipp_ring #(
 
   logic [Width-1:0] places[1 << PlaceBits];
   logic [PlaceBits-1:0] at_q;
-  initial at_q = '0;  // for simulators that start registers as unknown
+  initial at_q = '0;  // some simulators start registers as unknown
 
   always_ff @(posedge clk_i) begin
     at_q <= at_q == Last ? '0 : at_q + 1'b1;

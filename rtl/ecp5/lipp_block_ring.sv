@@ -26,7 +26,7 @@ module lipp_block_ring #(
   end
 
   logic [PlaceBits-1:0] write_at_q, read_at_q;
-  initial write_at_q = '0;  // for simulators that start registers as unknown
+  initial write_at_q = '0;  // some simulators start registers as unknown
   always_ff @(posedge clk_i) write_at_q <= write_at_q + 1'b1;
   always_ff @(posedge clk_i) read_at_q <= write_at_q - PlaceBits'(Cycles - 4);
 

@@ -27,7 +27,7 @@ module lipp_ring #(
 
   (* ram_style = "distributed" *) logic [Width-1:0] places[Places];
   logic [PlaceBits-1:0] write_at_q, read_at_q;
-  initial write_at_q = '0;  // for simulators that start registers as unknown
+  initial write_at_q = '0;  // some simulators start registers as unknown
 
   always_ff @(posedge clk_i) write_at_q <= write_at_q + 1'b1;
   always_ff @(posedge clk_i) read_at_q <= write_at_q - PlaceBits'(Cycles - 2);

@@ -63,9 +63,9 @@ module lipp_sdram_controller
   localparam int Rfc = clocks(Timing.rfc_ns, ClockHz);
   localparam int Wr = clocks(Timing.wr_ns, ClockHz);
   localparam int Mrd = int'(Timing.mrd_clocks);
-  // Rp is the time from PRECHARGE to the next command. Rp also satisfies tRC, since a row is open
-  // for tRAS or longer. The sum Rp + Rcd is at least 4, so that the SDRAM has released its data
-  // pins before the controller writes a word.
+  // Rp is the number of clocks from PRECHARGE to the next command. Rp also satisfies tRC, since a
+  // row is open for tRAS or longer. The sum Rp + Rcd is at least 4, so that the SDRAM has released
+  // its data pins before the controller writes a word.
   localparam int RpOnly = clocks(Timing.rp_ns, ClockHz);
   localparam int RpOrRc = RpOnly > Rc - Ras ? RpOnly : Rc - Ras;
   localparam int Rp = RpOrRc > 2 ? RpOrRc : 2;

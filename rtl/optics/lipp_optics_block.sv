@@ -39,8 +39,8 @@ module lipp_optics_block #(
 
   input  logic                                         ray_valid_i,
   output logic                                         ray_ready_o,
-  input  logic signed [lipp_optics_pkg::PixelBits-1:0] ray_u_i,  // pixel u to the right, 1/16 pixel
-  input  logic signed [lipp_optics_pkg::PixelBits-1:0] ray_v_i,  // pixel v upward, 1/16 pixel
+  input  logic signed [lipp_optics_pkg::PixelBits-1:0] ray_u_i,  // pixel u in 1/16 pixel, rightward
+  input  logic signed [lipp_optics_pkg::PixelBits-1:0] ray_v_i,  // pixel v in 1/16 pixel, upward
   input  logic signed [F+1:0]                          ray_a_i,  // aperture point a, 2^-F pitches
   input  logic signed [F+1:0]                          ray_b_i,  // aperture point b, 2^-F rows
   input  logic                                         ray_first_i,  // 1: first ray of its frame
@@ -53,7 +53,7 @@ module lipp_optics_block #(
   output logic signed [F+3:0]                          exit_x_o,  // origin x, unit 2^-(F+1) radii
   output logic signed [F+3:0]                          exit_y_o,  // origin y, unit 2^-(F+1) radii
   output logic signed [F+3:0]                          exit_z_o,
-  output logic signed [F+1:0]                          exit_dx_o,  // unit direction x, in 2^-(F+1)
+  output logic signed [F+1:0]                          exit_dx_o,  // direction x, unit 2^-(F+1)
   output logic signed [F+1:0]                          exit_dy_o,
   output logic signed [F+1:0]                          exit_dz_o,  // direction z; +z to the viewer
   output lipp_optics_pkg::ray_status_e                 exit_status_o,  // status of the ray

@@ -152,9 +152,9 @@ package lipp_optics_pkg;
     return word >>> (bits - 1) != word >>> 31;
   endfunction
 
-  /// Return E, the number of extra fraction bits in front of the dome in exact builds with the
-  /// plano side to the panel. Slopes and lateral directions have E more fraction bits, and dz has 3
-  /// E more. E is 0 if a word of F + 2 bits fits a multiplier cell.
+  /// Return E, the number of extra fraction bits before a ray meets the dome, for exact builds with
+  /// the plano side to the panel. Slopes and lateral directions have E more fraction bits, and dz
+  /// has 3 E more. E is 0 if a word of F + 2 bits fits a multiplier cell.
   function automatic int extra_bits(int f);
     return f + 2 > MulBits ? 1 : 0;
   endfunction

@@ -43,8 +43,8 @@ module lipp_raster #(
 
   output logic                                         ray_valid_o,
   input  logic                                         ray_ready_i,
-  output logic signed [lipp_optics_pkg::PixelBits-1:0] ray_u_o,  // pixel u to the right, 1/16 pixel
-  output logic signed [lipp_optics_pkg::PixelBits-1:0] ray_v_o,  // pixel v upward, 1/16 pixel
+  output logic signed [lipp_optics_pkg::PixelBits-1:0] ray_u_o,  // pixel u in 1/16 pixel, rightward
+  output logic signed [lipp_optics_pkg::PixelBits-1:0] ray_v_o,  // pixel v in 1/16 pixel, upward
   output logic signed [F+1:0]                          ray_a_o,  // aperture point a, 2^-F pitches
   output logic signed [F+1:0]                          ray_b_o,  // aperture point b, 2^-F rows
   output logic                                         ray_first_o,  // 1: first ray of its frame

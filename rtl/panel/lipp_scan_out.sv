@@ -12,8 +12,8 @@
 /// Frames and settings change only at the start of vertical sync, so every frame is shown complete.
 /// If swap_i is high at the start of vertical sync, the buffers are swapped: swapped_o pulses and
 /// front_o changes. Inputs brightness_i, pattern_i and optics_i are also sampled at the start of
-/// vertical sync. Reset starts a frame of buffer 0. Output filled_o is low until the first swap,
-/// because before it no buffer contains a frame.
+/// vertical sync. Reset starts a frame of buffer 0. Output filled_o is low until the first swap:
+/// until then no buffer contains a frame.
 ///
 /// Output frame_end_o is a pulse at the start of vertical sync, one clock before swapped_o. At
 /// frame_end_o, no pixel of the previous frame is in the pipeline. After frame_end_o, want_o pulses

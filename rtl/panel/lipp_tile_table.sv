@@ -4,8 +4,8 @@
 /// Stores the CRC-32 of each tile of both frame buffers. The host reads the table to find the tiles
 /// that it must send. An entry of 0 marks an invalid tile.
 ///
-/// Reset clears the table, one entry per clock. Output busy_o is high while the table is cleared;
-/// then writes are not allowed and reads are undefined. Output read_crc_o in clock t is the entry
+/// Reset clears the table, one entry per clock. While the table is cleared, output busy_o is high,
+/// writes are not allowed, and reads are undefined. Output read_crc_o in clock t is the entry
 /// requested in clock t - 2, as it was before clock t - 2.
 module lipp_tile_table #(
   parameter int Width = 640,

@@ -106,7 +106,7 @@ module lipp_tile_writer #(
 
   // ---- find the tile's row and column by division, one bit per clock ----
   logic [15:0] column_q;   // index of the tile; after the division, its column
-  logic [15:0] columns_q;  // number of tiles in 2^k rows of tiles, for bit k
+  logic [15:0] columns_q;  // number of tiles in 2^k rows of tiles, for bit k of the tile's row
   logic [PlaceBits-1:0] rows_q;  // address step of 2^k rows of tiles
   logic [SideBits-1:0] last_x_q;
   logic last_column, last_row_q;  // 1: the tile is in the last column or row of tiles

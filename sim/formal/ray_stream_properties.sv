@@ -15,7 +15,7 @@ module ray_stream_properties #(
   input logic             valid_i,
   input logic             open_i,
   input logic             leave_i,
-  input logic             late_i   // 1: idle does not rise yet after the last ray
+  input logic             late_i   // 1: delays the rise of idle after the last ray
 );
 
   reg started_q = 0;

@@ -139,7 +139,7 @@ class Board {
     uint64_t first = ~0ull;
     for (const Clock& clock : clocks_of_) first = std::min(first, clock.next);
     ticks_ = first;
-    // the edge is slightly late, which is harmless: clk_25mhz only monitors the PLL's lock
+    // the edge is slightly late, which is harmless: clk_25mhz only clocks the PLL's lock monitor
     if (ps() >= oscillator_ps_) {
       top_.clk_25mhz = !top_.clk_25mhz;
       oscillator_ps_ += 20'000;
