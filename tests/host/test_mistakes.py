@@ -40,7 +40,7 @@ FILES = [
     (ARRAY, "skew = 0.5\n", "array.skew", "did you mean shear?"),
     (ARRAY, "angle_deg = 0.5\n", "array.angle_deg", "did you mean rotation_deg?"),
     (TOP, "layout = 'hex'\n", "layout", "did you mean array.grid?"),
-    (ARRAY, "index = 1.6\n", "index is given a second time in line", "remove one of both lines"),
+    (ARRAY, "index = 1.6\n", "index is given a second time in line", "remove one of the lines"),
     ("pixel_pitch_mm = 0.1", "pixel_pitch_mm = 100", "panel.pixel_pitch_mm", "give 0.1, if 100 micrometres are meant"),
     (PANEL, "transfer = 2.2\n", "panel.transfer", 'did you mean "gamma2.2"?'),
     (PANEL, "transfer = [[1, 1], [0.5, 0.2], [0, 0]]\n", "panel.transfer", "reverse the list"),

@@ -80,9 +80,9 @@ def key(
 
     `above` is an exclusive lower bound; `low` and `high` are inclusive bounds.
     `default` describes the default in words. The described key is an alternative to the
-    key `instead_of`: a file has exactly one of both keys, or at most one if
-    `instead_of` has a `default`. `shape` describes a list in words, "a list of ...";
-    `lengths` are the list's minimum and maximum number of entries.
+    key `instead_of`: a file has exactly one of the two, or at most one if `instead_of`
+    has a `default`. `shape` describes a list in words, "a list of ..."; `lengths` are
+    the list's minimum and maximum number of entries.
     """
     texts = ("x-default", default), ("x-instead-of", instead_of), ("x-shape", shape)
     extra = {name: text for name, text in texts if text}
@@ -183,7 +183,7 @@ def parse(text: str, source: str, remedy: str = MEND) -> Table:
         if line:
             name = text.splitlines()[int(line[1]) - 1].partition("=")[0].strip()
             what = f"{name} is given a second time in line {line[1]}"
-            raise input_error(source, what, "remove one of both lines") from None
+            raise input_error(source, what, "remove one of the lines") from None
         why = ENDLESS if "int_max_str_digits" in str(error) else error
         raise input_error(source, f"not TOML ({why})", remedy) from None
 

@@ -173,7 +173,7 @@ def on_usb(usb: Usb) -> list[Adapter] | None:
 
 
 def choose_adapter(board: FpgaBoard, adapters: list[Adapter] | None, serial: str | None) -> str | None:
-    """Return the serial number of a board's adapter; None means the only adapter, or no USB list.
+    """Return the serial number of a board's adapter, or None if the number is empty or unknown.
 
     Raises DeviceError unless exactly one adapter matches.
     """

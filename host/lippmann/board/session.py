@@ -23,7 +23,7 @@ from lippmann.fixed.registers import BOARD_REGISTERS, OPTICS_REGISTERS, SCENE_RE
 PATIENCE_S = 10.0
 #: Clock of the slowest (simulated) board, Hz; it sets the time-out of frame requests.
 SLOWEST_HZ = 3e5
-#: Clock cycles per pixel allowed for PRESENT: twice those of CRC and buffer swap.
+#: Clock cycles per pixel allowed for PRESENT: twice what CRC and buffer swap take.
 PRESENT_CLOCKS = 4
 #: Maximum number of words in a READ or WRITE request, and of tiles in a TILES request.
 MAX_WORDS, MAX_TILES = 64, 512

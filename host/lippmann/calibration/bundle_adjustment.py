@@ -36,8 +36,8 @@ from lippmann.optics.rays import Bools, Floats
 #: Array parameters and their finite-difference steps: mm, radians, shear as a ratio.
 ARRAY = {"pitch_x": 1e-5, "pitch_y": 1e-5, "shear": 1e-6, "rotation": 1e-6, "offset_x": 1e-4, "offset_y": 1e-4}
 GAP = {"gap": 1e-4}
-#: Coefficients (mm) of the array's height above its mean, with steps. The height is a
-#: polynomial of coordinates in units of the panel's half width and half height.
+#: Coefficients (mm) of the array's height above its mean, and their steps. The height
+#: is a polynomial of coordinates in units of the panel's half width and half height.
 BOW = {"tilt_x": 1e-4, "tilt_y": 1e-4, "bow_xx": 1e-4, "bow_yy": 1e-4, "bow_xy": 1e-4}
 #: Degrees of the polynomial in the slope that models how blur moves lenslet seams.
 SEAMS = range(3, 10)

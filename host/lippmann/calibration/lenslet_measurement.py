@@ -1,9 +1,9 @@
 """Measure the middle of each lenslet in the photographs, and the panel point that it shows.
 
-A camera pixel that sees the panel point of lenslet (i, j) lies in its outline. These
-pixels give a map from the photograph to a lattice of pitch 1: a radial correction, then
-a homography. The map gives each pixel's position in a cell, even where the panel is
-dark or a decoded point is wrong.
+A camera pixel that sees the panel point of lenslet (i, j) lies in this lenslet's
+outline. These pixels give a map from the photograph to a lattice of pitch 1: a radial
+correction, then a homography. The map gives each pixel's position in a cell, even where
+the panel is dark or a decoded point is wrong.
 """
 
 from __future__ import annotations
@@ -60,7 +60,7 @@ class Outline:
         return np.stack([x, y], axis=1)
 
     def located(self, photo_px: Values) -> tuple[Indices, Floats]:
-        """Return the lenslet (i, j) of each pixel, and the pixel's offset from its centre."""
+        """Return the lenslet (i, j) of each pixel, and the pixel's offset from the lenslet's centre."""
         x, y = self.cells(photo_px).T
         i, j, dx, dy = self.lattice.locate(NumpyBackend(), x, y)
         return np.stack([i, j], axis=1).astype(np.int64), np.stack([dx, dy], axis=1)

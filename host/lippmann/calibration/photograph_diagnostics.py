@@ -48,7 +48,7 @@ class Fit(NamedTuple):
 
     @property
     def bad(self) -> float:
-        """Total disagreement, which two exchanged photographs increase."""
+        """Total disagreement, higher if two photographs are exchanged."""
         return float(np.mean(list(self.residuals.values()))) + self.disagree + (1.0 - self.on_plane)
 
 

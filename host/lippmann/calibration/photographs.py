@@ -69,7 +69,7 @@ def _photographs(folder: Path) -> dict[str, Path]:
         if one.suffix.lower() in SUFFIXES:
             if one.stem in photographs:
                 what = f"{photographs[one.stem].name} and {one.name} are photographs of the same pattern"
-                raise input_error(folder, what, "keep one of both files")
+                raise input_error(folder, what, "keep only one file")
             photographs[one.stem] = one
     return photographs
 

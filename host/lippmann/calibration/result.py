@@ -60,7 +60,7 @@ class FoundCamera(TypedDict):
 
 @dataclass(frozen=True)
 class Findings:
-    """The results in the .npz file, without the residuals."""
+    """The results in the .npz file, except the residuals."""
 
     parameters: tuple[Parameter, ...]
     remarks: tuple[str, ...]

@@ -214,7 +214,7 @@ def _check_zoom(solution: Solution) -> None:
     if not sure:
         return
     views = [view.name for view in problem.views]
-    # If all others differ from the first in one direction, the first is wrong.
+    # If all others differ from the first with one sign, the first is wrong.
     first = len(sure) == len(zooms) > 1 and len({zooms[name] > 0.0 for name in sure}) == 1
     worst = max(sure, key=lambda name: abs(zooms[name]))
     odd, zoom = (views[0], -zooms[worst]) if first else (views[list(zooms).index(worst) + 1], zooms[worst])

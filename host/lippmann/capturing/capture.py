@@ -205,7 +205,7 @@ def rays_from_picture(
     object_z = setup.subject.distance_mm
     passed = ray.dz > 0.0
     if lens is not None:
-        # The lens needs dz > 0, which a lost ray may not have.
+        # The lens needs dz > 0, but lost rays may have dz <= 0.
         ray = ray._replace(z=ray.z - setup.array_distance_mm, dz=b.where(passed, ray.dz, 1.0))
         ray, inside = lens.trace(b, ray)
         passed = passed & inside

@@ -50,7 +50,7 @@ class Item:
         return self._properties.get(name)
 
     def values(self, *names: str) -> dict[str, Any]:
-        """Return those of the properties `names` that the file contains, as Mitsuba's values."""
+        """Return Mitsuba's values of the properties `names` that the file contains."""
         return {name: self._take(name) for name in names if name in self._properties}
 
     def value(self, name: str, default: Value) -> Value:

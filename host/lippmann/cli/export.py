@@ -222,7 +222,7 @@ def focal_stack(
     depths: tuple[float, ...] | None = option(
         "Depths z in focus, mm.  [default: five depths in the scene]", kind=DEPTHS
     ),
-    count: int = option("Number of depths in focus, without --depths.", 5, TILES),
+    count: int = option("Number of depths, if --depths is missing.", 5, TILES),
     linear: bool = LINEAR,
 ) -> None:
     """Write views of an eye with a wide pupil, one file for each depth in focus.

@@ -55,7 +55,7 @@ def command(
     seed: int = SEED,
     device: str = DEVICE,
 ) -> None:
-    """Compute the view of an eye through the lenslets, with crosstalk.
+    """Compute the view of an eye through the lenslets, including crosstalk.
 
     The options --...-error and --pitch-scale misalign the array.
 

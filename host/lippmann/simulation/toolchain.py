@@ -153,7 +153,7 @@ def rtl_folders(top: Path, *, devices: bool = False) -> dict[str, list[Path]]:
 
 
 def rtl_sources(top: Path) -> list[Path]:
-    """Return the SystemVerilog files of rtl/ without the device folders, packages first."""
+    """Return the SystemVerilog files of rtl/ outside the device folders, packages first."""
     files = [path for some in rtl_folders(top).values() for path in some]
     return sorted(files, key=lambda path: not path.stem.endswith("_pkg"))
 

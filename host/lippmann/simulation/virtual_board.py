@@ -371,7 +371,7 @@ def compiled(
 ) -> Path:
     """Return a board's program, compiled at first use. Raises the errors of `verilated`.
 
-    The files `netlist` replace the RTL; the board's parameters are fixed in them.
+    The files `netlist` replace the RTL; they fix the board's parameters.
     """
     top, module = hardware(), "lipp_board_with_sdram" if memory == "sdram" else "lipp_board_with_store"
     files = [top / "rtl" / "registers" / "lint.vlt", *needed(module, rtl_sources(top))]
