@@ -65,7 +65,7 @@ def draw_views(nominal: Display, display: Display, eye: Eye) -> Plot:
 
 
 def digits(number: float, half: float) -> str:
-    """Format a number so that its uncertainty `half` has two digits."""
+    """Format a number, rounded at the second digit of its uncertainty `half`."""
     places = max(0, 1 - math.floor(math.log10(half))) if half > 0.0 else 6
     return f"{round(number, places) + 0.0:.{places}f}"
 

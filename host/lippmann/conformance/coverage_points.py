@@ -19,7 +19,7 @@ from lippmann.optics.rays import Floats, Status, gets_through
 Arrays = Mapping[str, Floats]
 #: Maximum cosine of a ray to the face's normal: grazing, at the onset of total reflection.
 GRAZING, FLAT = 0.05, 1e-3
-#: Maximum radius of a steep dome, minimum radius of a flat dome, in half cell diagonals.
+#: Maximum radius of a steep dome, minimum radius of a flat dome, in half diagonals of the cell.
 STEEP, NEARLY_FLAT = 1.05, 100.0
 
 #: Description of each coverage point, in the order of a ray's path.

@@ -260,7 +260,7 @@ def middle(display: Display, most_px: int) -> Display:
 
 @dataclass(frozen=True)
 class Pictures:
-    """Renderer of a scene for a cropped display, with one ray per pixel centre."""
+    """Renderer of a scene for a cropped display, with one ray per pixel."""
 
     scene: Scene
     display: Display

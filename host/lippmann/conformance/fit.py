@@ -2,8 +2,8 @@
 
 All errors are for chief rays, in pixels of the reconstructed view (docs/models.md). At
 depth z, the light of a panel pixel of pitch q spreads to the width w = |z| q / D, with
-the aperture distance D. The width w is w / max(p, w) reconstructed pixels for the
-lenslet pitch p. The sampling error is the samples' `gap` in the rectangle to which the
+the aperture distance D. With the lenslet pitch p, this is w / max(p, w) pixels of
+the view. The sampling error is the samples' `gap` in the rectangle to which the
 light of a pixel spreads at the farthest depth.
 """
 

@@ -41,7 +41,7 @@ LAGS, MANY = (1, -1, 2, -2, 3, -3), 8
 
 
 class Finding(NamedTuple):
-    """The diagnosis: first wrong step (None if all is correct), fault, fraction of rays explained."""
+    """The diagnosis: first wrong step (None if all is correct), fault, fraction of rays that it explains."""
 
     stage: str | None = None
     fault: str | None = None

@@ -81,7 +81,7 @@ class Panel(Checked):
 
     @property
     def keys(self) -> dict[str, object]:
-        """The panel's keys and values in a display file, without keys whose value is None."""
+        """The panel's keys and values in a display file, except keys whose value is None."""
         return {name: value for name, value in dataclasses.asdict(self).items() if value is not None}
 
     @property
@@ -202,7 +202,7 @@ class Array(Checked):
 
     @property
     def half_steps(self) -> tuple[int, int] | None:
-        """Maximum half steps from the centre to a lenslet in the extent; None if there is no extent.
+        """Maximum half steps from the array's centre to a lenslet; None if there is no extent.
 
         Lenslet (i, j) is 2 i half steps along the rows from the centre, 2 i + j if
         hexagonal, and 2 j across. Rounding does not exclude a lenslet at the extent's

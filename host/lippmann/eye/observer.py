@@ -109,8 +109,8 @@ def observe(
 ) -> View:
     """Return an eye's view of a display that shows `radiance`; the display may be misaligned.
 
-    `radiance` is linear, (height, width, 3). An image on disk (`StoredRows`) is read in
-    parts, as rays see them. The view covers the window, with `samples` rays per pixel.
+    `radiance` is linear, (height, width, 3). Of an image on disk (`StoredRows`), only
+    visible parts are read. The view covers the window, with `samples` rays per pixel.
     If `crosstalk` is false, rays that end in a neighbour's cell see black. Raises
     InputError if the image does not have the panel's size, the model is unknown, or
     `samples` is out of range.

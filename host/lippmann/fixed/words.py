@@ -92,7 +92,7 @@ def beyond(x: Ints, bits: int, slack: int = SLACK) -> Bools:
 
 
 def multiplier(a: Ints, b: Ints | int, a_bits: int, b_bits: int, drop: int) -> Ints:
-    """Multiply two words without the product of their lower parts, and truncate `drop` bits.
+    """Multiply two words, omit the product of their lower parts, and truncate `drop` bits.
 
     Each word is split: a = ah 2^la + al, where la is the number of bits beyond 18, and
     b likewise:

@@ -129,7 +129,7 @@ class Layer:
         return replace(self, depth_mm=scale * self.depth_mm + z, matrix=matrix)
 
     def padded(self, width: int, height: int) -> Bytes:
-        """Return a slot's texels (height, width): the texture at the top left, else transparent.
+        """Return a slot's texels (height, width): the texture at the top left, transparent elsewhere.
 
         Raises InputError for a texture larger than the slot, and for a smaller texture
         without a transparent colour in its palette.

@@ -281,7 +281,7 @@ class LiveShow:
     ) -> Played:
         """Run the loop until the user ends it.
 
-        The loop also ends after `seconds`, once the picture has all `samples`. For
+        It also ends when `seconds` have passed and the picture has all `samples`. For
         `moving_s` seconds (None means to the end), the scene rotates by `turn_deg` per
         second, or the film plays. `opened` is when the window opened (perf_counter).
         """

@@ -48,7 +48,7 @@ class Move:
 
 @dataclass(frozen=True)
 class Part:
-    """A part of a scene: all lights, and the shapes whose id matches a pattern (`*`, `?`) or not."""
+    """A part of a scene: all lights, and the shapes whose id matches, or does not match, a pattern (`*`, `?`)."""
 
     shapes: str
     matching: bool = True
@@ -306,7 +306,7 @@ def _union(boxes: Sequence[Box]) -> Box:
 
 
 def bounds_of(scene: mts.Scene) -> Box:
-    """Return a `mitsuba.Scene`'s bounding box, in scene units, without its surroundings."""
+    """Return a `mitsuba.Scene`'s bounding box, in scene units, excluding its surroundings."""
     # Rays that start outside a studio or a sky would not see the scene inside.
     boxes = sorted(_boxes(scene), key=lambda box: float(np.prod(box[1] - box[0])))
     while len(boxes) > 1:
