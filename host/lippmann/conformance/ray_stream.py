@@ -318,7 +318,7 @@ class StreamReader:
         if answered not in (ANSWERED, LOST):
             refuse(f"has {answered} numbers behind its question", REMEDY)
         try:
-            # Refuse underscores, as Python would read 1_0 as 10.
+            # Refuse underscores, because Python reads 1_0 as 10.
             row = [float(word.replace("_", "?")) for word in words[1:]]
         except ValueError:
             refuse("has a word that is no number", REMEDY)

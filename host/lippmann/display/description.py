@@ -217,7 +217,7 @@ class Array(Checked):
     @property
     def flat_distance_mm(self) -> float:
         """Distance d from the sphere's centre to the rim's plane, mm (paper, equations 3 and 4)."""
-        # Factor R^2 - rho^2, because the difference loses digits if R is near rho.
+        # Factorize R^2 - rho^2, because the difference loses digits if R is near rho.
         rho = self.half_diagonal_mm
         return math.sqrt((self.radius_mm - rho) * (self.radius_mm + rho))
 

@@ -246,7 +246,7 @@ def quantise(rgba: Bytes) -> tuple[Bytes, Bytes, float]:
 
 
 def _perceived(rgba: Bytes) -> Floats:
-    """Map colours (N, 4) to points whose distances are visible errors."""
+    """Map colours (N, 4) to points whose distances measure visible errors."""
     share = rgba / 255.0
     return np.concatenate([share[:, :3] * share[:, 3:], share[:, 3:]], axis=1)
 

@@ -38,7 +38,7 @@ TRIAL_SAMPLES = 4
 TRIAL_SEED = 1
 #: Minimum number of rays in a picture for which a trial saves time.
 MIN_RAYS = 1 << 21
-#: Maximum fraction of samples on surfaces without a lattice, to use the cache.
+#: Maximum fraction of uncached samples for which the cache is used.
 MAX_UNCACHED = 0.5
 #: Pattern of spot lights with an image; other spot lights have a uniform spectrum.
 SPOT_PICTURE = re.compile(r"texture = (?!UniformSpectrum)")

@@ -274,7 +274,7 @@ def _make_sample_program(scene: Scene, source: RaySource, samples: int, follow: 
         lost = [mask & inside for mask in lines.lost]
         sampler = sampler_of(seeds, pixel, sample)
         results = follow(index, sampler, pose.ray(lines), lines.active & inside, *others)
-        # Results are evaluated before the counts, which would trace the rays again.
+        # Evaluate the results first; otherwise the counts would trace the rays again.
         dr.eval(results, lost)
         return *results, *(dr.count(mask) for mask in lost)
 
