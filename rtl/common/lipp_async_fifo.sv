@@ -36,7 +36,7 @@ module lipp_async_fifo #(
     $fatal(1, "lipp_async_fifo: Width must be 1 or more and AddressBits 2 or more");
   end
 
-  localparam int C = AddressBits + 1;  // width of a count, which wraps at twice the number of entries
+  localparam int C = AddressBits + 1;  // width of a count modulo twice the number of entries
 
   logic [Width-1:0] words[1 << AddressBits];
   logic [C-1:0] written_q, written_gray_q, written_next_q, written_after, written_gray;
