@@ -271,7 +271,7 @@ def find_board(
 
     Other devices may react to a search. Therefore, if `urls` is None, only known USB
     adapters and this user's virtual boards are tried first. If no board answers, the
-    others are tried if `allowed`, called with their list, returns True.
+    other ports are tried if `allowed`, called with their list, returns True.
     """
     first_urls = [*adapter_ports(), *own_boards()] if urls is None else list(urls)
     other_urls = [url for url in ports() if url not in first_urls] if urls is None else []

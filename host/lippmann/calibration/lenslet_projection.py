@@ -37,8 +37,8 @@ SEAM = {"square": 2.0 / 3.0, "hex": 5.0 / 6.0}
 FOLDS = {"square": 4, "hex": 6}
 #: Degrees j + k of the sums for c and w; steep lenslets need the high degrees.
 DEGREES = range(1, 12)
-#: Number of rays across the inner cell, and number of slope directions, which is prime,
-#: so that no symmetry repeats a direction.
+#: Number of rays across the inner cell; number of slope directions, a prime number, so
+#: that no symmetry repeats a direction.
 ACROSS, DIRECTIONS = 13, 17
 #: Number of points on the edge of a lenslet's outline.
 EDGE_POINTS = 96

@@ -136,7 +136,7 @@ def refined(view: Lenslets, display: Display, slopes: Floats, aside: Floats, mov
     """Return the view with the middles and half widths of its panel points' intervals.
 
     The measured cells are shifted by `aside` (N, 2) pitches from the cells of
-    `movement`. The half widths do not include the tolerance.
+    `movement`. The half widths do not include `TOLERANCE`.
     """
     readings, frame = view.readings, PanelFrame.of(display)
     assert readings is not None

@@ -118,12 +118,12 @@ class LensPair:
 
     @cached_property
     def _image_principal(self) -> float:
-        """Position (D - 1)/C of H' behind the first vertex, mm (ABCD matrix)."""
+        """Distance (D - 1)/C of H' behind the first vertex, mm (see `_matrix`)."""
         return float((self._matrix[1, 1] - 1.0) / self._matrix[1, 0])
 
     @property
     def hiatus_mm(self) -> float:
-        """Distance from H' to H, mm; H is (1 - A)/C behind the last vertex (ABCD matrix)."""
+        """Distance from H' to H, mm; H is (1 - A)/C behind the last vertex (see `_matrix`)."""
         last = self._first_vertex[-1].z_mm
         return float(last + (1.0 - self._matrix[0, 0]) / self._matrix[1, 0] - self._image_principal)
 

@@ -199,7 +199,7 @@ def _light(item: Item, placement: Placement) -> str:
     if item.plugin != "point":
         raise item.refusal("cannot be exported to POV-Ray", "use point lights")
     *position, _ = placement.display_from_scene @ item.matrix() @ np.array([*item.triple("position", ORIGIN), 1.0])
-    # I / d^2 is per square scene unit. In mm, I and d^2 grow with the scale squared.
+    # I / d^2 is per square scene unit. In mm, I and d^2 are scale^2 times as large.
     intensity = placement.scale**2 * np.array(item.triple("intensity", (1.0, 1.0, 1.0)))
     item.refuse_leftovers()
     fade = f"fade_distance {number(FADE_MM)} fade_power 2"

@@ -179,7 +179,7 @@ def optics_parameters(build: Build) -> dict[str, int | str]:
 
 
 def scene_parameters(build: SceneBuild, f: int) -> dict[str, int | str]:
-    """Return the RTL parameters `F` and `Scene` of a scene drawing's build."""
+    """Return the RTL parameters `F` and `Scene` for a build that draws scenes."""
     return {"F": f, "Scene": f"26'h{build.word:07x}"}
 
 
