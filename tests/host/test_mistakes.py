@@ -128,7 +128,7 @@ COMMANDS = [
     (f"{RENDER} --tolerance nan", "tolerance", "not finite; give"),
     (f"{RENDER} --tolerance 0", "tolerance 0.0", "give"),
     (f"{RENDER} --max-depth 0", "max depth 0", "give"),
-    (f"{RENDER} --memory-mb 10", "tiny.toml: panel.width_px", "raise --memory-mb or take"),
+    (f"{RENDER} --memory-mb 10", "tiny.toml: panel.width_px", "raise --memory-mb or use"),
     (f"{RENDER} --scale nan", "not finite", "give"),
     (f"{RENDER} --scale -1", "scale: -1 is not valid", "give"),
     (f"{RENDER} --rotate 1,2", "--rotate", "X,Y,Z"),
