@@ -21,7 +21,7 @@ from lippmann.optics.rays import Floats, Hits, Rays
 from lippmann.optics.system import Convergence, PanelFrame, System
 from lippmann.optics.trace import hits_of, pixels_from_rays, rays_from_pixels, rays_of
 
-#: A private mpmath context; mpmath.mp does not change its precision.
+#: A private mpmath context, whose precision mpmath.mp does not change.
 mp = mpmath.mp.clone()
 mp.dps = 50
 

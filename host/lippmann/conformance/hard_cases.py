@@ -91,7 +91,7 @@ def without_eye(display: Display) -> Display:
 
 
 def steep(display: Display, share: float = 1.02) -> Display:
-    """Return the display with thin, nearly hemispherical lenslets, one pitch away from the panel."""
+    """Return the display with thin, nearly hemispherical lenslets, one pitch from the panel."""
     array = display.array
     return changed(display, radius_mm=share * array.half_diagonal_mm, thickness_mm=0.0, gap_mm=array.coarsest_mm)
 

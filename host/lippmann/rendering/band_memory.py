@@ -26,7 +26,7 @@ KEPT_PIXELS = 1 << 25
 KEPT_RAYS = 1 << 27
 #: Additional memory of a render with the irradiance cache, MB.
 CACHE_MEMORY_MB = 250.0
-#: Measured memory of the libraries and one chunk, without the image, MB.
+#: Measured memory of the libraries and one chunk, excluding the image, MB.
 BASE_MEMORY_MB = 500.0
 #: Measured memory of each ray beyond `CHUNK_SAMPLES` in a chunk of one tile, bytes.
 RAY_BYTES = 80.0

@@ -97,7 +97,7 @@ class Plan(ABC):
 
 @dataclass(frozen=True, eq=False)
 class ScenePlan(Plan):
-    """The plan of a scene's picture. Only a film's frame may keep the lens model "auto"."""
+    """The plan of a scene's picture. Only a film's frame can keep the lens model "auto"."""
 
     scene: Path
     #: Result of `digest_of`; "" if only this process renders and keeps no bands.

@@ -46,9 +46,9 @@ class Rendered:
 
     #: Linear RGB radiance, (height, width, 3) float32.
     radiance: Radiance
-    #: Wall time of rendering without compilation, s.
+    #: Wall time of rendering, excluding compilation, s.
     seconds: float
-    #: Processor time of all rendering threads without compilation, s.
+    #: Processor time of all rendering threads, excluding compilation, s.
     cpu_seconds: float
     prepare_seconds: float
     #: Number of rays, including rays that did not reach the scene.
@@ -119,7 +119,7 @@ class Renderer:
         self.bands = bands or bands_of(self._width, self._height, self.rays)
         rows = self._height if in_memory else max(len(rows) for rows in self.bands)
         started = time.perf_counter()
-        #: Settings without "auto", so that all processes cache the same shapes.
+        #: Settings with "auto" replaced, so that all processes cache the same shapes.
         self.settings = replace(settings, shading="each", light_points=None)
         self.cache_report: str | None = None
         if settings.shading != "each":

@@ -39,7 +39,7 @@ class DepthPicture:
 
 @dataclass(frozen=True)
 class DepthPictureFile:
-    """The file of a picture with depths; it may also have the table `[placement]`."""
+    """The file of a picture with depths; it can also have the table `[placement]`."""
 
     other_tables: ClassVar = True
     depth_picture: DepthPicture

@@ -59,7 +59,7 @@ LEFT_OUT = (
 )
 #: Pattern of options before an MTL file's texture name, as -s 1 1 1 or -clamp on.
 MTL_OPTIONS = re.compile(r"^(?:-\w+(?:\s+(?:on|off|[rgbml]|[-+.\deE]+))+\s+)+")
-#: Suffixes of files that a mesh may refer to; no other files are read.
+#: Allowed suffixes of files to which a mesh refers; no other files are read.
 BUFFER_SUFFIXES = (".bin", ".mtl")
 IMAGE_SUFFIXES = (".png", ".jpg", ".jpeg", ".tif", ".tiff", ".bmp", ".tga", ".gif", ".webp", ".dds", ".jp2", ".ppm")
 #: Words in trimesh's messages about textures and materials that it ignores.
@@ -74,7 +74,7 @@ LIGHTS = (((0.0, 0.0, 1.0), 0.35), ((-0.5, 0.7, 1.0), 0.5), ((0.8, -0.3, 0.5), 0
 
 
 def add_lights(scene: Element, scene_from_display: Floats) -> None:
-    """Add `LIGHTS`, rotated by `scene_from_display` (3, 3). Surfaces towards the viewer show their albedo."""
+    """Add `LIGHTS`, rotated by `scene_from_display` (3, 3). Surfaces that face the viewer show their albedo."""
     for direction, fraction in LIGHTS:
         towards = np.array(direction) / np.linalg.norm(direction)
         light = plugin(scene, "emitter", "directional")

@@ -118,7 +118,7 @@ class Placement:
 
 @dataclass(frozen=True)
 class PlacementFile:
-    """The TOML file beside a scene; it may contain tables of other programs."""
+    """The TOML file beside a scene; it can contain tables of other programs."""
 
     other_tables: ClassVar = True
     placement: Placement
