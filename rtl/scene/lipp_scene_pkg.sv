@@ -13,8 +13,8 @@
 package lipp_scene_pkg;
   import lipp_math_pkg::*;
 
-  // These lint warnings are off, because each module uses only some of the definitions, and each
-  // function only some fields of a build.
+  // These lint warnings are off, because a module uses only some definitions, and a function only
+  // some fields of a build.
   /* verilator lint_off UNUSEDPARAM */
   /* verilator lint_off UNUSEDSIGNAL */
 

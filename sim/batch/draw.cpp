@@ -14,7 +14,7 @@
 
 namespace {
 
-// Random generator xorshift64*: fast, and a seed reproduces its random pauses.
+// Random generator xorshift64*: fast, and a seed reproduces the pauses.
 class Random {
  public:
   explicit Random(uint64_t seed) : state_(seed * 2 + 1) {}

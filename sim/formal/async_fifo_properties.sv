@@ -116,7 +116,7 @@ module async_fifo_properties #(
     end
   end
 
-  // ---- cover statements: events that the proof must be able to reach ----
+  // ---- cover statements: events that the proof must reach ----
   reg was_full_q;
   always @(posedge in_clk_i or negedge rst_ni) begin
     if (!rst_ni) was_full_q <= 0;

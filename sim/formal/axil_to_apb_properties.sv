@@ -83,7 +83,7 @@ module axil_to_apb_properties (
     end
   end
 
-  // ---- cover statements: events that the proof must be able to reach ----
+  // ---- cover statements: events that the proof must reach ----
   reg [1:0] writes_q, reads_q;
   always @(posedge clk_i or negedge rst_ni) begin
     if (!rst_ni) {writes_q, reads_q} <= 0;

@@ -456,7 +456,7 @@ module dispatcher_properties #(
     end
   end
 
-  // ---- cover statements: events that the proof must be able to reach ----
+  // ---- cover statements: events that the proof must reach ----
   logic [1:0] replies_q;
   always_ff @(posedge clk_i or negedge rst_ni) begin
     if (!rst_ni) replies_q <= '0;

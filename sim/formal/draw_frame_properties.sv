@@ -125,7 +125,7 @@ module draw_frame_properties #(
     end
   end
 
-  // ---- cover statements: events that the proof must be able to reach ----
+  // ---- cover statements: events that the proof must reach ----
   // dropped_q: a late pixel was dropped in this frame; black_q: a frame was black
   logic dropped_q, black_q;
   always_ff @(posedge clk_i or negedge rst_ni) begin

@@ -103,7 +103,7 @@ module fifo_properties #(
     end
   end
 
-  // ---- cover statements: events that the proof must be able to reach ----
+  // ---- cover statements: events that the proof must reach ----
   reg was_full_q, round_q;
   always @(posedge clk_i or negedge rst_ni) begin
     if (!rst_ni) begin

@@ -206,7 +206,7 @@ module flow_control_properties #(
     end
   end
 
-  // ---- cover statements: events that the proof must be able to reach ----
+  // ---- cover statements: events that the proof must reach ----
   reg was_full_q;
   always @(posedge clk_i or negedge rst_ni) begin
     if (!rst_ni) was_full_q <= 0;

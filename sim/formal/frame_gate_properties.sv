@@ -54,7 +54,7 @@ module frame_gate_properties (
     end
   end
 
-  // ---- cover statements: events that the proof must be able to reach ----
+  // ---- cover statements: events that the proof must reach ----
   reg waited_q;         // 1: a change waited for the last ray of a frame
   reg [1:0] changed_q;  // number of changes of the source
   reg stream_q;

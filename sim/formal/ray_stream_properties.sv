@@ -87,7 +87,7 @@ module ray_stream_properties #(
     end
   end
 
-  // ---- cover statements: events that the proof must be able to reach ----
+  // ---- cover statements: events that the proof must reach ----
   reg [1:0] changed_q;  // number of configuration changes between rays
   reg waited_q;         // 1: a copy waited for rays in the pipeline
   always @(posedge clk_i or negedge rst_ni) begin

@@ -75,7 +75,7 @@ module sdram_arbiter_properties
     end
   end
 
-  // ---- cover statements: events that the proof must be able to reach ----
+  // ---- cover statements: events that the proof must reach ----
   always_ff @(posedge clk_i) begin
     if (rst_ni && started_q) begin
       cover_turns: cover(number_q[0] == 3 && number_q[1] == 2 && valid_q[2]);
