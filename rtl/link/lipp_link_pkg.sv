@@ -7,7 +7,7 @@
 /// body, and the CRC-32 (32 bits) of all these bytes, each little-endian. The initial state of the
 /// CRC is all ones. The CRC is the bitwise complement of the final state.
 package lipp_link_pkg;
-  // Most modules use only a part of these constants.
+  // Most modules use only some of these constants.
   /* verilator lint_off UNUSEDPARAM */
 
   /// Minimum number of bytes of a packet before COBS encoding, including its CRC.

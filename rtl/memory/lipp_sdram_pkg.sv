@@ -3,7 +3,7 @@
 
 /// Geometry and timing of the SDRAM MT48LC16M16A2: 4 banks x 8192 rows x 512 columns of 16 bits.
 package lipp_sdram_pkg;
-  // Most modules use only a part of these constants.
+  // Most modules use only some of these constants.
   /* verilator lint_off UNUSEDPARAM */
 
   localparam int WordBits = 16;

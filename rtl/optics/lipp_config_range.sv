@@ -63,7 +63,7 @@ module lipp_config_range #(
     unfit_q2 <= unfit_q;
     unfit_o <= |unfit_q2;
   end
-  // Each build uses only some fields of config_i.
+  // A build uses only some fields of config_i.
   logic unused_config;
   assign unused_config = ^config_i;
 

@@ -51,7 +51,7 @@ module lipp_pixel_to_lens #(
   localparam bit Converge = Build.converge;
   localparam bit Shear = Build.shear;
   localparam bit CrossCells = Build.cross_cells;
-  // Each build uses only some fields of config_i.
+  // A build uses only some fields of config_i.
   logic unused_config;
   assign unused_config = ^config_i;
 

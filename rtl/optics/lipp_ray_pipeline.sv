@@ -80,7 +80,7 @@ module lipp_ray_pipeline #(
 
   logic unfit;
   lipp_config_range #(.Build(Build)) i_config_range (.clk_i, .config_i, .unfit_o(unfit));
-  // Each build uses only some fields of config_i.
+  // A build uses only some fields of config_i.
   logic unused_config;
   assign unused_config = ^config_i;
 

@@ -43,7 +43,7 @@ module lipp_start_ray #(
   localparam bit CrossCells = Build.cross_cells;
   localparam bit SlopeAims = slope_aims(Build);
   localparam bit Difference = Build.model == 2'(ModelExact) && !Build.converge;
-  // Each build uses only some fields of config_i.
+  // A build uses only some fields of config_i.
   logic unused_config;
   assign unused_config = ^config_i;
 

@@ -60,7 +60,7 @@ module lipp_walk_domes #(
   localparam int StepLatency = cell_step_latency(Grid, F, Shear);
   localparam int WalkLatency = walk_latency(Grid, F, Shear);
   localparam int MeetLatency = meet_dome_latency(F);
-  // Each build uses only some fields of config_i.
+  // A build uses only some fields of config_i.
   logic unused_config;
   assign unused_config = ^config_i;
 

@@ -7,7 +7,7 @@
 /// * Width + x. The panel is divided into tiles of 32 x 32 pixels, numbered row by row. Tiles at
 /// the right and lower edges are smaller if the panel's size is not a multiple of 32.
 package lipp_panel_pkg;
-  // Most modules use only a part of these constants.
+  // Most modules use only some of these constants.
   /* verilator lint_off UNUSEDPARAM */
 
   localparam int Tile = 32;

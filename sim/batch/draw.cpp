@@ -18,7 +18,7 @@ namespace {
 class Random {
  public:
   explicit Random(uint64_t seed) : state_(seed * 2 + 1) {}
-  // Returns true with a probability of share / 256.
+  // Returns true with probability share / 256.
   bool chance(uint32_t share) {
     state_ ^= state_ >> 12;
     state_ ^= state_ << 25;
