@@ -284,7 +284,7 @@ class Pictures:
 
 
 def engines_for(display: Display) -> list[Engine]:
-    """Return the engines for a display; warn if it does not fit the words of twin and RTL."""
+    """Return the engines for a display; warn of a display that does not fit the words of twin and RTL."""
     try:
         random_rays(display, "chief", 1, 0).trace("twin")
     except InputError as error:

@@ -66,9 +66,9 @@ class PanelRays:
         """Return the golden engine's intermediate values, (N, 2) each, keyed by name.
 
         `panel_mm` is the pixel's point in the panel frame. `home` contains the indices
-        of the lenslet that owns the pixel's point. `start_mm` and `near_mm` are the
-        pixel's point and the ray's point in the array's near plane, from the centre of
-        lenslet `home`, in the array's axes.
+        of the lenslet that owns the pixel's point. `start_mm` is the pixel's point, and
+        `near_mm` the ray's point in the array's near plane; both are measured from the
+        centre of lenslet `home`, in the array's axes.
         """
         panel = np.stack(PanelFrame.of(self.display).panel_from_pixel(*self.pixels.T), axis=1)
         home, start = located(self.display, self.pixels)

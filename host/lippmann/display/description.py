@@ -461,7 +461,7 @@ def _check(display: Display, where: str) -> None:
         inside = f"within the lenslets' focal zone, which ends at {nearest:.4g} mm"
         farther = f"a viewing_distance_mm such as {float(f'{1.01 * nearest:.3g}'):g}"
         in_focus = array.focal_length_mm - (display.aperture_distance_mm - gap)
-        # Report the gap if the eye would be far enough with the panel in focus.
+        # Report the gap that focuses the panel, if the eye is then far enough.
         if 0.0 <= in_focus < gap and eye >= NEAREST_EYE * array.focal_length_mm:
             what = f"{gap:g} mm puts the eye at {eye:g} mm {inside}"
             raise input_error(f"{where}gap_mm", what, f"give a gap_mm of {in_focus:.4g} (in focus), or {farther}")

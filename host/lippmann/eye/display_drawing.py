@@ -124,7 +124,7 @@ def draw_display(display: Display, path: Path) -> None:
 
 
 def _lenslets(system: System, place: Sequence[float] | Floats, span: int, every: int = 1) -> tuple[Floats, Floats]:
-    """Return centres of lenslets around a panel point: `span` steps of `every` lenslets each way."""
+    """Return centres of lenslets around a panel point: up to `span` steps of `every` lenslets in each direction."""
     i, j, *_ = system.lattice.locate(NumpyBackend(), *map(np.asarray, system.frame.array_from_panel(*place)))
     steps = every * np.mgrid[-span : span + 1, -span : span + 1].reshape(2, -1)
     i, j = i + steps[0], j + steps[1]

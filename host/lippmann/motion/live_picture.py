@@ -1,4 +1,4 @@
-"""Shows a moving scene's integral image, fast in motion, with more samples at rest."""
+"""Shows a scene's integral image, quickly while the scene moves, with more samples at rest."""
 
 from __future__ import annotations
 

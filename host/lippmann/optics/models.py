@@ -18,8 +18,8 @@ from lippmann.optics.rays import Floats, Model, Status, gets_through
 from lippmann.optics.system import Exit, Landing, System
 
 #: Squared cosine below which the fast engine traces a ray in double precision. A
-#: float32 error rotates a ray by about 0.2 microradian divided by its cosine to the
-#: normal: by less than 1 microradian above this limit.
+#: float32 error rotates a ray by about 0.2 microradian divided by the ray's cosine to
+#: the normal: by less than 1 microradian above this limit.
 GRAZING_SQUARE = 0.15
 
 

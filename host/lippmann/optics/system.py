@@ -170,7 +170,7 @@ class System:
         return i, j, x - cx, y - cy  # inverting q would magnify q's rounding error by 1 / (1 - s)
 
     def through_mount(self, b: Backend, status: Arr, passed: Point, own: Point | None = None) -> Arr:
-        """Return `status`, but BLOCKED if the pixel's or, unless MISSED, the passed lenslet is absent."""
+        """Return `status`, or BLOCKED if the `own` lenslet is absent, or the `passed` one of a ray not MISSED."""
         if self.lattice.half_steps is None:
             return status
         there = self.lattice.present(b, *passed) | (status == int(Status.MISSED))

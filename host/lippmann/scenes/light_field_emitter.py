@@ -1,4 +1,4 @@
-"""Defines the emitter `light_field`: a surface that shows each eye another picture and lights nothing.
+"""Defines the emitter `light_field`: a surface that shows each eye a different picture and lights nothing.
 
 Each view is the surface's picture for one eye. A point's radiance is its colour in the
 view from the position where the line of sight meets the plane of the eyes. The colour

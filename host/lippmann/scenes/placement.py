@@ -130,7 +130,7 @@ def load_placement(path: Path) -> Placement:
 
 
 def placement_beside(path: Path) -> Placement:
-    """Return the placement in NAME.toml beside a scene, or 1 mm per unit and `usual_rotation`."""
+    """Return the placement in NAME.toml beside a scene, else 1 mm per unit with `usual_rotation`."""
     file = _placement_file(path)
     return Placement(rotation_deg=usual_rotation(path)) if file is None else load_placement(file)
 
