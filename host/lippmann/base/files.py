@@ -330,5 +330,5 @@ def listening() -> set[str]:
 
 
 def scratch_folder() -> contextlib.AbstractContextManager[Path]:
-    """Provide an empty folder, whose short name has no spaces; remove it at the block's end."""
+    """Provide an empty folder, whose short name has no spaces, until the block's end."""
     return partial_folder(private_folder() / "s")

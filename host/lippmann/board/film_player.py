@@ -116,7 +116,7 @@ def play_film(
 
 
 def _show_first(scene: SceneBoard, display: Display, film: LayerFilm, slots: list[int], played: Played) -> None:
-    """Show the first frame; until then, a shown scene stays if its lattice and background match."""
+    """Show the first frame; until then, keep a shown scene whose lattice and background match."""
     stack, numbers = film.at(0)
     order = [slots[number] for number in numbers]
     is_shown = scene.status().is_shown

@@ -45,7 +45,7 @@ class Projection:
     brightness: Floats  # the camera's relative illumination (height, width)
 
     def photograph(self, light: Light) -> Light:
-        """Return the camera's light for a panel's light; both are (height, width) or (height, width, 3)."""
+        """Return the camera's light for a panel's light, each (height, width) or (height, width, 3)."""
         grey = light.ndim == 2 and len(self.matrices) == 1
         planes = [light]
         if not grey:

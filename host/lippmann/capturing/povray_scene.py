@@ -208,7 +208,7 @@ def _light(item: Item, placement: Placement) -> str:
 
 
 def _shape(item: Item, materials: Materials, placement: Placement, place: int) -> list[str]:
-    """Return a shape's POV-Ray objects, and add its textures to `materials`; `place` makes names unique."""
+    """Return a shape's POV-Ray objects, and add its textures to `materials`; the index `place` makes names unique."""
     if item.plugin not in SHAPES:
         raise item.refusal("cannot be exported to POV-Ray", f"use {', '.join(SHAPES)}")
     material = None

@@ -35,7 +35,7 @@ def command(
     scene: Path | None = option("Scene (.xml); also choose its layers for a board that draws scenes."),
     tolerance_db: float = option("Minimum PSNR of the layers' view at any eye position, dB.", TOLERANCE_DB),
     slot: tuple[tuple[int, int], ...] = option(
-        f"Slot size to try; may be repeated.  [default: {', '.join(f'{w}x{h}' for w, h in SLOTS)}]",
+        f"Slot size to try; can be repeated.  [default: {', '.join(f'{w}x{h}' for w, h in SLOTS)}]",
         SLOTS,
         TEXELS,
         multiple=True,

@@ -40,7 +40,7 @@ class ReportOptions:
 @make_command("report")
 def command(
     display: tuple[Name, ...] = option(
-        "Display file; may be repeated.  [default: the shipped displays]", (), KINDS[Name], multiple=True
+        "Display file; can be repeated.  [default: the shipped displays]", (), KINDS[Name], multiple=True
     ),
     options: ReportOptions = ReportOptions,  # type: ignore[assignment]
 ) -> None:

@@ -34,7 +34,7 @@ def command(
     display: Display = DISPLAY,
     output: Path | None = option("Output page.  [default: IMAGE with .html]", metavar="PAGE.html"),
     direct: tuple[tuple[Point, Name], ...] = option(
-        "Position of an eye, and a picture rendered from there; may be repeated.",
+        "Position of an eye, and a picture rendered from there; can be repeated.",
         (),
         (KINDS[Point], KINDS[Name]),
         multiple=True,
@@ -53,7 +53,7 @@ def command(
     """Create a browser page that shows an integral image.
 
     The page shows an eye's view through the lenslets. The page is one file, and needs
-    WebGL 2 but no network. IMAGE may be a folder of frames from `lippmann animate`,
+    WebGL 2 but no network. IMAGE can be a folder of frames from `lippmann animate`,
     which the page plays.
 
     Example: lippmann view fish.png --display scenes/displays/paper-square.toml -o

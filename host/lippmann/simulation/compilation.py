@@ -90,7 +90,7 @@ def verilated(
     flags: Sequence[str] = FAST,
     link: Sequence[str] = (),
 ) -> None:
-    """Compile RTL, with C++ that drives the RTL, to a program, or to a library if `output` ends in .so.
+    """Compile RTL, and the C++ that drives it, to a program, or to a library if `output` ends in .so.
 
     `sources` are SystemVerilog files, packages first, and Verilator's control files.
     The C++ files `main` use the class `Vtop` of Vtop.h. `options`, `flags` and `link`

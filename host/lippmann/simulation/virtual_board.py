@@ -49,7 +49,7 @@ FRAMES_HZ, SLOWEST_HZ = 60, 24_000_000
 MAX_SIDE_PX = 16383
 #: Minimum number of clocks per UART bit; lipp_uart_rx.sv samples a bit three times.
 CLOCKS_OF_A_BIT = 8
-#: Idle time after which a new program may replace the connected program, s.
+#: Idle time after which a new program can replace the connected program, s.
 IDLE_S = 60
 #: Age, s, after which an incomplete frame counts as left by a killed simulator.
 PART_S = 60.0
@@ -204,7 +204,7 @@ class BoardOptions(TypedDict, total=False):
     memory: Memory
     #: Program compiled for this display, line and clock; `None` compiles one.
     program: Path | None
-    #: Idle time, s, after which another program may connect, by default `IDLE_S`.
+    #: Idle time, s, after which another program can connect, by default `IDLE_S`.
     idle_s: int
 
 
