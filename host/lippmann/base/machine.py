@@ -65,7 +65,7 @@ def proc_mb(file: str, entry: str) -> float | None:
 
 
 def peak_memory_mb() -> float:
-    """Return the peak memory of this process so far, MB, or 0 if unknown."""
+    """Return the peak memory of this process, MB, or 0 if unknown."""
     # Prefer /proc, because `getrusage` includes the memory of the parent process.
     if (peak := proc_mb("self/status", "VmHWM")) is not None:
         return peak
@@ -111,7 +111,7 @@ def _information() -> str:
 
 
 def machine_name() -> str:
-    """Return a description of the machine, such as "AMD EPYC with AVX-512, 2 cores, Linux x86_64"."""
+    """Describe the machine as text, such as "AMD EPYC with AVX-512, 2 cores, Linux x86_64"."""
     return f"{processor_name()}, {processor_count()} cores, {platform.system()} {platform.machine()}"
 
 
