@@ -190,7 +190,7 @@ def test_a_report_goes_into_a_folder_that_exists(tmp_path, capfd):
     """As every other output; known before minutes of measuring."""
     missing = tmp_path / "kept/here"
     assert bench.main(["fixed", "--scenes", SCENES, "--report", str(missing)]) == 2
-    assert f"the folder {missing} does not exist; make it first" in capfd.readouterr().err
+    assert f"the folder {missing} does not exist; make the folder first" in capfd.readouterr().err
 
 
 SCENE_FOLDER = repository() / "scenes"

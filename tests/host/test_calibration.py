@@ -419,8 +419,8 @@ UNFIT = r"position-1: only \d+ % of the lenslets"
         (slice(1, 2), too_bright, r"01-white\.png: is overexposed: \d+ % of the panel or photograph is clipped"),
         (slice(5, 6), dimmed, r"05-gray-x-3\.png: is darker than its pattern"),
         (slice(None), dimmed, r"01-white\.png: is too dark"),
-        (slice(None), defocused, r"14-phase-x-0\.png: is blurred: stripes of 16 panel pixels keep"),
-        (slice(None), lambda picture: picture[:, 110:], r"00-marks\.png: the panel is partly out of view, at the left"),
+        (slice(None), defocused, r"14-phase-x-0\.png: is blurred: stripes of 16 panel pixels have only"),
+        (slice(None), lambda picture: picture[:, 110:], r"00-marks\.png: the panel extends beyond the photo"),
         (slice(-8, None), shifted(2.0, -1.0), r"marks-again\.png: the camera moved by"),
         # A camera that moved and came back: the marks, first and last, stay where they were.
         (slice(6, 10), shifted(3.0, 0.0), UNFIT),
@@ -452,7 +452,7 @@ def test_photographs_that_are_missing_or_of_other_patterns(case, spoiled, tmp_pa
     with pytest.raises(InputError, match=r"01-white.bmp and 01-white.png are photographs of the same pattern"):
         calibrate(spoiled.parent, case.nominal)
     (spoiled / "01-white.bmp").unlink()
-    with pytest.raises(InputError, match=r"99-other.png belongs to no pattern, and the photograph of 02-black is mis"):
+    with pytest.raises(InputError, match=r"no pattern has the name of 99-other.png, and 02-black is mis"):
         positions(spoiled.parent, patterns)
     (spoiled / "99-other.png").unlink()
     with pytest.raises(InputError, match=r"the photograph of 02-black is missing; add 02-black.jpg"):
@@ -536,7 +536,7 @@ def test_settings_that_a_webcam_does_not_take_are_named(monkeypatch):
     sizes = (cv2.CAP_PROP_FRAME_WIDTH, cv2.CAP_PROP_FRAME_HEIGHT)
     camera = camera_of("V4L2", (cv2.CAP_PROP_AUTO_EXPOSURE, *sizes), (cv2.CAP_PROP_AUTOFOCUS,))
     monkeypatch.setattr(cv2, "VideoCapture", lambda number: camera)
-    refused = r"camera 2 \(V4L2\) refuses to set the size, exposure, focus"
+    refused = r"camera 2 \(V4L2\) did not accept the settings for the size, exposure, focus"
     with pytest.warns(LippmannWarning, match=refused), open_webcam(2):
         pass
 

@@ -55,7 +55,7 @@ def test_an_unknown_option_is_refused_and_help_does_nothing(module, tmp_path):
 def test_a_report_that_cannot_be_written_is_refused_before_the_work(tmp_path):
     folder = tmp_path / "none"
     for module in ("host_mutation", "mutation", "synthesis"):
-        said = f"lippmann: {folder / module}.md: the folder {folder} does not exist; make it first"
+        said = f"lippmann: {folder / module}.md: the folder {folder} does not exist; make the folder first"
         assert called(tmp_path, module, "--report", folder) == (2, [], [said])
 
 

@@ -255,7 +255,7 @@ def test_what_cannot_be_rendered_is_refused(place, capsys):
     refused("frame_0005.exr: is beyond the film's 5 frames")
     (place / "out/frame_0005.exr").unlink()
     lock = FolderLock(place / "out", "")
-    refused("out: is in use by another command; wait until it has ended, or choose another folder with -o")
+    refused("out: is in use by another command; wait until that command has ended, or choose another folder with -o")
     lock.close()
     (place / "three.xml").write_text(SCENE.replace('type="cube"', 'type="obj"'))
     refused("three.xml")
