@@ -55,7 +55,7 @@ def _of_displays(displays: Callable[[Display], Mapping[str, Display]]) -> Genera
     @wraps(displays)
     def make(display: Display, random: Random, count: int) -> Sets:
         variants, case = displays(display), displays.__name__.replace("_", "-")
-        each = count if len(variants) <= 10 else max(4, count // 3)  # as many rays in total as other cases
+        each = count if len(variants) <= 10 else max(4, count // 3)  # as many rays as other cases
         for variant, other in variants.items():
             pixels = random_pixels(other, random, each)
             yield PanelRays(f"{case}/{variant}", other, pixels, random_aims(other, random, each))

@@ -224,7 +224,7 @@ class LayerPlan(Plan):
         if options.engine == "twin":
             panel = draw(*args, rows=rows)
         else:
-            from lippmann.simulation import harness  # only rtl needs it
+            from lippmann.simulation import harness  # needed only for rtl
 
             # The simulators run outside Python's global lock.
             panel = draw(*args, harness.rtl_pipeline, harness.rtl_scene, processor_count(), rows)

@@ -8,8 +8,8 @@ layer continues the surface under the nearer layer, as far as a moving eye sees.
 A layer shows its whole slab at one depth. For eyes at the distance E, a point at depth
 z has the disparity u = z / (E - z): if the eye moves by 1 mm, the point moves by u mm
 across the display. To first order, a view's error is the picture's gradient times the
-difference of a point's and its layer's disparity. The slabs minimise the mean square
-error of views over all visible points (`partition`).
+difference between a point's disparity and its layer's. The slabs minimise the mean
+square error of views over all visible points (`partition`).
 """
 
 from __future__ import annotations
