@@ -1,7 +1,7 @@
 """Places the cells of a board's fastest clock in a separate run of nextpnr, near their pads.
 
 nextpnr places all cells at once. In a chip more than half full, nextpnr puts the fastest clock's few hundred cells too
-far apart. Placed separately, these cells meet the clock; their positions (`BEL`) are written into the complete netlist.
+far apart. Placed separately, these cells meet the constraint; their positions (`BEL`) go into the netlist.
 """
 
 from __future__ import annotations
@@ -60,7 +60,7 @@ def anchor(netlist: Path, options: flow.Command, seed: int, output: Path) -> int
 
 
 def fastest(cells: Mapping[str, Cell]) -> set[str]:
-    """Return the cells of the PLL's fastest clock (of equal clocks: of the smallest), and the logic before them."""
+    """Return the cells of the PLL's fastest clock (if several: with the fewest cells), and the logic before them."""
     plls = [cell for cell in cells.values() if cell["type"] == "EHXPLLL"]
     if len(plls) != 1:
         raise LippmannError(f"the netlist has {len(plls)} PLLs; make all clocks with one PLL")
@@ -84,7 +84,7 @@ def fastest(cells: Mapping[str, Cell]) -> set[str]:
 
 
 def _cut(module: Mapping[str, Any], part: set[str]) -> dict[str, Any]:
-    """Return the module with only these cells, their drivers without inputs except clocks, and the pads of both."""
+    """Return the module with only these cells, their drivers (whose inputs except clocks are cut), and their pads."""
     cells: Mapping[str, Cell] = module["cells"]
     drivers = _drivers(cells)
     selected = {name: cells[name] for name in part}

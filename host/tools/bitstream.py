@@ -77,7 +77,7 @@ class TimingError(LippmannError):
 
 @dataclass(frozen=True)
 class Plan:
-    """The plan of a bitstream: board, display, builds of the drawing (None: no drawing) and the optics, clocks."""
+    """The plan of a bitstream: board, display, clocks, build of the optics, build of the drawing (None: no drawing)."""
 
     board: FpgaBoard
     display: Display
@@ -155,7 +155,7 @@ def plan(board: FpgaBoard, display: Display, layers: int = 4, bilinear: bool = F
             what = f"60 frames a second need a clock of {mhz:.1f} MHz for {name}, {board.name} has {limit:g} at most"
             raise input_error(where, what, "choose a smaller panel, such as scenes/displays/hd-square.toml")
     words = Fraction(PAIR_WORDS, 2) * Fraction(WORD_CLOCKS) * pixel
-    # The PLL's pixel clock may be faster than the display's by the tolerance.
+    # The PLL's pixel clock can exceed the display's by the tolerance.
     words *= Fraction(panel.width_px, panel.width_px + sum(timing[:3])) * (1 + TOLERANCE)
     least = words / Fraction(MAX_SHARE - REFRESH_SHARE)
     fastest = Fraction(min(board.memory.max_mhz, board.limits.memory_mhz))

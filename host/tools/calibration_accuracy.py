@@ -59,7 +59,7 @@ LENSLET_PX = (14.0, 24.0)
 ROTATION_DEG, PITCH, GAP = 5.0, 0.01, 0.2
 #: Standard deviations of the pitches' ratio and of the shear of the random displays.
 RATIO, SHEAR = 3e-4, 5e-4
-#: Cameras: distance, panel widths; maximum angle to the axis of the first, range of angles of the others, degrees.
+#: Cameras: distance in panel widths; maximum angle to the axis of the first, range of angles of the others, degrees.
 DISTANCE = (2.5, 5.0)
 NEAR_AXIS_DEG, ASIDE_DEG = 5.0, (8.0, 18.0)
 #: Default number of camera positions.

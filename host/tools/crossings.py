@@ -157,7 +157,7 @@ class Check:
         return Row(place, [register.name for register in registers], list(bits), clocks.pop(), is_reset)
 
     def _check_row(self, row: Row) -> None:
-        """Check that a chain samples no glitch, and that nothing else reads its registers before the last."""
+        """Check that a chain samples no glitch, and that nothing else reads its registers except the last one."""
         for k, bit in enumerate(row.outputs[:-1]):
             others = [pin for pin in self.net.readers.get(bit, []) if pin != Pin(row.cells[k + 1], "DI")]
             if others or bit in self.net.outputs:
@@ -375,7 +375,7 @@ def _place(memory: str) -> str:
 
 
 def _depends_on(table: int, ports: Sequence[str], choice: str, value: int) -> bool:
-    """Return whether a four-input table depends on `ports` while the port `choice` has a value."""
+    """Return whether a four-input table depends on `ports` while the port `choice` has the value `value`."""
     places = {port: 1 << k for k, port in enumerate("ABCD")}
     mask = sum(places[port] for port in ports)
     outputs: dict[int, set[int]] = {}

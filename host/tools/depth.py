@@ -60,7 +60,7 @@ WIDE: Look = ("pinhole", WIDE_EYES_MM)
 
 
 def judged(row: dict[str, Any]) -> dict[str, Any]:
-    """Add the errors, per cent, of the first and third eye, and `kept`: whether the first error is within `SHARE`."""
+    """Add columns: errors, per cent, of the first and third eye; `kept` (whether the first is within `SHARE`)."""
     error, wide = (100.0 * (row[key] / row["theory_mm"] - 1.0) for key in ("centres_mm", "wide_mm"))
     return {**row, "error_percent": error, "wide_error_percent": wide, "kept": abs(error) <= 100.0 * SHARE}
 

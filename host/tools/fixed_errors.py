@@ -196,7 +196,7 @@ def edge_words(display: Display, build: Build, seed: int, count: int) -> Words:
 
 
 def wide_words(display: Display, build: Build, seed: int, count: int) -> Words:
-    """Return rays from random pixels, with aims up to one and a half pitches away."""
+    """Return rays from random pixels, with aims up to 1.5 pitches from the lenslet's centre."""
     random = np.random.default_rng(seed)
     reach = 3 << (build.fraction_bits - 1)
     a, b = random.integers(-reach, reach + 1, (2, count))

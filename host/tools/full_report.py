@@ -168,7 +168,7 @@ def measure_builds(scenes: Path, plan: Plan, seed: int) -> Figures:
 
 
 def pareto_front(costs: npt.ArrayLike) -> npt.NDArray[np.bool_]:
-    """Return which designs are Pareto-optimal: no other design costs less in one column and not more in any."""
+    """Return which designs are Pareto-optimal: no design costs less in one column and no more in the others."""
     cost = np.asarray(costs, np.float64)
     no_more = (cost[:, None] <= cost[None]).all(axis=2)
     less = (cost[:, None] < cost[None]).any(axis=2)

@@ -227,7 +227,7 @@ def _flat(random: np.random.Generator) -> Iterator[Row]:
 
 
 def _panel(random: np.random.Generator) -> Row:
-    """Compare formats for a pixel's lens-local position on a 700 mm panel: float64 until lens-local, and float32."""
+    """Compare a pixel's lens-local position on a 700 mm panel: in float64, rounded to float32; and all in float32."""
     pitch, pixel = 0.5, 0.1
     u = random.integers(0, 7000, RAYS) + 0.5
 
@@ -248,7 +248,7 @@ def _panel(random: np.random.Generator) -> Row:
 
 
 def _quarter_turns(random: np.random.Generator) -> Row:
-    """Count edge points that change cells if rotated by 90 degrees: exactly, and by cos and sin of pi/2."""
+    """Count edge points that change cells if rotated by 90 degrees, once exactly and once by cos and sin of pi/2."""
     x, y = random.integers(-400, 401, (2, RAYS)) / 2.0
 
     def strays(cos: float, sin: float) -> float:

@@ -43,7 +43,7 @@ DISPLAYS = ("vga-square", "vga-hex")
 SCALE = 0.25
 #: Samples per texel, as in `lippmann layers`, and rays per pixel of a view.
 TEXEL_SAMPLES, VIEW_SAMPLES = 16, 16
-#: Fraction of light from behind the layers above which a view's pixel counts as a hole.
+#: A view's pixel counts as a hole if a larger fraction of its light comes from behind the layers.
 HOLE = 0.01
 #: Baud rate of the serial line, and number of bits on the line per byte.
 BAUD, BITS_A_BYTE = 3_000_000, 10
@@ -137,9 +137,9 @@ def hole_percent(
     """Return the percentage of pixels that show a hole, over the views of a moving eye.
 
     A pixel shows a hole if light comes from behind the first k layers, although every ray of the scene in the pixel and
-    its surroundings meets a surface of the first k slabs. The surroundings are as wide as layers displace surfaces for
-    the eye, plus one pixel. With a separate layer, whose slab overlaps others, only light from behind all layers shows
-    a hole.
+    its surroundings meets a surface of the first k slabs. The surroundings extend as far as layers displace surfaces in
+    the eye's view, plus one pixel. With a separate layer, whose slab overlaps others, only light from behind all layers
+    shows a hole.
     """
     reach, window = reach_of(display), whole_window(display)
     half = 0.5 * window.width_mm, 0.5 * window.height_mm

@@ -229,7 +229,7 @@ class Patient(Board):
         return self._take(kind, seq, body, keep)
 
     def call_all(self, kind: int, bodies: Iterable[bytes]) -> None:
-        """Send requests, up to `AHEAD` of them without a reply; replies arrive in the requests' order."""
+        """Send requests, with at most `AHEAD` of them unanswered; replies arrive in the requests' order."""
         ahead: deque[tuple[int, bytes]] = deque()
         for body in bodies:
             if len(ahead) == AHEAD:
@@ -466,7 +466,7 @@ def main(
     memory: virtual_board.Memory | None = option("Frame memory of the virtual board.  [default: sdram]", None),
     path: str = option("Display file.", "scenes/displays/vga-square.toml", flag="--display"),
     size: tuple[int, int] | None = option("Other size of the panel, pixels.", None, click.IntRange(8), nargs=2),
-    layers: int = option("Number of layers of a bitstream.", 4, click.IntRange(0, 8)),
+    layers: int = option("Number of layers that the bitstream draws.", 4, click.IntRange(0, 8)),
 ) -> None:
     """Synthesise a board, simulate its netlist and its RTL, and compare replies and pixels.
 

@@ -195,8 +195,8 @@ def compare_times(scenes: Path, work: Path) -> dict[str, Any]:
     """Time both programs at equal noise on the scene with five lights, 2400 x 2400 pixels behind lenslets of 1 mm.
 
     `povray` is POV-Ray's run; `seconds` (wall clock), `cpu_seconds` (of all threads) and `samples` per pixel are
-    Lippmann's. `whole` has the median wall-clock times of complete processes; `ratio` is of CPU seconds, POV-Ray's to
-    Lippmann's.
+    Lippmann's. `whole` has the median wall-clock times of complete processes; `ratio` is POV-Ray's CPU seconds divided
+    by Lippmann's.
     """
     setup = load_setup(scenes / f"setups/{SETUPS['square']}.toml")
     setup = with_window(setup, TIME_PX, 1.0)

@@ -34,7 +34,7 @@ TRACED: tuple[tuple[Model, Aperture], ...] = (*((model, "chief") for model in MO
 ERRORS = {"max_direction_urad": "own_max_urad", "rms_direction_urad": "own_rms_urad", "max_origin_nm": "own_max_nm"}
 #: `tools.bench rtl`: rays per run, runs per build (the fastest counts), frames that the board draws.
 RAYS, RUNS, FRAMES = 1_000_000, 3, 10
-#: Display of the drawing board, and a larger display for drawing without a board, where textures load quickly.
+#: Display of the board that draws; larger display for drawing without a board, where textures load quickly.
 BOARD_DISPLAY, DISPLAY = "vga-square", "paper-square"
 
 

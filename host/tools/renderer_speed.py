@@ -71,7 +71,7 @@ def gpu_name() -> str:
 
 
 def timed(scene: Scene, display: Display, settings: Settings, pictures: list[Radiance] | None = None) -> Work:
-    """Return a function that renders with a new seed at each call, appends to `pictures`, and returns the seconds."""
+    """Return a function that renders a picture with a new seed, appends it to `pictures`, and returns seconds."""
     seeds = itertools.count(settings.seed)
 
     def render() -> float:

@@ -2,7 +2,7 @@
 
 The benchmark shows t_R = t_SR / T (paper, equation 6) against the number of lenslets in the window: a picture's time
 over the same program's time for the base scene (720 x 720 pixels, 2 lights, 2 stems, anti-aliased with threshold 0.3,
-no optics). Times are CPU seconds of all threads: POV-Ray's with parsing, Lippmann's without loading and compiling.
+no optics). Times are CPU seconds of all threads: POV-Ray's include parsing, Lippmann's exclude loading and compiling.
 """
 
 from __future__ import annotations
@@ -137,9 +137,9 @@ def findings(rows: Rows) -> dict[str, Any]:
     """Return ratios of CPU times in the sweep, for Lippmann and, with the prefix `povray_`, for POV-Ray.
 
     `growth`, keyed by window (px), is the slowest pitch's time divided by the fastest pitch's, for square arrays
-    without anti-aliasing. `hex_share` is the median ratio of times with hexagonal to times with square arrays, minus 1.
-    `plain_share` is the median ratio of times without to times with anti-aliasing, minus 1. A ratio is None if no pair
-    was measured.
+    without anti-aliasing. `hex_share` is the median of hexagonal arrays' times divided by square arrays' times, minus
+    1. `plain_share` is the median of times without anti-aliasing divided by times with it, minus 1. A ratio is None if
+    no pair was measured.
     """
     keys = ("tracer", "grid", "window_px", "pitch_mm", "antialias")
     times = {tuple(row[key] for key in keys): row["cpu_seconds"] for row in rows}

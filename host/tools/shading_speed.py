@@ -134,7 +134,7 @@ def likeness(scenes: Path, seed: int) -> Iterator[dict[str, Any]]:
 
 
 def error_map(scenes: Path, seed: int) -> tuple[list[Radiance], list[str]]:
-    """Return an eye's view of the fish without and with the irradiance cache, the views' difference, and captions."""
+    """Return two views of the fish (each ray's own light; irradiance cache), their difference, and captions."""
     drawn, display = _drawn_scene(scenes, SCENES[0], seed, ("each", "shared"))
     views = [_view(one.radiance, display) for one in drawn]
     difference = np.abs(views[1] - views[0]) * np.float32(MAP_GAIN)

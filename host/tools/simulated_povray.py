@@ -29,7 +29,7 @@ from tools.povray_runs import run_povray
 
 Words = npt.NDArray[np.uint16]
 TOP = 65535
-#: Minimum gap, mm, of panel and array at which POV-Ray distinguishes their surfaces.
+#: Minimum gap, mm, between panel and array at which POV-Ray distinguishes their surfaces.
 LEAST_GAP_MM = 1e-3
 #: Angle between successive points of a spiral that fills a disc evenly, and maximum rotation of a grid, radians.
 GOLDEN_ANGLE, TURN = np.pi * (3.0 - np.sqrt(5.0)), 0.1

@@ -99,7 +99,7 @@ def steps_of(build: Build) -> list[str]:
 def hybrids(
     build: Build, config: Configuration, words: Words, first: int = 0
 ) -> Iterator[tuple[Floats, Floats, Floats]]:
-    """Yield exit points (in radii), directions, lenslets: `first` steps in integers, then one more each time."""
+    """Yield exit points (in radii), directions, lenslets: each time with one more step in integers, from `first` on."""
     state: State = {"grid": build.grid, "f": build.fraction_bits, "upward": not build.viewer, **words._asdict()}
     state |= dataclasses.asdict(config)
     # Give the registers the names of the twin's parameters.

@@ -76,8 +76,8 @@ class Design:
         return build | dict(zip(names, numbers, strict=True)) | scene
 
 
-#: Panels and configurations of the boards that are placed. The configurations are placed as blocks too, with and
-#: without rtl/bus.
+#: Panels and configurations of the boards that are placed. The configurations are placed as blocks too, once with
+#: rtl/bus and once alone.
 PANELS = ((640, 480), (1280, 720))
 WHOLE = [CONFIGURATIONS[name] for name in ("compact-square", "widest-square")]
 BOARDS = [Design(variant, "probe_board", panel) for panel in PANELS for variant in WHOLE]
