@@ -211,7 +211,7 @@ def eye_rays(
     if eye.pupil_mm > 0.0:
         p, q = points_in_square(pixel, sample, seed)
         disk = mi.warp.square_to_uniform_disk_concentric(mi.Point2f(p, q))
-        # A pixel's rays meet in focus, on the line from the pupil's centre.
+        # A pixel's rays meet in the plane in focus, on the line from the pupil's centre.
         reach = (ez - focus) / ez
         fx, fy = ex + (x - ex) * reach, ey + (y - ey) * reach
         ex = ex + b.double(disk.x) * radius

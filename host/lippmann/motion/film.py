@@ -67,7 +67,7 @@ class MotionPath:
         return replace(turned, offset_mm=(x, y, z))
 
 
-#: Maximum number of a film's frames, because file names have four digits.
+#: Maximum number of a film's frames; file names have four digits.
 MAX_FRAMES = 10_000
 AnyPath = TypeVar("AnyPath", bound=MotionPath)
 Depth = Annotated[float | None, key("", default="the placement's, extended by the motions")]

@@ -94,7 +94,7 @@ class LivePicture:
         self._scene = scene
         self._panel = display.panel
         self._encoder = Encoder(display.panel)
-        # The irradiance cache would have more points than a quick picture has rays.
+        # No irradiance cache: it would have more points than a quick picture has rays.
         self._settings = replace(settings, shading="each")
         self._source = display_source(display, model)
         #: Side in pixels of the blocks that get one ray each in a quick picture.

@@ -97,7 +97,7 @@ class PixelFilter:
         column = mi.Int32(pixel) - row * width
         total = dr.gather(mi.Vector4f, self._sums[0], pixel)
         for plane, (dx, dy) in zip(self._sums[1:], SIDES, strict=True):
-            # Add a neighbour's sum for this pixel, not across multiples of `BAND_ROWS`.
+            # Add a neighbour's sum for this pixel, unless a multiple of `BAND_ROWS` separates them.
             x, y = column - dx, row - dy
             there = (x >= 0) & (x < width) & (y >= 0) & (y < height) & (y // BAND_ROWS == row // BAND_ROWS)
             neighbour = mi.UInt32(y * width + x)
