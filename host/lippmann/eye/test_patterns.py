@@ -152,7 +152,7 @@ PATTERNS: dict[Kind, Callable[[Pixels], Values]] = {
 def white_for_eye(display: Display, eye: Eye) -> Values:
     """Return 1 for pixels that an eye sees through their own lenslets, else 0, (height, width)."""
     panel, b, system = display.panel, DrJitBackend(current_device()), System.of(display)
-    # A lenslet spreads its rays on the panel; trace enough rays for half a pixel's distance.
+    # A lenslet spreads its rays on the panel: trace one for each half pixel of the spread.
     spread = abs(1.0 - display.aperture_distance_mm / display.array.focal_length_mm)
     samples = min(2 + int(np.ceil(2.0 * spread)), 8) ** 2
     window = Window(panel.width_mm, panel.height_mm, *panel.size_px)
