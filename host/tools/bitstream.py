@@ -61,7 +61,7 @@ BOARD_BITS = 8
 DEVICES = (
     "12k", "25k", "45k", "85k", "um-25k", "um-45k", "um-85k", "um5g-25k", "um5g-45k", "um5g-85k",
 )  # fmt: skip
-#: Pattern of a port's clock in a pin file: port, number and unit.
+#: Pattern of a port's clock in a pin file: port, frequency and unit.
 PORT_CLOCK = re.compile(
     r'^\s*FREQUENCY\s+PORT\s+"?([^"\s]+)"?\s+(\d+(?:\.\d*)?)\s*([KM]?HZ)\b', re.IGNORECASE | re.MULTILINE
 )

@@ -283,7 +283,7 @@ def draw_budget(data: Figures) -> Plot:
     columns = groups(data.rows, "configuration")
     picture, axes = make_axes(2, len(columns), (3.4, 3.0))
     for across, rows in enumerate(columns):
-        # Only the first column has labels: the steps' names without the grid.
+        # Only the first column has labels: the steps' names without `_square` or `_hex`.
         steps = [row["step"].removesuffix("_square").removesuffix("_hex") if across == 0 else "" for row in rows]
         colours = [*[COLOURS[0]] * (len(rows) - 1), COLOURS[6]]
         for axis, key, unit in zip(axes[:, across], ("rms_urad", "rms_nm"), ("microradian", "nm"), strict=True):
