@@ -12,7 +12,7 @@ registers in lipp_bit_sync and lipp_reset_sync:
 | Gray | The bits of a pointer of lipp_async_fifo: registers of one clock and one enable. The logic before these registers changes exactly one bit at each step, over the complete period. Each bit passes its own lipp_bit_sync. |
 | memory | The content of lipp_async_fifo's memory is sampled under an enable that depends on all bits of the written pointer, synchronised to the reader's clock, and is written under an enable that depends on the synchronised read pointer. |
 | held | lipp_tmds_serialiser's symbols: each is sampled by a register behind one lookup table, which a select register of the sampling clock controls. The select register is high only in a cycle that is counted from a synchronised bit (`i_turn`), which changes with the symbols. The symbols are stable in this cycle, because the clocks' ratio is five to one. |
-| reset | An asynchronous reset is driven by a register of the same clock as the registers that it resets. Only the registers of lipp_reset_sync, whose first register reads a constant, may have another reset. |
+| reset | An asynchronous reset is driven by a register of the same clock as the registers that it resets. Only the registers of lipp_reset_sync, whose first register reads a constant, can have another reset. |
 
 The check refuses bits of one register that cross through several lipp_bit_syncs, and separately crossing bits of one
 clock that meet in the logic before a register, because these bits may arrive in different clock cycles. The check also

@@ -38,8 +38,8 @@ Row = dict[str, Any]
 #: In each comparison of formulas: number of rays, radii of the domes in mm, and number formats.
 RAYS, RADII = 400, (1.5, 1e3, 1e6)
 FORMATS: tuple[Any, ...] = (np.float64, np.float32)
-#: Golden's error bound in units of a ray's condition. Width of the band along an edge in which a ray may have either
-#: fate, in units in the last place of one input (of float32 for the fast engine).
+#: Golden's error bound in units of a ray's condition. Width of the band along an edge in which either fate is correct,
+#: in units in the last place of one input (of float32 for the fast engine).
 GOLDEN_UNITS, EDGE_ULPS = 4.0, 4
 #: Ratio of float32's unit in the last place to float64's.
 FLOAT32_ULP = 1 << 29

@@ -201,7 +201,7 @@ def layers_page(origin: Mapping[str, str], rows: Rows) -> Page:
 
 
 def draw_layers(rows: Rows) -> Plot:
-    """Draw each scene's PSNR with layers against the numbers of layers and block RAMs, and with a streamed frame."""
+    """Draw each scene's PSNR against the numbers of layers and of block RAMs, and the streamed frame's PSNR."""
     scenes = groups(rows, "scene")
     picture, axes = make_axes(2, len(scenes), (4.4, 3.2))
     for across, scene in enumerate(scenes):

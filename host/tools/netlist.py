@@ -251,7 +251,7 @@ class Patient(Board):
 
     def request(self, kind: Kind, body: bytes, work_s: float = 0.0, seq: int | None = None) -> tuple[int, bytes]:
         """Send a request once, and wait for its reply."""
-        # Do not keep the reply to a HELLO, because it has a nonce.
+        # Do not keep the reply to a HELLO, because it has a random nonce.
         reply = self.call(kind, body, seq, keep=kind != Kind.HELLO)
         return reply.status, reply.body
 

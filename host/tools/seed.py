@@ -125,7 +125,7 @@ def _row(
     run: Rendered | Run,
     base: Mapping[str, float],
 ) -> dict[str, Any]:
-    """Return the row of a square picture, of the base scene if `display` is None; `relative` is t_R."""
+    """Return the row of a square picture (`display` None: of the base scene); `relative` is t_R."""
     array, lenslets = (None, 0) if display is None else (display.array, lenslets_in(display))
     row = {"tracer": tracer, "grid": "none" if array is None else array.grid, "window_px": width_px}
     row |= {"pitch_mm": None if array is None else array.pitches_mm[0], "lenslets": lenslets, "antialias": antialias}
