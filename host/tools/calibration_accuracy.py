@@ -253,7 +253,7 @@ def deviations(result: Calibration, truth: Display) -> dict[str, float]:
 
 
 def solve_case(case: Case, photographs: Path, bow: bool = False) -> dict[str, Any]:
-    """Calibrate from a case's photographs; return the row: errors, count of parameters outside intervals, seconds."""
+    """Calibrate from a case's photographs; return the row: errors, seconds, parameters outside their intervals."""
     started = time.perf_counter()
     result = calibrate(photographs, case.nominal, bow)
     seconds = time.perf_counter() - started

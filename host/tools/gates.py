@@ -241,7 +241,7 @@ class Netlist:
         return self.collect(lambda source: source.clock)
 
     def ends(self, bits: Iterable[Bit]) -> dict[Bit, list[Source]]:
-        """Return the bits at which the logic before some bits begins, each with its sources."""
+        """Return those bits of the logic before some bits that have sources, each with its sources."""
         ends: dict[Bit, list[Source]] = {}
         visited: set[Bit] = set()
         todo = list(bits)
