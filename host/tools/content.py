@@ -212,7 +212,7 @@ def gallery(folder: Path, scratch: Path, seed: int) -> tuple[list[Radiance], lis
 
 @measurement(page="content")
 def content(bench: MeasurementRun) -> tuple[Mapping[str, Any], Page]:
-    """Compare views of folders of views and of depth pictures with views of the scene; show all kinds of content.
+    """Compare what eyes see of view folders, depth pictures and the scene itself; show all kinds of content.
 
     Example: python -m tools.bench content
     """

@@ -74,8 +74,8 @@ def measure_engines(rays: PanelRays | WorldRays, engines: Sequence[Engine], devi
 
     `through` rays pass the array in the engine and in the true result. `status_differs` counts rays of another fate;
     `outside_band` counts those whose fate an input change of `EDGE_ULPS` does not explain. `worst` is the largest error
-    in `unit` over the `conditioned` rays; `condition` is the largest rotation by one unit in the last place of each
-    input.
+    in `unit` over the `conditioned` rays; `condition` is the largest rotation if each input changes by one unit in its
+    last place.
     """
     true = truth(rays)
     unit = fifty_digits.condition(rays, true)
