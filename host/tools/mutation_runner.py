@@ -174,7 +174,7 @@ class Scratch:
         command = [
             sys.executable, "-m", "pytest", "-q", "-m", "not full", "--tb=no",
             "-o", f"faulthandler_timeout={TEST_S}", "-o", "faulthandler_exit_on_timeout=true",
-            # Disable the plugin, whose summary imports all of Hypothesis.
+            # The plugin's summary always imports all of Hypothesis.
             "-p", "no:hypothesispytest",
             *(["-n", str(jobs)] if jobs > 1 else []), "@arguments",
             *(word for test in self.left_out for word in ("--deselect", test)),
