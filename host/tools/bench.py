@@ -11,7 +11,7 @@ from typing import Any
 
 import click
 from lippmann.base.images import check_output
-from lippmann.base.provenance import provenance
+from lippmann.base.report_provenance import provenance
 from lippmann.base.variant import start_mitsuba
 from lippmann.cli import run
 from lippmann.cli.frame import JSON, option, parameters

@@ -14,7 +14,7 @@ from typing import Any
 import click
 from lippmann.base.files import replacing
 from lippmann.base.images import check_output
-from lippmann.base.provenance import provenance
+from lippmann.base.report_provenance import provenance
 from lippmann.board.bitstreams import comment, sealed
 from lippmann.board.fpga_boards import FILE, FpgaBoard, fpga_board
 from lippmann.cli.frame import option

@@ -21,7 +21,7 @@ from typing import Annotated, Any
 import click
 from lippmann.base import toml
 from lippmann.base.images import check_output
-from lippmann.base.provenance import provenance
+from lippmann.base.report_provenance import provenance
 from lippmann.base.toml import documented, key
 from lippmann.cli.frame import option
 from lippmann.conformance.pages import Page

@@ -20,7 +20,7 @@ from pathlib import Path
 import click
 import numpy as np
 from lippmann.base.images import check_output
-from lippmann.base.provenance import provenance
+from lippmann.base.report_provenance import provenance
 from lippmann.cli.frame import option
 from lippmann.cli.output import log
 from lippmann.conformance.pages import Page

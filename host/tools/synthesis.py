@@ -17,7 +17,7 @@ from typing import Any
 
 import click
 from lippmann.base.images import check_output
-from lippmann.base.provenance import provenance
+from lippmann.base.report_provenance import provenance
 from lippmann.cli.frame import Choice, argument, option
 from lippmann.cli.output import log
 from lippmann.conformance.figures import Rows, columns, values

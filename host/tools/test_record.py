@@ -8,7 +8,7 @@ from xml.etree import ElementTree
 
 import click
 from lippmann.base.images import check_output
-from lippmann.base.provenance import provenance
+from lippmann.base.report_provenance import provenance
 from lippmann.cli.frame import argument
 from lippmann.conformance.pages import Page
 from lippmann.errors import InputError

@@ -13,13 +13,14 @@ from lippmann.base.tones import decode, psnr_db
 from lippmann.cli import run
 from lippmann.display.description import load_display
 from lippmann.errors import InputError
+from lippmann.rendering.cache_key import digest_of
 from lippmann.rendering.options import Settings
 from lippmann.rendering.renderer import render_view
 from lippmann.rendering.sampling import Window
 from lippmann.scenes import meshes
 from lippmann.scenes.meshes import check_faces
 from lippmann.scenes.placement import Placement, arranged
-from lippmann.scenes.scene import digest_of, load_scene
+from lippmann.scenes.scene import load_scene
 from PIL import Image
 from plyfile import PlyData, PlyElement
 from scene_cases import glowing_card, glowing_sphere, write_scene

@@ -94,15 +94,15 @@ def fit_outline(name: str, grid: Grid, photo_px: Values, index: Indices, shape: 
         usual = count >= 0.5 * np.median(count)
         middles = _sums(at[near], groups, len(names)) / count[:, None]
         pairs = middles[usual], regular(grid, names[usual]) - origin
-        numbers = least_squares(_off, numbers, loss="soft_l1", f_scale=0.05, x_scale=SCALES, args=pairs).x
+
+        def off(numbers: Floats, at: Values, targets: Values) -> Floats:
+            return np.ravel(_apply_map(numbers, at) - targets)
+
+        numbers = least_squares(off, numbers, loss="soft_l1", f_scale=0.05, x_scale=SCALES, args=pairs).x
     outline = Outline(Lattice(grid, 1.0), middle, size, numbers, origin)
     agree = float((outline.located(photo_px[some])[0] == index[some]).all(axis=1).mean())
     _check_agreement(name, agree)
     return replace(outline, agree=agree)
-
-
-def _off(numbers: Floats, at: Values, targets: Values) -> Floats:
-    return np.ravel(_apply_map(numbers, at) - targets)
 
 
 def _check_agreement(name: str, share: float) -> None:

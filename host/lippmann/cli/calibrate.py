@@ -238,7 +238,7 @@ def report_command(
 
     Example: lippmann calibrate report calibrated.toml -o out/calibration
     """
-    from lippmann.base.provenance import provenance
+    from lippmann.base.report_provenance import provenance
     from lippmann.calibration.result import load_calibration
     from lippmann.conformance.calibration_page import calibration_page
 

@@ -13,7 +13,7 @@ import click
 from lippmann.base import interrupts
 from lippmann.base.files import make_folder
 from lippmann.base.images import check_output
-from lippmann.base.provenance import provenance
+from lippmann.base.report_provenance import provenance
 from lippmann.cli.frame import Folder, flag_of, make_command, option
 from lippmann.cli.options import FILE_BITS, LENS_MODEL, is_given
 from lippmann.cli.output import FOUND_WRONG, as_json, emit, log

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import click
 
-from lippmann.base.provenance import provenance
+from lippmann.base.report_provenance import provenance
 from lippmann.cli.frame import Folder, make_command, option
 from lippmann.cli.options import DISPLAY, FILE_BITS, LENS_MODEL, SEED
 from lippmann.cli.output import as_json, emit

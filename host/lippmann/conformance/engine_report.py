@@ -16,7 +16,7 @@ from typing import NamedTuple, TypeVar
 import numpy as np
 
 from lippmann.base.images import Radiance
-from lippmann.base.provenance import provenance
+from lippmann.base.report_provenance import provenance
 from lippmann.base.tones import psnr_db
 from lippmann.base.variant import current_device, dr, mi
 from lippmann.conformance.fifty_digits import exact_array, size, true_rays

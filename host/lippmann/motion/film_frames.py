@@ -18,7 +18,7 @@ from lippmann.display.description import Display
 from lippmann.errors import InputError, input_error
 from lippmann.motion.film import Film
 from lippmann.rendering.band_memory import bands_of
-from lippmann.rendering.cache_key import pixels_identity
+from lippmann.rendering.cache_key import digest_of, pixels_identity
 from lippmann.rendering.executors import Band, RenderedBand
 from lippmann.rendering.integral_image import IntegralImage
 from lippmann.rendering.options import RenderOptions
@@ -26,7 +26,7 @@ from lippmann.rendering.plan import ScenePlan, make_renderer, report_and_choose_
 from lippmann.rendering.sampling import colours_of
 from lippmann.rendering.sinks import MemorySink, bands_of_plan, render_picture
 from lippmann.scenes.placement import Placement, fitting, front_of, placement_beside
-from lippmann.scenes.scene import Box, Move, Scene, digest_of, load_scene, placed_box
+from lippmann.scenes.scene import Box, Move, Scene, load_scene, placed_box
 
 logger = logging.getLogger("lippmann")
 

@@ -22,14 +22,14 @@ from lippmann.optics import model_choice
 from lippmann.optics.model_choice import TOLERANCE
 from lippmann.optics.rays import Model
 from lippmann.rendering.band_memory import bands_of
-from lippmann.rendering.cache_key import PIXEL_LIBRARIES, pixels_identity
+from lippmann.rendering.cache_key import PIXEL_LIBRARIES, digest_of, pixels_identity
 from lippmann.rendering.diagnostics import warn_of_unused_parts, warn_of_view
 from lippmann.rendering.integral_image import metadata_of
 from lippmann.rendering.options import RenderOptions
 from lippmann.rendering.renderer import Renderer
 from lippmann.rendering.sampling import colours_of, display_source
 from lippmann.scenes.placement import Arrange, Placement, arranged
-from lippmann.scenes.scene import Scene, check_scene_file, digest_of, load_scene, scene_of
+from lippmann.scenes.scene import Scene, check_scene_file, load_scene, scene_of
 
 if TYPE_CHECKING:
     import mitsuba as mi

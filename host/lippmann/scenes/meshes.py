@@ -65,22 +65,10 @@ IMAGE_SUFFIXES = (".png", ".jpg", ".jpeg", ".tif", ".tiff", ".bmp", ".tga", ".gi
 #: Words in trimesh's messages about textures and materials that it ignores.
 LOSSES = ("image", "materials from")
 REMEDY = "export it again, or as .glb"
-
-
 #: For each default light, its direction in the display's frame, and its fraction of the
 #: light on a surface that faces the viewer. The first light comes from the viewer, so
 #: that nothing visible is black; the others are a key light and a weak fill light.
 LIGHTS = (((0.0, 0.0, 1.0), 0.35), ((-0.5, 0.7, 1.0), 0.5), ((0.8, -0.3, 0.5), 0.15))
-
-
-def add_lights(scene: Element, scene_from_display: Floats) -> None:
-    """Add `LIGHTS`, rotated by `scene_from_display` (3, 3). Surfaces that face the viewer show their albedo."""
-    for direction, fraction in LIGHTS:
-        towards = np.array(direction) / np.linalg.norm(direction)
-        light = plugin(scene, "emitter", "directional")
-        value(light, "vector", "direction", -scene_from_display @ towards)
-        # Lambert: radiance = albedo / pi * irradiance * cosine.
-        value(light, "rgb", "irradiance", [np.pi * fraction / towards[2]] * 3)
 
 
 def write_scene(path: Path, folder: Path, scene_from_display: Floats, notes: list[str]) -> Path:
@@ -90,7 +78,12 @@ def write_scene(path: Path, folder: Path, scene_from_display: Floats, notes: lis
     are not shown.
     """
     scene = new_scene()
-    add_lights(scene, scene_from_display)
+    for direction, fraction in LIGHTS:
+        towards = np.array(direction) / np.linalg.norm(direction)
+        light = plugin(scene, "emitter", "directional")
+        value(light, "vector", "direction", -scene_from_display @ towards)
+        # Lambert: radiance = albedo / pi * irradiance * cosine.
+        value(light, "rgb", "irradiance", [np.pi * fraction / towards[2]] * 3)
     textures = _Textures(folder, path)
     with np.errstate(all="ignore"):  # values that overflow are refused below
         instances = list(_instances(path, notes))

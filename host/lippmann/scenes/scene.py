@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import fnmatch
-import hashlib
 import itertools
 import math
 import re
@@ -123,7 +122,7 @@ def _check_files(path: Path) -> None:
     """Refuse a scene file or an included file that would crash Mitsuba's parser."""
     files = [path]
     for file in files:  # the loop appends to `files`
-        for include in map(_file_of, check_xml(file, "mend the scene file")):
+        for include in map(file_of, check_xml(file, "mend the scene file")):
             if include not in files and (include.is_file() or include.is_fifo()):
                 files.append(include)
 
@@ -189,7 +188,7 @@ def load_scene(
         mi.parser.transform_all(config, state)
         for node in state.nodes:
             if node.props.plugin_name() == "ply" and "filename" in node.props:
-                check_faces(_file_of(str(node.props["filename"])))
+                check_faces(file_of(str(node.props["filename"])))
         scene = mi.parser.instantiate(config, state)
     if not isinstance(scene, mi.Scene):
         raise input_error(path, "contains no scene", "make <scene> its outermost element")
@@ -252,29 +251,8 @@ def _matching(shapes: Sequence[mts.Properties], pattern: str, path: Path) -> lis
     return matches
 
 
-def digest_of(path: str | Path) -> str:
-    """Return a hash (64 hexadecimal digits) of all files of a scene.
-
-    Raises errors of `load_scene`.
-    """
-    # Files: converted scene, included files, spectra, and files named in properties.
-    path = check_scene_file(path)
-    digest = hashlib.sha256()
-    with parsed(path) as (config, state):
-        mi.parser.transform_resolve(config, state)
-        files = [Path(str(file)) for file in state.files]
-        for name, value in itertools.chain.from_iterable(node.props.items() for node in state.nodes):
-            if isinstance(value, str) and (name == "filename" or _file_of(value).is_file()):
-                files.append(_file_of(value))
-            elif hasattr(value, "wavelengths"):
-                digest.update(np.array([value.wavelengths, value.values]).tobytes())
-        for file in dict.fromkeys(files):
-            with file.open("rb") as stream:
-                digest.update(hashlib.file_digest(stream, "sha256").digest())
-    return digest.hexdigest()
-
-
-def _file_of(name: str) -> Path:
+def file_of(name: str) -> Path:
+    """Return the path of a file that a scene names."""
     return Path(str(mi.file_resolver().resolve(mi.filesystem.path(name))))
 
 
