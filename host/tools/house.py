@@ -96,7 +96,7 @@ def check_style(sizes: Sizes, style: Mapping[str, float]) -> Iterator[str]:
 
 
 def check_rooms(package: Path, rooms: Mapping[str, Any]) -> Iterator[str]:
-    """Yield a message for each folder, file outside the rooms, or repeated file name that is not allowed."""
+    """Yield a message for each unlisted or missing room or loose file, and each file name used in two rooms."""
     loose = {path.stem for path in package.glob("*.py")}
     for name in sorted(loose ^ set(rooms["loose"])):
         yield f"{name}.py: the package's files outside rooms must be {', '.join(rooms['loose'])}"

@@ -214,7 +214,7 @@ def _cell(display: Display, share: float, across: int) -> Floats:
 def _trace_rays(
     display: Display, slopes: Floats, through: Floats, height_mm: float, distance_mm: float
 ) -> tuple[Bools, Floats]:
-    """Trace rays from cameras through points (N, M, 2) on the plane of the outlines.
+    """Trace cameras' rays through points (N, M, 2) on the plane of lenslets' outlines.
 
     Return a mask (N, M) of rays that pass lenslet (0, 0), and panel points (N, M, 2),
     mm.

@@ -58,7 +58,7 @@ class Places(NamedTuple):
 
 @dataclass(frozen=True)
 class Pixels:
-    """Pixels of a display at columns (1, N) and rows (M, 1), with `lens` and `fraction_bits` of `draw`."""
+    """Pixels of a display at columns (1, N) and rows (M, 1), with `draw`'s options `lens`, `fraction_bits`."""
 
     display: Display
     column: npt.NDArray[np.int64]

@@ -107,7 +107,7 @@ def extent(i: Ints, j: Ints, along: int, across: int, grid: Grid) -> Bools:
 def converge(
     i: Ints, j: Ints, x: Ints, y: Ints, share: int, offset_x: int, offset_y: int, grid: Grid, f: int
 ) -> tuple[Ints, Ints, Bools]:
-    """Return 1 - s times the pixels' points from their lenslets' centres, F + 4 bits.
+    """Return pixels' positions from their lenslets' centres, times (1 - s), F + 4 bits.
 
     (x, y) is the point where the line from pixel to eye crosses the lenslet's cell. A
     is the panel point in front of the eye. C is the lenslet's centre in half pitches
