@@ -20,10 +20,10 @@ from lippmann.base.images import check_output
 from lippmann.base.progress_protocol import Progress, check_progress
 from lippmann.base.variant import check_device, own_variant
 from lippmann.capturing.capture import capture as capture_scene
-from lippmann.capturing.capture import placement_before
+from lippmann.capturing.capture import placement_before, report_losses
 from lippmann.capturing.capture_setup import Pickup, Setup, load_setup
 from lippmann.display.description import MAX_SIDE_PX, Display, display_at
-from lippmann.errors import InputError, as_number, check_flags, check_type, warn_user, whole_number
+from lippmann.errors import InputError, as_number, check_flags, check_type, whole_number
 from lippmann.eye.many_views import render_directs
 from lippmann.eye.notebook import HEIGHT_PX, Sweep, Widget
 from lippmann.eye.observer import Eye, View, whole_window
@@ -47,8 +47,6 @@ from lippmann.scenes.scene import Scene, check_scene_file
 from lippmann.scenes.scene import load_scene as load_scene_file
 
 VIEW_PX = 600
-#: Percentage of lost rays above which a capture warns.
-WARNING_PERCENT = 1.0
 PAGE_SUFFIXES = (".html", ".htm")
 
 
@@ -234,18 +232,8 @@ def capture(
     settings = replace(settings, shading=captured.shading)
     metadata = image_metadata(RenderOptions("exact", settings=settings), loaded.path)
     metadata |= {"setup": built.name, "rotated": str(rotated), "array_position_mm": repr(float(built.position_mm))}
-    measured = {**_losses(*captured.lost_percent), **captured.measured}
+    measured = {**report_losses(*captured.lost_percent), **captured.measured}
     return IntegralImage(captured.radiance, built.display, metadata, measured)
-
-
-def _losses(lens_percent: float, array_percent: float) -> dict[str, float]:
-    if lens_percent > WARNING_PERCENT:
-        text = f"the lens's aperture cuts off {lens_percent:.1f} % of the rays (black in the image)"
-        warn_user(f"{text}; increase lens.aperture_mm")
-    if array_percent > WARNING_PERCENT:
-        text = f"{array_percent:.1f} % of the rays are lost in the array (black in the image)"
-        warn_user(f"{text}: the lenslets' rims reflect these rays; use a longer focal length")
-    return {"vignetting_percent": lens_percent, "array_loss_percent": array_percent}
 
 
 def observe(

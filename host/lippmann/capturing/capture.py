@@ -41,7 +41,7 @@ from lippmann.base.progress_protocol import Progress
 from lippmann.base.variant import mi
 from lippmann.capturing.capture_setup import Pickup, Setup
 from lippmann.capturing.elemental_rotation import rotated, rotation_map
-from lippmann.errors import InputError
+from lippmann.errors import InputError, warn_user
 from lippmann.optics.backend import Arr, Backend, DrJitBackend
 from lippmann.optics.faces import Ray
 from lippmann.optics.lattice import Lattice
@@ -54,6 +54,9 @@ from lippmann.rendering.renderer import Rendered, render_rays
 from lippmann.rendering.sampling import Aperture, Lines, RaySource, owner_number
 from lippmann.scenes.placement import Placement, placement_beside
 from lippmann.scenes.scene import Scene
+
+#: Percentage of lost rays above which a capture warns.
+WARNING_PERCENT = 1.0
 
 
 def check_placement(scene: Scene, setup: Setup) -> None:
@@ -151,6 +154,17 @@ def shown_depth(setup: Setup, z_mm: npt.ArrayLike, rotated: bool) -> Floats:
     # This form of 1 / (wider / depth + lean) is also valid for depth 0.
     with np.errstate(divide="ignore"):
         return np.asarray(depth / (wider + lean * depth))
+
+
+def report_losses(lens_percent: float, array_percent: float) -> dict[str, float]:
+    """Return both percentages of lost rays, keyed by name; warn of high percentages."""
+    if lens_percent > WARNING_PERCENT:
+        text = f"the lens's aperture cuts off {lens_percent:.1f} % of the rays (black in the image)"
+        warn_user(f"{text}; increase lens.aperture_mm")
+    if array_percent > WARNING_PERCENT:
+        text = f"{array_percent:.1f} % of the rays are lost in the array (black in the image)"
+        warn_user(f"{text}: the lenslets' rims reflect these rays; use a longer focal length")
+    return {"vignetting_percent": lens_percent, "array_loss_percent": array_percent}
 
 
 class CapturedRays(NamedTuple):
