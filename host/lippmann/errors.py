@@ -81,7 +81,7 @@ def reason(error: Exception) -> str:
 
 @contextmanager
 def located(where: object) -> Iterator[None]:
-    """Put `where: ` before the message of an InputError that a block raises."""
+    """Put "where: " before the message of an InputError that a block raises."""
     try:
         yield
     except InputError as error:

@@ -140,11 +140,12 @@ def test_the_page_of_calibrations():
     page = accuracy_page({}, tables, 640)
     text = page.text()
     assert {plot.name for plot in page.plots} == {"calibration-accuracy", "calibration-sweep"}
-    for name, before in (("solids", "by POV-Ray: "), ("bowed", "wrong: ")):
+    for name, before in (("solids", "by POV-Ray the error is "), ("bowed", "wrong, the error is ")):
         worst = max(row["rms_px"] for row in tables[name])
-        assert f"{before}at most {worst:.3f} px rms on {len(tables[name])} displays" in text
+        assert f"{before}at most {worst:.3f} px rms on {len(tables[name])} displays" in " ".join(text.split())
     for row in tables["views"]:
-        assert f"with {row['before_db']:.1f} dB before, {row['after_db']:.1f} dB after" in text
+        words = f"of {row['before_db']:.1f} dB before calibration, {row['after_db']:.1f} dB after"
+        assert words in " ".join(text.split())
     assert "displays were refused: blurred" in text
     assert "| one | noise | 4 | 99 | - | - | - | - | - | - | too dark |" in text
 

@@ -492,7 +492,7 @@ def test_a_panel_too_big_for_the_disk(place, capfd, monkeypatch):
     words = ("render", "ball.xml", "--display", "huge.toml", "-o", "a.exr", "--near", "9", "--device", "llvm")
     code, _, error = lippmann(capfd, *words)
     assert code == 3
-    assert re.search(r"a\.exr\.bands: needs 5\d{4} MB on the disk, 50000 MB are free; free space", error)
+    assert re.search(r"a\.exr\.bands: needs 5\d{4} MB on the disk, 50000 MB are free; free disk space", error)
     assert not list(place.glob("a.exr*"))
 
 
@@ -735,4 +735,7 @@ def test_a_command_loads_no_more_than_it_needs(words, environment, unneeded):
     assert not set(unneeded) & set(loaded)
     if "inspect" not in words:
         assert all(any(command in line for line in lines) for command in COMMANDS)
-        assert [name for name in loaded if name.startswith("lippmann.cli.")] == ["lippmann.cli.output"]
+        assert [name for name in loaded if name.startswith("lippmann.cli.")] == [
+            "lippmann.cli.error_reports",
+            "lippmann.cli.output",
+        ]

@@ -166,7 +166,7 @@ def test_a_build_without_shear_says_what_ignoring_it_would_do():
         display = display_of("square", "panel", rotation=rotation, **HAND)
         assert Build.of(display, "exact", 23, aims=False).shear
         for model in ("pinhole", "paraxial", "exact"):
-            with pytest.raises(InputError, match=rf"shear is False, .* array\.shear = 0\.25 .* {says} off; build with"):
+            with pytest.raises(InputError, match=rf"shear is False, .* array\.shear = 0\.25 .* {says}; build with"):
                 configuration(display, Build(23, "square", model), model)
     two_pitches = dataclasses.replace(display, array=dataclasses.replace(display.array, shear=0.0))
     assert not Build.of(two_pitches, "exact", 23, aims=False).shear

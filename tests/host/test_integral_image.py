@@ -157,7 +157,7 @@ def test_what_is_saved_can_be_loaded(tmp_path, suffix, value):
     path, display = tmp_path / f"a{suffix}", display_with()
     radiance = image_for(display).radiance
     radiance[12, 16, 1] = value
-    with pytest.raises(InputError, match=r"NaN or infinity \(count: 1, the first in row 12, column 16\); replace them"):
+    with pytest.raises(InputError, match=r"NaN or infinity \(count: 1, the first in row 12, column 16\); replace NaN"):
         IntegralImage(radiance, display)
     metadata = metadata_of(display)
     if suffix == ".tif" or np.isnan(value):
@@ -247,7 +247,7 @@ def test_without_a_desktop_a_line_says_so(no_desktop, capfd):
     image.show()
     out, err = capfd.readouterr()
     assert out == ""
-    assert err.startswith("lippmann: not shown: no desktop")
+    assert err.startswith("lippmann: not shown: there is no desktop")
     assert len(err.splitlines()) == 1
 
 

@@ -265,7 +265,9 @@ def test_layers_that_no_board_can_draw_are_told(place, capfd):
     (place / "book/pictures.toml").write_text(pictures.replace("depth_mm = -20", "depth_mm = -900000"))
     assert run(CUT_BOOK) == 0
     err = capfd.readouterr().err
-    assert "note: can draw these layers: layer 'hill', register depth: -900000" in err.replace("-9e+05", "-900000")
+    assert "note: no board can draw these layers: layer 'hill', register depth: -900000" in err.replace(
+        "-9e+05", "-900000"
+    )
     assert run([*DRAW, "--samples", "1", "--engine", "twin"]) == 2
     assert "lippmann: out: layer 1, register depth" in capfd.readouterr().err
 
@@ -529,7 +531,7 @@ def test_figures_of_the_how_to_are_those_of_the_kept_report():
     best = {(row["display"], row["scene"]): row["view_db"] for row in streamed}
     assert all(row["view_db"] < best[row["display"], row["scene"]] for row in drawn)
     assert all(row["holes_percent"] == 0.0 and row["worst_db"] <= row["view_db"] for row in drawn)
-    assert f"gives {min(row['view_db'] for row in streamed):.1f} dB or more" in text
+    assert f"PSNR of {min(row['view_db'] for row in streamed):.1f} dB or more" in text
     assert f"up to {max(layers_likeness.line_seconds(row['line_bytes']) for row in streamed):.1f} s" in text
     seconds = {layers_likeness.line_seconds(row["line_bytes"]) for row in rows if row["layers"] == 4}
     assert all(f"takes {one:.1f} s once" in text for one in seconds)

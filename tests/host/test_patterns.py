@@ -249,6 +249,6 @@ def test_observe_says_where_rays_end(tmp_path, monkeypatch, capfd, extent, eye):
     assert run(["observe", "it.png", "--display", "it.toml", "--eye", eye, "--width", "80", "-o", "view.png"]) == 0
     (note,) = [line for line in capfd.readouterr().err.splitlines() if "rays end" in line]
     assert ("on the array's mount" in note) == (extent is not None)
-    assert "beside the panel" in note
+    assert "outside the panel" in note
     if extent is not None:
         assert float(note.split("up to ")[1].split(" %")[0]) == pytest.approx(100 * 11 / 16, abs=1.0)

@@ -227,7 +227,8 @@ def test_the_page_beside_povray(tmp_path):
     assert files == {"peers.md", "peers.csv", "peers-square.png", "peers-hex.png"}
     text = (tmp_path / "peers.md").read_text()
     assert f"POV-Ray takes **{90.0 / 5.0:.0f} times** Lippmann's CPU seconds" in text
-    assert "POV-Ray takes **10 times** as long as `capture` with every ray shaded, and **15 times** as long" in text
+    words = "POV-Ray takes **10 times** as long as `capture` with every ray shaded, and **15 times** as long"
+    assert words in " ".join(text.split())
     assert "| hex | 96 | 0.1 | 0.2 | 40 | 0.02 | 0.5 | 0.75 | 0.8 | 0.1 | 0.001 |" in text
     with Image.open(tmp_path / "peers-hex.png") as picture:
         pixels = np.asarray(picture)
@@ -252,7 +253,7 @@ def test_bench_seed_quick(mi, capfd, monkeypatch, tmp_path):
     assert {path.name for path in tmp_path.iterdir()} == {"seed.md", "seed.csv", "seed.png"}
     page = (tmp_path / "seed.md").read_text()
     assert "![t_R" in page
-    assert "too small to measure anything" in page
+    assert "too small for a measurement" in page
     # A scene without lenslets has no pitch: an empty field.
     assert "nan" not in (tmp_path / "seed.csv").read_text().lower()
     assert "\nlippmann,none,96,,0,True," in (tmp_path / "seed.csv").read_text()

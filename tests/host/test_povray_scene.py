@@ -371,7 +371,7 @@ def test_files_that_are_there_already(mi, tmp_path, capfd):
     # Places where the system makes no folder, even for who may do everything.
     for place in ("/proc/lippmann-export", str(scene)):
         assert run([*command, place]) == 2
-        assert re.search(rf"{place}: cannot be made \(.+\); choose another place", capfd.readouterr().err)
+        assert re.search(rf"{place}: cannot be made \(.+\); choose another folder", capfd.readouterr().err)
 
 
 def test_glass_that_is_not_closed_is_refused(mi, tmp_path):

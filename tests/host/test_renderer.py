@@ -196,7 +196,7 @@ def test_the_times_of_a_render_are_parts_of_the_whole(mi, spheres):
     assert rendered.seconds > 0.0
     assert rendered.prepare_seconds + rendered.seconds < whole
     assert 0.0 <= rendered.cpu_seconds <= cpu
-    assert rendered.samples_per_second == pytest.approx(24 * 16 / rendered.seconds)
+    assert rendered.measured["samples_per_second"] == pytest.approx(24 * 16 / rendered.seconds)
 
 
 def edge_error(points, rng, edges=4000):

@@ -137,7 +137,7 @@ def test_the_report_of_a_users_display(tmp_path, capsys):
             ("new", "--display", SHIPPED, "--display", SHIPPED),
             "two displays have the name .*; give each display its own name",
         ),
-        (("file", "--display", SHIPPED), "file: cannot be made.*; choose another place"),
+        (("file", "--display", SHIPPED), "file: cannot be made.*; choose another folder"),
         (("file/below", "--display", SHIPPED), "below: cannot be made"),
         (("taken", "--display", SHIPPED), r"report\.html: is a folder"),
         (("new", "--scenes", "taken"), "the project's scenes are not in this folder"),

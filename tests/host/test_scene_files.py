@@ -622,7 +622,7 @@ def test_bad_views_are_told(place, capfd, mi):
     for number, values, words in (
         (0, {"eye_mm": [0, 0]}, "three numbers"),
         (1, {"eye_mm": [-60, 20, 600]}, "grid"),
-        (1, {"eye_mm": eyes["views"][0]["eye_mm"]}, "eyes at"),
+        (1, {"eye_mm": eyes["views"][0]["eye_mm"]}, "has 3 eyes on 2 columns"),
         (1, {"eye_mm": [0, 0, -600]}, "distances"),
         (1, {"file": "other.png"}, "other.png"),
         (None, {"window_mm": [-24, 10]}, "window_mm"),

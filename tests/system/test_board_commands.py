@@ -89,7 +89,7 @@ def port(place):
     told = asked(*start, "--capture", place / "screen", by=process)
     assert told == json.loads(ready.read_text())
     try:
-        assert "runs" in refused(*start, by=process)
+        assert "belongs to a running board" in refused(*start, by=process)
         yield told["url"]
     finally:
         assert asked("board", "stop", "--ready", ready, by=process)["pid"] == told["pid"]
