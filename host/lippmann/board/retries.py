@@ -28,6 +28,9 @@ GROWTH = 1.5
 #: Maximum number of attempts to transfer a frame or textures.
 MAX_ROUNDS = 8
 
+#: Pause before another attempt to reconnect, s.
+RETRY_S = 0.5
+
 #: Causes in a BUSY reply: a frame that a register write started, a frame that SIGN
 #: started, a drawn scene, and a shown slot.
 FRAME_RUNS, THIS_RUNS, SCENE_RUNS, SLOT_SHOWN = 1, 3, 4, 5

@@ -10,7 +10,7 @@ from lippmann.base.images import check_input
 from lippmann.board.board import Board
 from lippmann.board.packets import RESET_VERSION
 from lippmann.board.panel_frames import check_frame
-from lippmann.board.retries import END_SCENE
+from lippmann.board.retries import END_SCENE, RETRY_S
 from lippmann.board.streaming import Sent, send_frame
 from lippmann.board.tiles import Pixels
 from lippmann.cli.frame import KINDS, Name, argument, make_command, option
@@ -20,9 +20,6 @@ from lippmann.cli.output import emit, log
 from lippmann.cli.progress_bar import progress_bar
 from lippmann.display.description import Display, TransferName
 from lippmann.errors import NoBoardError, device_error
-
-#: Pause between attempts to reconnect to a lost board, s.
-RETRY_S = 0.5
 
 
 @make_command("stream")
