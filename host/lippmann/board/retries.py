@@ -27,7 +27,6 @@ GROWTH = 1.5
 
 #: Maximum number of attempts to transfer a frame or textures.
 MAX_ROUNDS = 8
-
 #: Pause before another attempt to reconnect, s.
 RETRY_S = 0.5
 

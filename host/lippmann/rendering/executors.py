@@ -31,12 +31,12 @@ if TYPE_CHECKING:
     BandFuture = Future[tuple[Radiance, dict[str, str]]]
 
 logger = logging.getLogger("lippmann")
-#: Maximum wait for the scheduler's answer, and for its first worker, s.
+#: Maximum wait for the scheduler's answer, and for a worker, s.
 ANSWER_S = 10.0
-#: Time in s after which the log reports that no worker is left.
+#: Time until the log reports that no worker is left, s.
 ALONE_S = 5.0
-#: Time in s after which other workers get the bands of a worker that sends no
-#: heartbeat, and after which a render ends if no local worker is left.
+#: Time until other workers get the bands of a worker that sends no heartbeat, and
+#: until a render ends if no local worker is left, s.
 STOPPED_WORKER_S = 30.0
 #: Bands submitted per worker thread: one is rendered, one waits.
 AHEAD = 2
@@ -243,9 +243,10 @@ def _connect(address: str, security: Security | None = None) -> Client:
     except ImportError as error:
         raise missing_library(error) from None
     for name in ("distributed", "distributed.client"):
-        logging.getLogger(name).setLevel(logging.CRITICAL)  # our errors report the failure instead
+        logging.getLogger(name).setLevel(logging.CRITICAL)  # our errors report failures
     try:
-        client = distributed.Client(address, timeout=ANSWER_S, security=security)
+        with keep_garbage():  # freeing an old client would hang
+            client = distributed.Client(address, timeout=ANSWER_S, security=security)
     except (OSError, ValueError, TypeError):
         remedy = "start one (dask scheduler --host 127.0.0.1 --no-dashboard), or give its address, tcp://HOST:8786"
         raise input_error(address, "no scheduler answers there", remedy) from None
@@ -276,11 +277,11 @@ def render_band(band: Band, worker: str = "this process") -> tuple[Radiance, dic
     """Return a band's radiance and the renderer's choices. Raises errors of `Plan.start`."""
     identity = band.plan.identity
     if identity not in _kept_renderers:
-        _kept_renderers.clear()  # free the last plan's scene before the next compilation
+        _kept_renderers.clear()  # free the last plan's scene before compiling
         _kept_renderers[identity] = band.plan.start(worker)
     renderer = _kept_renderers[identity]
     radiance, _ = renderer.render(band.number)
-    # Other threads need a copy of the radiance (see `radiance_of`).
+    # Other threads need a copy (see `radiance_of`).
     return np.require(radiance, requirements="O"), dict(renderer.choices)
 
 
