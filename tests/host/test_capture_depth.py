@@ -130,6 +130,9 @@ def test_the_report_says_how_far_its_eyes_move():
     ]
     text = depth_page({}, rows).text()
     assert "4 of 4 objects appear on the correct side of the display, and within 5 %" in text
+    assert "within 5 % of the depth by the lens equations, for an eye near the axis (-5 to +5 mm)" in " ".join(
+        text.split()
+    )
     assert "near the axis (-5 to +5 mm)" in text
     assert "moves -30 to +30 mm" in text
     assert "shift the depths by -5.0 to 10.0 mm" in text

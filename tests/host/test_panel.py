@@ -221,7 +221,7 @@ def test_a_curve_travels_in_a_file_as_numbers(tmp_path, suffix):
     "text", ["[", "[[0, 0], [1, 2]]", "[1]", '[["a", "b"], [1, 1]]', "[" * 9999, "[[0,0],[1,NaN]]"]
 )
 def test_a_broken_curve_in_a_file_is_refused(text):
-    with pytest.raises(InputError, match=r"curve|list of pairs") as refused:
+    with pytest.raises(InputError, match="list of pairs" if text[-1] == "[" else "curve") as refused:
         decode(np.zeros(3), text)
     assert len(str(refused.value)) < 200
 

@@ -87,7 +87,7 @@ def warn_of_view(scene: Scene, display: Display, settings: Settings, engine: Eng
 def _warn_of_depths(
     scene: Scene, display: Display, trial: Settings, eye: tuple[float, float, float], window: Window
 ) -> None:
-    # Distances from z = near_mm to the first surface, scene units; 0 if there is none.
+    # Distances from z = near_mm to the first surface, scene units; 0: no surface.
     length = render_view(scene, eye, window, replace(trial, integrator="depth")).radiance[:, :, 0].astype(np.float64)
     y, x = np.mgrid[: window.height_px, : window.width_px] + 0.5
     steep = eye[2] / np.sqrt(eye[2] ** 2 + sum(c**2 for c in window.point(x, y)))
