@@ -147,7 +147,7 @@ def check_type(name: str, value: object, kinds: type | tuple[type, ...], what: s
 
 
 def check_flags(**flags: object) -> None:
-    """Refuse each argument that is not a bool or numpy.bool_."""
+    """Refuse each argument that is not a bool, of Python or NumPy."""
     for name, value in flags.items():
         if type(value).__name__ not in ("bool", "bool_"):
             raise InputError(f"{name} must be True or False, not {str(value)[:80]!r}")
