@@ -12,7 +12,7 @@ from lippmann.cli import run
 from lippmann.conformance.comparison import Bounds
 from lippmann.conformance.fault_search import fitted_together
 from lippmann.conformance.hard_cases import changed, hard_sets
-from lippmann.conformance.judge import _find_rounding, judge
+from lippmann.conformance.judge import judge
 from lippmann.conformance.ray_sets import (
     INPUTS,
     ForeignRays,
@@ -23,6 +23,7 @@ from lippmann.conformance.ray_sets import (
     random_pixels,
 )
 from lippmann.conformance.regress_page import ErrorMaps, edges
+from lippmann.conformance.word_faults import find_rounding
 from lippmann.display.description import display_text, load_display
 from lippmann.fixed import lenslet_faces
 from lippmann.fixed import ray_pipeline as twin
@@ -560,7 +561,7 @@ def test_a_word_far_off_is_not_called_wrapped(case):
     for added, wraps in ((1 << 62, False), (1 << 18, True), (-(1 << 18), True), (1 << 19, False)):
         dx = out.dx.copy()
         dx[3] += added
-        said = _find_rounding(out._replace(dx=dx), out, case.build)
+        said = find_rounding(out._replace(dx=dx), out, case.build)
         assert (said == "a word wrapped where it should saturate: dx") == wraps, (added, said)
 
 

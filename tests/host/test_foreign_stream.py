@@ -17,7 +17,6 @@ import pytest
 from junitparser import Error, Failure, JUnitXml
 from lippmann.conformance.comparison import load_bounds
 from lippmann.conformance.coverage_points import BEYOND_WORDS, POINTS, covered, points_met, summary
-from lippmann.conformance.faults import golden
 from lippmann.conformance.hard_cases import CASES
 from lippmann.conformance.judge import judge
 from lippmann.conformance.ray_sets import (
@@ -32,6 +31,7 @@ from lippmann.conformance.ray_sets import (
     widths,
 )
 from lippmann.conformance.ray_stream import ANSWERED, ASKED, Stream, StreamReader, _complete_rows
+from lippmann.conformance.tracer_faults import golden
 from lippmann.display.description import load_display, parse_display
 from lippmann.errors import InputError
 from lippmann.fixed.conversion import aims_of_words, pixels_of_words

@@ -22,7 +22,8 @@ import numpy as np
 import pytest
 import serial
 from lippmann.board import port as port_module
-from lippmann.board.board import Board, check_rays, find_board, find_boards
+from lippmann.board.board import Board, check_rays
+from lippmann.board.board_search import find_board, find_boards
 from lippmann.board.packets import FRONT, Kind, packed
 from lippmann.board.port import MAX_WAITING, Line, open_port
 from lippmann.board.retries import RoundTrip, refusal

@@ -14,11 +14,11 @@ from lippmann.display.description import display_text, load_display
 from lippmann.engines import trace
 from lippmann.errors import InputError
 from lippmann.eye.observer import Eye, observe, whole_window
+from lippmann.optics.crosstalk import middle_eye, sees_all, status_share, zones
 from lippmann.optics.display_properties import beats_in_lenslets, display_properties, eye_views, table_of_views
 from lippmann.optics.lattice import Lattice
 from lippmann.optics.rays import Status
 from lippmann.optics.trace import trace_to_panel
-from lippmann.optics.zones import middle_eye, sees_all, status_share, zones
 from optics_cases import GRIDS, SIDES, display_of
 from scene_cases import focused_display, generator
 

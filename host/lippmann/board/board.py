@@ -1,4 +1,4 @@
-"""A board with a panel: show images, compare its rays with the twin's, search for boards."""
+"""A board with a panel: show images, and compare its rays with the twin's."""
 
 from __future__ import annotations
 
@@ -7,21 +7,18 @@ import struct
 import time
 import warnings
 import zlib
-from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 
 import numpy as np
 
 from lippmann.base.progress_protocol import Progress
-from lippmann.board.fpga_boards import usual_baud
 from lippmann.board.packets import RESET_VERSION, SCENE_VERSION, Kind, ReplyStatus
 from lippmann.board.panel_frames import image_frame
-from lippmann.board.port import adapter_ports, own_boards, ports
 from lippmann.board.retries import BUSY_REPLY, THIS_RUNS
 from lippmann.board.session import REGISTERS, SLOWEST_HZ, Session
 from lippmann.board.streaming import BoardSink, Sent, send_frame
 from lippmann.display.description import Display
-from lippmann.errors import DeviceError, InputError, LippmannError, LippmannWarning, check_type
+from lippmann.errors import InputError, LippmannError, LippmannWarning, check_type
 from lippmann.fixed.build import Build
 from lippmann.fixed.configuration import configuration
 from lippmann.fixed.raster import TABLE_ENTRIES, Raster, raster
@@ -46,10 +43,6 @@ RESET_CLOCKS = 8
 MAX_RAYS = 64
 #: Maximum number of rays that the twin traces at once.
 CHUNK_RAYS = 1 << 20
-#: Time-out of each port in a search, s.
-SEARCH_PATIENCE_S = 1.0
-#: Baud rates that `baud_of_board` tries.
-COMMON_BAUDS = (115_200, 230_400, 460_800, 921_600, 1_000_000, 2_000_000, 3_000_000, 4_000_000, 6_000_000, 12_000_000)
 
 SIGNATURE = struct.Struct("<II")
 
@@ -242,57 +235,3 @@ def check_rays(board: Board, display: Display, columns: tuple[int, int], rows: t
         traced = ray_pipeline(words.u, words.v, words.a, words.b, config, build)
         twin_crc = zlib.crc32(np.stack(traced, axis=1).astype("<i4").tobytes(), twin_crc)
     return Check(rays, board_crc, twin_crc)
-
-
-def find_boards(
-    urls: Iterable[str], baud: int | None = None, patience_s: float = SEARCH_PATIENCE_S
-) -> tuple[list[str], list[DeviceError]]:
-    """Send HELLO to each port, by default at its `usual_baud`.
-
-    Return the ports at which a board answers, and the errors of the other ports.
-    """
-    boards, errors = [], []
-    for url in urls:
-        try:
-            Board.open(url, baud or usual_baud(url), patience_s).close()
-            boards.append(url)
-        except DeviceError as error:
-            errors.append(error)
-    return boards, errors
-
-
-def find_board(
-    urls: Iterable[str] | None = None,
-    baud: int | None = None,
-    patience_s: float = SEARCH_PATIENCE_S,
-    allowed: Callable[[list[str]], bool] = lambda urls: False,
-) -> str:
-    """Return the port of the board that answers; raise DeviceError unless exactly one answers.
-
-    Other devices may react to a search. Therefore, if `urls` is None, only known USB
-    adapters and this user's virtual boards are tried first. If no board answers, the
-    other ports are tried if `allowed`, called with their list, returns True.
-    """
-    first_urls = [*adapter_ports(), *own_boards()] if urls is None else list(urls)
-    other_urls = [url for url in ports() if url not in first_urls] if urls is None else []
-    boards, errors = find_boards(first_urls, baud, patience_s)
-    if not boards and other_urls and allowed(other_urls):
-        boards, other_errors = find_boards(other_urls, baud, patience_s)
-        errors += other_errors
-        other_urls = []
-    if len(boards) == 1:
-        return boards[0]
-    if boards:
-        raise DeviceError(f"{len(boards)} boards answer ({', '.join(boards)}); name a port with --port")
-    what = f"none of {len(errors)} ports answers ({errors[0]})" if errors else "this machine has no serial port"
-    if other_urls:
-        what = f"{f'{what}; ' if errors else ''}not tried, as they may be other devices: {', '.join(other_urls)}"
-    raise DeviceError(f"no board: {what}; name a port with --port, or start a virtual board (lippmann board start)")
-
-
-def baud_of_board(url: str) -> int | None:
-    """Return the first baud rate at which a board answers, or None.
-
-    Raises InputError for an invalid URL.
-    """
-    return next((baud for baud in COMMON_BAUDS if find_boards([url], baud)[0]), None)

@@ -5,8 +5,9 @@ from __future__ import annotations
 import contextlib
 import json
 import math
+import threading
 from collections.abc import Iterator
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import CancelledError, Future, ThreadPoolExecutor
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -16,6 +17,7 @@ import numpy as np
 from lippmann import api
 from lippmann.base.animation import write_animation, write_contact_sheet
 from lippmann.base.files import make_folder, write_file
+from lippmann.base.progress_protocol import Progress
 from lippmann.base.tones import decode, psnr_db
 from lippmann.board.board import check_rays
 from lippmann.board.drawn_scene import SceneBoard
@@ -56,6 +58,9 @@ VIEW_SAMPLES = 64
 #: Side length of the central region of compared rays, pixels.
 REGION_PX = 512
 
+#: Frames that a board drew, and figures of the drawing; keyed by film.
+Drawn = dict[str, tuple[list[IntegralImage], dict[str, Any]]]
+
 
 @make_command("demo")
 def command(
@@ -77,7 +82,7 @@ def command(
     display = load_display(folder / DISPLAY)
     panel = display.panel
     scene = api.load_scene(folder / SCENE, device=device)
-    with _compile_boards(display, load_display(folder / DRAWN_DISPLAY)):
+    with _draw_in_background(display, folder) as films:
         image = _render(scene, display, out, device)
         frame = panel_values(image.radiance, panel.transfer, panel.bits)
         columns, rows = _middle(panel.width_px), _middle(panel.height_px)
@@ -91,7 +96,9 @@ def command(
         scanned = replace(image, radiance=decode(pixels / np.float32(255.0), panel.transfer))
         scanned.save(out / "panel.png")
         directs, decibels = _views(scene, scanned, out)
-        drawn = _draw_films(folder, out)
+        log("waiting for the virtual board that draws ...")
+        drawn = films.result()
+    _film_views(drawn, out)
     page = page_html(display, scanned.radiance, "The fish, as the virtual board's panel shows it", directs)
     write_file(out / "index.html", page)
     result = {
@@ -107,12 +114,12 @@ def command(
         "crc_equal": crc_equal,
         "clocks": captured.counts["clocks"],
         "views": [{"eye_mm": direct.eye_mm, "psnr_db": psnr} for direct, psnr in zip(directs, decibels, strict=True)],
-        "drawn": drawn,
+        "drawn": {name: film for name, (_, film) in drawn.items()},
     }
     write_file(out / "demo.json", json.dumps(result, indent=2) + "\n")
     if not (result["rays_equal"] and result["bytes_differ"] == 0 and result["crc_equal"]):
         raise DeviceError(f"{out / 'demo.json'}: the board's frame differs from the render; please report this")
-    if any(film["pixels_differ"] or film["underflows"] for film in drawn.values()):
+    if any(film["pixels_differ"] or film["underflows"] for film in result["drawn"].values()):
         raise DeviceError(f"{out / 'demo.json'}: board and twin drew different frames; please report this")
     emit(result, (f"{what:<85}{out / where if where else ''}".rstrip() for what, where in _steps(result, panel)))
 
@@ -127,14 +134,22 @@ def _render(scene: Scene, display: Display, out: Path, device: str) -> IntegralI
 
 
 @contextlib.contextmanager
-def _compile_boards(streamed: Display, drawn: Display) -> Iterator[None]:
+def _draw_in_background(streamed: Display, scenes: Path) -> Iterator[Future[Drawn]]:
+    """Compile the board for `streamed`, then draw the films, while the `with` block runs."""
+    over = threading.Event()
+
+    def stop_if_over(steps: int, total: int) -> None:
+        if over.is_set():
+            raise CancelledError
+
     with ThreadPoolExecutor(1) as background:
-        boards = [background.submit(compile_board, streamed), background.submit(compile_board, drawn, SceneBuild())]
+        background.submit(compile_board, streamed)
+        films = background.submit(_draw_films, scenes, stop_if_over)
         try:
-            yield
+            yield films
         finally:
-            for board in boards:
-                board.cancel()
+            over.set()
+            films.cancel()
 
 
 def _steps(result: dict[str, Any], panel: Panel) -> Iterator[tuple[str, str]]:
@@ -176,29 +191,28 @@ def _views(scene: Scene, image: IntegralImage, out: Path) -> tuple[list[Direct],
     return directs, list(map(psnr_db, panel_views, scene_views))
 
 
-def _draw_films(scenes: Path, out: Path) -> dict[str, dict[str, Any]]:
+def _draw_films(scenes: Path, progress: Progress) -> Drawn:
     display = load_display(scenes / DRAWN_DISPLAY)
-    window = whole_window(display, DRAWN_VIEW_WIDTH_PX)
-    log("starting a virtual board that draws (first start: half a minute) ...")
-    results = {}
-    for name, path in FILMS.items():
-        film = load_layer_film(scenes / path)
-        panels, results[name] = _draw(display, film, name)
-        count = len(panels) if film.frames > 1 else STILL_VIEWS
+    return {name: _draw(display, load_layer_film(scenes / path), progress) for name, path in FILMS.items()}
+
+
+def _film_views(drawn: Drawn, out: Path) -> None:
+    for name, (panels, _) in drawn.items():
+        window = whole_window(panels[0].display, DRAWN_VIEW_WIDTH_PX)
+        count = len(panels) if len(panels) > 1 else STILL_VIEWS
         # Move the eye from left to right and back.
         eyes = [Eye((-REACH_MM * math.cos(math.tau * k / count), 0.0, EYE_DISTANCE_MM)) for k in range(count)]
         viewers = [image_viewer(panel, window, 16) for panel in panels]
         views = [viewers[k % len(panels)](eye) for k, eye in enumerate(with_progress("observe", eyes))]
         write_animation(out / f"drawn-{name}.gif", views, there_and_back=False)
-    return results
 
 
-def _draw(display: Display, film: LayerFilm, name: str) -> tuple[list[IntegralImage], dict[str, Any]]:
+def _draw(display: Display, film: LayerFilm, progress: Progress) -> tuple[list[IntegralImage], dict[str, Any]]:
     build = SceneBuild()
-    with progress_bar(f"draw the {name}") as progress, capturing(display, build) as captured:
+    with capturing(display, build) as captured:
         captured.board.panel_crc()  # wait until a black frame was scanned out
         scene = SceneBoard(captured.board)
-        loaded, slots = load_textures(scene, display, film)
+        loaded, slots = load_textures(scene, display, film, progress)
         played = play_film(scene, display, film, slots, every_frame=True, progress=progress)
         captured.board.panel_crc()  # wait until the last frame was scanned out
     optics, frames = board_build(display, build), captured.frames[1:]

@@ -21,7 +21,7 @@ from lippmann.simulation.toolchain import RTL_TOOLS
 NO_PORTS: MissingLibraryError | None = None
 try:
     from lippmann.board.bitstreams import LOADER
-    from lippmann.board.board import baud_of_board
+    from lippmann.board.board_search import baud_of_board
     from lippmann.board.fpga_boards import board_of_port, fpga_boards
     from lippmann.board.port import SCHEMES, adapter_ports, port_info, port_trouble, ports
 except ImportError as error:

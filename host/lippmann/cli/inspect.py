@@ -19,6 +19,7 @@ from lippmann.cli.frame import Choice, Name, argument, make_command, option
 from lippmann.cli.options import Point
 from lippmann.cli.output import emit
 from lippmann.display.description import Display, load_display
+from lippmann.optics.crosstalk import Zone, viewing_distance
 from lippmann.optics.display_properties import (
     DISTANCES,
     DisplayProperties,
@@ -29,7 +30,6 @@ from lippmann.optics.display_properties import (
     percent,
     table_of_views,
 )
-from lippmann.optics.zones import Zone, viewing_distance
 
 #: File extensions for --zones and --draw.
 DRAWING_SUFFIXES = (".svg", ".png")

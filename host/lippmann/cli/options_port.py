@@ -9,7 +9,8 @@ from typing import Any
 
 import click
 
-from lippmann.board.board import Board, find_board
+from lippmann.board.board import Board
+from lippmann.board.board_search import find_board
 from lippmann.board.fpga_boards import usual_baud
 from lippmann.cli.frame import option
 from lippmann.display.description import Display

@@ -13,8 +13,8 @@ import numpy as np
 from lippmann.base import toml
 from lippmann.base.toml import documented, key
 from lippmann.conformance.coverage_points import POINTS, points_met
-from lippmann.conformance.faults import FIELDS, Arrays, golden
 from lippmann.conformance.ray_sets import Bools, ForeignRays, PanelRays, Selection
+from lippmann.conformance.tracer_faults import FIELDS, Arrays, golden
 from lippmann.errors import did_you_mean, input_error
 from lippmann.optics.rays import Floats
 

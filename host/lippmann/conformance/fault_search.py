@@ -11,7 +11,8 @@ from operator import attrgetter
 
 import numpy as np
 
-from lippmann.conformance.faults import (
+from lippmann.conformance.ray_sets import PanelRays, unit_vectors
+from lippmann.conformance.tracer_faults import (
     FIELDS,
     GLASS,
     NO_RAYS,
@@ -24,7 +25,6 @@ from lippmann.conformance.faults import (
     variants,
     with_number,
 )
-from lippmann.conformance.ray_sets import PanelRays, unit_vectors
 from lippmann.display.description import Display
 from lippmann.optics.rays import Floats
 

@@ -3,49 +3,46 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import partial
-from typing import NamedTuple
 
 import numpy as np
 
 from lippmann.conformance.comparison import INTEGERS, Bounds, Comparison, FieldSummary, compare
 from lippmann.conformance.coverage_points import covered, tied, tied_sides
 from lippmann.conformance.fault_search import PAIR, fitted, pairs
-from lippmann.conformance.faults import FIELDS, NO_RAYS, STAGES, TIE_RULE, Variant, golden, turn_back, variants
-from lippmann.conformance.ray_sets import Bools, FixedCase, ForeignRays, unit_vectors, widths
+from lippmann.conformance.ray_sets import Bools, FixedCase, ForeignRays, unit_vectors
+from lippmann.conformance.sequence_faults import delay_text, find_delay, find_late_component, find_stale_register
+from lippmann.conformance.tracer_faults import (
+    EXPLAINED,
+    FIELDS,
+    MANY,
+    NO_RAYS,
+    STAGES,
+    TIE_RULE,
+    Finding,
+    Variant,
+    golden,
+    variants,
+)
+from lippmann.conformance.word_faults import REALS, WORD_STAGES, find_rounding, find_stuck_bit, find_word_fault
 from lippmann.fixed.build import Build
 from lippmann.fixed.conversion import word_unit
 from lippmann.fixed.ray_pipeline import FixedRays
 from lippmann.fixed.words import Ints
 from lippmann.optics.rays import Floats
-from lippmann.optics.system import System
 
 USUAL = Bounds()
 #: Number of wrong rays for trials of known faults, and for fits of parameters.
 SAMPLE, FIT_SAMPLE = 1500, 300
 #: Number of wrong rays on which pairs of faults are tried first.
 FEW = 90
-#: Minimum fraction of rays that a fault must match to be the diagnosis.
-EXPLAINED = 0.97
 #: In wrong arrays: maximum distance from a fault's rays, divided by that from golden
 #: rays. In any array: maximum excess of the former over the latter.
 NEARER, SAME = 0.5, 1e-9
 #: Maximum difference of correct words from golden rays, in ulps of the words.
 WORD_UNITS = 64.0
-#: Maximum difference from the twin's words that another rounding explains, in ulps.
-ROUNDING_WORDS = 8
-#: Tried delays of outputs, in rays; minimum number of rays for a diagnosis.
-LAGS, MANY = (1, -1, 2, -2, 3, -3), 8
-
-
-class Finding(NamedTuple):
-    """The diagnosis: first wrong step (None if all is correct), fault, fraction of rays that it explains."""
-
-    stage: str | None = None
-    fault: str | None = None
-    explained: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -159,82 +156,15 @@ def _diagnose(compared: Comparison, two_faults: bool) -> Finding:
         return np.asarray(np.all([~moved.wrong_in(name, moved.fields[name]) for name in bad], axis=0))
 
     return (
-        _find_delay(right)
+        find_delay(right)
         or _find_fault(compared)
-        or _find_late_component(compared)
-        or _find_stuck_bit(compared)
-        or _find_stale_register(compared)
+        or find_late_component(compared)
+        or find_stuck_bit(compared)
+        or find_stale_register(compared, _find_fault)
         or codes
         or (_find_two_faults(compared) if two_faults else None)
         or Finding(first)
     )
-
-
-def _axes(compared: Comparison) -> tuple[Floats, Floats]:
-    frame = System.of(compared.inputs.display).frame
-    return turn_back(frame, compared.fields["direction"]), turn_back(frame, compared.golden["direction"])
-
-
-def _find_late_component(compared: Comparison) -> Finding | None:
-    if compared.wrong_arrays != ["direction"] or len(compared.edge) < 2 * MANY:
-        return None
-    directions, expected = _axes(compared)
-    right = float((~compared.wrong).mean())
-    for lag in LAGS:
-        for axes, which in (((0,), "x"), ((1,), "y"), ((2,), "z"), ((0, 1), "x and y")):
-            moved = expected.copy()
-            moved[:, axes] = np.roll(expected, lag, axis=0)[:, axes]
-            share = float((np.linalg.norm(directions - moved, axis=1) <= compared.limits["direction"]).mean())
-            if share >= EXPLAINED and share > right:
-                fault = f"direction's {which} {_delay(lag)}: ray k has that of ray k {-lag:+d}"
-                return Finding("exit", fault, share)
-    return None
-
-
-def _delay(lag: int) -> str:
-    return f"{'late' if lag > 0 else 'early'} by {abs(lag)}"
-
-
-def _find_stuck_bit(compared: Comparison) -> Finding | None:
-    wrong = compared.wrong_by["direction"]
-    if compared.wrong_arrays != ["direction"] or wrong.all() or wrong.sum() < MANY:
-        return None
-    directions, expected = _axes(compared)
-    off = (directions - expected)[wrong]
-    for axis, name in enumerate("xyz"):
-        step = float(np.median(off[:, axis]))
-        place = math.log2(abs(step)) if step and math.isfinite(step) else 0.5
-        if not abs(place - round(place)) < 0.01:
-            continue
-        other = off.copy()
-        other[:, axis] -= math.copysign(2.0 ** round(place), step)
-        share = float((np.linalg.norm(other, axis=1) <= compared.limits["direction"][wrong]).mean())
-        if share >= EXPLAINED:
-            fault = f"a bit of the direction's {name} is stuck at {int(step > 0)}: 2^{round(place)}"
-            return Finding("exit", fault, share)
-    return None
-
-
-def _find_stale_register(compared: Comparison) -> Finding | None:
-    run = np.flatnonzero(compared.wrong)
-    first, last = int(run[0]), int(run[-1])
-    if len(run) < MANY or last + 1 - first >= len(compared.edge) or len(run) < 0.5 * (last + 1 - first):
-        return None
-    best = _find_fault(compared.select(np.arange(first, last + 1)))
-    if best is None:
-        return None
-    what = f"rays {first} to {last} are of an earlier configuration"
-    return best._replace(fault=f"stale register: {what} ({best.fault})")
-
-
-def _find_delay(right: Callable[[int], Bools]) -> Finding | None:
-    # Nearly equal rays may match at any delay; a true delay matches more rays than no delay.
-    own = right(0).mean()
-    for lag in LAGS:
-        same = right(lag)
-        if len(same) >= MANY and same.mean() >= EXPLAINED and same.mean() > own:
-            return Finding("exit", f"outputs {_delay(lag)}: ray k has the values of ray k {-lag:+d}", 1.0)
-    return None
 
 
 def _wrong_codes(status: Floats | Ints, expected: Floats | Ints, wrong: Bools) -> Finding:
@@ -286,7 +216,7 @@ def _find_fault(compared: Comparison) -> Finding | None:
 def _find_two_faults(compared: Comparison) -> Finding | None:
     for lag in (1, -1):
         if best := _find_fault(compared.later(lag)):
-            return best._replace(fault=f"{best.fault}{PAIR}outputs {_delay(lag)}")
+            return best._replace(fault=f"{best.fault}{PAIR}outputs {delay_text(lag)}")
     random = np.random.default_rng(0)
     bad = np.flatnonzero(compared.wrong & ~compared.edge)
     good = np.flatnonzero(~compared.wrong & ~compared.edge)
@@ -343,14 +273,6 @@ def _match(variant: Variant, sample: Comparison) -> tuple[float, float]:
 
 # ---- diagnosis of words ----
 
-#: Names of words that encode real numbers.
-REALS = ("x", "y", "z", "dx", "dy", "dz")
-WORD_STAGES = dict(zip(FixedRays._fields, ["lenslet"] * 2 + ["dome"] * 3 + ["exit"] * 3 + ["status"], strict=True))
-#: Words that a faulty design may swap.
-SWAPS = ({"x": "y", "y": "x"}, {"dx": "dy", "dy": "dx"}, {"x": "y", "y": "x", "dx": "dy", "dy": "dx"})
-#: Groups of words that may have the wrong sign.
-SIGNS = (*((name,) for name in REALS), ("x", "dx"), ("y", "dy"), ("x", "y", "dx", "dy"))
-
 
 def _judge_words(
     foreign: ForeignRays, case: FixedCase, words: FixedRays, two_faults: bool
@@ -376,8 +298,8 @@ def _diagnose_words(
     if first == "status":
         return _wrong_codes(words.status[:, None], twin.status[:, None], wrong)
     lenslets: Bools = (words.i != twin.i) | (words.j != twin.j)
-    rounding = None if lenslets.any() else _find_rounding(words, twin, build)
-    slip = Finding(first, rounding, 1.0) if rounding else _find_word_fault(words, twin)
+    rounding = None if lenslets.any() else find_rounding(words, twin, build)
+    slip = Finding(first, rounding, 1.0) if rounding else find_word_fault(words, twin)
     if slip:
         return slip
     unit = WORD_UNITS * word_unit(build.fraction_bits)
@@ -391,46 +313,3 @@ def _diagnose_words(
     if not compared.wrong.any():
         return Finding(first, "words differ by less than golden can tell: rounding, or the tie rule")
     return _diagnose(compared, two_faults)
-
-
-def _find_word_fault(words: FixedRays, twin: FixedRays) -> Finding | None:
-    def equal(lag: int, right: FixedRays = twin) -> Bools:
-        rays = np.arange(max(0, -lag), len(twin.status) - max(0, lag))
-        return np.asarray(np.all([a[rays + lag] == b[rays] for a, b in zip(words, right, strict=True)], axis=0))
-
-    if late := _find_delay(equal):
-        return late
-    faults = {
-        f"sign of the words {', '.join(names)}": {name: -getattr(twin, name) for name in names} for names in SIGNS
-    }
-    for swap in SWAPS:
-        faults[f"words swapped: {', '.join(swap)}"] = {name: getattr(twin, other) for name, other in swap.items()}
-    for name, word, expected in zip(FixedRays._fields[:-1], words, twin, strict=False):
-        if constant := int(np.median(word - expected)):
-            faults[f"a constant added to the word {name}: {constant:+d}"] = {name: expected + constant}
-    for fault, changed in faults.items():
-        same = equal(0, twin._replace(**changed))
-        if len(same) >= MANY and same.mean() >= EXPLAINED:
-            return Finding(WORD_STAGES[next(iter(changed))], fault, 1.0)
-    return None
-
-
-def _find_rounding(words: FixedRays, twin: FixedRays, build: Build) -> str | None:
-    expected = np.stack([getattr(twin, name) for name in REALS])
-    apart = np.stack([getattr(words, name) for name in REALS]) - expected
-
-    def names(rows: Bools) -> str:
-        return ", ".join(name for name, row in zip(REALS, rows, strict=True) if row.any())
-
-    span = np.array([1 << bits for bits in widths(REALS, build.fraction_bits)])[:, None]
-    wraps = np.abs(np.abs(apart) - span) <= ROUNDING_WORDS
-    if wraps.any() and (np.abs(np.where(wraps, 0, apart)) <= ROUNDING_WORDS).all():
-        return f"a word wrapped where it should saturate: {names(wraps)}"
-    if (np.abs(apart) > ROUNDING_WORDS).any():
-        return None
-    off = apart != 0
-    if float(apart[off].mean()) < -0.9:
-        return f"truncation for rounding (downward): {names(off)}"
-    if float((apart * -np.sign(expected))[off].mean()) > 0.9:
-        return f"truncation for rounding (towards zero): {names(off)}"
-    return f"another rounding, at most {int(np.abs(apart).max())} units of the last place: {names(off)}"

@@ -9,11 +9,11 @@ import numpy as np
 
 from lippmann.conformance.comparison import INTEGERS, Bounds, compare, distance
 from lippmann.conformance.coverage_points import summary
-from lippmann.conformance.faults import FIELDS, Arrays
 from lippmann.conformance.judge import Verdict
 from lippmann.conformance.pages import Page
 from lippmann.conformance.plots import COLOURS, Plot, finish_picture, make_axes
 from lippmann.conformance.ray_sets import Bools, ForeignRays, PanelRays
+from lippmann.conformance.tracer_faults import FIELDS, Arrays
 from lippmann.fixed.conversion import rays_of_words, word_unit
 from lippmann.fixed.words import Ints
 from lippmann.optics.rays import Floats

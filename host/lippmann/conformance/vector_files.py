@@ -14,7 +14,6 @@ import numpy as np
 
 from lippmann.base.file_limits import MAX_TABLE_BYTES, lines_of, load_arrays, read_limited
 from lippmann.base.files import moved, not_written, partial_folder
-from lippmann.conformance.faults import FIELDS
 from lippmann.conformance.fifty_digits import condition, true_hits, true_rays
 from lippmann.conformance.hard_cases import CASES
 from lippmann.conformance.ray_sets import (
@@ -32,6 +31,7 @@ from lippmann.conformance.ray_sets import (
     widths,
     words_of_lines,
 )
+from lippmann.conformance.tracer_faults import FIELDS
 from lippmann.display.description import Display, display_text
 from lippmann.errors import input_error, not_there
 from lippmann.fixed.words import PIXEL_BITS, Ints

@@ -13,8 +13,8 @@ from lippmann.display.description import Display
 from lippmann.errors import InputError
 from lippmann.eye.observer import Eye, observe, whole_window
 from lippmann.eye.viewer_page import Direct
+from lippmann.optics.crosstalk import middle_eye, viewing_distance, zones
 from lippmann.optics.display_properties import display_properties
-from lippmann.optics.zones import middle_eye, viewing_distance, zones
 from lippmann.rendering.integral_image import IntegralImage
 from lippmann.rendering.options import Settings
 from lippmann.rendering.renderer import render_view

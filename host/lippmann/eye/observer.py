@@ -23,11 +23,11 @@ from lippmann.display.description import Display, Panel
 from lippmann.display.subpixels import layout_of
 from lippmann.errors import InputError, as_number, check_choice, check_flags, whole_number
 from lippmann.optics.backend import Arr, DrJitBackend
+from lippmann.optics.crosstalk import FARTHEST_EYE_MM, TOO_FAR
 from lippmann.optics.rays import MODELS, Model, Status
 from lippmann.optics.sample_points import points_in_square
 from lippmann.optics.system import System
 from lippmann.optics.trace import PixelHits, pixels_from_rays
-from lippmann.optics.zones import FARTHEST_EYE_MM, TOO_FAR
 from lippmann.rendering.integral_image import Showable
 from lippmann.rendering.sampling import Window
 

@@ -20,9 +20,9 @@ from lippmann.display.description import Display
 from lippmann.display.subpixels import COLOURS, layout_of
 from lippmann.errors import InputError, input_error
 from lippmann.eye.observer import Light, check_size
+from lippmann.optics.crosstalk import middle_eye, viewing_distance
 from lippmann.optics.display_properties import depth_reach_mm
 from lippmann.optics.lattice import Lattice
-from lippmann.optics.zones import middle_eye, viewing_distance
 
 HOLE = re.compile(r"@@(\w+)@@")
 INCLUDE = re.compile(r'^#include "([\w.]+)"\n', re.M)

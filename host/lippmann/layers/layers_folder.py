@@ -27,8 +27,8 @@ from lippmann.display.description import Display, Pair
 from lippmann.errors import InputError, input_error, likely_file, located, not_there, path_of, reason, warn_user
 from lippmann.layers.scene_cutting import SLOT, Area, Cut, Reach, Slab, check_slot, layer_of, reach_of, texels_for
 from lippmann.layers.stack import COLOURS, MAX_DEPTH_MM, MAX_LAYERS, MAX_SIDE, Bytes, Floats, Layer, LayerStack, Size
+from lippmann.optics.crosstalk import viewing_distance
 from lippmann.optics.display_properties import depth_reach_mm
-from lippmann.optics.zones import viewing_distance
 from lippmann.scenes.mitsuba_xml import unique
 
 if TYPE_CHECKING:

@@ -12,9 +12,9 @@ import numpy as np
 
 from lippmann.base.toml import documented, key
 from lippmann.display.description import Display, Pair
+from lippmann.optics.crosstalk import Zone, middle_eye, remedy, sees_all, status_share, viewing_distance, zones
 from lippmann.optics.lattice import HALF_SQRT3
 from lippmann.optics.system import PanelFrame, System
-from lippmann.optics.zones import Zone, middle_eye, remedy, sees_all, status_share, viewing_distance, zones
 
 #: Eye distances in the table of views, as multiples of the viewing distance.
 DISTANCES = (0.5, 0.75, 1.0, 1.5, 2.0, 3.0)

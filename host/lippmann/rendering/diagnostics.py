@@ -10,9 +10,9 @@ import numpy as np
 
 from lippmann.display.description import Display
 from lippmann.errors import warn_user
+from lippmann.optics.crosstalk import viewing_distance
 from lippmann.optics.display_properties import display_properties
 from lippmann.optics.rays import Engine
-from lippmann.optics.zones import viewing_distance
 from lippmann.rendering.lights import has_splats, needs_chance
 from lippmann.rendering.options import Settings
 from lippmann.rendering.pixel_filter import noise_fraction

@@ -15,9 +15,9 @@ from lippmann.base.toml import check_fields, documented, key
 from lippmann.base.variant import mi
 from lippmann.display.description import Display
 from lippmann.errors import InputError, check_choice, input_error, warn_user
+from lippmann.optics.crosstalk import viewing_distance
 from lippmann.optics.display_properties import display_properties
 from lippmann.optics.system import exact_rotation
-from lippmann.optics.zones import viewing_distance
 from lippmann.scenes.formats import Kind, kind_of, usual_rotation
 
 if TYPE_CHECKING:
