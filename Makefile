@@ -101,7 +101,7 @@ bench: $(READY) ## measure the figures of docs/generated/measured.md (a quarter 
 	  $(BIN)/python -m tools.bench $$name --report docs/generated > /dev/null || exit; done
 
 docs-tables: $(READY) ## make the tables of keys, coverage points and promises, and the JSON Schemas again
-	$(BIN)/python -m tools.generate_tables
+	$(BIN)/python -m tools.generate_documentation
 
 registers: $(READY) ## make RTL, host constants and documentation of rtl/registers.rdl again
 	$(BIN)/python -m tools.generate_registers

@@ -9,7 +9,7 @@ import lippmann
 import numpy as np
 import pytest
 from lippmann.cli import run
-from lippmann.conformance.comparison import Bounds
+from lippmann.conformance.error_bounds import Bounds
 from lippmann.conformance.fault_search import fitted_together
 from lippmann.conformance.hard_cases import changed, hard_sets
 from lippmann.conformance.judge import judge

@@ -26,7 +26,7 @@ import pytest
 from lippmann.base import toml
 from lippmann.capturing.capture_setup import load_setup
 from lippmann.cli import COMMANDS, cli, run
-from lippmann.conformance.comparison import load_bounds
+from lippmann.conformance.error_bounds import load_bounds
 from lippmann.display.description import Panel, load_display
 from lippmann.layers.layers_folder import LayersFile, PicturesFile
 from lippmann.motion.film import load_film

@@ -17,7 +17,7 @@ from lippmann.cli import run
 from lippmann.cli.inspect import FILES, schema_of
 from lippmann.display.description import Display, Panel, load_display, parse_display
 from lippmann.errors import InputError
-from tools.generate_tables import MARKED, generate
+from tools.generate_documentation import MARKED, generate
 
 TOP = Path(__file__).parents[2]
 

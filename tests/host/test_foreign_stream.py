@@ -15,8 +15,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 from junitparser import Error, Failure, JUnitXml
-from lippmann.conformance.comparison import load_bounds
 from lippmann.conformance.coverage_points import BEYOND_WORDS, POINTS, covered, points_met, summary
+from lippmann.conformance.error_bounds import load_bounds
 from lippmann.conformance.hard_cases import CASES
 from lippmann.conformance.judge import judge
 from lippmann.conformance.ray_sets import (

@@ -1,7 +1,7 @@
 """Reads TOML files by declarations: a dataclass declares a table, `key` describes a key.
 
 The reader (`read`), the JSON Schema for editors (`schema`), the pages' tables
-(`tools.generate_tables`) and the checks (`check_fields`) use the declarations.
+(`tools.generate_documentation`) and the checks (`check_fields`) use the declarations.
 """
 
 from __future__ import annotations

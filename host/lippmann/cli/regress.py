@@ -17,8 +17,8 @@ from lippmann.base.report_provenance import provenance
 from lippmann.cli.frame import Folder, flag_of, make_command, option
 from lippmann.cli.options import FILE_BITS, LENS_MODEL, is_given
 from lippmann.cli.output import FOUND_WRONG, as_json, emit, log
-from lippmann.conformance.comparison import Bounds, load_bounds
 from lippmann.conformance.coverage_points import summary
+from lippmann.conformance.error_bounds import Bounds, load_bounds
 from lippmann.conformance.judge import Verdict, judge
 from lippmann.conformance.ray_sets import ForeignRays
 from lippmann.conformance.ray_stream import StreamReader, bounded_lines

@@ -9,8 +9,9 @@ from functools import partial
 
 import numpy as np
 
-from lippmann.conformance.comparison import INTEGERS, Bounds, Comparison, FieldSummary, compare
+from lippmann.conformance.comparison import INTEGERS, Comparison, FieldSummary, compare
 from lippmann.conformance.coverage_points import covered, tied, tied_sides
+from lippmann.conformance.error_bounds import Bounds
 from lippmann.conformance.fault_search import PAIR, fitted, pairs
 from lippmann.conformance.ray_sets import Bools, FixedCase, ForeignRays, unit_vectors
 from lippmann.conformance.sequence_faults import delay_text, find_delay, find_late_component, find_stale_register

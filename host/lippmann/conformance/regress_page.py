@@ -7,8 +7,9 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from lippmann.conformance.comparison import INTEGERS, Bounds, compare, distance
+from lippmann.conformance.comparison import INTEGERS, compare, distance
 from lippmann.conformance.coverage_points import summary
+from lippmann.conformance.error_bounds import Bounds
 from lippmann.conformance.judge import Verdict
 from lippmann.conformance.pages import Page
 from lippmann.conformance.plots import COLOURS, Plot, finish_picture, make_axes

@@ -199,7 +199,7 @@ def _from_page(file: str) -> str:
 def main() -> None:
     """Write the documentation's tables and JSON Schemas into the checkout.
 
-    Example: python -m tools.generate_tables
+    Example: python -m tools.generate_documentation
     """
     top = repository()
     for path, text in generate(top).items():
