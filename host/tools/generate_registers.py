@@ -32,7 +32,7 @@ class _Map(NamedTuple):
     """An address map of registers.rdl, and the files that are made from it."""
 
     name: str
-    # The inner map that becomes SystemVerilog.
+    # The map, or its part, that becomes SystemVerilog.
     rtl_map: str
     data: str  # file in DATA
     # Name of the file in PAGES, and of its template.

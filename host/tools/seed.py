@@ -38,8 +38,8 @@ from tools.report_plots import make_page
 
 #: Set-ups of the sweep, keyed by grid; the array is displaced 6 cm towards the imaging lens (paper, figure 8 a).
 SETUPS = {"square": "fig8a", "hex": "hex"}
-#: Samples per pixel with no more noise than POV-Ray's anti-aliasing with threshold 0.3 (4 suffice in `bench peers`);
-#: number of renders of each picture without anti-aliasing, of which the fastest counts.
+#: Lippmann's samples per pixel, for no more noise than POV-Ray's anti-aliasing with threshold 0.3 (4 suffice in
+#: `bench peers`). Each picture without anti-aliasing is rendered `ROUNDS` times; the fastest render counts.
 SAMPLES, ROUNDS = 8, 2
 ANTIALIAS = ("+WT2", "+A0.3")
 EYE_MM = (0.0, 0.0, 600.0)

@@ -162,7 +162,7 @@ def size(vectors: Digits) -> Floats:
 
 
 def apart(rays: Rays | Hits, true: Rays | Hits) -> tuple[Digits, Digits]:
-    """Return errors (N,) of direction, radians, and of point, mm; for `Hits`, both are in pixels."""
+    """Return errors (N,) of direction, radians, and of point, mm; for `Hits`, both are the distance in pixels."""
     if isinstance(rays, Hits):
         pixels = _length(rays.pixel - true.pixel)
         return pixels, pixels

@@ -84,7 +84,7 @@ class CacheTrial:
 
     @property
     def samples(self) -> int:
-        """Number of the trial's samples per pixel, evenly spaced among the render's samples."""
+        """Number of samples per pixel in the trial, which takes them evenly from the render's."""
         return min(self.all_samples, TRIAL_SAMPLES)
 
     @property
