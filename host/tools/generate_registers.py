@@ -122,7 +122,7 @@ def _registered_decode(block: str) -> str:
 
     The decoder drives the enables of all fields across the device; without the registers, this path limits the clock.
     An access takes one clock more; address and data are stable until the access is answered. A strobe is registered for
-    writes only, because reads do not use it. Write data are masked in the same clock.
+    writes only, because reads do not use it. Write data are masked by their bit enables before their register.
     """
     before, decode, after = re.split("    // (?:Address Decode|Field logic)\n", block)
     decode, counts = re.subn(r"(decoded_reg_strb\S* |decoded_err )= ", r"\1<= ", decode)

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 `default_nettype none
 
-/// Step 3 of the ray trace (sheared lattices): converts lattice coordinates to an upright x.
+/// Step 3 of the ray trace (sheared lattices): converts lattice coordinates to x along the rows.
 ///
 /// Each row of a sheared lattice is shifted by s times the height of the row. A point with the
 /// lattice coordinates x in pitches and y in rows, from its lenslet's centre, is x + g y pitches to

@@ -5,9 +5,9 @@
 ///
 /// Input take_i is high in the clock in which the scene takes the values. From a write until
 /// take_i, the register field `status.waits` is 1. Output slots_o has a bit for each slot that is
-/// shown or will be shown. A slot is shown if a visible layer selects it in the registers taken
-/// last, and shown_i is high. A slot will be shown if a visible layer selects it in the registers
-/// as written, and source_o is high. Bit 15 belongs to the panel's curve, which every scene needs.
+/// shown or will be shown. A slot is shown if shown_i is high and a visible layer selects it in the
+/// values taken last. A slot will be shown if source_o is high and a visible layer selects it in
+/// the written registers. Bit 15 belongs to the panel's curve, which every scene needs.
 ///
 /// The register port is APB4. A write changes the bytes whose strobe is set. An access to a layer
 /// takes three clocks, because its word is selected in two steps: within each layer, then among

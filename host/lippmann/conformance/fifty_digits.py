@@ -35,7 +35,7 @@ _convert_number = mp.npconvert
 
 
 def _convert(value: Any) -> Digits:
-    # Raise first: for each product, mpmath would format the array in a message.
+    # mpf * array calls this for each product; mpmath's own error would contain the array as text.
     if isinstance(value, np.ndarray) and value.ndim:
         raise TypeError("an array is not a number")
     return _convert_number(value)

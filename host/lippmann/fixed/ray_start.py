@@ -45,7 +45,7 @@ def pixel_to_lattice(u: Ints, v: Ints, from_u: int, from_v: int, offset: int, f:
 
 
 def lenslet_square(x: Ints, y: Ints, f: int) -> tuple[Ints, Ints, Ints, Ints, Bools]:
-    """Return the indices i = floor(x + 1/2), j of a point's lenslet, and the point from its centre."""
+    """Return the indices i = floor(x + 1/2), j of a point's lenslet, and the point relative to the lenslet."""
     half = 1 << (f - 1)
     i, j = (x + half) >> f, (y + half) >> f
     beyond = ~fits(i, INDEX_BITS) | ~fits(j, INDEX_BITS)

@@ -1,8 +1,9 @@
 """Define fixed-point word formats, and the twin's rounding, saturation, products and roots.
 
-F is the number of fraction bits of an RTL build, and W = F + 2 its word length. Near
-words have F + 1 fraction bits and span [-1, 1). Wide words have F fraction bits and
-span [-2, 2). Far words have W + 2 bits, F of them fraction bits, and span [-8, 8).
+F is the number of fraction bits of an RTL build, and W = F + 2. Near words have W bits,
+F + 1 of them fraction bits, and span [-1, 1). Wide words have W bits, F of them fraction
+bits, and span [-2, 2). Far words have W + 2 bits, F of them fraction bits, and span
+[-8, 8).
 """
 
 from __future__ import annotations
