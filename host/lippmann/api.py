@@ -30,14 +30,14 @@ from lippmann.eye.observer import Eye, View, whole_window
 from lippmann.eye.observer import observe as observe_window
 from lippmann.eye.viewer_page import FRAMES_PER_SECOND, Direct, page_html
 from lippmann.layers.layer_drawing import Filter, plan_layers
-from lippmann.layers.layers_folder import load_named_layers
+from lippmann.layers.layers_and_pictures import load_named_layers
 from lippmann.layers.stack import LayerStack
 from lippmann.optics.model_choice import TOLERANCE
 from lippmann.optics.rays import Engine, Model
-from lippmann.rendering.band_memory import check_display_memory, check_memory
 from lippmann.rendering.diagnostics import warn_of_unused_parts
 from lippmann.rendering.executors import choose_executor, render_here
 from lippmann.rendering.integral_image import IntegralImage, check_image
+from lippmann.rendering.memory_estimate import check_display_memory, check_memory
 from lippmann.rendering.options import ModelOption, RenderOptions, Settings, Shading
 from lippmann.rendering.plan import Job, SceneSource, image_metadata, open_scene, place_scene
 from lippmann.rendering.sampling import Aperture, Window

@@ -26,7 +26,8 @@ from lippmann.fixed.build import Build
 from lippmann.fixed.scene_build import SceneBuild
 from lippmann.simulation.harness import optics_parameters
 from lippmann.simulation.toolchain import hardware, repository
-from lippmann.simulation.virtual_board import TIMING, board_build, check_panel, step_of, timing_of
+from lippmann.simulation.video_timing import TIMING, timing_of
+from lippmann.simulation.virtual_board import board_build, check_panel, step_of
 
 from tools import flow
 from tools.anchors import TRIALS, anchor

@@ -17,7 +17,7 @@ from lippmann.conformance.pages import Page
 from lippmann.display.description import Display, load_display
 from lippmann.eye.many_views import eyes_of, scene_viewer
 from lippmann.eye.observer import Eye, observe, whole_window
-from lippmann.optics.crosstalk import viewing_distance
+from lippmann.optics.crosstalk_and_viewing_zone import viewing_distance
 from lippmann.rendering.options import RenderOptions, Settings
 from lippmann.rendering.plan import Job
 from lippmann.rendering.renderer import render_view

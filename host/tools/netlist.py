@@ -45,7 +45,7 @@ from lippmann.layers.stack import Layer, LayerStack
 from lippmann.simulation import virtual_board
 from lippmann.simulation.compilation import NETLIST, UNCHECKED, cached_file, verilated
 from lippmann.simulation.toolchain import build_folder, needed, repository, rtl_sources
-from lippmann.simulation.virtual_board import TIMING
+from lippmann.simulation.video_timing import TIMING
 
 from tools import flow
 from tools.bitstream import Plan, plan

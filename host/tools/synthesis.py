@@ -26,7 +26,7 @@ from lippmann.errors import InputError, LippmannError
 from lippmann.fixed.scene_build import SceneBuild
 from lippmann.simulation.harness import optics_parameters, scene_parameters
 from lippmann.simulation.toolchain import repository
-from lippmann.simulation.virtual_board import KNOWN_TIMINGS, TIMING
+from lippmann.simulation.video_timing import KNOWN_TIMINGS, TIMING
 
 from tools import flow
 from tools.fixed_errors import frame_words, measure

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import lippmann as lp
 from lippmann.api import cut_layers
-from lippmann.layers.layers_folder import save_layers
+from lippmann.layers.layers_and_pictures import save_layers
 from lippmann.rendering.renderer import Settings
 from lippmann.scenes.placement import Placement
 

@@ -25,7 +25,7 @@ from lippmann.display.description import load_display
 from lippmann.errors import DeviceError, InputError, LippmannWarning, NoSpaceError
 from lippmann.motion.film import load_film
 from lippmann.motion.film_frames import choose_shading, plan_film
-from lippmann.rendering import band_memory, cache_key, executors, irradiance_cache_choice, sinks
+from lippmann.rendering import executors, irradiance_cache_choice, memory_estimate, picture_hash, sinks
 from lippmann.rendering.executors import Band, local_workers, render_band, render_here, render_on_cluster
 from lippmann.rendering.options import RenderOptions, Settings
 from lippmann.rendering.plan import Job
@@ -50,7 +50,7 @@ def place(tmp_path):
 @pytest.fixture
 def narrow(monkeypatch, mi):
     """Bands of 64 rows."""
-    monkeypatch.setitem(band_memory.BAND_PIXELS, "llvm", 1)
+    monkeypatch.setitem(memory_estimate.BAND_PIXELS, "llvm", 1)
 
 
 def still(place, settings):
@@ -138,11 +138,11 @@ def test_a_link_to_a_scene_stands_where_it_is(place, narrow):
 
 def test_bands_of_many_rays_are_small_and_tell_their_rows(place, mi, monkeypatch):
     """A panel of few pixels, and so many samples that a band has fewest rows; chunks are 4 rows of tiles at most."""
-    monkeypatch.setitem(band_memory.BAND_RAYS, "llvm", 46 * 64 * 16)
+    monkeypatch.setitem(memory_estimate.BAND_RAYS, "llvm", 46 * 64 * 16)
     whole, _ = still(place, Settings(samples=16))
     assert [len(rows) for rows in whole.bands] == [64, 64, 64, 64, 44]
     assert [len(rows) for rows in still(place, Settings(samples=1))[0].bands] == [300]
-    monkeypatch.setitem(band_memory.CHUNK_SAMPLES, "llvm", 4 * 6 * 64 * 16)
+    monkeypatch.setitem(memory_estimate.CHUNK_SAMPLES, "llvm", 4 * 6 * 64 * 16)
     told = []
     kept, _ = render_bands(place / "a.exr", whole, render_here, lambda *done: told.append(done))
     kept.remove()
@@ -251,7 +251,7 @@ def test_what_is_no_band_is_rendered_again(place, narrow, content):
 def test_a_worker_takes_the_bands_of_the_command(place, narrow, monkeypatch):
     """Bands depended on the device of who asked, so that a worker with a GPU rendered other rows."""
     whole, scene = still(place, SETTINGS[1])
-    monkeypatch.setitem(band_memory.BAND_PIXELS, "llvm", 1 << 30)
+    monkeypatch.setitem(memory_estimate.BAND_PIXELS, "llvm", 1 << 30)
     expected = picture(whole, scene).radiance
     np.testing.assert_array_equal(render_band(pickle.loads(pickle.dumps(Band(whole, 2))))[0], expected[128:192])
 
@@ -275,8 +275,8 @@ def test_other_code_of_the_same_version_is_told(place, tmp_path, monkeypatch):
     digests = []
 
     def found():
-        cache_key.code_digest.cache_clear()
-        digests.append(cache_key.code_digest(package))
+        picture_hash.code_digest.cache_clear()
+        digests.append(picture_hash.code_digest(package))
 
     found()
     text = changed.read_text()
@@ -291,10 +291,10 @@ def test_other_code_of_the_same_version_is_told(place, tmp_path, monkeypatch):
     assert digests[3] == digests[0]
     assert digests[5] == digests[4]
     assert len(set(digests)) == 4
-    assert cache_key.code_digest(tmp_path / "none") == ""
+    assert picture_hash.code_digest(tmp_path / "none") == ""
     before = still(place, SETTINGS[0])[0].identity
-    monkeypatch.setattr(cache_key, "code_digest", lambda folder: digests[1])
-    assert cache_key.pixel_versions()["lippmann"].endswith(digests[1])
+    monkeypatch.setattr(picture_hash, "code_digest", lambda folder: digests[1])
+    assert picture_hash.pixel_versions()["lippmann"].endswith(digests[1])
     assert still(place, SETTINGS[0])[0].identity != before
 
 
@@ -347,7 +347,7 @@ def test_long_renders_are_kept(name, samples):
     display = load_display(repository() / f"scenes/displays/{name}.toml")
     for more, kept in ((0, False), (1, True)):
         options = RenderOptions("exact", settings=Settings(samples=samples + more))
-        assert band_memory.is_long_render(options.settings, display) == kept
+        assert memory_estimate.is_long_render(options.settings, display) == kept
 
 
 #: A panel of four bands.
@@ -501,7 +501,7 @@ def test_bands_that_are_left_are_told(place, narrow, capfd, caplog):
 @pytest.mark.parametrize("engine", ["golden", pytest.param("twin", marks=pytest.mark.full)])
 def test_layers_by_workers_are_those_of_one_process(large, monkeypatch, capfd, engine):
     monkeypatch.chdir(large)
-    monkeypatch.setitem(band_memory.BAND_PIXELS, "llvm", 1)
+    monkeypatch.setitem(memory_estimate.BAND_PIXELS, "llvm", 1)
     layers = str(repository() / "scenes/layers/fish")
     common = ["render", layers, "--display", "small.toml", "--engine", engine, "--samples", "2"]
     assert run([*common, "-o", "one.exr"]) == 0

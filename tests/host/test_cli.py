@@ -546,7 +546,7 @@ def test_json_errors(place, capfd):
 SLOW_RENDER = """
 import signal, sys
 import lippmann.cli.render as command
-import lippmann.rendering.band_memory as bands
+import lippmann.rendering.memory_estimate as bands
 from lippmann.__main__ import main
 # A shell may have told its background jobs to ignore it.
 signal.signal(signal.SIGINT, signal.default_int_handler)

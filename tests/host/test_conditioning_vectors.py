@@ -86,7 +86,7 @@ def test_vectors_pass_their_own_judge(model, tmp_path, capsys):
 
 def test_traced_rays_pass_and_others_do_not(tmp_path, capsys, monkeypatch):
     # These rays have no two faults, and to look for them takes long.
-    monkeypatch.setattr("lippmann.conformance.judge._find_two_faults", lambda seen: None)
+    monkeypatch.setattr("lippmann.conformance.judge.find_two_faults", lambda seen: None)
     rays = str(tmp_path / "rays.npz")
     arguments = ["trace", "--display", SQUARE, "--engine", "fast", "--aperture", "full", "--pixels", "500", "-o", rays]
     assert run(arguments) == 0

@@ -306,7 +306,7 @@ def test_a_fit_of_two_numbers_names_those_that_moved():
 def test_two_faults_are_looked_for_in_eight_rays(monkeypatch, wrong, looked_for):
     """Two fitted numbers could be read from fewer, and the search takes half a minute."""
     looked = []
-    monkeypatch.setattr("lippmann.conformance.judge.pairs", lambda *given: iter(looked.append(given) or ()))
+    monkeypatch.setattr("lippmann.conformance.fault_search.pairs", lambda *given: iter(looked.append(given) or ()))
     rays = traced(SQUARE, *rays_for(SQUARE, 200))
     turned = rays["direction"].copy()
     turned[:wrong] += np.random.default_rng(SEED).normal(0.0, 1e-2, (wrong, 3))
@@ -506,7 +506,7 @@ def test_truncation_for_rounding(case, judge_words, monkeypatch, name, fault, sa
 
 def test_wrong_register(case, judge_words, monkeypatch):
     # This design has one fault, and to look for two takes long.
-    monkeypatch.setattr("lippmann.conformance.judge._find_two_faults", lambda seen: None)
+    monkeypatch.setattr("lippmann.conformance.judge.find_two_faults", lambda seen: None)
     wrong = dataclasses.replace(case.registers, **{n: -getattr(case.registers, n) for n in ("x_from_v", "y_from_u")})
     code, said = judge_words(case, ray_pipeline(*case.words, wrong, case.build))
     assert code == 4

@@ -28,7 +28,7 @@ from lippmann.capturing.capture_setup import load_setup
 from lippmann.cli import COMMANDS, cli, run
 from lippmann.conformance.error_bounds import load_bounds
 from lippmann.display.description import Panel, load_display
-from lippmann.layers.layers_folder import LayersFile, PicturesFile
+from lippmann.layers.layers_and_pictures import LayersFile, PicturesFile
 from lippmann.motion.film import load_film
 from lippmann.motion.layer_film import LayerFilmFile
 from lippmann.scenes.depth_picture import DepthPictureFile

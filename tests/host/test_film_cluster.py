@@ -15,7 +15,7 @@ from lippmann.base.images import read_picture
 from lippmann.cli import run
 from lippmann.display.description import load_display
 from lippmann.errors import InputError
-from lippmann.rendering import band_memory, executors
+from lippmann.rendering import executors, memory_estimate
 from lippmann.rendering.executors import choose_executor, render_on_cluster
 from lippmann.rendering.plan import Job, check_same_scene
 from lippmann.rendering.sinks import MemorySink, render_into, render_picture
@@ -175,7 +175,7 @@ def test_a_lost_scheduler_ends_the_film(mi, place, cluster, monkeypatch, refusal
 def test_a_stopped_worker_is_given_up_and_told(mi, place, cluster, monkeypatch, caplog):
     """Dask waits five minutes for a process that is stopped and keeps its connections."""
     monkeypatch.setattr(executors, "STOPPED_WORKER_S", 3.0)
-    monkeypatch.setitem(band_memory.BAND_PIXELS, "llvm", 1)
+    monkeypatch.setitem(memory_estimate.BAND_PIXELS, "llvm", 1)
     caplog.set_level("INFO", "lippmann")
     (place / "tall.toml").write_text(DISPLAY.replace("= 32", "= 300"))
     plan = Job(load_scene(place / "three.xml", Placement()), load_display(place / "tall.toml")).plan(portable=True)

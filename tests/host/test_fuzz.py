@@ -97,7 +97,7 @@ def reading(name):
 
 
 def cut_pictures(path):
-    call("layers.layers_folder.cut_pictures", path, _display(), (32, 32))
+    call("layers.layers_and_pictures.cut_pictures", path, _display(), (32, 32))
 
 
 def layer_film(path):

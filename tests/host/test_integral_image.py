@@ -15,8 +15,8 @@ from lippmann.base.tones import encoded_values
 from lippmann.display.description import display_text
 from lippmann.errors import InputError, LippmannWarning
 from lippmann.eye.observer import View
-from lippmann.rendering.band_memory import BASE_MEMORY_MB
 from lippmann.rendering.integral_image import IntegralImage, metadata_of
+from lippmann.rendering.memory_estimate import BASE_MEMORY_MB
 from optics_cases import display_of
 from PIL import Image
 from scene_cases import focused_display, generator

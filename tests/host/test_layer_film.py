@@ -6,7 +6,7 @@ import os
 import numpy as np
 import pytest
 from lippmann.errors import InputError
-from lippmann.layers.layers_folder import save_layers
+from lippmann.layers.layers_and_pictures import save_layers
 from lippmann.layers.stack import Layer, LayerStack
 from lippmann.motion.layer_film import check_keys, load_layer_film
 from optics_cases import display_of

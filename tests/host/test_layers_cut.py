@@ -22,7 +22,7 @@ from lippmann.eye.observer import observe, whole_window
 from lippmann.fixed.scene_build import SceneBuild
 from lippmann.layers.layer_costs import cost_of, eyes_of
 from lippmann.layers.layer_drawing import exit_lines, texel_coordinates
-from lippmann.layers.layers_folder import load_named_layers, save_layers
+from lippmann.layers.layers_and_pictures import load_named_layers, save_layers
 from lippmann.layers.scene_cutting import SLOT as BUILD_SLOT
 from lippmann.layers.scene_cutting import (
     Area,

@@ -10,7 +10,7 @@ import pytest
 from layer_cases import free_stack
 from lippmann import load_layers
 from lippmann.errors import InputError
-from lippmann.layers.layers_folder import is_layers, load_named_layers, save_layers
+from lippmann.layers.layers_and_pictures import is_layers, load_named_layers, save_layers
 from lippmann.layers.stack import Layer, LayerStack
 from PIL import Image
 from scene_cases import focused_display, generator

@@ -18,7 +18,7 @@ from lippmann.fixed.build import Build
 from lippmann.fixed.registers import BOARD_REGISTERS, build_word
 from lippmann.fixed.scene_build import CURVE_SLOT
 from lippmann.fixed.scene_configuration import build_curve_table, scene_words, slot_bytes
-from lippmann.layers.layers_folder import save_layers
+from lippmann.layers.layers_and_pictures import save_layers
 from lippmann.layers.stack import Layer, LayerStack
 from lippmann.simulation.toolchain import repository
 from model_board import DRAW, LOOK, ModelBoard

@@ -21,8 +21,8 @@ from lippmann.optics.rays import MODELS
 from lippmann.optics.sample_points import points_in_pixel, points_in_square, square_to_cell
 from lippmann.rendering import renderer
 from lippmann.rendering import sampling as sources
-from lippmann.rendering.band_memory import BASE_MEMORY_MB, check_memory
 from lippmann.rendering.lights import needs_chance
+from lippmann.rendering.memory_estimate import BASE_MEMORY_MB, check_memory
 from lippmann.rendering.options import Settings
 from lippmann.rendering.renderer import Renderer, render_integral, render_view
 from lippmann.rendering.sampling import Seeds, Window, display_source, sampler_of

@@ -13,8 +13,8 @@ from lippmann.base.tones import decode, psnr_db
 from lippmann.cli import run
 from lippmann.display.description import load_display
 from lippmann.errors import InputError
-from lippmann.rendering.cache_key import digest_of
 from lippmann.rendering.options import Settings
+from lippmann.rendering.picture_hash import digest_of
 from lippmann.rendering.renderer import render_view
 from lippmann.rendering.sampling import Window
 from lippmann.scenes import meshes

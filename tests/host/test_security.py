@@ -11,7 +11,7 @@ import pytest
 from lippmann.base import file_limits, images, toml
 from lippmann.calibration import photographs
 from lippmann.eye import page_server
-from lippmann.layers import layers_folder
+from lippmann.layers import layers_and_pictures
 from lippmann.scenes import depth_picture, meshes, quilts_and_views, splats
 from lippmann.simulation.toolchain import repository
 from lippmann.simulation.virtual_board import IDLE_S
@@ -44,7 +44,7 @@ def test_the_limits_are_those_of_the_code():
     views, megabytes = quilts_and_views.MAX_VIEWS, quilts_and_views.MAX_BYTES >> 20
     told = f"{million} million pixels in all; {views} views; {megabytes} MB of `views.json`"
     assert row("quilt, folder of views") == told
-    most = layers_folder.MAX_PIXELS // 10**6
+    most = layers_and_pictures.MAX_PIXELS // 10**6
     assert row("layer's picture").endswith(f"; {most} million pixels of a picture that `layers` cuts")
     corners, large = meshes.MAX_CORNERS // 10**6, splats.MAX_BYTES >> 30
     texture = f"{corners} million corners of faces and {meshes.MAX_PIXELS // 10**6} million pixels a texture"

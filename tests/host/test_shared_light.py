@@ -10,8 +10,8 @@ import pytest
 from lippmann.base.tones import psnr_db
 from lippmann.base.variant import current_device
 from lippmann.eye.observer import Eye, Window, observe
-from lippmann.rendering import band_memory
 from lippmann.rendering import irradiance_cache_choice as choice
+from lippmann.rendering import memory_estimate
 from lippmann.rendering.options import Settings
 from lippmann.rendering.renderer import Renderer, render_integral
 from lippmann.rendering.sampling import display_source
@@ -380,7 +380,7 @@ def test_auto_leaves_thin_shadows_to_each_ray(mi, display, eager, caplog):
 @pytest.mark.parametrize(("limit_mb", "shading"), [(None, "shared"), (700.0, "each"), (800.0, "shared")])
 def test_the_users_limit_decides_and_not_the_free_memory(mi, display, eager, monkeypatch, free_mb, limit_mb, shading):
     """500 MB, 250 more for the irradiance cache, and 2.2 MB for 288 x 216 pixels."""
-    monkeypatch.setattr(band_memory, "free_memory_mb", lambda: free_mb)
+    monkeypatch.setattr(memory_estimate, "free_memory_mb", lambda: free_mb)
     made = scene(wall=wall(mi), a=lamp([2, 3, 40]))
     settings = replace(SETTINGS, shading="auto", memory_mb=limit_mb)
     found = Renderer(made, display_source(display, "exact", 4, "chief", "fast", None), settings)

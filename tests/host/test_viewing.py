@@ -14,7 +14,7 @@ from lippmann.display.description import display_text, load_display
 from lippmann.engines import trace
 from lippmann.errors import InputError
 from lippmann.eye.observer import Eye, observe, whole_window
-from lippmann.optics.crosstalk import middle_eye, sees_all, status_share, zones
+from lippmann.optics.crosstalk_and_viewing_zone import middle_eye, sees_all, status_share, zones
 from lippmann.optics.display_properties import beats_in_lenslets, display_properties, eye_views, table_of_views
 from lippmann.optics.lattice import Lattice
 from lippmann.optics.rays import Status

@@ -40,7 +40,7 @@ from lippmann.fixed.ray_pipeline import ray_pipeline
 from lippmann.fixed.registers import BOARD_REGISTERS, optics_writes, raster_writes, write
 from lippmann.fixed.scene_build import CURVE_SLOT, SceneBuild
 from lippmann.fixed.scene_configuration import build_curve_table, slot_bytes
-from lippmann.simulation import virtual_board
+from lippmann.simulation import video_timing, virtual_board
 
 SEED = int(os.environ.get("LIPPMANN_SEED", np.random.SeedSequence().entropy % (1 << 32)))
 STEPS_A_RUN = 25
@@ -309,7 +309,7 @@ def test_any_order_of_commands(tmp_path, monkeypatch, steps):
     print(f"seed {SEED}")
     folder = tmp_path / "frames"
     folder.mkdir()
-    monkeypatch.setitem(virtual_board.KNOWN_TIMINGS, SIZE, PAUSES)
+    monkeypatch.setitem(video_timing.KNOWN_TIMINGS, SIZE, PAUSES)
     display = display_of("square", SIZE)
     with virtual_board.running(display, capture=folder, scene=BUILD) as running:
         running.display, running.folder = display, folder

@@ -18,7 +18,7 @@ from lippmann.fixed import drawn_frame
 from lippmann.fixed.registers import BOARD_REGISTERS
 from lippmann.fixed.scene_build import SceneBuild
 from lippmann.layers.stack import LayerStack
-from lippmann.simulation import harness, virtual_board
+from lippmann.simulation import harness, video_timing, virtual_board
 from lippmann.simulation.harness import SceneHarness
 from lippmann.simulation.toolchain import repository
 from test_board_scene import HEIGHT, SEED, USUAL, WIDTH, captured, display_of, moved, random_layer, show, twin
@@ -43,7 +43,7 @@ def test_four_layers_are_loaded_in_a_second(monkeypatch):
     for name in ("FIRST_S", "SHORTEST_S", "LONGEST_S"):  # nothing is sent again because this machine is slow
         monkeypatch.setattr(retries, name, PATIENCE_S)
     build, display = SceneBuild(), display_of("square")
-    front, sync, back, above, lines, below, *_ = virtual_board.REDUCED
+    front, sync, back, above, lines, below, *_ = video_timing.REDUCED
     frame_s = (WIDTH + front + sync + back) * (HEIGHT + above + lines + below) / SLOW_HZ
     contents = {slot: np.random.default_rng([SEED, slot]).bytes(build.slot_bytes) for slot in range(4)}
     with (
@@ -70,7 +70,7 @@ def test_no_pixel_is_late_on_a_saturated_line(monkeypatch, rows, frames):
     """Blocks, updates and reads on a line that carries more than 3 Mbaud do, while each clock draws a pixel."""
     rng = np.random.default_rng([SEED, 23, rows])
     size, whole = (1280, rows), display_of("square", HD)
-    monkeypatch.setitem(virtual_board.KNOWN_TIMINGS, size, virtual_board.KNOWN_TIMINGS[HD])
+    monkeypatch.setitem(video_timing.KNOWN_TIMINGS, size, video_timing.KNOWN_TIMINGS[HD])
     build, display = SceneBuild(), display_of("square", size)
     stack = LayerStack(tuple(random_layer(rng, whole, build) for _ in range(4)))
     texture = rng.bytes(build.slot_bytes)
@@ -142,7 +142,7 @@ def test_a_board_counts_every_pixel():
     """The clocks, which the simulator counts apart, are those of so many frames and what is left of one."""
     display = display_of("square")
     row = ray_speed.board(display, stack_on(display), USUAL, 3)
-    front, sync, back, above, lines, below, *_ = virtual_board.REDUCED
+    front, sync, back, above, lines, below, *_ = video_timing.REDUCED
     frames, rest = divmod(row["pixels"], WIDTH * HEIGHT)
     assert rest == 0
     assert frames >= 3

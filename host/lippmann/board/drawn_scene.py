@@ -20,7 +20,7 @@ from lippmann.errors import InputError
 from lippmann.fixed.scene_build import BLOCK_BYTES, CURVE_SLOT, SceneBuild
 from lippmann.fixed.scene_configuration import scene_words
 from lippmann.fixed.scene_pipeline import LayerWords, SceneWords
-from lippmann.layers.layers_folder import check_for_display
+from lippmann.layers.layers_and_pictures import check_for_display
 from lippmann.layers.stack import LayerStack
 
 #: Maximum number of unacknowledged bytes: one block on the line and one in the board.

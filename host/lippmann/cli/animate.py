@@ -23,8 +23,8 @@ from lippmann.eye.observer import Eye, observe, whole_window
 from lippmann.motion.film import Film, load_film
 from lippmann.motion.film_frames import FrameFolder, choose_shading, lock_folder, plan_film, warn_of_frame
 from lippmann.motion.video import LOSSLESS_SUFFIXES, VIEW_SUFFIXES, even_window, write_video, write_views
-from lippmann.rendering.band_memory import BASE_MEMORY_MB, check_display_memory, check_memory_mb
 from lippmann.rendering.executors import choose_executor, render_here
+from lippmann.rendering.memory_estimate import BASE_MEMORY_MB, check_display_memory, check_memory_mb
 from lippmann.rendering.options import RenderOptions, Settings
 from lippmann.rendering.sampling import Window
 from lippmann.rendering.sinks import render_into

@@ -24,7 +24,7 @@ from lippmann.cli.output import FOUND_WRONG, emit, log
 from lippmann.cli.progress_bar import progress_bar, with_progress
 from lippmann.display.description import Display, load_display
 from lippmann.errors import InputError, input_error
-from lippmann.optics.crosstalk import status_share
+from lippmann.optics.crosstalk_and_viewing_zone import status_share
 
 PANEL_PORT = option("Port of the board that drives the panel and shows the patterns.", metavar="URL")
 

@@ -29,8 +29,8 @@ from lippmann.errors import InputError, input_error
 from lippmann.eye.many_views import Viewer, eyes_of, focus_depths, image_viewer, scene_viewer
 from lippmann.eye.observer import Eye, whole_window
 from lippmann.optics.rays import Model
-from lippmann.rendering.band_memory import BASE_MEMORY_MB, check_memory_mb
 from lippmann.rendering.integral_image import IntegralImage
+from lippmann.rendering.memory_estimate import BASE_MEMORY_MB, check_memory_mb
 from lippmann.rendering.options import MAX_SAMPLES, Settings
 from lippmann.rendering.sampling import Window, first_depths
 from lippmann.scenes.formats import kind_of

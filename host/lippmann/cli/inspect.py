@@ -19,7 +19,7 @@ from lippmann.cli.frame import Choice, Name, argument, make_command, option
 from lippmann.cli.options import Point
 from lippmann.cli.output import emit
 from lippmann.display.description import Display, load_display
-from lippmann.optics.crosstalk import Zone, viewing_distance
+from lippmann.optics.crosstalk_and_viewing_zone import Zone, viewing_distance
 from lippmann.optics.display_properties import (
     DISTANCES,
     DisplayProperties,
@@ -40,8 +40,8 @@ FILES = {
     "film": ("lippmann.motion.film", "FilmFile"),
     "layer_film": ("lippmann.motion.layer_film", "LayerFilmFile"),
     "placement": ("lippmann.scenes.placement", "PlacementFile"),
-    "layers": ("lippmann.layers.layers_folder", "LayersFile"),
-    "pictures": ("lippmann.layers.layers_folder", "PicturesFile"),
+    "layers": ("lippmann.layers.layers_and_pictures", "LayersFile"),
+    "pictures": ("lippmann.layers.layers_and_pictures", "PicturesFile"),
     "depth_picture": ("lippmann.scenes.depth_picture", "DepthPictureFile"),
 }
 

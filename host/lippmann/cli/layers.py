@@ -25,7 +25,7 @@ from lippmann.errors import InputError, LippmannWarning, input_error
 from lippmann.fixed.scene_configuration import scene_words
 from lippmann.layers.layer_costs import Row, measured_cuts, row_of
 from lippmann.layers.layer_drawing import Filter, scene_build_of
-from lippmann.layers.layers_folder import (
+from lippmann.layers.layers_and_pictures import (
     PICTURES_FILE,
     check_for_display,
     cut_pictures,

@@ -20,12 +20,12 @@ from lippmann.cli.output import emit
 from lippmann.display.description import Display
 from lippmann.errors import InputError, input_error
 from lippmann.eye.observer import Eye, whole_window
-from lippmann.layers.layers_folder import is_layers
+from lippmann.layers.layers_and_pictures import is_layers
 from lippmann.motion.film import Film, is_film, load_film
 from lippmann.motion.film_frames import Reel, plan_film
 from lippmann.motion.live_picture import MAX_SAMPLES, PANEL, VIEW, EyeView, LivePicture, LiveShow, Played
 from lippmann.motion.live_windows import Hand, Screens, check_screens, screens
-from lippmann.rendering.band_memory import check_display_memory
+from lippmann.rendering.memory_estimate import check_display_memory
 from lippmann.rendering.options import ModelOption, RenderOptions, Settings
 from lippmann.rendering.plan import report_and_choose_model
 from lippmann.scenes.placement import Placement

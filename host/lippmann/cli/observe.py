@@ -19,8 +19,8 @@ from lippmann.errors import InputError, input_error
 from lippmann.eye.observer import Eye, View, whole_window
 from lippmann.motion.video import VIEW_SUFFIXES, even_window, write_views
 from lippmann.optics.rays import Model
-from lippmann.rendering.band_memory import BASE_MEMORY_MB, check_memory_mb
 from lippmann.rendering.integral_image import IntegralImage
+from lippmann.rendering.memory_estimate import BASE_MEMORY_MB, check_memory_mb
 from lippmann.rendering.options import MAX_SAMPLES
 from lippmann.rendering.sampling import Window
 

@@ -13,7 +13,7 @@ from lippmann.cli.output import emit, log
 from lippmann.display.description import Display
 from lippmann.eye.observer import Eye
 from lippmann.eye.test_patterns import Kind, draw
-from lippmann.rendering.band_memory import check_memory
+from lippmann.rendering.memory_estimate import check_memory
 from lippmann.rendering.options import Settings
 
 

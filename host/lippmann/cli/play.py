@@ -16,7 +16,7 @@ from lippmann.cli.output import emit
 from lippmann.cli.progress_bar import progress_bar
 from lippmann.display.description import Display
 from lippmann.errors import input_error
-from lippmann.layers.layers_folder import check_for_display, warn_of_depths
+from lippmann.layers.layers_and_pictures import check_for_display, warn_of_depths
 from lippmann.motion.layer_film import check_keys, load_layer_film
 
 

@@ -18,9 +18,9 @@ from lippmann.cli.progress_bar import progress_bar
 from lippmann.display.description import Display, load_display
 from lippmann.errors import InputError, located
 from lippmann.layers.layer_drawing import Filter, plan_layers
-from lippmann.layers.layers_folder import check_depth, is_layers, load_named_layers, warn_of_depths
-from lippmann.rendering.band_memory import check_display_memory, is_long_render
+from lippmann.layers.layers_and_pictures import check_depth, is_layers, load_named_layers, warn_of_depths
 from lippmann.rendering.executors import choose_executor, render_here
+from lippmann.rendering.memory_estimate import check_display_memory, is_long_render
 from lippmann.rendering.options import RenderOptions
 from lippmann.rendering.plan import Job, Plan, open_scene
 from lippmann.rendering.sinks import KeptBands, MemorySink, bands_folder, log_remaining_bands, render_into

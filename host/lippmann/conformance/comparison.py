@@ -196,3 +196,8 @@ def distance(name: str, values: Floats, expected: Floats) -> Floats:
         return np.asarray((values != expected).any(axis=1), np.float64)
     far = np.linalg.norm(values - expected, axis=1)
     return np.where(np.isfinite(far), far, np.inf)
+
+
+def delay_text(lag: int) -> str:
+    """Return a delay, in rays, as text for a fault."""
+    return f"{'late' if lag > 0 else 'early'} by {abs(lag)}"

@@ -1,16 +1,18 @@
-"""Search for faults with fitted display parameters, and for pairs of faults."""
+"""Search for the fault behind wrong rays: known faults, fitted display parameters, pairs of faults."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import suppress
 from functools import cache, partial
 from itertools import combinations
 from operator import attrgetter
+from typing import NamedTuple
 
 import numpy as np
 
+from lippmann.conformance.comparison import INTEGERS, Comparison, delay_text
 from lippmann.conformance.ray_sets import PanelRays, unit_vectors
 from lippmann.conformance.tracer_faults import (
     FIELDS,
@@ -28,6 +30,15 @@ from lippmann.conformance.tracer_faults import (
 from lippmann.display.description import Display
 from lippmann.optics.rays import Floats
 
+#: Number of wrong rays for trials of known faults, and for fits of parameters.
+SAMPLE, FIT_SAMPLE = 1500, 300
+#: Number of wrong rays on which pairs of faults are tried first.
+FEW = 90
+#: In wrong arrays: maximum distance from a fault's rays, divided by that from golden
+#: rays. In any array: maximum excess of the former over the latter.
+NEARER, SAME = 0.5, 1e-9
+#: Minimum fraction of rays that a fault must match, and minimum number of rays, for a diagnosis.
+EXPLAINED, MANY = 0.97, 8
 #: Separator between the names of two faults.
 PAIR = "; and "
 #: Fitted display parameters, with the trace step that uses each parameter.
@@ -50,6 +61,99 @@ FITTED = {
 
 #: Relative changes that a fit tries; relative to the pitch for offsets and zero values.
 LOOKED = (-0.5, -0.3, -0.2, -0.1, -0.05, -0.02, -0.01, 0.01, 0.02, 0.05, 0.1, 0.2, 0.3, 0.5)
+
+
+class Finding(NamedTuple):
+    """The diagnosis: first wrong step (None if all is correct), fault, fraction of rays that it explains."""
+
+    stage: str | None = None
+    fault: str | None = None
+    explained: float = 0.0
+
+
+def find_fault(compared: Comparison) -> Finding | None:
+    """Find the known fault, or fitted parameter, that predicts the wrong rays best."""
+    random = np.random.default_rng(0)
+    # Omit rays on an edge: a fault may move them to the other side.
+    bad = np.flatnonzero(compared.wrong & ~compared.edge)
+    bad = bad if len(bad) else np.flatnonzero(compared.wrong)
+    if not len(bad):
+        return None
+    some = np.sort(random.permutation(bad)[:SAMPLE])
+    good = random.permutation(np.flatnonzero(~compared.wrong & ~compared.edge))[: SAMPLE // 3]
+    sample = compared.select(np.concatenate([some, good]))
+
+    def nearest(faults: Iterable[Variant]) -> Finding | None:
+        best, least = None, np.inf
+        for variant in faults:
+            share, far = _match(variant, sample)
+            if share >= EXPLAINED and (best is None or far < least):
+                best, least = Finding(variant.stage, variant.name, share), far
+        return best
+
+    if best := nearest(variants(compared.inputs.display)):
+        return best
+    small_sample = compared.select(random.permutation(bad)[:FIT_SAMPLE])
+    return nearest(fitted(small_sample.inputs, small_sample.fields))
+
+
+def find_two_faults(compared: Comparison) -> Finding | None:
+    """Find a pair of faults that explains the wrong rays."""
+    for lag in (1, -1):
+        if best := find_fault(compared.later(lag)):
+            return best._replace(fault=f"{best.fault}{PAIR}outputs {delay_text(lag)}")
+    random = np.random.default_rng(0)
+    bad = np.flatnonzero(compared.wrong & ~compared.edge)
+    good = np.flatnonzero(~compared.wrong & ~compared.edge)
+    if len(bad) < MANY:  # two fitted parameters explain any small set of rays
+        return None
+    some = np.concatenate([random.permutation(bad)[:FEW], random.permutation(good)[: FEW // 3]])
+    small_sample = compared.select(np.sort(some))
+    fit = compared.select(random.permutation(bad)[:FIT_SAMPLE])
+    for variant in pairs(fit.inputs, fit.fields, partial(_apart, small_sample)):
+        if _match(variant, small_sample)[0] >= EXPLAINED:
+            share, _ = _match(variant, compared)
+            if share >= EXPLAINED:
+                return Finding(variant.stage, variant.name, share)
+    return None
+
+
+def _distances(variant: Variant, sample: Comparison) -> list[tuple[str, Floats, Floats]]:
+    try:
+        rays = variant.predict(sample.inputs, sample.golden)
+    except NO_RAYS:
+        return []
+    predicted = [(name, values) for name, values in sample.fields.items() if name not in variant.silent]
+    return [(name, sample.far(name, some, rays), sample.far(name, some, sample.golden)) for name, some in predicted]
+
+
+def _middle(name: str, distances: Floats) -> float:
+    return float(distances.mean() if name in INTEGERS else np.median(distances))
+
+
+def _apart(sample: Comparison, variant: Variant) -> float:
+    middles = [(_middle(name, far), _middle(name, own)) for name, far, own in _distances(variant, sample)]
+    ratios = [far / own for far, own in middles if own > 0.0]
+    logarithms = [math.log(max(ratio, 1e-6)) if math.isfinite(ratio) else 0.0 for ratio in ratios]
+    return float(np.mean(logarithms)) if logarithms else np.inf
+
+
+def _match(variant: Variant, sample: Comparison) -> tuple[float, float]:
+    bad, ratios = sample.wrong, []
+    right = np.ones(len(bad), bool)
+    for name, far, own in _distances(variant, sample):
+        right &= far <= sample.limits[name]
+        wrong = sample.wrong_by[name]
+        if wrong.any():
+            golden_far = _middle(name, own[wrong])
+            if not golden_far:  # golden rays match, perhaps on an edge
+                return 0.0, np.inf
+            ratios.append(_middle(name, far[wrong]) / golden_far)
+        if _middle(name, far[bad]) > _middle(name, own[bad]) + SAME:
+            return 0.0, np.inf
+    if not ratios or not max(ratios) <= NEARER:
+        return 0.0, np.inf
+    return float(min(right.mean(), right[bad].mean())), max(ratios)
 
 
 def fitted(inputs: PanelRays, values: Arrays) -> Iterator[Variant]:

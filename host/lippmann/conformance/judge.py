@@ -2,31 +2,17 @@
 
 from __future__ import annotations
 
-import math
-from collections.abc import Iterable
 from dataclasses import dataclass
-from functools import partial
 
 import numpy as np
 
-from lippmann.conformance.comparison import INTEGERS, Comparison, FieldSummary, compare
+from lippmann.conformance.comparison import Comparison, FieldSummary, compare
 from lippmann.conformance.coverage_points import covered, tied, tied_sides
 from lippmann.conformance.error_bounds import Bounds
-from lippmann.conformance.fault_search import PAIR, fitted, pairs
+from lippmann.conformance.fault_search import MANY, PAIR, Finding, find_fault, find_two_faults
 from lippmann.conformance.ray_sets import Bools, FixedCase, ForeignRays, unit_vectors
-from lippmann.conformance.sequence_faults import delay_text, find_delay, find_late_component, find_stale_register
-from lippmann.conformance.tracer_faults import (
-    EXPLAINED,
-    FIELDS,
-    MANY,
-    NO_RAYS,
-    STAGES,
-    TIE_RULE,
-    Finding,
-    Variant,
-    golden,
-    variants,
-)
+from lippmann.conformance.sequence_faults import find_delay, find_late_component, find_stale_register
+from lippmann.conformance.tracer_faults import FIELDS, STAGES, TIE_RULE, golden
 from lippmann.conformance.word_faults import REALS, WORD_STAGES, find_rounding, find_stuck_bit, find_word_fault
 from lippmann.fixed.build import Build
 from lippmann.fixed.conversion import word_unit
@@ -35,13 +21,6 @@ from lippmann.fixed.words import Ints
 from lippmann.optics.rays import Floats
 
 USUAL = Bounds()
-#: Number of wrong rays for trials of known faults, and for fits of parameters.
-SAMPLE, FIT_SAMPLE = 1500, 300
-#: Number of wrong rays on which pairs of faults are tried first.
-FEW = 90
-#: In wrong arrays: maximum distance from a fault's rays, divided by that from golden
-#: rays. In any array: maximum excess of the former over the latter.
-NEARER, SAME = 0.5, 1e-9
 #: Maximum difference of correct words from golden rays, in ulps of the words.
 WORD_UNITS = 64.0
 
@@ -146,7 +125,7 @@ def _diagnose(compared: Comparison, two_faults: bool) -> Finding:
     if "status" in bad and not (compared.wrong & ~compared.wrong_by["status"]).any():
         codes = _wrong_codes(compared.fields["status"], compared.golden["status"], compared.wrong)
     if first == "status":
-        return _find_fault(compared) or codes or Finding(first)
+        return find_fault(compared) or codes or Finding(first)
     if _wrapped(compared):
         return Finding("exit", "a component of the direction wrapped where it should saturate at 1", 1.0)
     if first == "exit" and not compared.wrong_in("direction", unit_vectors(compared.fields["direction"])).any():
@@ -158,12 +137,12 @@ def _diagnose(compared: Comparison, two_faults: bool) -> Finding:
 
     return (
         find_delay(right)
-        or _find_fault(compared)
+        or find_fault(compared)
         or find_late_component(compared)
         or find_stuck_bit(compared)
-        or find_stale_register(compared, _find_fault)
+        or find_stale_register(compared)
         or codes
-        or (_find_two_faults(compared) if two_faults else None)
+        or (find_two_faults(compared) if two_faults else None)
         or Finding(first)
     )
 
@@ -187,89 +166,6 @@ def _wrapped(compared: Comparison) -> bool:
         and not wrong[np.abs(right).max(axis=1) < 1.0 - 1e-3].any()
         and (~wrong).any()
     )
-
-
-def _find_fault(compared: Comparison) -> Finding | None:
-    random = np.random.default_rng(0)
-    # Omit rays on an edge: a fault may move them to the other side.
-    bad = np.flatnonzero(compared.wrong & ~compared.edge)
-    bad = bad if len(bad) else np.flatnonzero(compared.wrong)
-    if not len(bad):
-        return None
-    some = np.sort(random.permutation(bad)[:SAMPLE])
-    good = random.permutation(np.flatnonzero(~compared.wrong & ~compared.edge))[: SAMPLE // 3]
-    sample = compared.select(np.concatenate([some, good]))
-
-    def nearest(faults: Iterable[Variant]) -> Finding | None:
-        best, least = None, np.inf
-        for variant in faults:
-            share, far = _match(variant, sample)
-            if share >= EXPLAINED and (best is None or far < least):
-                best, least = Finding(variant.stage, variant.name, share), far
-        return best
-
-    if best := nearest(variants(compared.inputs.display)):
-        return best
-    small_sample = compared.select(random.permutation(bad)[:FIT_SAMPLE])
-    return nearest(fitted(small_sample.inputs, small_sample.fields))
-
-
-def _find_two_faults(compared: Comparison) -> Finding | None:
-    for lag in (1, -1):
-        if best := _find_fault(compared.later(lag)):
-            return best._replace(fault=f"{best.fault}{PAIR}outputs {delay_text(lag)}")
-    random = np.random.default_rng(0)
-    bad = np.flatnonzero(compared.wrong & ~compared.edge)
-    good = np.flatnonzero(~compared.wrong & ~compared.edge)
-    if len(bad) < MANY:  # two fitted parameters explain any small set of rays
-        return None
-    some = np.concatenate([random.permutation(bad)[:FEW], random.permutation(good)[: FEW // 3]])
-    small_sample = compared.select(np.sort(some))
-    fit = compared.select(random.permutation(bad)[:FIT_SAMPLE])
-    for variant in pairs(fit.inputs, fit.fields, partial(_apart, small_sample)):
-        if _match(variant, small_sample)[0] >= EXPLAINED:
-            share, _ = _match(variant, compared)
-            if share >= EXPLAINED:
-                return Finding(variant.stage, variant.name, share)
-    return None
-
-
-def _distances(variant: Variant, sample: Comparison) -> list[tuple[str, Floats, Floats]]:
-    try:
-        rays = variant.predict(sample.inputs, sample.golden)
-    except NO_RAYS:
-        return []
-    predicted = [(name, values) for name, values in sample.fields.items() if name not in variant.silent]
-    return [(name, sample.far(name, some, rays), sample.far(name, some, sample.golden)) for name, some in predicted]
-
-
-def _middle(name: str, distances: Floats) -> float:
-    return float(distances.mean() if name in INTEGERS else np.median(distances))
-
-
-def _apart(sample: Comparison, variant: Variant) -> float:
-    middles = [(_middle(name, far), _middle(name, own)) for name, far, own in _distances(variant, sample)]
-    ratios = [far / own for far, own in middles if own > 0.0]
-    logarithms = [math.log(max(ratio, 1e-6)) if math.isfinite(ratio) else 0.0 for ratio in ratios]
-    return float(np.mean(logarithms)) if logarithms else np.inf
-
-
-def _match(variant: Variant, sample: Comparison) -> tuple[float, float]:
-    bad, ratios = sample.wrong, []
-    right = np.ones(len(bad), bool)
-    for name, far, own in _distances(variant, sample):
-        right &= far <= sample.limits[name]
-        wrong = sample.wrong_by[name]
-        if wrong.any():
-            golden_far = _middle(name, own[wrong])
-            if not golden_far:  # golden rays match, perhaps on an edge
-                return 0.0, np.inf
-            ratios.append(_middle(name, far[wrong]) / golden_far)
-        if _middle(name, far[bad]) > _middle(name, own[bad]) + SAME:
-            return 0.0, np.inf
-    if not ratios or not max(ratios) <= NEARER:
-        return 0.0, np.inf
-    return float(min(right.mean(), right[bad].mean())), max(ratios)
 
 
 # ---- diagnosis of words ----

@@ -6,9 +6,10 @@ from collections.abc import Callable
 
 import numpy as np
 
-from lippmann.conformance.comparison import Comparison
+from lippmann.conformance.comparison import Comparison, delay_text
+from lippmann.conformance.fault_search import EXPLAINED, MANY, Finding, find_fault
 from lippmann.conformance.ray_sets import Bools
-from lippmann.conformance.tracer_faults import EXPLAINED, MANY, Finding, turn_back
+from lippmann.conformance.tracer_faults import turn_back
 from lippmann.optics.rays import Floats
 from lippmann.optics.system import System
 
@@ -33,11 +34,6 @@ def find_delay(right: Callable[[int], Bools]) -> Finding | None:
     return None
 
 
-def delay_text(lag: int) -> str:
-    """Return a delay, in rays, as text for a fault."""
-    return f"{'late' if lag > 0 else 'early'} by {abs(lag)}"
-
-
 def find_late_component(compared: Comparison) -> Finding | None:
     """Find a component of the directions that comes some rays late or early."""
     if compared.wrong_arrays != ["direction"] or len(compared.edge) < 2 * MANY:
@@ -55,7 +51,7 @@ def find_late_component(compared: Comparison) -> Finding | None:
     return None
 
 
-def find_stale_register(compared: Comparison, find_fault: Callable[[Comparison], Finding | None]) -> Finding | None:
+def find_stale_register(compared: Comparison) -> Finding | None:
     """Find successive rays that a design traced with the registers of an earlier configuration."""
     run = np.flatnonzero(compared.wrong)
     first, last = int(run[0]), int(run[-1])

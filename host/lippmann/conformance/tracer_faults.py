@@ -53,8 +53,6 @@ Number = Any
 Bend = Callable[[Floats], Floats]
 #: Ray arrays, keyed by name.
 Arrays = dict[str, Floats]
-#: Minimum fraction of rays that a fault must match, and minimum number of rays, for a diagnosis.
-EXPLAINED, MANY = 0.97, 8
 
 
 class Variant(NamedTuple):
@@ -77,14 +75,6 @@ class Variant(NamedTuple):
         if self.trace is not None:
             rays = self.trace(inputs, rays)
         return rays if self.bend is None else rays | self.bend(rays)
-
-
-class Finding(NamedTuple):
-    """The diagnosis: first wrong step (None if all is correct), fault, fraction of rays that it explains."""
-
-    stage: str | None = None
-    fault: str | None = None
-    explained: float = 0.0
 
 
 def golden(inputs: PanelRays) -> Arrays:

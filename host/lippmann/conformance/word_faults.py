@@ -7,9 +7,9 @@ import math
 import numpy as np
 
 from lippmann.conformance.comparison import Comparison
+from lippmann.conformance.fault_search import EXPLAINED, MANY, Finding
 from lippmann.conformance.ray_sets import Bools, widths
 from lippmann.conformance.sequence_faults import directions_in_array, find_delay
-from lippmann.conformance.tracer_faults import EXPLAINED, MANY, Finding
 from lippmann.fixed.build import Build
 from lippmann.fixed.ray_pipeline import FixedRays
 

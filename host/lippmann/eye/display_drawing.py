@@ -15,7 +15,7 @@ from lippmann.display.description import Display
 from lippmann.display.subpixels import layout_of
 from lippmann.engines import trace
 from lippmann.optics.backend import NumpyBackend
-from lippmann.optics.crosstalk import middle_eye, status_share, status_shares, viewing_distance, zones
+from lippmann.optics.crosstalk_and_viewing_zone import middle_eye, status_share, status_shares, viewing_distance, zones
 from lippmann.optics.display_properties import percent
 from lippmann.optics.rays import Floats, Indices, Status, gets_through
 from lippmann.optics.system import System

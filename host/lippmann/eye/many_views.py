@@ -13,7 +13,7 @@ from lippmann.display.description import Display
 from lippmann.errors import InputError
 from lippmann.eye.observer import Eye, observe, whole_window
 from lippmann.eye.viewer_page import Direct
-from lippmann.optics.crosstalk import middle_eye, viewing_distance, zones
+from lippmann.optics.crosstalk_and_viewing_zone import middle_eye, viewing_distance, zones
 from lippmann.optics.display_properties import display_properties
 from lippmann.rendering.integral_image import IntegralImage
 from lippmann.rendering.options import Settings

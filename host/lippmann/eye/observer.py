@@ -23,7 +23,7 @@ from lippmann.display.description import Display, Panel
 from lippmann.display.subpixels import layout_of
 from lippmann.errors import InputError, as_number, check_choice, check_flags, whole_number
 from lippmann.optics.backend import Arr, DrJitBackend
-from lippmann.optics.crosstalk import FARTHEST_EYE_MM, TOO_FAR
+from lippmann.optics.crosstalk_and_viewing_zone import FARTHEST_EYE_MM, TOO_FAR
 from lippmann.optics.rays import MODELS, Model, Status
 from lippmann.optics.sample_points import points_in_square
 from lippmann.optics.system import System

@@ -20,7 +20,7 @@ from lippmann.display.description import Display
 from lippmann.display.subpixels import COLOURS, layout_of
 from lippmann.errors import InputError, input_error
 from lippmann.eye.observer import Light, check_size
-from lippmann.optics.crosstalk import middle_eye, viewing_distance
+from lippmann.optics.crosstalk_and_viewing_zone import middle_eye, viewing_distance
 from lippmann.optics.display_properties import depth_reach_mm
 from lippmann.optics.lattice import Lattice
 

@@ -28,13 +28,13 @@ from lippmann.fixed.build import Build
 from lippmann.fixed.drawn_frame import draw
 from lippmann.fixed.scene_build import BLOCK_BYTES, MAX_TEXEL_BLOCKS, SceneBuild
 from lippmann.fixed.words import WIDEST
-from lippmann.layers.layers_folder import check_for_display
+from lippmann.layers.layers_and_pictures import check_for_display
 from lippmann.layers.stack import Bytes, Floats, Layer, LayerStack, light_of, opacity_of
 from lippmann.optics.rays import MODELS, Engine, Model, gets_through
-from lippmann.rendering.band_memory import bands_of
-from lippmann.rendering.cache_key import pixels_identity
 from lippmann.rendering.integral_image import metadata_of
+from lippmann.rendering.memory_estimate import bands_of
 from lippmann.rendering.options import RenderOptions, Settings
+from lippmann.rendering.picture_hash import pixels_identity
 from lippmann.rendering.plan import Plan
 from lippmann.scenes.placement import Placement
 

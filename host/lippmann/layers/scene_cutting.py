@@ -29,10 +29,10 @@ from lippmann.errors import InputError, input_error, whole_number
 from lippmann.fixed.scene_build import SceneBuild
 from lippmann.layers.stack import MAX_LAYERS, Floats, Layer, LayerStack, Size, quantise, rgba_of
 from lippmann.optics.backend import Arr
-from lippmann.optics.crosstalk import half_width, middle_eye, viewing_distance
+from lippmann.optics.crosstalk_and_viewing_zone import half_width, middle_eye, viewing_distance
 from lippmann.optics.rays import Status
 from lippmann.optics.sample_points import points_in_pixel
-from lippmann.rendering.band_memory import CHUNK_SAMPLES
+from lippmann.rendering.memory_estimate import CHUNK_SAMPLES
 from lippmann.rendering.options import Settings
 from lippmann.rendering.renderer import make_integrator
 from lippmann.rendering.sampling import Lines, Seeds, first_hit, sampler_of

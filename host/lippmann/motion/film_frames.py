@@ -17,11 +17,11 @@ from lippmann.base.progress_protocol import Progress, report_each
 from lippmann.display.description import Display
 from lippmann.errors import InputError, input_error
 from lippmann.motion.film import Film
-from lippmann.rendering.band_memory import bands_of
-from lippmann.rendering.cache_key import digest_of, pixels_identity
 from lippmann.rendering.executors import Band, RenderedBand
 from lippmann.rendering.integral_image import IntegralImage
+from lippmann.rendering.memory_estimate import bands_of
 from lippmann.rendering.options import RenderOptions
+from lippmann.rendering.picture_hash import digest_of, pixels_identity
 from lippmann.rendering.plan import ScenePlan, make_renderer, report_and_choose_model
 from lippmann.rendering.sampling import colours_of
 from lippmann.rendering.sinks import MemorySink, bands_of_plan, render_picture

@@ -14,7 +14,7 @@ from lippmann.base import toml
 from lippmann.base.toml import documented, key
 from lippmann.display.description import Display
 from lippmann.errors import did_you_mean, input_error, likely_file, located
-from lippmann.layers.layers_folder import Light, check_depth, is_layers, load_named_layers
+from lippmann.layers.layers_and_pictures import Light, check_depth, is_layers, load_named_layers
 from lippmann.layers.stack import Layer, LayerStack
 from lippmann.motion.film import MAX_FRAMES, Motion, check_frames, interpolate
 from lippmann.scenes.placement import ORIGIN, Number, Scale, Triple

@@ -12,7 +12,15 @@ import numpy as np
 
 from lippmann.base.toml import documented, key
 from lippmann.display.description import Display, Pair
-from lippmann.optics.crosstalk import Zone, middle_eye, remedy, sees_all, status_share, viewing_distance, zones
+from lippmann.optics.crosstalk_and_viewing_zone import (
+    Zone,
+    middle_eye,
+    remedy,
+    sees_all,
+    status_share,
+    viewing_distance,
+    zones,
+)
 from lippmann.optics.lattice import HALF_SQRT3
 from lippmann.optics.system import PanelFrame, System
 

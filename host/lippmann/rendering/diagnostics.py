@@ -10,7 +10,7 @@ import numpy as np
 
 from lippmann.display.description import Display
 from lippmann.errors import warn_user
-from lippmann.optics.crosstalk import viewing_distance
+from lippmann.optics.crosstalk_and_viewing_zone import viewing_distance
 from lippmann.optics.display_properties import display_properties
 from lippmann.optics.rays import Engine
 from lippmann.rendering.lights import has_splats, needs_chance

@@ -20,8 +20,8 @@ from lippmann.base.images import Radiance
 from lippmann.base.programs import starting_python
 from lippmann.base.variant import start_mitsuba
 from lippmann.errors import InputError, MissingLibraryError, device_error, input_error, missing_library, whole_number
-from lippmann.rendering.band_memory import check_band_memory
-from lippmann.rendering.cache_key import pixel_versions
+from lippmann.rendering.memory_estimate import check_band_memory
+from lippmann.rendering.picture_hash import pixel_versions
 from lippmann.rendering.plan import BandRenderer, Plan
 from lippmann.rendering.shading import keep_garbage
 

@@ -21,11 +21,11 @@ from lippmann.fixed.words import WIDEST
 from lippmann.optics import model_choice
 from lippmann.optics.model_choice import TOLERANCE
 from lippmann.optics.rays import Model
-from lippmann.rendering.band_memory import bands_of
-from lippmann.rendering.cache_key import PIXEL_LIBRARIES, digest_of, pixels_identity
 from lippmann.rendering.diagnostics import warn_of_unused_parts, warn_of_view
 from lippmann.rendering.integral_image import metadata_of
+from lippmann.rendering.memory_estimate import bands_of
 from lippmann.rendering.options import RenderOptions
+from lippmann.rendering.picture_hash import PIXEL_LIBRARIES, digest_of, pixels_identity
 from lippmann.rendering.renderer import Renderer
 from lippmann.rendering.sampling import colours_of, display_source
 from lippmann.scenes.placement import Arrange, Placement, arranged

@@ -23,9 +23,9 @@ from lippmann.base.variant import Jit, current_device, dr, mi
 from lippmann.display.description import Display
 from lippmann.errors import InputError, warn_user
 from lippmann.optics.rays import Engine, Model
-from lippmann.rendering.band_memory import CHUNK_SAMPLES, bands_of, check_memory, memory_mb
 from lippmann.rendering.irradiance_cache_choice import CacheTrial, is_worth_a_trial, max_points, why_not_cached
 from lippmann.rendering.lights import register_lights
+from lippmann.rendering.memory_estimate import CHUNK_SAMPLES, bands_of, check_memory, memory_mb
 from lippmann.rendering.options import Settings, Shading
 from lippmann.rendering.pixel_filter import PixelFilter, is_filtered
 from lippmann.rendering.sampling import TILE_PX, Pose, RaySource, Seeds, Window, display_source, eye_source, pixel_of

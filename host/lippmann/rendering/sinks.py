@@ -21,9 +21,9 @@ from lippmann.base.files import FolderLock, remove_stale, replacing
 from lippmann.base.images import Radiance, write_picture
 from lippmann.base.progress_protocol import Progress, RowProgress
 from lippmann.errors import NoSpaceError, input_error, path_of, warn_user
-from lippmann.rendering.band_memory import check_band_memory
 from lippmann.rendering.executors import Band, Executor, RenderedBand, render_here
 from lippmann.rendering.integral_image import IntegralImage
+from lippmann.rendering.memory_estimate import check_band_memory
 from lippmann.rendering.plan import Plan
 from lippmann.rendering.renderer import finite_radiance
 

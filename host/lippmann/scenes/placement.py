@@ -15,7 +15,7 @@ from lippmann.base.toml import check_fields, documented, key
 from lippmann.base.variant import mi
 from lippmann.display.description import Display
 from lippmann.errors import InputError, check_choice, input_error, warn_user
-from lippmann.optics.crosstalk import viewing_distance
+from lippmann.optics.crosstalk_and_viewing_zone import viewing_distance
 from lippmann.optics.display_properties import display_properties
 from lippmann.optics.system import exact_rotation
 from lippmann.scenes.formats import Kind, kind_of, usual_rotation

@@ -34,6 +34,7 @@ from lippmann.fixed.words import COMPACT
 from lippmann.simulation.compilation import FAST, NETLIST, SHORT, UNCHECKED, cached_file, verilated
 from lippmann.simulation.harness import optics_parameters
 from lippmann.simulation.toolchain import build_folder, hardware, needed, rtl_sources
+from lippmann.simulation.video_timing import TIMING, timing_of
 
 Port = Literal["unix", "tcp", "pty"]
 #: Type of a board's frame memory: block RAM, or an SDRAM chip with its controller.
@@ -59,17 +60,6 @@ MOST_SOCKET_BYTES = 107
 LISTENS = "0A"
 #: Maximum time for a simulator's start, and for its end, s.
 START_SECONDS, STOP_SECONDS = 20.0, 20.0
-
-#: RTL parameters of video timing: porches and sync in pixels and lines, polarities.
-TIMING = ("HFront", "HSync", "HBack", "VFront", "VSync", "VBack", "HPositive", "VPositive")
-#: Video timings of VESA DMT (640 x 480) and CEA-861 (1280 x 720, 1920 x 1080).
-KNOWN_TIMINGS = {
-    (640, 480): (16, 96, 48, 10, 2, 33, 0, 0),
-    (1280, 720): (110, 40, 220, 5, 5, 20, 1, 1),
-    (1920, 1080): (88, 44, 148, 4, 5, 36, 1, 1),
-}
-#: Video timing of other panels: VESA CVT with reduced blanking.
-REDUCED = (48, 32, 80, 3, 8, 30, 1, 0)
 
 
 class CaptureError(LippmannError):
@@ -153,11 +143,6 @@ def usual_clock(display: Display, scene: SceneBuild | None, memory: Memory) -> i
     panel, timing = display.panel, timing_of(display)
     clocks = (panel.width_px + sum(timing[:3])) * (panel.height_px + sum(timing[3:6]))
     return max(clocks * (scene.samples if scene else 1) * FRAMES_HZ, SLOWEST_HZ)
-
-
-def timing_of(display: Display) -> tuple[int, ...]:
-    """Return the video timing of a display's panel, in the order of `TIMING`."""
-    return KNOWN_TIMINGS.get(display.panel.size_px, REDUCED)
 
 
 def check_panel(display: Display) -> None:

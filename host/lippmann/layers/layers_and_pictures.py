@@ -27,7 +27,7 @@ from lippmann.display.description import Display, Pair
 from lippmann.errors import InputError, input_error, likely_file, located, not_there, path_of, reason, warn_user
 from lippmann.layers.scene_cutting import SLOT, Area, Cut, Reach, Slab, check_slot, layer_of, reach_of, texels_for
 from lippmann.layers.stack import COLOURS, MAX_DEPTH_MM, MAX_LAYERS, MAX_SIDE, Bytes, Floats, Layer, LayerStack, Size
-from lippmann.optics.crosstalk import viewing_distance
+from lippmann.optics.crosstalk_and_viewing_zone import viewing_distance
 from lippmann.optics.display_properties import depth_reach_mm
 from lippmann.scenes.mitsuba_xml import unique
 
