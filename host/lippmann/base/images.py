@@ -22,7 +22,17 @@ from lippmann.base.file_limits import check_expanded, png_chunks, png_is_complet
 from lippmann.base.files import not_written, remove_stale_once, replacing
 from lippmann.base.programs import silent_stderr
 from lippmann.base.tones import BAND_ROWS, Numbers, Transfer, decode, encoded_values, transfer_text
-from lippmann.errors import InputError, input_error, likely_file, missing_library, not_there, path_of, reason, warn_user
+from lippmann.errors import (
+    InputError,
+    input_error,
+    likely_file,
+    located,
+    missing_library,
+    not_there,
+    path_of,
+    reason,
+    warn_user,
+)
 
 if TYPE_CHECKING:
     import OpenImageIO
@@ -270,10 +280,8 @@ def _decode_rows(path: Path, rows: Radiance, metadata: Mapping[str, str]) -> Non
         raise input_error(path, "contains pixels that are not finite", "render the image again")
     # A linear file's metadata contains the panel's transfer curve, not the file's.
     linear = path.suffix.lower() in LINEAR_SUFFIXES
-    try:
+    with located(path):
         rows[:] = decode(rows, "linear" if linear else metadata.get("transfer", "srgb"))
-    except InputError as error:
-        raise InputError(f"{path}: {error}") from None
 
 
 def _check_size(path: Path, size: tuple[int, int], limit: tuple[int, int]) -> None:

@@ -23,7 +23,7 @@ import msgspec
 import tomli_w
 
 from lippmann.base.file_limits import MAX_TOML_BYTES, read_limited
-from lippmann.errors import InputError, check_type, input_error, likely_file, reason
+from lippmann.errors import InputError, check_type, input_error, likely_file, located, reason
 
 #: Maximum number of parts of a dotted key; the parse time grows with its square.
 MAX_KEY_PARTS = 32
@@ -229,10 +229,9 @@ def read(form: Callable[..., Form], raw: Mapping[str, Value], source: str) -> Fo
         if not all(map(_is_finite, numbers)):
             raise _wrong(source, name, value, node)
     try:
-        read: Form = msgspec.convert(raw, form, dec_hook=_path)
-        return read
-    except InputError as error:  # raised by a __post_init__
-        raise InputError(f"{source}: {error}") from None
+        with located(source):  # a __post_init__ raises InputError
+            read: Form = msgspec.convert(raw, form, dec_hook=_path)
+            return read
     except msgspec.ValidationError as error:
         # A msgspec message ends with the key: "at `$.object[0].keys[1].frame`".
         place = re.search(r" - at `\$\.?(.*)`$", str(error))

@@ -226,8 +226,7 @@ def program(path: Path, name: str | None = None, serial: str | None = None, flas
     file, MissingLibraryError if openFPGALoader cannot run, and DeviceError unless
     exactly one board is connected and the load succeeds.
     """
-    file = read_bitfile(path)
-    board = board_of(path, file, name)
+    board = board_of(path, read_bitfile(path), name)
     if serial == "":
         raise input_error("--serial", "is empty", "give a number that lippmann doctor or lsusb -v lists")
     loader = LOADER.path()

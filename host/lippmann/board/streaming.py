@@ -191,13 +191,12 @@ class BoardSink:
 
     def __init__(self, session: Session, plan: Plan, force: bool = False) -> None:
         """Raise InputError for a plan of another display; with `force`, only for another panel size."""
-        panel = plan.display.panel
-        check_shape(panel.shape, plan.display, session.info, force)
+        self._panel = plan.display.panel
+        check_shape(self._panel.shape, plan.display, session.info, force)
         self.bands = bands_of_plan(plan)
-        self._panel = panel
         self._session = session
         self._grid = session.info.grid
-        self._frame = np.zeros((self._grid.height, self._grid.width, 3), np.uint8)
+        self._frame = np.zeros(self._panel.shape, np.uint8)
         self._missing = np.ones(self._grid.height, np.bool_)
         self._sent = Sent()
 

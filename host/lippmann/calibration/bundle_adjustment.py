@@ -30,7 +30,7 @@ from scipy.optimize import least_squares
 from lippmann.base import interrupts
 from lippmann.calibration.lenslet_measurement import Lenslets, regular
 from lippmann.calibration.lenslet_projection import FOLDS, LensProjection, powers
-from lippmann.display.description import Display
+from lippmann.display.description import Display, Pair
 from lippmann.optics.rays import Bools, Floats
 
 #: Array parameters and their finite-difference steps: mm, radians, shear as a ratio.
@@ -263,11 +263,11 @@ class Problem:
 class Weights(NamedTuple):
     """For each view, the scatter of panel and photograph points, and a mask (N,) of inliers."""
 
-    scatter: list[tuple[float, float]]
+    scatter: list[Pair]
     inliers: list[Bools]
 
     @classmethod
-    def equal(cls, problem: Problem, scatter: tuple[float, float]) -> Weights:
+    def equal(cls, problem: Problem, scatter: Pair) -> Weights:
         """Return weights that give each view the same scatter and exclude no lenslet."""
         return cls([scatter] * len(problem.views), [np.ones(len(one.index), bool) for one in problem.views])
 
@@ -306,7 +306,7 @@ class Solution:
     def _at(self, name: str) -> int:
         return list(self.problem.steps).index(name)
 
-    def rms_px(self) -> tuple[float, float]:
+    def rms_px(self) -> Pair:
         """Return the RMS residuals of the inliers, in panel pixels and in photograph pixels."""
         counting = [self.problem.residuals(self.x, k)[inliers] for k, inliers in enumerate(self.weights.inliers)]
         columns, rows, *photo = (np.concatenate(counting) ** 2).mean(axis=0)
@@ -336,7 +336,7 @@ def first_fit(problem: Problem, x: Floats) -> Floats:
     return _minimise(lens_only, x, Weights.equal(problem, (1e3, 1.0)), True)
 
 
-def _scatter(residuals: Floats) -> tuple[float, float]:
+def _scatter(residuals: Floats) -> Pair:
     panel, photo = (1.4826 * float(np.median(abs(part))) for part in (residuals[:, :2], residuals[:, 2:]))
     return max(panel, LEAST_SCATTER), max(photo, LEAST_SCATTER)
 

@@ -17,7 +17,7 @@ import numpy as np
 from scipy import ndimage
 
 from lippmann.calibration.photographs import SUFFIXES, Light, read_photograph
-from lippmann.display.description import Display
+from lippmann.display.description import Display, Point3
 from lippmann.errors import InputError, input_error
 from lippmann.eye.observer import Eye
 from lippmann.eye.test_patterns import Pixels, draw
@@ -47,7 +47,7 @@ def rings(display: Display) -> Light:
     return light
 
 
-def pictures(display: Display, eye_mm: tuple[float, float, float]) -> dict[str, IntegralImage]:
+def pictures(display: Display, eye_mm: Point3) -> dict[str, IntegralImage]:
     """Draw the three test pictures, keyed by file name without extension."""
     # The pupil spans several views, so the eye's position need not be exact.
     step = display.panel.coarsest_mm * eye_mm[2] / display.aperture_distance_mm

@@ -31,8 +31,7 @@ def first_lens(planes_mm: list[Floats], photos_px: list[Floats], shape: tuple[in
     """Estimate the lens (f, cx, cy, k1, k2), px, from each view's points (N, 3), mm, and pixels (N, 2)."""
     size = shape[1], shape[0]
     objects, images = ([one.astype(np.float32) for one in many] for many in (planes_mm, photos_px))
-    matrix = cv2.initCameraMatrix2D(objects, images, size, 1.0)
-    focal = float(matrix[0, 0])
+    focal = float(cv2.initCameraMatrix2D(objects, images, size, 1.0)[0, 0])
     longer = max(size)
     if not (np.isfinite(focal) and FOCALS[0] * longer < focal < FOCALS[1] * longer):
         focal = float(longer)  # typical of a telephone's main camera

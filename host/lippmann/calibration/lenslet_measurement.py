@@ -195,8 +195,7 @@ def measure_lenslets(decoded: Decoded, lattice: SeenLattice, display: Display) -
     counts = np.bincount(of_own, minlength=len(names))
     sums = _sums(decoded.photo_px[own_pixels].astype(np.float64), of_own, len(names))
     photo = sums / np.maximum(counts, 1)[:, None]
-    axes = np.array(outline.lattice.axes)
-    inner = (abs(local @ axes.T) < 0.5 * INNER).all(axis=1)
+    inner = (abs(local @ np.array(outline.lattice.axes).T) < 0.5 * INNER).all(axis=1)
     good = inner & own_pixels & (home == index).all(axis=1)
     for _ in range(2):
         at, middle, spread = _averages(points, local, good, groups, len(names))

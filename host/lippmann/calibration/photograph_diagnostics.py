@@ -178,9 +178,7 @@ def _check_view(samples: Samples, match: Fit) -> None:
         raise input_error(path, what, "move or turn the camera, so that the whole panel is in view")
 
 
-def check_marks(
-    position: Position, first: Pattern, last: Pattern, before: Light, after: Light, lit: npt.NDArray[np.bool_]
-) -> None:
+def check_marks(position: Position, first: Pattern, last: Pattern, before: Light, after: Light, lit: Bools) -> None:
     """Raise InputError if the camera moved or the light changed between first and last photograph."""
     rows, columns = np.flatnonzero(lit.any(axis=1)), np.flatnonzero(lit.any(axis=0))
     if len(rows) < 8 or len(columns) < 8:

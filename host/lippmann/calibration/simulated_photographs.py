@@ -155,7 +155,7 @@ def photograph_folder(
     if bench.move(camera) != camera:
         after = bench.project(display, bench.move(camera), samples, seed)
     rng = np.random.default_rng((seed, 0xCA3))
-    gain = sensor.gain(before.photograph(np.ones((display.panel.height_px, display.panel.width_px), np.float32)))
+    gain = sensor.gain(before.photograph(np.ones(display.panel.shape[:2], np.float32)))
     written = []
     make_folder(output)
     for number, name in enumerate(names):

@@ -42,7 +42,7 @@ from lippmann.base.variant import mi
 from lippmann.capturing.capture_setup import Pickup, Setup
 from lippmann.capturing.elemental_rotation import rotated, rotation_map
 from lippmann.errors import InputError, warn_user
-from lippmann.optics.backend import Arr, Backend, DrJitBackend
+from lippmann.optics.backend import Arr, Backend, DrJitBackend, Point
 from lippmann.optics.faces import Ray
 from lippmann.optics.lattice import Lattice
 from lippmann.optics.models import leave_panel
@@ -181,9 +181,7 @@ def system_of(setup: Setup) -> System:
     return replace(System.of(setup.captured), concave=setup.concave, convergence=convergence)
 
 
-def rays_from_picture(
-    b: Backend, setup: Setup, u: Arr, v: Arr, aperture: tuple[Arr, Arr] | None = None
-) -> CapturedRays:
+def rays_from_picture(b: Backend, setup: Setup, u: Arr, v: Arr, aperture: Point | None = None) -> CapturedRays:
     """Trace rays from the image's pixel coordinates u, v (double) to the object space.
 
     Rays to a sensor pass the lenslet's aperture at the point `aperture`, in mm from the
@@ -231,7 +229,7 @@ def capture_source(setup: Setup, aperture: Aperture = "chief") -> RaySource:
     """Return a captured image's rays in the object's frame; the `lost` masks are for lens and array."""
     panel, array = setup.display.panel, setup.array
 
-    def lines(b: DrJitBackend, u: Arr, v: Arr, square: tuple[Arr, Arr]) -> Lines:
+    def lines(b: DrJitBackend, u: Arr, v: Arr, square: Point) -> Lines:
         aims = None
         if aperture == "full" and isinstance(setup.pickup, Pickup):
             x, y = square_to_cell(b, *square, Lattice.of(array))

@@ -22,7 +22,7 @@ import numpy.typing as npt
 from lippmann.display.description import Display
 from lippmann.optics.backend import NumpyBackend
 from lippmann.optics.lattice import number_lenslets
-from lippmann.optics.rays import Floats, Indices
+from lippmann.optics.rays import Bools, Floats, Indices
 from lippmann.optics.system import System
 
 #: Maximum rounding error of computed pixel coordinates, px.
@@ -37,7 +37,7 @@ class Cells(NamedTuple):
     #: Pixel coordinates of the elemental images' centres, (cells, 2).
     centre: Floats
     #: Mask (height * width,) of pixels within a one-pixel step of the cell's edge.
-    rim: npt.NDArray[np.bool_]
+    rim: Bools
 
 
 def cells_of(display: Display, rows: slice = slice(None), columns: slice = slice(None)) -> Cells:

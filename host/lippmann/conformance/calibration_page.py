@@ -13,7 +13,7 @@ from lippmann.calibration.result import Calibration
 from lippmann.conformance.figures import Rows
 from lippmann.conformance.pages import Page
 from lippmann.conformance.plots import COLOURS, Plot, finish_picture, make_axes
-from lippmann.display.description import Display
+from lippmann.display.description import Display, Point3
 from lippmann.eye.observer import Eye, observe, whole_window
 from lippmann.optics.rays import Floats
 
@@ -70,9 +70,7 @@ def digits(number: float, half: float) -> str:
     return f"{round(number, places) + 0.0:.{places}f}"
 
 
-def calibration_page(
-    origin: Mapping[str, str], calibration: Calibration, eye_mm: tuple[float, float, float] | None = None
-) -> Page:
+def calibration_page(origin: Mapping[str, str], calibration: Calibration, eye_mm: Point3 | None = None) -> Page:
     """Return a calibration's report page; by default, the eye is at the first camera position."""
     summary, nominal, display = calibration.summary(), calibration.nominal, calibration.display
     place = tuple(summary["cameras"][0]["place_mm"]) if eye_mm is None else eye_mm

@@ -155,7 +155,6 @@ def _spread(display: Display) -> Floats:
 def away_from_borders(display: Display, pixels: Floats) -> Floats:
     """Select the pixels (N, 2) that are within the fraction INSIDE of their lenslet's cell."""
     lattice = System.of(display).lattice
-    axes = np.array(lattice.axes)
-    across = np.abs(in_cells_mm(display, pixels) @ axes.T).max(axis=1)
+    across = np.abs(in_cells_mm(display, pixels) @ np.array(lattice.axes).T).max(axis=1)
     inside: Floats = pixels[across <= INSIDE * (1.0 + 1e-9) * lattice.half_mm]
     return inside

@@ -80,8 +80,7 @@ class ErrorMaps(dict[str, ErrorMap]):
 
     def count(self, inputs: PanelRays, apart: Arrays, units: Arrays, judged: Bools) -> None:
         """Add the finite errors `apart` (N,), rad or mm, of the rays in mask `judged`; `units` are ulps."""
-        panel = inputs.display.panel
-        on_panel = inputs.pixels / np.array(panel.size_px)
+        on_panel = inputs.pixels / np.array(inputs.display.panel.size_px)
         on_lenslet = inputs.aims / (2.0 * REACH * inputs.display.array.coarsest_mm) + 0.5
         for name, far in apart.items():
             error_map = self.setdefault(name, ErrorMap("microradian" if name == "direction" else "nm"))

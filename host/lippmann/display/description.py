@@ -25,6 +25,8 @@ SubpixelsName = Literal["none", "rgb", "bgr", "rgbw", "pentile"]
 TransferName = Literal["srgb", "linear", "gamma2.2"]
 
 Pair = tuple[float, float]
+#: Coordinates x, y and z.
+Point3 = tuple[float, float, float]
 #: A pitch: one number, or the pitches in x and y.
 Pitch = float | tuple[float, ...]
 

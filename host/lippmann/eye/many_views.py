@@ -9,7 +9,7 @@ import numpy as np
 
 from lippmann.base.images import Radiance
 from lippmann.base.progress_protocol import Progress, report_each
-from lippmann.display.description import Display
+from lippmann.display.description import Display, Point3
 from lippmann.errors import InputError
 from lippmann.eye.observer import Eye, observe, whole_window
 from lippmann.eye.viewer_page import Direct
@@ -54,7 +54,7 @@ def image_viewer(image: IntegralImage, window: Window, samples: int, seed: int =
 
 def eyes_of(
     display: Display, across: int, down: int = 1, cone_deg: float | None = None, distance_mm: float | None = None
-) -> list[tuple[float, float, float]]:
+) -> list[Point3]:
     """Return eye positions (mm) in equal steps at one distance, row by row from the bottom left position.
 
     Rows and columns span a cone from the display's middle; the default is the viewing
@@ -93,7 +93,7 @@ def _space_evenly(first: float, last: float, count: int) -> list[float]:
     return [0.5 * (first + last)] if count == 1 else np.linspace(first, last, count).tolist()
 
 
-def grid_of_eyes(display: Display) -> list[tuple[float, float, float]]:
+def grid_of_eyes(display: Display) -> list[Point3]:
     """Return eye positions (mm) across the viewing zone, at the viewing distance."""
     share = max(display_properties(display).viewing_zone_mm / viewing_distance(display), LEAST_REACH)
     return eyes_of(display, *GRID, cone_deg=2.0 * math.degrees(math.atan(share)))

@@ -19,7 +19,7 @@ import numpy.typing as npt
 from lippmann.base import interrupts
 from lippmann.base.images import Radiance, StoredRows, write_picture
 from lippmann.base.variant import current_device, dr, mi
-from lippmann.display.description import Display, Panel
+from lippmann.display.description import Display, Panel, Point3
 from lippmann.display.subpixels import layout_of
 from lippmann.errors import InputError, as_number, check_choice, check_flags, whole_number
 from lippmann.optics.backend import Arr, DrJitBackend
@@ -45,7 +45,7 @@ LookUp = Callable[[Arr, Arr, Arr, PixelHits], list[Arr]]
 class Eye:
     """An eye: centre (z > 0) and diameter of its pupil (0: a pinhole), and z of the plane in focus."""
 
-    position_mm: tuple[float, float, float]
+    position_mm: Point3
     pupil_mm: float = 0.0
     focus_z_mm: float = 0.0
 

@@ -17,7 +17,7 @@ import numpy.typing as npt
 
 from lippmann import __version__
 from lippmann.base import interrupts
-from lippmann.base.tones import decode
+from lippmann.base.tones import BAND_ROWS, decode
 from lippmann.base.variant import current_device, dr, mi
 from lippmann.display.description import Display
 from lippmann.errors import InputError, check_choice
@@ -39,7 +39,6 @@ ON_BOARD: tuple[Kind, ...] = ("single-lens", "lens-centres", "view-numbers", "ch
 TILE = 32
 #: Half width, pixels, of a pixel that holds a lenslet's centre: 1/2 plus rounding.
 IN_PIXEL = 17 / 32
-BAND_ROWS = 64
 #: Panel values from 0 to 1 in an array that broadcasts to (rows, columns, 3).
 Values = npt.NDArray[np.generic]
 
@@ -167,7 +166,7 @@ def white_for_eye(display: Display, eye: Eye) -> Values:
         at += mi.UInt32(dr.clip(dr.floor(hits.u), 0, panel.width_px - 1))
         dr.scatter(white, 1.0, at, hits.status == int(Status.OK))
         dr.eval(white)
-    return np.asarray(white).reshape(panel.height_px, panel.width_px)
+    return np.asarray(white).reshape(panel.shape[:2])
 
 
 def draw(

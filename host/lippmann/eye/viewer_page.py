@@ -16,7 +16,7 @@ from dataclasses import dataclass
 from importlib.resources import files
 
 from lippmann.base.animation import png_bytes
-from lippmann.display.description import Display
+from lippmann.display.description import Display, Point3
 from lippmann.display.subpixels import COLOURS, layout_of
 from lippmann.errors import InputError, input_error
 from lippmann.eye.observer import Light, check_size
@@ -173,7 +173,7 @@ DRAWN = 100.0
 class Direct:
     """A direct render from an eye through the panel's window: linear radiance (height, width, 3)."""
 
-    eye_mm: tuple[float, float, float]
+    eye_mm: Point3
     radiance: Light
 
 

@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from lippmann.display.description import Display
+from lippmann.display.description import Display, Pair
 from lippmann.errors import InputError
 from lippmann.fixed import words
 from lippmann.fixed.build import Build, shift_mm
@@ -215,9 +215,7 @@ def _lattice_numbers(display: Display) -> dict[str, float]:
     }
 
 
-def _lens_numbers(
-    display: Display, build: Build, model: Model, slope: tuple[float, float], point: tuple[float, float]
-) -> dict[str, float]:
+def _lens_numbers(display: Display, build: Build, model: Model, slope: Pair, point: Pair) -> dict[str, float]:
     array, f, exact = display.array, build.fraction_bits, build.model == "exact"
     (p, tall), row, R, lean = array.pitches_mm, array.row_pitch_mm, array.radius_mm, array.shear
     # Only exact builds read index and depth; other builds get values that fit.
@@ -259,7 +257,7 @@ def _lens_numbers(
     }
 
 
-def _sums(display: Display, build: Build, model: Model) -> tuple[tuple[float, float], tuple[float, float]]:
+def _sums(display: Display, build: Build, model: Model) -> tuple[Pair, Pair]:
     """Return (k, l) of the slope k x + l a, and (k, l) of the point k x + l a, mm, on the first face.
 
     x is the pixel's point, a the aperture point. If `converge` is false, an exact ray
@@ -322,9 +320,7 @@ def _check_panel(display: Display) -> None:
         )
 
 
-def _check_reach(
-    display: Display, build: Build, slope: tuple[float, float], point: tuple[float, float], reach_mm: float | None
-) -> None:
+def _check_reach(display: Display, build: Build, slope: Pair, point: Pair, reach_mm: float | None) -> None:
     array, exact = display.array, build.model == "exact"
     rho = array.half_diagonal_mm
     reach = rho if reach_mm is None else reach_mm

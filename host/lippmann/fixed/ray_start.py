@@ -88,8 +88,7 @@ def aim(i: Ints, j: Ints, x: Ints, y: Ints, a: Ints, b: Ints, grid: Grid, f: int
 
     `stray` marks rays for which this is not the pixel's lenslet.
     """
-    locate = lenslet_hex if grid == "hex" else lenslet_square
-    di, dj, a, b, _ = locate(a, b, f)
+    di, dj, a, b, _ = (lenslet_hex if grid == "hex" else lenslet_square)(a, b, f)
     i, j = i + di, j + dj
     x = x - (di << f) - ((dj << (f - 1)) if grid == "hex" else 0)
     y = y - (dj << f)

@@ -149,8 +149,7 @@ def _check_reach(
     if np.linalg.det(linear) == 0.0:
         return  # a texture that is constant in one direction has no corners
     corners = np.array([(s, t) for s in (0.0, layer.width) for t in (0.0, layer.height)])
-    places = np.linalg.solve(linear, (corners - zero).T)
-    farthest = float(np.abs(places).max())
+    farthest = float(np.abs(np.linalg.solve(linear, (corners - zero).T)).max())
     if farthest >= MAX_PLACE:
         raise InputError(
             f"layer {number}, registers s0, t0 and a to d place a corner of the texture {farthest * radius:.6g} "

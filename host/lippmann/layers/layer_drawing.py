@@ -30,7 +30,7 @@ from lippmann.fixed.scene_build import BLOCK_BYTES, MAX_TEXEL_BLOCKS, SceneBuild
 from lippmann.fixed.words import WIDEST
 from lippmann.layers.layers_and_pictures import check_for_display
 from lippmann.layers.stack import Bytes, Floats, Layer, LayerStack, light_of, opacity_of
-from lippmann.optics.rays import MODELS, Engine, Model, gets_through
+from lippmann.optics.rays import MODELS, Bools, Engine, Model, gets_through
 from lippmann.rendering.integral_image import metadata_of
 from lippmann.rendering.memory_estimate import bands_of
 from lippmann.rendering.options import RenderOptions, Settings
@@ -61,7 +61,7 @@ class ExitLines(NamedTuple):
 
     places_mm: Floats
     slopes: Floats
-    draws: npt.NDArray[np.bool_]
+    draws: Bools
 
 
 def draw_golden(

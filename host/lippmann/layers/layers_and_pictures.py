@@ -245,8 +245,7 @@ def warn_of_textures(stack: LayerStack, names: Sequence[str]) -> None:
     for name, layer in zip(names, stack.layers, strict=True):
         if min(layer.width, layer.height) < FEW_TEXELS:
             size = f"{layer.width} x {layer.height} texels"
-            text = f"layer '{name}' has only {size}: check the size and position of its objects"
-            warn_user(text)
+            warn_user(f"layer '{name}' has only {size}: check the size and position of its objects")
         if not layer.palette[layer.texels, 3].any():
             warn_user(f"layer '{name}' is completely transparent: it shows nothing")
 

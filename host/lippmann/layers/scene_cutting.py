@@ -23,14 +23,14 @@ import numpy.typing as npt
 
 from lippmann.base import interrupts
 from lippmann.base.variant import current_device, dr, mi
-from lippmann.display.description import Display
+from lippmann.display.description import Display, Pair, Point3
 from lippmann.engines import trace
-from lippmann.errors import InputError, input_error, whole_number
+from lippmann.errors import InputError, input_error, located, whole_number
 from lippmann.fixed.scene_build import SceneBuild
 from lippmann.layers.stack import MAX_LAYERS, Floats, Layer, LayerStack, Size, quantise, rgba_of
 from lippmann.optics.backend import Arr
 from lippmann.optics.crosstalk_and_viewing_zone import half_width, middle_eye, viewing_distance
-from lippmann.optics.rays import Status
+from lippmann.optics.rays import Bools, Status
 from lippmann.optics.sample_points import points_in_pixel
 from lippmann.rendering.memory_estimate import CHUNK_SAMPLES
 from lippmann.rendering.options import Settings
@@ -64,7 +64,7 @@ class Reach(NamedTuple):
     #: Slopes dx/dz and dy/dz of the rays, (N, 2).
     slopes: Floats
     #: Position of the middle eye, mm.
-    eye_mm: Point
+    eye_mm: Point3
     #: Maximum sideways distance of an eye from the middle eye, mm.
     aside_mm: float
 
@@ -87,10 +87,8 @@ class Cut:
 
 def check_slot(slot: Size) -> None:
     """Refuse a slot size that no board has."""
-    try:
+    with located(f"slot {slot[0]}x{slot[1]}"):
         SceneBuild(1, None, *slot)
-    except InputError as error:
-        raise InputError(f"slot {slot[0]}x{slot[1]}: {error}") from None
 
 
 def reach_of(display: Display) -> Reach:
@@ -202,7 +200,7 @@ def _render_slab(
     return area, np.clip(colour, 0.0, 1.0), np.clip(view.coverage, 0.0, 1.0)
 
 
-def _extend_slice(view: Slice, under: Slice, texel_mm: tuple[float, float], hidden_mm: float) -> Slice:
+def _extend_slice(view: Slice, under: Slice, texel_mm: Pair, hidden_mm: float) -> Slice:
     """Extend a slab's picture by at most `hidden_mm` with `under`, the nearer slab's picture."""
     from scipy.ndimage import distance_transform_edt  # scipy loads slowly
 
@@ -229,9 +227,6 @@ def finest_texel(depth_mm: float, display: Display) -> float:
     return slope if math.isinf(depth_mm) else max(pixel, abs(depth_mm) * slope)
 
 
-Point = tuple[float, float, float]
-
-
 @dataclass(frozen=True)
 class Area:
     """A rectangle at z = `depth_mm`, in mm, or in slopes of rays at infinity; (x1, y1) is top right."""
@@ -243,7 +238,7 @@ class Area:
     y1: float
 
     @property
-    def size(self) -> tuple[float, float]:
+    def size(self) -> Pair:
         """Width and height of the rectangle."""
         return self.x1 - self.x0, self.y1 - self.y0
 
@@ -252,7 +247,7 @@ class Area:
         a, d = width / self.size[0], -height / self.size[1]
         return np.array([[a, 0.0, -a * self.x0], [0.0, d, -d * self.y1]])
 
-    def cells(self, mask: npt.NDArray[np.bool_], margin: float) -> Area:
+    def cells(self, mask: Bools, margin: float) -> Area:
         """Return the area of a mask's true cells, plus a margin and a cell on each side."""
         rows, columns = np.flatnonzero(mask.any(axis=1)), np.flatnonzero(mask.any(axis=0))
         across, down = self.size[0] / mask.shape[1], self.size[1] / mask.shape[0]
@@ -272,9 +267,7 @@ class Slice(NamedTuple):
     coverage: Floats
 
 
-def peel(
-    scene: Scene, area: Area, eye_mm: Point, between_mm: tuple[float, float], size: Size, settings: Settings
-) -> Slice:
+def peel(scene: Scene, area: Area, eye_mm: Point3, between_mm: Pair, size: Size, settings: Settings) -> Slice:
     """Render the surfaces between two depths (front, back), as an eye sees them in an area.
 
     `size` is (width, height). A back of -infinity includes the scene's surroundings.
@@ -307,7 +300,7 @@ def peel(
     return Slice(light, coverage[..., 0])
 
 
-def seen_depths(scene: Scene, area: Area, eye_mm: Point, size: Size, settings: Settings) -> tuple[Floats, Floats]:
+def seen_depths(scene: Scene, area: Area, eye_mm: Point3, size: Size, settings: Settings) -> tuple[Floats, Floats]:
     """Return the depths (N,) that an eye sees in an area, -infinity for surroundings, and the detail (N,).
 
     Detail is the squared difference of two neighbouring texels, and counts for the
@@ -329,7 +322,7 @@ def seen_depths(scene: Scene, area: Area, eye_mm: Point, size: Size, settings: S
     return depths[there], detail[there]
 
 
-def _lines(area: Area, eye_mm: Point, size: Size, texel: Arr, sample: Arr, settings: Settings) -> Lines:
+def _lines(area: Area, eye_mm: Point3, size: Size, texel: Arr, sample: Arr, settings: Settings) -> Lines:
     # Lines run from samples in texels to an eye; for a sky, through the origin.
     columns = dr.opaque(mi.UInt32, size[0])
     places = area.x0, area.y1, area.size[0] / size[0], area.size[1] / size[1]

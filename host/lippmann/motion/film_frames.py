@@ -26,7 +26,7 @@ from lippmann.rendering.plan import ScenePlan, make_renderer, report_and_choose_
 from lippmann.rendering.sampling import colours_of
 from lippmann.rendering.sinks import MemorySink, bands_of_plan, render_picture
 from lippmann.scenes.placement import Placement, fitting, front_of, placement_beside
-from lippmann.scenes.scene import Box, Move, Scene, load_scene, placed_box
+from lippmann.scenes.scene import Box, Move, Scene, load_scene, placed_box, union_of
 
 logger = logging.getLogger("lippmann")
 
@@ -105,8 +105,7 @@ def _fit_film(film: Film, at_rest: Placement, display: Display) -> Placement:
         load_scene(film.scene, anywhere, film.moves(frame, at_rest)).box(film.placement(frame, at_rest))
         for frame in film.key_frames
     ]
-    low = np.min([low for low, _ in boxes], axis=0)
-    high = np.max([high for _, high in boxes], axis=0)
+    low, high = union_of(boxes)
     if not np.isfinite(high - low).all():
         raise InputError(f"{film.scene}: the scene has no bounded extent to fit; give --scale")
     return fitting(low, high, display)

@@ -111,8 +111,7 @@ def load_layer_film(path: str | Path) -> LayerFilm:
     for place, one in enumerate(film.layer):
         where = f"{path}: layer[{place}]"
         if one.name not in names:
-            hint = did_you_mean(one.name, names)
-            remedy = hint or f"choose from {', '.join(names)}"
+            remedy = did_you_mean(one.name, names) or f"choose from {', '.join(names)}"
             raise input_error(f"{where}.name", f"{film.layers} has no layer '{one.name}'", remedy)
         if one.name in moving:
             raise input_error(f"{where}.name", f"'{one.name}' moves already", "use one table for all keys of a layer")

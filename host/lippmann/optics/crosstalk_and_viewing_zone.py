@@ -14,10 +14,10 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from lippmann.display.description import Display
+from lippmann.display.description import Display, Point3
 from lippmann.errors import InputError
 from lippmann.optics.backend import NumpyBackend
-from lippmann.optics.rays import Floats, Status
+from lippmann.optics.rays import Bools, Floats, Status
 from lippmann.optics.sample_points import R2_STEPS
 from lippmann.optics.system import System
 from lippmann.optics.trace import trace_to_panel
@@ -55,13 +55,13 @@ def viewing_distance(display: Display) -> float:
     return VIEWING_DISTANCE_MM if display.viewing_distance_mm is None else display.viewing_distance_mm
 
 
-def middle_eye(display: Display, distance_mm: float) -> tuple[float, float, float]:
+def middle_eye(display: Display, distance_mm: float) -> Point3:
     """Return the position, mm, from which an eye at a distance sees opposite panel sides equally."""
     share = 0.0 if display.viewing_distance_mm is None else distance_mm / display.viewing_distance_mm
     return share * display.viewing_axis_mm[0], share * display.viewing_axis_mm[1], distance_mm
 
 
-def status_share(display: Display, eye_mm: tuple[float, float, float]) -> dict[str, float]:
+def status_share(display: Display, eye_mm: Point3) -> dict[str, float]:
     """Return the fraction of an eye's rays that have each status.
 
     Raises InputError if the eye is behind the display or too far away.
@@ -84,7 +84,7 @@ def status_shares(display: Display, eyes_mm: Floats, rays: int) -> Floats:
     return np.stack([(status == one).mean(axis=1) for one in Status], axis=1)
 
 
-def sees_all(display: Display, eyes_mm: Floats) -> npt.NDArray[np.bool_]:
+def sees_all(display: Display, eyes_mm: Floats) -> Bools:
     """Return which eyes, (N, 3) float64 mm, see the whole panel without crosstalk."""
     system, panel = System.of(display), display.panel
     across, down = (np.linspace(-0.5, 0.5, count) for count in LENSLETS)

@@ -11,7 +11,7 @@ from typing import Annotated
 import numpy as np
 
 from lippmann.base.toml import documented, key
-from lippmann.display.description import Display, Pair
+from lippmann.display.description import Display, Pair, Point3
 from lippmann.optics.crosstalk_and_viewing_zone import (
     Zone,
     middle_eye,
@@ -78,7 +78,7 @@ _RANGE = "depths at which the eye sees rays of neighbouring pixels at most a len
 class EyeView:
     """The view of a display from one eye position."""
 
-    eye_mm: Annotated[tuple[float, float, float], key("position of the eye")]
+    eye_mm: Annotated[Point3, key("position of the eye")]
     status_share: Annotated[dict[str, float], key("fraction of the eye's rays with each status, as in `observe`")]
     sees_all: Annotated[bool, key("whether the eye sees the whole panel without crosstalk")]
     zone_mm: Annotated[Zone | None, key("zone without crosstalk at this distance, or None")]
@@ -88,7 +88,7 @@ class EyeView:
     moire_lenslets: Annotated[float | None, key("period of the visible moire in lenslets, or None")]
 
 
-def eye_views(display: Display, eyes_mm: Sequence[tuple[float, float, float]]) -> list[EyeView]:
+def eye_views(display: Display, eyes_mm: Sequence[Point3]) -> list[EyeView]:
     """Return each eye's view of a display; raise InputError for an eye not in front of it."""
     pitch, distance = display.array.finest_mm, display.aperture_distance_mm
     shares = [status_share(display, eye) for eye in eyes_mm]

@@ -79,8 +79,7 @@ def _leave(b: Backend, system: System, x: Arr, y: Arr, aperture: Point | None, m
         z = system.last_face_mm
     dx, dy, dz = unit(b, sx, sy, zero + 1.0)
     grazing = b.minimum(launch, dz * dz)
-    other = (di != 0.0) | (dj != 0.0)
-    status = b.integer(b.where(other, int(Status.CROSSTALK), int(Status.OK)))
+    status = b.integer(b.where((di != 0.0) | (dj != 0.0), int(Status.CROSSTALK), int(Status.OK)))
     return Exit(Ray(hx, hy, zero + z, dx, dy, dz), di, dj, status, grazing)
 
 
@@ -199,8 +198,7 @@ def _relocated(b: Backend, system: System, ray: Ray) -> tuple[Ray, Point]:
 
 def _exit(b: Backend, ray: Ray, start: Point, crossing: Crossing, reflected: Arr, blocked: Arr, grazing: Arr) -> Exit:
     di, dj = start[0] + crossing.di, start[1] + crossing.dj
-    other = (di != 0.0) | (dj != 0.0)
-    status = b.where(other, int(Status.CROSSTALK), int(Status.OK))
+    status = b.where((di != 0.0) | (dj != 0.0), int(Status.CROSSTALK), int(Status.OK))
     status = b.where(blocked, int(Status.BLOCKED), status)
     status = b.where(reflected, int(Status.INTERNAL_REFLECTION), status)
     status = b.where(crossing.missed, int(Status.MISSED), status)

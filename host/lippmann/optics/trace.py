@@ -188,8 +188,7 @@ def trace_to_panel(
     b = backend_of(engine, device, n)
     origin = tuple(map(b.double, origins.T.copy()))
     unit = tuple(map(b.double, directions.T.copy()))
-    hits = pixels_from_rays(b, System.of(display_at(display)), origin, unit, model)
-    return hits_of(n, hits)
+    return hits_of(n, pixels_from_rays(b, System.of(display_at(display)), origin, unit, model))
 
 
 def rays_of(pixel: Floats, out: LocalRays, number: npt.DTypeLike = np.float64) -> Rays:

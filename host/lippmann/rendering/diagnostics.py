@@ -8,7 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from lippmann.display.description import Display
+from lippmann.display.description import Display, Point3
 from lippmann.errors import warn_user
 from lippmann.optics.crosstalk_and_viewing_zone import viewing_distance
 from lippmann.optics.display_properties import display_properties
@@ -17,7 +17,7 @@ from lippmann.rendering.lights import has_splats, needs_chance
 from lippmann.rendering.options import Settings
 from lippmann.rendering.pixel_filter import noise_fraction
 from lippmann.rendering.renderer import make_integrator, render_view
-from lippmann.rendering.sampling import Window, colours_of
+from lippmann.rendering.sampling import Window, colours_of, first_depths
 from lippmann.scenes.scene import Scene
 
 logger = logging.getLogger("lippmann")
@@ -62,10 +62,10 @@ def warn_of_view(scene: Scene, display: Display, settings: Settings, engine: Eng
     height_px = max(1, min(TRIAL_PX, round(TRIAL_PX * panel.height_mm / panel.width_mm)))
     window = Window(panel.width_mm, panel.height_mm, TRIAL_PX, height_px)
     eye = 0.0, 0.0, viewing_distance(display)
-    trial = replace(settings, samples=1, shading="each", memory_mb=None)
-    _warn_of_depths(scene, display, trial, eye, window)
+    _warn_of_depths(scene, display, eye, window)
     if settings.integrator == "lights" and not needs_chance(scene.mitsuba):
         return
+    trial = replace(settings, samples=1, shading="each", memory_mb=None)
     first, second = (
         np.minimum(render_view(scene, eye, window, replace(trial, seed=seed)).radiance, 1.0)
         for seed in (settings.seed, settings.seed ^ 1)
@@ -84,15 +84,9 @@ def warn_of_view(scene: Scene, display: Display, settings: Settings, engine: Eng
             )
 
 
-def _warn_of_depths(
-    scene: Scene, display: Display, trial: Settings, eye: tuple[float, float, float], window: Window
-) -> None:
-    # Distances from z = near_mm to the first surface, scene units; 0: no surface.
-    length = render_view(scene, eye, window, replace(trial, integrator="depth")).radiance[:, :, 0].astype(np.float64)
-    y, x = np.mgrid[: window.height_px, : window.width_px] + 0.5
-    steep = eye[2] / np.sqrt(eye[2] ** 2 + sum(c**2 for c in window.point(x, y)))
-    front = min(scene.depth_range_mm[1], eye[2])
-    depths = (front - scene.placement.scale * length * steep)[length > 0.0]
+def _warn_of_depths(scene: Scene, display: Display, eye: Point3, window: Window) -> None:
+    depths = first_depths(scene, eye, window)
+    depths = depths[np.isfinite(depths)]  # a ray that meets no surface has the depth -infinity
     far, near = display_properties(display).depth_range_mm
     where = f"an eye at {eye[2]:g} mm"
     if not depths.size and scene.width_mm > 0.0:

@@ -43,8 +43,7 @@ def bands_of(width_px: int, height_px: int, rays: int, device: str | None = None
 def memory_mb(width_px: int, height_px: int, shading: Shading, samples: int, colours: int) -> float:
     """Return the memory in MB to render an image or a band; `samples` is per pixel and colour."""
     # Radiance is in memory three times: planes, image, and a capture's rotated image.
-    pixels = width_px * height_px
-    needed = BASE_MEMORY_MB + 3.0 * pixels * 3 * 4 / 1e6
+    needed = BASE_MEMORY_MB + 3.0 * width_px * height_px * 3 * 4 / 1e6
     if is_filter_allowed(samples, colours):
         # The filter's memory is that for "llvm", because a GPU has its own memory.
         band = len(bands_of(width_px, height_px, samples, "llvm")[0])

@@ -268,8 +268,7 @@ class Job:
         model = report_and_choose_model(scene, self.display, self.options)
         options = replace(self.options, model=model, tolerance=TOLERANCE)
         panel = self.display.panel
-        rays = options.settings.samples * colours_of(panel)
-        bands = tuple(bands_of(*panel.size_px, rays))
+        bands = tuple(bands_of(*panel.size_px, options.settings.samples * colours_of(panel)))
         digest = digest_of(path) if portable else ""
         renderer = make_renderer(scene, self.display, options, bands, in_memory=not portable)
         if renderer.cache_report is not None:

@@ -20,7 +20,7 @@ from lippmann.base import interrupts
 from lippmann.base.images import HALF_MAX, Radiance, describe_wrong
 from lippmann.base.progress_protocol import Progress
 from lippmann.base.variant import Jit, current_device, dr, mi
-from lippmann.display.description import Display
+from lippmann.display.description import Display, Point3
 from lippmann.errors import InputError, warn_user
 from lippmann.optics.rays import Engine, Model
 from lippmann.rendering.irradiance_cache_choice import CacheTrial, is_worth_a_trial, max_points, why_not_cached
@@ -290,7 +290,7 @@ def render_integral(
 
 def render_view(
     scene: Scene,
-    eye_mm: tuple[float, float, float],
+    eye_mm: Point3,
     window: Window,
     settings: Settings,
     pupil_mm: float = 0.0,

@@ -11,11 +11,11 @@ import numpy as np
 import numpy.typing as npt
 
 from lippmann.base.variant import Jit, current_device, dr, mi
-from lippmann.display.description import Display, Panel
+from lippmann.display.description import Display, Panel, Point3
 from lippmann.display.subpixels import COLOURS, Box, Layout, layout_of
 from lippmann.engines import trace
 from lippmann.fixed.words import PIXEL_FRACTION
-from lippmann.optics.backend import DrJitBackend
+from lippmann.optics.backend import DrJitBackend, Point
 from lippmann.optics.lattice import Lattice
 from lippmann.optics.rays import Engine, Model, gets_through
 from lippmann.optics.sample_points import HASH_ROUNDS, points_in_pixel, points_in_square, square_to_cell
@@ -51,7 +51,7 @@ class RaySource:
     #: Function that returns lines of sight. `lines` takes a backend, pixel coordinates
     #: u and v (double), and random points of the unit square (two Floats), which select
     #: points of the lenslet's aperture.
-    lines: Callable[[DrJitBackend, Jit, Jit, tuple[Jit, Jit]], Lines]
+    lines: Callable[[DrJitBackend, Jit, Jit, Point], Lines]
     #: Sub-pixel layout, or None if a pixel emits all colours from its whole area.
     layout: Layout | None = None
     #: Whether `lines` uses only Dr.Jit, so that Dr.Jit can record it.
@@ -74,9 +74,7 @@ def owner_number(i: Jit, j: Jit) -> Jit:
     return mi.UInt32(mi.Int32(i)) * 0x10001 + mi.UInt32(mi.Int32(j))
 
 
-def lines_from_pixels(
-    b: DrJitBackend, display: Display, u: Jit, v: Jit, aperture: tuple[Jit, Jit] | None, model: Model
-) -> Lines:
+def lines_from_pixels(b: DrJitBackend, display: Display, u: Jit, v: Jit, aperture: Point | None, model: Model) -> Lines:
     """Trace rays from pixels at u, v (double) through the lenslets; return lines of sight."""
     out = rays_from_pixels(b, System.of(display), u, v, aperture, model)
     point = (
@@ -103,7 +101,7 @@ def display_source(
     """
     panel = display.panel
 
-    def lines(b: DrJitBackend, u: Jit, v: Jit, square: tuple[Jit, Jit]) -> Lines:
+    def lines(b: DrJitBackend, u: Jit, v: Jit, square: Point) -> Lines:
         aperture_points = square_to_cell(b, *square, Lattice.of(display.array)) if aperture == "full" else None
         if engine == "fast":
             return lines_from_pixels(b, display, u, v, aperture_points, model)
@@ -134,21 +132,19 @@ class Window:
     width_px: int
     height_px: int
 
-    def point(self, u: Jit, v: Jit) -> tuple[Jit, Jit]:
+    def point(self, u: Jit, v: Jit) -> Point:
         """Return the position (x, y), mm, for pixel coordinates u, v."""
         return (u / self.width_px - 0.5) * self.width_mm, (0.5 - v / self.height_px) * self.height_mm
 
 
-def eye_source(
-    eye_mm: tuple[float, float, float], window: Window, pupil_mm: float = 0.0, focus_z_mm: float = 0.0
-) -> RaySource:
+def eye_source(eye_mm: Point3, window: Window, pupil_mm: float = 0.0, focus_z_mm: float = 0.0) -> RaySource:
     """Return the source of rays from an eye (mm) through a window, without a display.
 
     If `pupil_mm` is above 0, a ray passes through a random point of the pupil. All rays
     through the same point of a pixel meet in the plane z = `focus_z_mm`.
     """
 
-    def lines(b: DrJitBackend, u: Jit, v: Jit, square: tuple[Jit, Jit]) -> Lines:
+    def lines(b: DrJitBackend, u: Jit, v: Jit, square: Point) -> Lines:
         # Opaque values let another eye or window reuse the compiled program.
         wide, high = (dr.opaque(mi.Float64, c) for c in (window.width_mm, window.height_mm))
         x, y = (mi.Float(c) for c in replace(window, width_mm=wide, height_mm=high).point(u, v))
@@ -170,7 +166,7 @@ def colours_of(panel: Panel) -> int:
     return 1 if layout_of(panel.subpixels) is None else 3
 
 
-def pixel_of(first_tile: Jit, place: Jit, width: int, height: int) -> tuple[Jit, Jit]:
+def pixel_of(first_tile: Jit, place: Jit, width: int, height: int) -> Point:
     """Convert pixel indices from tile order to image order; tell which pixels are inside."""
     tiles_across = -(-width // TILE_PX)
     tile = first_tile + place // (TILE_PX * TILE_PX)
@@ -270,7 +266,7 @@ def first_hit(scene: Scene, lines: Lines, front_mm: float) -> tuple[Jit, Jit, Ji
     return ray, si.is_valid(), front - scale * si.t * lines.direction[2]
 
 
-def first_depths(scene: Scene, eye_mm: tuple[float, float, float], window: Window) -> npt.NDArray[np.float32]:
+def first_depths(scene: Scene, eye_mm: Point3, window: Window) -> npt.NDArray[np.float32]:
     """Return the depths z that an eye sees, mm (height, width); -infinity if a ray hits nothing."""
     near = scene.placement.near_mm
     front = eye_mm[2] if near is None else min(near, eye_mm[2])

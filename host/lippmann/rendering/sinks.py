@@ -104,10 +104,9 @@ class MemorySink:
     """A sink that stores a picture in memory, (height, width, 3) float32."""
 
     def __init__(self, plan: Plan) -> None:
-        panel = plan.display.panel
         self.bands, self.plan = bands_of_plan(plan), plan
         self._missing = dict(enumerate(self.bands))
-        self.radiance = np.empty(panel.shape, np.float32)
+        self.radiance = np.empty(plan.display.panel.shape, np.float32)
         self.metadata = plan.metadata
 
     def missing_bands(self) -> Sequence[Band]:
@@ -147,8 +146,7 @@ class KeptBands:
         except NoSpaceError:
             self.release()
             raise
-        panel = plan.display.panel
-        self.shape = panel.shape
+        self.shape = plan.display.panel.shape
         self.metadata = plan.metadata
         self._checked: set[int] = set()
 

@@ -14,6 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from lippmann.base.variant import Jit, dr, mi
+from lippmann.optics.backend import Point
 
 #: Patterns of the text of a Mitsuba BSDF: diffuse on one side, or on both sides.
 ONE_SIDED = re.compile(r"SmoothDiffuse\[")
@@ -101,7 +102,7 @@ def corners(lattices: Lattices, place: Place) -> tuple[list[Jit], list[Jit]]:
     return [number(*corner), number(*right), number(*above)], weights
 
 
-def _on_fan(kind: Jit, u: Jit, v: Jit) -> tuple[Jit, Jit]:
+def _on_fan(kind: Jit, u: Jit, v: Jit) -> Point:
     """Convert u, v to coordinates on a slender triangle: s along a row, t towards the apex."""
     # On a triangle, u and v are the barycentric weights of corners 1 and 2.
     apex_1, apex_2 = (kind & APEX_1) != 0, (kind & APEX_2) != 0
@@ -114,7 +115,7 @@ def _on_fan(kind: Jit, u: Jit, v: Jit) -> tuple[Jit, Jit]:
     return dr.select(fan, s, u), dr.select(fan, to_apex, v)
 
 
-def _from_fan(kind: Jit, s: Jit, t: Jit) -> tuple[Jit, Jit]:
+def _from_fan(kind: Jit, s: Jit, t: Jit) -> Point:
     apex_1, apex_2 = (kind & APEX_1) != 0, (kind & APEX_2) != 0
     one, other = s * (1.0 - t), (1.0 - s) * (1.0 - t)
     u = dr.select(apex_1, t, dr.select(apex_2, other, one))
@@ -127,16 +128,12 @@ def _points_before(row: Jit, steps: Jit) -> Jit:
     return row * (steps + 1) - (row * (row - 1)) // 2
 
 
-def on_octahedron(direction: Jit) -> tuple[Jit, Jit]:
+def on_octahedron(direction: Jit) -> Point:
     """Map a direction to a point of the unit square (octahedral map)."""
     x, y, z = direction.x, direction.y, direction.z
     size = dr.abs(x) + dr.abs(y) + dr.abs(z)
     x, y = x / size, y / size
-    low = z < 0.0
-    x, y = (
-        dr.select(low, (1.0 - dr.abs(y)) * dr.select(x < 0.0, -1.0, 1.0), x),
-        dr.select(low, (1.0 - dr.abs(x)) * dr.select(y < 0.0, -1.0, 1.0), y),
-    )
+    x, y = _folded(x, y, z < 0.0)
     return 0.5 * x + 0.5, 0.5 * y + 0.5
 
 
@@ -144,11 +141,13 @@ def from_octahedron(u: Jit, v: Jit) -> Jit:
     """Map a point of the unit square to a direction, as the inverse of `on_octahedron`."""
     x, y = 2.0 * u - 1.0, 2.0 * v - 1.0
     z = 1.0 - dr.abs(x) - dr.abs(y)
-    x, y = (
-        dr.select(z < 0.0, (1.0 - dr.abs(y)) * dr.select(x < 0.0, -1.0, 1.0), x),
-        dr.select(z < 0.0, (1.0 - dr.abs(x)) * dr.select(y < 0.0, -1.0, 1.0), y),
-    )
-    return dr.normalize(mi.Vector3f(x, y, z))
+    return dr.normalize(mi.Vector3f(*_folded(x, y, z < 0.0), z))
+
+
+def _folded(x: Jit, y: Jit, low: Jit) -> Point:
+    # The octahedral map puts the lower half of the sphere into the square's corners.
+    right, up = (dr.select(side < 0.0, -1.0, 1.0) for side in (x, y))
+    return dr.select(low, (1.0 - dr.abs(y)) * right, x), dr.select(low, (1.0 - dr.abs(x)) * up, y)
 
 
 def place_of(lattices: Lattices, point: Jit) -> Place:

@@ -277,7 +277,8 @@ def _box_of_most_splats(shape: mts.Shape, lowest: Matrix, highest: Matrix) -> Bo
     return np.maximum(low - beyond, lowest), np.minimum(high + beyond, highest)
 
 
-def _union(boxes: Sequence[Box]) -> Box:
+def union_of(boxes: Sequence[Box]) -> Box:
+    """Return the smallest box that contains all boxes."""
     if not boxes:
         return np.full(3, np.inf), np.full(3, -np.inf)
     return np.min([low for low, _ in boxes], axis=0), np.max([high for _, high in boxes], axis=0)
@@ -288,12 +289,12 @@ def bounds_of(scene: mts.Scene) -> Box:
     # Rays that start outside a studio or a sky would not see the scene inside.
     boxes = sorted(_boxes(scene), key=lambda box: float(np.prod(box[1] - box[0])))
     while len(boxes) > 1:
-        (low, high), (outer_low, outer_high) = _union(boxes[:-1]), boxes[-1]
+        (low, high), (outer_low, outer_high) = union_of(boxes[:-1]), boxes[-1]
         around = (outer_low <= low).all() and (outer_high >= high).all()
         if not (around and (outer_high - outer_low >= SURROUNDS * (high - low)).all() and _closed(scene, low, high)):
             break
         boxes.pop()
-    return _union(boxes)
+    return union_of(boxes)
 
 
 def _closed(scene: mts.Scene, low: Matrix, high: Matrix) -> bool:

@@ -34,8 +34,7 @@ def write_scene(path: Path, folder: Path) -> Path:
     file = folder / "splats.ply"
     write_table(file, table)
     scene = new_scene()
-    shape = plugin(scene, "shape", "ellipsoids", id="splats")
-    value(shape, "string", "filename", file.name)
+    value(plugin(scene, "shape", "ellipsoids", id="splats"), "string", "filename", file.name)
     return write(scene, folder / "scene.xml")
 
 

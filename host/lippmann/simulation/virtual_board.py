@@ -310,12 +310,11 @@ def keep_as_png(folder: Path, display: Display, after: int = 0) -> list[Path]:
     Raises CaptureError if a PNG file cannot be written, and keeps the .rgb file.
     """
     panel = display.panel
-    shape = panel.shape
     pictures = []
     for raw in sorted(folder.glob("frame-*.rgb")):
-        if raw.stat().st_size != math.prod(shape):
+        if raw.stat().st_size != math.prod(panel.shape):
             continue  # the frame is of another panel
-        values = np.frombuffer(raw.read_bytes(), np.uint8).reshape(shape)
+        values = np.frombuffer(raw.read_bytes(), np.uint8).reshape(panel.shape)
         metadata = {"identity": display.identity, "display": display.name}
         pictures.append(raw.with_name(f"frame-{after + int(raw.stem.removeprefix('frame-')):08d}.png"))
         try:
