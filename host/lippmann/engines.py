@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -12,15 +11,13 @@ from lippmann.display.description import Display
 from lippmann.fixed.build import Build
 from lippmann.fixed.configuration import Configuration, configuration
 from lippmann.fixed.conversion import pixels_of_words, rays_of_words, words_of_aims, words_of_pixels
-from lippmann.fixed.ray_pipeline import FixedRays, ray_pipeline
+from lippmann.fixed.ray_pipeline import Pipeline, ray_pipeline
 from lippmann.fixed.words import WIDEST, Ints
 from lippmann.optics.rays import Engine, Floats, Model, Rays, check_fraction_bits
 from lippmann.optics.trace import check_engine_device, checked_rays, trace_optics
 
 #: Fixed-point words (N,) of pixels (u, v) and of aperture points (a, b).
 Words = tuple[Ints, Ints, Ints, Ints]
-#: Function that traces the words of pixels and aperture points through an RTL build.
-Pipeline = Callable[[Ints, Ints, Ints, Ints, Configuration, Build], FixedRays]
 
 
 def trace(

@@ -10,8 +10,8 @@ import numpy as np
 
 from lippmann.display.description import Display
 from lippmann.fixed.build import Build
-from lippmann.fixed.configuration import Configuration, configuration
-from lippmann.fixed.ray_pipeline import FixedRays, ray_pipeline
+from lippmann.fixed.configuration import configuration
+from lippmann.fixed.ray_pipeline import FixedRays, Pipeline, ray_pipeline
 from lippmann.fixed.scene_build import SceneBuild
 from lippmann.fixed.scene_configuration import build_curve_table, scene_words, slot_bytes
 from lippmann.fixed.scene_pipeline import SceneWords, scene
@@ -40,7 +40,7 @@ def draw(
     stack: LayerStack,
     scene_build: SceneBuild,
     model: Model | None = None,
-    pipeline: Callable[[Ints, Ints, Ints, Ints, Configuration, Build], FixedRays] = ray_pipeline,
+    pipeline: Pipeline = ray_pipeline,
     shade: Scene = scene,
     threads: int = 1,
     rows: range | None = None,

@@ -11,7 +11,7 @@ from lippmann.base.toml import check_fields, documented, key
 from lippmann.display.description import Grid
 from lippmann.errors import InputError
 from lippmann.fixed.configuration import Configuration
-from lippmann.fixed.ray_start import lenslet_hex, lenslet_square, pixel_to_lattice
+from lippmann.fixed.ray_start import pixel_to_lenslet
 from lippmann.fixed.words import MUL_BITS, PIXEL_BITS, PIXEL_FRACTION, SLOPE_BITS, Bools, Ints, wrapped
 
 #: Sources of jitter, in the order of their codes in the register.
@@ -126,10 +126,7 @@ def locate_pixels(
 ) -> tuple[Ints, Ints, Ints, Ints]:
     """Return the lenslets (i, j) of pixels, and positions from their centres, x in pitches, y in rows."""
     u, v = 8 * (2 * columns + 1 - width), 8 * (height - 1 - 2 * rows)
-    x, _ = pixel_to_lattice(u, v, config.x_from_u, config.x_from_v, config.x_offset, f)
-    y, _ = pixel_to_lattice(u, v, config.y_from_u, config.y_from_v, config.y_offset, f)
-    i, j, x, y, _ = (lenslet_hex if grid == "hex" else lenslet_square)(x, y, f)
-    return i, j, x, y
+    return pixel_to_lenslet(u, v, config, grid, f)[:4]
 
 
 def holds_centre(config: Configuration, f: int, x: Ints, y: Ints) -> Bools:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
@@ -23,9 +24,7 @@ from lippmann.fixed.ray_start import (
     blend,
     converge,
     extent,
-    lenslet_hex,
-    lenslet_square,
-    pixel_to_lattice,
+    pixel_to_lenslet,
     shear,
     unit_slope,
 )
@@ -47,6 +46,10 @@ class FixedRays(NamedTuple):
     status: Ints
 
 
+#: Function that traces the words of pixels and aperture points through an RTL build.
+Pipeline = Callable[[Ints, Ints, Ints, Ints, Configuration, Build], FixedRays]
+
+
 def ray_pipeline(u: Ints, v: Ints, a: Ints, b: Ints, config: Configuration, build: Build) -> FixedRays:
     """Trace rays from pixels (u, v), 4 fraction bits, through aperture points (a, b), wide words.
 
@@ -55,11 +58,8 @@ def ray_pipeline(u: Ints, v: Ints, a: Ints, b: Ints, config: Configuration, buil
     f, grid = build.fraction_bits, build.grid
     config, unfit = in_words(config, build)
     near, local = build.near, build.local
-    lattice_x, beyond_x = pixel_to_lattice(u, v, config.x_from_u, config.x_from_v, config.x_offset, f)
-    lattice_y, beyond_y = pixel_to_lattice(u, v, config.y_from_u, config.y_from_v, config.y_offset, f)
-    locate = lenslet_hex if grid == "hex" else lenslet_square
-    own_i, own_j, x, y, beyond = locate(lattice_x, lattice_y, f)
-    beyond |= beyond_x | beyond_y | unfit
+    own_i, own_j, x, y, beyond = pixel_to_lenslet(u, v, config, grid, f)
+    beyond |= unfit
     i, j = own_i, own_j
     none = stray = np.zeros(x.shape, np.bool_)
     if build.aims:

@@ -10,6 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from lippmann.display.description import Grid
+from lippmann.fixed.configuration import Configuration
 from lippmann.fixed.words import (
     GUARD,
     INDEX_BITS,
@@ -68,6 +69,16 @@ def lenslet_hex(x: Ints, y: Ints, f: int) -> tuple[Ints, Ints, Ints, Ints, Bools
     i, j = i + di, j + dj
     beyond = ~fits(i, INDEX_BITS) | ~fits(j, INDEX_BITS)
     return wrapped(i, INDEX_BITS), wrapped(j, INDEX_BITS), local_x, ft - (dj << f), beyond
+
+
+def pixel_to_lenslet(
+    u: Ints, v: Ints, config: Configuration, grid: Grid, f: int
+) -> tuple[Ints, Ints, Ints, Ints, Bools]:
+    """Return the same values as `lenslet_square`, for pixels at (u, v) from the panel's centre."""
+    x, beyond_x = pixel_to_lattice(u, v, config.x_from_u, config.x_from_v, config.x_offset, f)
+    y, beyond_y = pixel_to_lattice(u, v, config.y_from_u, config.y_from_v, config.y_offset, f)
+    i, j, x, y, beyond = (lenslet_hex if grid == "hex" else lenslet_square)(x, y, f)
+    return i, j, x, y, beyond | beyond_x | beyond_y
 
 
 class Aimed(NamedTuple):

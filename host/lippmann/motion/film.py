@@ -19,6 +19,7 @@ from lippmann.scenes.placement import ORIGIN, Placement, Scale, Triple
 from lippmann.scenes.scene import Move
 
 Motion = Literal["smooth", "linear"]
+FrameNumber = Annotated[int, key("frame number; greater than that of the key before", low=0)]
 
 
 def interpolate(frames: Floats, numbers: Floats, motion: Motion | None, frame: float) -> Floats:
@@ -36,7 +37,7 @@ def interpolate(frames: Floats, numbers: Floats, motion: Motion | None, frame: f
 class Key:
     """An object's motion at one frame: scaling, rotation and shift."""
 
-    frame: Annotated[int, key("frame number; greater than that of the key before", low=0)]
+    frame: FrameNumber
     offset_mm: Annotated[Triple, key("shift from the position at rest")] = ORIGIN
     rotation_deg: Annotated[Triple, key("rotation about x, then y, then z; 360 is a turn")] = ORIGIN
     scale: Annotated[Scale, key("factor of the size")] = 1.0

@@ -16,7 +16,7 @@ from lippmann.display.description import Display
 from lippmann.errors import did_you_mean, input_error, likely_file, located
 from lippmann.layers.layers_and_pictures import Light, check_depth, is_layers, load_named_layers
 from lippmann.layers.stack import Layer, LayerStack
-from lippmann.motion.film import MAX_FRAMES, Motion, check_frames, interpolate
+from lippmann.motion.film import MAX_FRAMES, FrameNumber, Motion, check_frames, interpolate
 from lippmann.scenes.placement import ORIGIN, Number, Scale, Triple
 
 #: Frames per second of a folder of layers, which has a single frame.
@@ -29,7 +29,7 @@ Pair = tuple[Number, Number]
 class LayerKey:
     """A layer's motion at one frame."""
 
-    frame: Annotated[int, key("frame number; greater than that of the key before", low=0)]
+    frame: FrameNumber
     offset_mm: Annotated[Triple, key("shift from the position at rest; z is towards the viewer")] = ORIGIN
     rotation_deg: Annotated[Number, key("rotation about z, counterclockwise")] = 0.0
     scale: Annotated[Scale, key("factor of the size")] = 1.0
