@@ -17,8 +17,9 @@ from lippmann.conformance.hard_cases import CASES, changed, hard_sets
 from lippmann.conformance.pages import Page
 from lippmann.conformance.ray_sets import Bools, PanelRays, WorldRays, fixed_words
 from lippmann.display.description import load_display
-from lippmann.engines import Pipeline, trace
+from lippmann.engines import trace
 from lippmann.fixed.conversion import aims_of_words, pixels_of_words, rays_of_words
+from lippmann.fixed.ray_pipeline import Pipeline
 from lippmann.fixed.words import COMPACT, WIDEST
 from lippmann.optics.backend import NumpyBackend
 from lippmann.optics.faces import Dome, Ray, meet, refract_flat

@@ -134,7 +134,8 @@ def movement(display: Display, slopes: Floats, distance_mm: float) -> float:
     """Return the mean derivative of panel points by position in the cell, for slopes (N, 2)."""
     inner, at, arrives = inner_rays(display, slopes, distance_mm)
     inner, at = (one - means(one, arrives)[:, None] for one in (np.broadcast_to(inner, at.shape), at))
-    return 0.5 * float(np.trace(np.linalg.lstsq(inner[arrives], at[arrives], rcond=None)[0]))
+    moves = np.linalg.lstsq(inner[arrives], at[arrives], rcond=None)[0]
+    return 0.5 * float(np.trace(moves))
 
 
 def inner_rays(display: Display, slopes: Floats, distance_mm: float) -> tuple[Floats, Floats, Bools]:

@@ -74,7 +74,8 @@ def _plano_convex(pair: LensPair, faces: tuple[Face, ...], origin_mm: float) -> 
     )
     hole = f"{vector((0, 0, ends[1]))}, z, {number(STOP_MM)}, {number(radius)}"
     # Scene surfaces must not reflect the stop, which covers half of all directions.
-    return f"{solid}\ndisc {{ {hole} {BLACK} no_shadow no_reflection }}"
+    stop = f"disc {{ {hole} {BLACK} no_shadow no_reflection }}"
+    return f"{solid}\n{stop}"
 
 
 def array_solids(display: Display, vertex_mm: float, side: float, concave: bool = False) -> str:

@@ -111,7 +111,8 @@ def _near_onset(name: str, display: Display, pixels: Floats, aims: Floats) -> Pa
 @_case
 def chief_ray(display: Display, random: Random, count: int) -> Sets:
     """Test rays from the point behind a lenslet's vertex through the vertex: they are not refracted."""
-    at = pixels_from_cells(display, random.integers(-3, 4, (count, 2)), np.zeros((count, 2)))
+    lenslets = random.integers(-3, 4, (count, 2))
+    at = pixels_from_cells(display, lenslets, np.zeros((count, 2)))
     yield PanelRays("chief-ray", display, np.concatenate([at, _nudged(at, random)]), None)
 
 

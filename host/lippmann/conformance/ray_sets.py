@@ -11,12 +11,12 @@ import numpy as np
 import numpy.typing as npt
 
 from lippmann.display.description import Display
-from lippmann.engines import Pipeline, Words, trace, words_of_rays
+from lippmann.engines import Words, trace, words_of_rays
 from lippmann.errors import InputError, input_error
 from lippmann.fixed.build import Build
 from lippmann.fixed.configuration import Configuration, configuration
 from lippmann.fixed.conversion import aims_of_words, pixels_of_words, rays_of_words
-from lippmann.fixed.ray_pipeline import FixedRays, ray_pipeline
+from lippmann.fixed.ray_pipeline import FixedRays, Pipeline, ray_pipeline
 from lippmann.fixed.words import INDEX_BITS, PIXEL_BITS, Ints
 from lippmann.optics.backend import NumpyBackend
 from lippmann.optics.lattice import Lattice

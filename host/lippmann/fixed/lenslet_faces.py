@@ -227,7 +227,8 @@ def leave_dome(
     """
     near = f + 2
     c, cos_air = cosine_behind(met.s, index_square, f)
-    bend = guarded((cos_air << 2) - multiplier(met.cos, index, near, near + 1, f - 2))
+    glass = multiplier(met.cos, index, near, near + 1, f - 2)
+    bend = guarded((cos_air << 2) - glass)
     over = ~fits(bend, near)
     bend = wrapped(bend, near)
     drop, extra = f - GUARD, extra_bits(f)

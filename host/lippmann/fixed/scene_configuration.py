@@ -149,7 +149,8 @@ def _check_reach(
     if np.linalg.det(linear) == 0.0:
         return  # a texture that is constant in one direction has no corners
     corners = np.array([(s, t) for s in (0.0, layer.width) for t in (0.0, layer.height)])
-    farthest = float(np.abs(np.linalg.solve(linear, (corners - zero).T)).max())
+    places = np.linalg.solve(linear, (corners - zero).T)
+    farthest = float(np.abs(places).max())
     if farthest >= MAX_PLACE:
         raise InputError(
             f"layer {number}, registers s0, t0 and a to d place a corner of the texture {farthest * radius:.6g} "

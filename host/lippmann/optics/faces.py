@@ -174,7 +174,8 @@ def refract_dome(b: Backend, dome: Dome, ray: Ray, cosine: Arr, ratio: float, up
     """
     c = dome.curvature
     square = 1.0 - (ratio * ratio) * (1.0 - cosine) * (1.0 + cosine)
-    bend = b.sqrt(b.maximum(square, 0.0)) - ratio * cosine
+    cosine_out = b.sqrt(b.maximum(square, 0.0))
+    bend = cosine_out - ratio * cosine
     if not upward:
         bend = -bend
     dx = ratio * ray.dx + bend * (c * ray.x)
