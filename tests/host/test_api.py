@@ -326,7 +326,7 @@ def test_numpys_integers_are_whole_numbers(plain, mi):
     [
         ((20, 600), {}, r"eye: \(20, 600\) is not a position; give \(x, y, z\) in mm"),
         ((0, 20, 600, 1), {}, "is not a position"),
-        ((0, 0, 0), {}, "behind the display"),
+        ((0, 0, 0), {}, "eye: z 0 mm is not in front of the display"),
         (600, {}, "eye: 600 is not a position"),
         ("0,0,600", {}, "eye: 0,0,600 is not a position"),
         ((0, (20, 1), 600), {}, "is not finite; give numbers in mm"),
@@ -391,11 +391,11 @@ WRONG = [
     (lambda p: lp.trace(p.display, [[1, 1]], engine="twin", device=3), "unknown device '3'"),
     (lambda p: p.display.at_wavelength("x"), "without dispersion"),
     (lambda p: p.display.misaligned(pitch_scale=0), "pitch_scale: 0 is not valid; give a finite number, more than 0"),
-    (lambda _: index_of("N-BK7", "x"), "wavelength x nm is outside"),
+    (lambda _: index_of("N-BK7", "x"), "wavelength x nm is out of range; give"),
     (lambda _: lp.LayerStack(3), r"layers must be a list of lippmann\.Layer, not '3'"),
     (lambda _: lp.load_layers(FISH).moved(scale="x"), "scale x is out of range"),
     (lambda _: lp.load_layers(FISH).moved(offset_mm=(1,)), r"offset_mm has shape \(1,\); give \(x, y, z\) in mm"),
-    (lambda _: lp.load_layers(FISH).moved(2.0, "x"), "offset_mm contains something that is not a number"),
+    (lambda _: lp.load_layers(FISH).moved(2.0, "x"), "offset_mm is not an array of numbers"),
     (lambda _: lp.load_setup(SETUP).resized("x"), "size 'x' is not a whole number"),
     (lambda _: lp.capture("ball.xml", SETUP, rotate="x"), "rotate must be True or False, not 'x'"),
     (lambda _: lp.Board.open("loop://", baud="x"), "the baud rate x is not positive"),
@@ -478,7 +478,7 @@ def test_the_page_names_the_options_that_differ(name):
 
 def test_a_scene_belongs_to_its_device(small, mi):
     scene = lp.load_scene("ball.xml", device="llvm")
-    with pytest.raises(InputError, match="loaded for device 'llvm', not 'cuda'; load it again"):
+    with pytest.raises(InputError, match="loaded for device 'llvm', not 'cuda'; give 'llvm', or load it again"):
         lp.render(scene, small, device="cuda")
 
 

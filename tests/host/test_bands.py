@@ -532,7 +532,7 @@ def test_python_keeps_bands_and_shares_them(place, narrow):
     for image in (shared, in_memory, lippmann.render(scene, display, **options, kept=folder)):
         np.testing.assert_array_equal(image.radiance, usual.radiance)
         assert image.metadata == usual.metadata
-    with pytest.raises(InputError, match="a scene in memory can neither be shared"):
+    with pytest.raises(InputError, match="need a scene file, not a scene in memory"):
         lippmann.render({"type": "scene", "ball": {"type": "sphere"}}, display, **options, workers=2)
     paint = {"type": "diffuse", "reflectance": {"type": "rgb", "value": [0.0, np.nan, 0.0]}}
     with pytest.raises(InputError, match=r"the scene: reflectance\.value of the material 'paint' is not finite"):

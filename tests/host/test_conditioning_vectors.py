@@ -131,9 +131,9 @@ NO_TEXT = (b"\xff\xfe\x00\x01", b"u,v\n\0\n")
             for code in (-1, 8)
         ),
         ("rays.mem", "12_ab // a ray\nxyz\n", "0\n", "rays.mem:2: 'xyz' is not hexadecimal; give one hexadecimal line"),
-        ("rays.mem", "\n" + "f" * 40, "0\n", "rays.mem:2: has more than the 141 bits of a ray; see vectors.json"),
-        ("rays.mem", "0\n", "0\n0\n", "rays.mem: input and output files differ in number of rays, or are empty"),
-        ("rays.mem", "", "", "rays.mem: input and output files differ in number of rays, or are empty"),
+        ("rays.mem", "\n" + "f" * 40, "0\n", "rays.mem:2: exceeds the 141 bits of a ray; shorten it"),
+        ("rays.mem", "0\n", "0\n0\n", "rays.mem: has no rays, or not as many as the input file"),
+        ("rays.mem", "", "", "rays.mem: has no rays, or not as many as the input file"),
         *(("rays.csv", content, None, "rays.csv: is not text") for content in NO_TEXT),
         *(("rays.mem", content, "0\n", "rays.mem: is not text") for content in NO_TEXT),
         *(("rays.mem", "0\n", inputs, "inputs.mem: is not text") for inputs in NO_TEXT),

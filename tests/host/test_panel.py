@@ -401,7 +401,7 @@ BAD_LAYOUTS = [
     ([*QUAD, QUAD[1]], "the green sub-pixel at [0.25, 0.25] shares its pixel with another green sub-pixel"),
     ([*QUAD[:3], ["white", 0.25, -0.25, 0.6, 0.5]], "white sub-pixel at [0.25, -0.25], 0.6 x 0.5 pixels, is not"),
     ([*QUAD[:3], ["white", 0.25, -0.25, 0.0, 0.5]], "not inside its pixel"),
-    ([*QUAD[:3], ["white", -0.75, 0.0, 0.1, 0.1]], "right of and below the first"),
+    ([*QUAD[:3], ["white", -0.75, 0.0, 0.1, 0.1]], "16 x 16 pixels right of and below the first"),
     ([*QUAD[:3], ["pink", 0.25, -0.25, 0.5, 0.5]], '[3][0]: "pink" is not valid; choose from "blue"'),
     ([*QUAD[:3], ["white", 0.25]], '[3]: ["white", 0.25] is not valid; give [colour, x, y, width, height]'),
     ([*QUAD[:3], ["white", 0.25, "up", 0.5, 0.5]], '[3][2]: "up" is not valid; give a finite number'),

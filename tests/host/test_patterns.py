@@ -216,7 +216,7 @@ def test_an_eye_sees_white_and_by_crosstalk_black(mi, grid, side, eye_mm, place,
 @pytest.mark.parametrize(
     ("options", "said"),
     [
-        (["white-for-eye", "--eye", "0,0,-600"], "eye: z -600 mm is behind the display"),
+        (["white-for-eye", "--eye", "0,0,-600"], "eye: z -600 mm is not in front of the display"),
         (["cells", "--lens", "0,0"], "--lens belongs to the pattern single-lens"),
         (["single-lens", "--lens", "900,0"], "lenslet 900,0 owns no pixel"),
         (["single-lens", "--lens", "0.5,0"], "give 2 whole numbers"),

@@ -140,7 +140,7 @@ def test_the_report_of_a_users_display(tmp_path, capsys):
         (("file", "--display", SHIPPED), "file: cannot be made.*; choose another folder"),
         (("file/below", "--display", SHIPPED), "below: cannot be made"),
         (("taken", "--display", SHIPPED), r"report\.html: is a folder"),
-        (("new", "--scenes", "taken"), "the project's scenes are not in this folder"),
+        (("new", "--scenes", "taken"), "lacks the project's scenes; correct --scenes"),
     ],
 )
 def test_what_cannot_be_done_is_refused_before_any_work(tmp_path, monkeypatch, refusal_of, words, said):

@@ -276,7 +276,7 @@ def test_world_rays_that_land_in_another_cell(grid, side, model):
         ([1.0, 2.0], {}, "give (N, 2)"),
         ([(1.0, math.nan)], {}, "not finite"),
         ([(1.0, 2.0)], {"aperture": [(0.0, math.inf)]}, "not finite"),
-        ([(1.0, 2.0)], {"aperture": [(0.0, 0.0), (0.0, 0.0)]}, "give one each"),
+        ([(1.0, 2.0)], {"aperture": [(0.0, 0.0), (0.0, 0.0)]}, "give one row per pixel"),
         ([(1.0, 2.0)], {"model": "wave"}, "choose from pinhole, thin, paraxial, exact"),
         ([(1.0, 2.0)], {"engine": "steam"}, "choose from golden, fast"),
         ([(1.0, 2.0)], {"device": "foo"}, "unknown device 'foo'; choose from auto, llvm, cuda"),

@@ -67,7 +67,7 @@ def test_distortion_and_directions_by_hand():
 
 
 def test_a_camera_that_cannot_be(built):
-    with pytest.raises(InputError, match="behind the display"):
+    with pytest.raises(InputError, match="not in front of the display"):
         Camera((0.0, 0.0, -1.0))
     with pytest.raises(InputError, match="is not monotonic"):
         Camera((0.0, 0.0, 100.0), focal_px=600.0, k1=-0.6)

@@ -261,7 +261,7 @@ def test_a_scene_is_rendered_from_the_grid_of_eyes(place, capfd, mi, monkeypatch
         (("a.png", "--serve", "-o", "a.html"), "-o"),
         (("a.png", "--tcp-port", "8000"), "--serve"),
         (("a.png", "--direct", "0,0,600", "wide.png"), "wide.png.*40 x 20"),
-        (("a.png", "--direct", "0,0,-600", "direct.png"), "behind the display"),
+        (("a.png", "--direct", "0,0,-600", "direct.png"), "not in front of the display"),
         (("a.png", "--direct", "0,0", "direct.png"), "X,Y,Z"),
         (("a.png", "--direct", "0,0,600", "none.png"), "none.png"),
         (("a.png", "--scene", "none.xml"), "none.xml"),

@@ -576,7 +576,7 @@ def test_the_page_is_served_on_loopback_until_interrupted(tmp_path):
             cwd=tmp_path, capture_output=True, text=True, check=False, timeout=60,
         )  # fmt: skip
         assert second.returncode == 2
-        assert "cannot be opened" in second.stderr
+        assert "cannot listen on port" in second.stderr
         server.send_signal(signal.SIGINT)
         out, err = server.communicate(timeout=30)
     finally:

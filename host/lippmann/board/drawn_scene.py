@@ -250,7 +250,7 @@ class SceneBoard:
         check_for_display(stack, display)
         if len(stack.layers) > self.build.layers:
             what = f"{len(stack.layers)} layers do not fit the board, which draws {self.build.layers}"
-            raise InputError(f"{what}; cut the scene again with --count {self.build.layers}")
+            raise InputError(f"{what}; cut the scene again with lippmann layers --count {self.build.layers}")
         slots = range(len(stack.layers)) if slots is None else slots
         if len(slots) != len(stack.layers):
             raise InputError(f"{len(slots)} slots for {len(stack.layers)} layers; give each layer one slot")

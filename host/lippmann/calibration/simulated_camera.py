@@ -51,7 +51,7 @@ class Camera:
 
     def __post_init__(self) -> None:
         if not self.position_mm[2] > 0.0:
-            raise InputError(f"camera: z {self.position_mm[2]:g} mm is behind the display; give z > 0")
+            raise InputError(f"camera: z {self.position_mm[2]:g} mm is not in front of the display; give z > 0")
         if not self.focal_px > 0.0:
             raise InputError(f"camera: focal length {self.focal_px:g} px is not positive; give it in pixels")
         # If the distortion is not monotonic, `slopes` does not invert `pixel`.

@@ -46,15 +46,14 @@ def vector(form: str, number: type[float] = float, remedy: str = "") -> Kind:
 
 
 def finite(least: float = -math.inf) -> Kind:
-    """Return the option type of a finite number that is at least `least`."""
+    """Return the option type of a finite number of at least `least`."""
 
     def read(text: str) -> float:
         number: float = click.FLOAT(text)
         if not math.isfinite(number):
             raise ValueError(f"'{text}' is not finite; give a finite number")
         if not max(least, -MAX_NUMBER) <= number <= MAX_NUMBER:
-            low = f"less than {least:g}" if number < least else "too large"
-            raise ValueError(f"{text} is {low}; give a number up to {MAX_NUMBER:g}")
+            raise ValueError(f"{text} is out of range; give {max(least, -MAX_NUMBER):g} to {MAX_NUMBER:g}")
         return number
 
     return Kind("FLOAT", read)
@@ -84,5 +83,5 @@ ENGINE_BITS = option(f"Fraction bits of words in the engines twin and rtl.  [def
 def shipped_scenes(path: str) -> Path:
     """Return the folder of the project's scenes; raise InputError for another folder."""
     if not (Path(path) / "displays/paper-square.toml").is_file():
-        raise InputError(f"{path}: the project's scenes are not in this folder; run in the project's top folder")
+        raise InputError(f"{path}: lacks the project's scenes; correct --scenes, or run in the project's top folder")
     return Path(path)

@@ -46,7 +46,7 @@ def command(
         scene = SceneBoard(board)
         if len(film.stack.layers) > scene.build.layers:
             what = f"has {len(film.stack.layers)} layers, but the board draws {scene.build.layers}"
-            raise input_error(film_path, what, f"cut the scene again with --count {scene.build.layers}")
+            raise input_error(film_path, what, f"cut the scene again with lippmann layers --count {scene.build.layers}")
         with progress_bar("loading the layers") as progress:
             loaded, slots = load_textures(scene, display, film, progress, film_path)
         played, code = Played(), 0

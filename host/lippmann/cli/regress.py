@@ -70,7 +70,7 @@ def _read_bounds(path: Path | None, urad: float | None, nm: float | None) -> Bou
     for key, value, name in (("direction_urad", urad, "--tolerance-urad"), ("point_nm", nm, "--tolerance-nm")):
         if value is not None and path:
             raise input_error(
-                name, "conflicts with --bounds", f"write {key} into the bounds file, or leave out --bounds"
+                name, "conflicts with --bounds", f"write {key} into the bounds file instead, or leave out --bounds"
             )
         if value is not None and value <= 0.0:
             raise input_error(name, f"{value:g} is not positive", "give a positive number")

@@ -120,7 +120,7 @@ def _table(path: Path) -> np.ndarray[Any, Any]:
         if path.suffix == ".npz":
             arrays, _ = load_arrays(path, ["pixel"], remedy, RAY_BYTES)
             if not arrays:
-                raise input_error(path, "cannot be read (no array `pixel`)", remedy)
+                raise input_error(path, "has no array pixel", "add it, with columns u, v")
             return arrays["pixel"]
         if path.suffix in (".csv", ".txt"):
             text = read_limited(path, MAX_TABLE_BYTES, "give the pixels as .npy").decode("utf-8")

@@ -34,7 +34,7 @@ def command(
     display: Display = DISPLAY,
     output: Path | None = option("Output page.  [default: IMAGE with .html]", metavar="PAGE.html"),
     direct: tuple[tuple[Point, Name], ...] = option(
-        "Position of an eye, and a picture rendered from there; can be repeated.",
+        "Position of an eye, mm, and a picture rendered from there; can be repeated.",
         (),
         (KINDS[Point], KINDS[Name]),
         multiple=True,

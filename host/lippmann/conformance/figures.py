@@ -149,7 +149,7 @@ def read_csv(path: Path) -> tuple[dict[str, str], list[dict[str, Value]]]:
     origin = [line[1:].partition(":") for line in lines if line.startswith("#")]
     rows = list(csv.DictReader(line for line in lines if not line.startswith("#")))
     if any(None in row or None in row.values() for row in rows):
-        raise _broken(path, "has rows whose length differs from the heading's length")
+        raise _broken(path, "has rows of another length than the heading")
     values = [{key: _value(text) for key, text in row.items()} for row in rows]
     return {key.strip(): value.strip() for key, _, value in origin}, values
 

@@ -97,7 +97,7 @@ class Stream:
             yield from (f"{n} {question}" for n, question in enumerate(questions))
         if not hashes:
             which = " that fit the words" * (self.fraction_bits is not None)
-            what = f"has no rays from the panel{which} on {self.display.name}"
+            what = f"has no rays from the panel of {self.display.name}{which}"
             raise input_error(f"--case {self.case}", what, "choose another case or display")
         yield f"# end {len(hashes)} {digest_of_all(hashes)}"
 

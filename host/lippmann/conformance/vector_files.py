@@ -192,9 +192,7 @@ def read_foreign(
         raise input_error(path, f"unknown extension '{path.suffix}'", "give a .npz, .csv or .mem file")
     lengths = {len(column) for column in columns.values()}
     if len(lengths) != 1 or not lengths.pop():
-        raise input_error(
-            path, "input and output files differ in number of rays, or are empty", "give one line per ray"
-        )
+        raise input_error(path, "has no rays, or not as many as the input file", "give one line per ray")
     return foreign_from_words(columns, display, model, fraction_bits)
 
 
@@ -213,7 +211,8 @@ def _csv_columns(path: Path, fraction_bits: int) -> dict[str, Ints]:
         if table.shape[1] != len(heading):
             raise ValueError
     except ValueError:
-        raise input_error(path, "contains a non-integer, or rows of different lengths", "give integers") from None
+        remedy = f"give {len(heading)} integers per row"
+        raise input_error(path, "contains a non-integer, or a row of wrong length", remedy) from None
     columns = dict.fromkeys(names, np.zeros(len(table), np.int64)) | dict(zip(heading, table.T, strict=True))
     for name, bits in zip(names, widths(names, fraction_bits), strict=True):
         low = 0 if bits == STATUS_BITS else -(1 << (bits - 1))
@@ -242,7 +241,7 @@ def _of_arrays(path: Path, display: Display, model: Model) -> ForeignRays:
         if (array[:, None] if array.ndim == 1 else array).shape != shape:
             raise input_error(path, f"array {name} has shape {array.shape}", f"give {shape}")
         if name in INPUT_ARRAYS and not np.isfinite(array).all():
-            raise input_error(path, f"array {name} contains NaN or infinity", "remove its ray")
+            raise input_error(path, f"array {name} contains NaN or infinity", "remove these rays")
         arrays[name] = array.reshape(shape)
     inputs = PanelRays("foreign", display, arrays.pop("pixel"), arrays.pop("aperture_mm", None), model)
     return ForeignRays(inputs, arrays)

@@ -319,7 +319,8 @@ class Display(Checked):
             moved = replace(moved, thickness_mm=max(moved.thickness_mm, moved.sag_mm))
         built_gap_mm = self.gap_mm + errors.gap_mm
         if built_gap_mm < 0.0:
-            raise input_error(f"{where}gap_mm", f"{built_gap_mm:g} mm is negative", "raise gap_mm to at least 0")
+            remedy = f"raise its error by {-built_gap_mm:g} mm"
+            raise input_error(f"{where}gap_mm", f"{built_gap_mm:g} mm is negative", remedy)
         display = replace(self, array=moved, gap_mm=built_gap_mm)
         _check(display, where)
         return display

@@ -42,6 +42,6 @@ def index_of(glass: str, wavelength_nm: float = DESIGN_WAVELENGTH_NM) -> float:
         raise InputError(f"unknown glass '{glass}'; {likely or 'choose from ' + ', '.join(SELLMEIER)} (or give index)")
     low, high = WAVELENGTH_RANGE_NM
     if not low <= as_number(wavelength_nm) <= high:
-        raise InputError(f"wavelength {wavelength_nm} nm is outside {low:g} to {high:g} nm")
+        raise InputError(f"wavelength {wavelength_nm} nm is out of range; give {low:g} to {high:g}")
     w2 = (wavelength_nm * 1e-3) ** 2
     return math.sqrt(1.0 + sum(b * w2 / (w2 - c) for b, c in terms))

@@ -121,7 +121,7 @@ def layout_of(subpixels: str | tuple[Subpixel, ...]) -> Layout | None:
     owned = [(sub[0], pixel) for sub, pixel in zip(table, pixels, strict=True)]
     for (colour, x, y, w, h), (column, row), subject in zip(table, pixels, titles, strict=True):
         if not (0 <= column < MAX_PERIOD and 0 <= row < MAX_PERIOD):
-            place = f"is not in the {MAX_PERIOD} pixels right of and below the first"
+            place = f"is not in the {MAX_PERIOD} x {MAX_PERIOD} pixels right of and below the first"
             raise InputError(f"{subject} {place}; give x and y in pixels from the first pixel's centre, y upwards")
         room = 0.5 + ROUNDING
         fits = abs(x - column) + 0.5 * w <= room and abs(y + row) + 0.5 * h <= room

@@ -57,7 +57,7 @@ class Eye:
         if max(map(abs, self.position_mm)) > FARTHEST_EYE_MM:
             raise InputError(TOO_FAR)
         if self.position_mm[2] <= 0.0:
-            raise InputError(f"eye: z {self.position_mm[2]:g} mm is behind the display; give z > 0")
+            raise InputError(f"eye: z {self.position_mm[2]:g} mm is not in front of the display; give z > 0")
         if not 0.0 <= self.pupil_mm <= FARTHEST_EYE_MM:
             what = f"pupil {self.pupil_mm:g} mm is negative or over {FARTHEST_EYE_MM:g} mm"
             raise InputError(f"eye: {what}; give the pupil's diameter")

@@ -38,8 +38,8 @@ class PageServer(ThreadingHTTPServer):
         try:
             super().__init__((LOOPBACK, tcp_port), _Handler)
         except OSError as error:
-            what = f"cannot be opened ({error.strerror})"
-            raise input_error(f"--tcp-port {tcp_port}", what, "choose another port, or 0 for any free port") from None
+            what = f"cannot listen on port {tcp_port} ({error.strerror})"
+            raise input_error("--tcp-port", what, "choose another port, or 0 for a free one") from None
         port = self.server_address[1]
         self.url = f"http://{LOOPBACK}:{port}{self.path}"
         self.hosts = [f"{host}:{port}" for host in (LOOPBACK, "localhost")]

@@ -244,8 +244,8 @@ def check_direct(direct: Direct, display: Display) -> None:
     # Allow for the height's rounding to integer pixels.
     if abs(width * panel.height_mm / panel.width_mm - height) > 1.0 + 1e-9:
         raise InputError(
-            f"the direct render is {width} x {height} pixels, which is not the shape of the panel of '{display.name}' "
-            f"({panel.width_px} x {panel.height_px}); render it through the whole panel's window"
+            f"the direct render has {width} x {height} pixels, another aspect ratio than the panel of '{display.name}' "
+            f"({panel.width_px} x {panel.height_px}); render the whole panel"
         )
 
 

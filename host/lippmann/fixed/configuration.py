@@ -352,7 +352,7 @@ def _check_reach(display: Display, build: Build, slope: Pair, point: Pair, reach
             f"[0, {math.sqrt(MAX_SLOPE_SQUARE):.3f}) of 60 degrees; {remedy}"
         )
     furthest = (abs(point[0]) * pixel + abs(point[1]) * aim) / array.radius_mm
-    remedy = "raise array.radius_mm, or aim nearer" if furthest >= MAX_POINT else _FARTHER
+    remedy = "raise array.radius_mm, or aim nearer to the centre" if furthest >= MAX_POINT else _FARTHER
     furthest += abs(point[0]) * shift / array.radius_mm
     if furthest >= MAX_POINT:
         raise InputError(

@@ -212,7 +212,7 @@ def _read_png(path: Path) -> tuple[Bytes, Bytes]:
             raise input_error(path, what, f"make each side at most {MAX_SIDE}")
         if picture.mode != "P" or picture.palette is None:
             kind = {"L": "grey", "1": "black and white"}.get(picture.mode, picture.mode)
-            remedy = "convert the picture with lippmann layers"
+            remedy = "convert it with lippmann layers"
             raise input_error(path, f"is a {kind} picture without a palette", remedy)
         clear = picture.info.get("transparency", b"")
         texels = np.asarray(picture, np.uint8)
@@ -225,7 +225,7 @@ def _read_png(path: Path) -> tuple[Bytes, Bytes]:
         palette[: len(clear), 3] = np.frombuffer(clear, np.uint8)[:COLOURS]
     highest = int(texels.max(initial=0))
     if texels.size and highest >= len(colours):
-        raise input_error(path, f"uses colour {highest}, but its palette has {len(colours)}", "write it again")
+        raise input_error(path, f"uses colour {highest}, but its palette ends at {len(colours) - 1}", "write it again")
     return texels, palette
 
 

@@ -136,7 +136,7 @@ class Layer:
         """
         size = f"layer: the texture of {self.width} x {self.height} texels"
         if self.width > width or self.height > height:
-            remedy = f"cut the scene again with --slot {width}x{height}"
+            remedy = f"cut the scene again with lippmann layers --slot {width}x{height}"
             raise InputError(f"{size} is larger than a slot of {width} x {height}; {remedy}")
         if (self.width, self.height) == (width, height):
             return self.texels
@@ -194,7 +194,7 @@ def _array(
         # Values are not converted to bytes: that would lose fractions or high bits.
         array = np.asarray(values, None if kind is np.uint8 else kind)
     except (TypeError, ValueError, OverflowError):
-        raise InputError(f"{name} contains something that is not a number; give numbers") from None
+        raise InputError(f"{name} is not an array of numbers; give numbers") from None
     if array.dtype != kind:
         raise InputError(f"{name} has type {array.dtype}; give uint8")
     sides = zip(shape, array.shape, strict=False)

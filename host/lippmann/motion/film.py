@@ -12,7 +12,7 @@ from msgspec import Meta
 
 from lippmann.base import toml
 from lippmann.base.toml import documented, key, values
-from lippmann.errors import InputError, input_error
+from lippmann.errors import input_error
 from lippmann.optics.rays import Floats
 from lippmann.scenes.formats import kind_of
 from lippmann.scenes.placement import ORIGIN, Placement, Scale, Triple
@@ -137,7 +137,8 @@ def load_film(path: str | Path) -> Film:
     film = Film(**values(toml.read(FilmFile, toml.load(path, "film"), str(path))), name=path.stem)
     near, far = film.near_mm, film.far_mm
     if near is not None and far is not None and near <= far:
-        raise InputError(f"{path}: near_mm {near:g} is not in front of far_mm {far:g}; +z is towards the eye")
+        what = f"near_mm {near:g} is not in front of far_mm {far:g}"
+        raise input_error(path, what, "raise it: +z is towards the eye")
     world = film.world and _with_motion(film.world, film, f"{path}: world")
     moving = tuple(_with_motion(one, film, f"{path}: object[{place}]") for place, one in enumerate(film.object))
     return replace(film, scene=(path.parent / film.scene).absolute(), object=moving, world=world)
@@ -151,7 +152,7 @@ def check_frames(key_frames: Sequence[int], frames: int, where: str) -> None:
         if frame >= frames:
             raise input_error(key_name, f"{frame} is beyond the film's last frame", f"give at most {frames - 1}")
         if frame <= before:
-            raise input_error(key_name, f"{frame} does not come after {before}", "sort the keys by frame")
+            raise input_error(key_name, f"{frame} does not come after {before}", "give one key per frame, in order")
         before = frame
 
 

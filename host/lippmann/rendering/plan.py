@@ -217,7 +217,7 @@ def open_scene(source: SceneSource, placement: Placement | None = None, device: 
         return
     own = _device_name(source.mitsuba.variant_name())
     if device not in ("auto", own):
-        raise InputError(f"the scene was loaded for device '{own}', not '{device}'; load it again")
+        raise InputError(f"the scene was loaded for device '{own}', not '{device}'; give '{own}', or load it again")
     with own_variant(own):
         yield source if placement is None else source.placed(placement)
 
@@ -263,7 +263,7 @@ class Job:
         scene = place_scene(self.scene, self.display, self.arrange)
         path = scene.path.absolute()  # keep links: files beside a link are read
         if portable and not path.exists():
-            raise InputError("a scene in memory can neither be shared with workers nor be kept; give a scene file")
+            raise InputError("workers and kept bands need a scene file, not a scene in memory; give one")
         # The model is chosen, so the tolerance must not change the plan's identity.
         model = report_and_choose_model(scene, self.display, self.options)
         options = replace(self.options, model=model, tolerance=TOLERANCE)

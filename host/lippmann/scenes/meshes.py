@@ -277,8 +277,8 @@ def _with_faces_apart(mesh: Trimesh, colours: npt.NDArray[np.uint8], source: Pat
     import trimesh
 
     if len(colours) != len(mesh.faces):
-        what = f"has {len(colours)} colours of faces, and {len(mesh.faces)} triangles"
-        raise input_error(source, what, "split its faces into triangles in a mesh editor")
+        what = f"has {len(colours)} face colours, and {len(mesh.faces)} triangles"
+        raise input_error(source, what, "triangulate it in a mesh editor")
     corners = np.asarray(mesh.vertices)[np.asarray(mesh.faces)].reshape(-1, 3)
     faces = np.arange(len(corners)).reshape(-1, 3)
     return trimesh.Trimesh(corners, faces, vertex_colors=np.repeat(colours, 3, axis=0), process=False)
@@ -431,4 +431,4 @@ def check_faces(path: Path) -> None:
         reason = " ".join(str(error).split())[:200] or type(error).__name__
         raise input_error(path, f"cannot be read as ply ({reason})", "export it again") from None
     if worst is not None:
-        raise input_error(path, f"a face uses vertex {worst}, but the file has {vertices}", "export it again")
+        raise input_error(path, f"a face uses vertex {worst}, but the file has {vertices} (from 0)", "export it again")

@@ -52,10 +52,10 @@ class Placement:
 
     def __post_init__(self) -> None:
         check_fields(self)
-        if self.near_mm is not None and self.far_mm is not None and self.near_mm <= self.far_mm:
-            raise InputError(
-                f"placement: near_mm {self.near_mm:g} is not in front of far_mm {self.far_mm:g}; +z is towards the eye"
-            )
+        near, far = self.near_mm, self.far_mm
+        if near is not None and far is not None and near <= far:
+            what = f"near_mm {near:g} is not in front of far_mm {far:g}"
+            raise input_error("placement", what, "raise it: +z is towards the eye")
 
     def __str__(self) -> str:
         rotate, offset = (
@@ -171,7 +171,7 @@ def arranged(scene: Scene, display: Display, arrange: Arrange) -> Scene:
     rotated = Placement(rotation_deg=scene.placement.rotation_deg)
     low, high = scene.box(rotated)
     if not np.isfinite(high - low).all() or not (high > low).any():
-        raise InputError(f"{scene.path}: the scene has no bounded extent to fit; place it with --scale and --offset")
+        raise InputError(f"{scene.path}: the scene has no bounded extent to fit; place it with a scale and an offset")
     return scene.placed(rotated.then(fitting(low, high, display)))
 
 
@@ -209,7 +209,7 @@ def _by_camera(scene: Scene, display: Display) -> Placement:
     if sensor is None or "x_fov" not in parameters:
         what = "contains no camera with a field of view"
         own = scene.path.suffix.lower() == ".xml"
-        remedy = "place it with --fit, --scale and --offset"
+        remedy = "place it with --fit, or with a scale and an offset"
         raise input_error(scene.path, what, f'add a <sensor type="perspective">, or {remedy}' if own else remedy)
     x_fov = math.radians(float(np.array(parameters["x_fov"]).ravel()[0]))
     matrix = np.array(sensor.world_transform().matrix, np.float64).reshape(4, 4)

@@ -164,7 +164,7 @@ def _read_by_pillow(path: Path, count: int) -> Radiance:
             _check_size(path, count * opened.width * opened.height)
             return decode(np.asarray(opened.convert("RGB"), np.float32) / np.float32(255.0), "srgb")
     except FileNotFoundError:
-        raise input_error(path, "no such picture", "add the picture, or remove it from the list") from None
+        raise input_error(path, "no such picture", "add it, or remove it from the list") from None
     except (OSError, ValueError, SyntaxError, Image.DecompressionBombError) as error:
         raise input_error(path, f"cannot be read ({str(error)[:100]})", f"give {', '.join(PICTURES)}") from None
 

@@ -203,7 +203,7 @@ def scene_of(scene: mts.Scene | dict[str, object], placement: Placement | None =
         try:
             scene = mi.load_dict(scene)
         except Exception as error:  # Mitsuba's errors have no common base
-            raise InputError(f"the scene's dictionary is invalid: {' '.join(str(error).split())[:400]}") from None
+            raise InputError(f"the scene's dictionary: {' '.join(str(error).split())[:400]}; mend it") from None
     if not isinstance(scene, mi.Scene):
         what = f"{type(scene).__name__} is not a scene"
         raise InputError(f"{what}; give a path, a mitsuba.Scene or a dictionary of the type scene")

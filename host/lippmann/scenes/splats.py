@@ -25,7 +25,7 @@ SHAPE = ("opacity", "scale_0", "scale_1", "scale_2", "rot_0", "rot_1", "rot_2", 
 MIN_LOGIT = float(np.log(0.0101 / (1.0 - 0.0101)))
 MAX_LOG = 30.0
 MAX_BYTES = 2 << 30
-REMEDY = "export it again from the trainer or an editor of splats"
+REMEDY = "export it again from the trainer or a splat editor"
 
 
 def write_scene(path: Path, folder: Path) -> Path:
@@ -62,7 +62,7 @@ def _read(path: Path) -> npt.NDArray[np.void]:
         raise input_error(path, f"{what}: no property {', '.join(missing)}", REMEDY)
     harmonics = [name for name in (f"f_rest_{k}" for k in range(3 * (DEGREES[-1] + 1) ** 2 - 3)) if name in there]
     if len(harmonics) + 3 not in [3 * (degree + 1) ** 2 for degree in DEGREES]:
-        raise input_error(path, f"has {len(harmonics)} properties f_rest_*: no degree has as many", REMEDY)
+        raise input_error(path, f"has {len(harmonics)} properties f_rest_*: no degree of harmonics has as many", REMEDY)
     names = (*PLACE, *COLOUR, *harmonics, *SHAPE)
     # Mitsuba requires normals, and ignores them.
     table = np.zeros(vertex.count, [(name, "<f4") for name in (*PLACE, *NORMAL, *names[len(PLACE) :])])
@@ -79,7 +79,7 @@ def _read(path: Path) -> npt.NDArray[np.void]:
         raise input_error(path, what, "remove them in a splat editor")
     sizes = np.array([table[name] for name in SHAPE if name.startswith("scale")])
     if np.abs(sizes).max() > MAX_LOG:
-        what = f"has splats whose size is e to the {sizes.max():.3g}"
+        what = f"has splats whose size is e to the {max(sizes.flat, key=abs):.3g}"
         raise input_error(path, what, "remove them in a splat editor")
     table["opacity"] = np.maximum(table["opacity"], MIN_LOGIT)
     return table

@@ -127,7 +127,7 @@ class SceneHarness:
         )
         if self.clocks < 0:
             why = "stopped before the last pixel" if self.clocks == -1 else "marked a wrong pixel as first or last"
-            raise LippmannError(f"the simulated scene pipeline {why}; run the RTL's tests with make test")
+            raise LippmannError(f"the simulated scene pipeline {why}; run the RTL tests with make test")
         return out
 
 

@@ -203,8 +203,8 @@ def start(display: Display, **options: Unpack[BoardOptions]) -> RunningBoard:
     trace, tcp_port = options.get("trace"), options.get("tcp_port")
     check_panel(display)
     if memory == "sdram" and display.panel.width_px % 2:
-        what = f"the panel is {display.panel.width_px} pixels wide"
-        raise input_error(f"display '{display.name}'", what, "give a panel of even width, or memory block")
+        what = f"memory sdram needs an even width, not {display.panel.width_px} pixels"
+        raise input_error(f"display '{display.name}'", what, "change panel.width_px, or give memory block")
     clock_hz = options.get("clock_hz") or usual_clock(display, scene, memory)
     words: dict[str, object] = {
         "port": tcp_port or 0,
