@@ -140,9 +140,6 @@ def random_rays(display: Display, aperture: Aperture, count: int, seed: int) -> 
     return PanelRays("sample", display, pixels, aims_of_words(display, *words, WIDEST))
 
 
-# ---- tracing rates ----
-
-
 def in_turn(works: Mapping[Name, Rate], rounds: int) -> dict[Name, list[float]]:
     """Call the functions alternately, and return `rounds` rates of each.
 
@@ -248,9 +245,6 @@ def measure_rays(
     return rows
 
 
-# ---- rendered images ----
-
-
 def middle(display: Display, most_px: int) -> Display:
     """Return the display with its panel cropped to the centre, at most `most_px` pixels per side."""
     panel = display.panel
@@ -278,9 +272,6 @@ class Pictures:
         """Render the scene's integral image."""
         settings = Settings(aperture=aperture, seed=self.seed)
         return render_integral(self.scene, self.display, model, settings, None, engine, fraction_bits).radiance
-
-
-# ---- all engines ----
 
 
 def engines_for(display: Display) -> list[Engine]:
@@ -323,9 +314,6 @@ def _views(pictures: Pictures, engines: Sequence[Engine]) -> dict[tuple[Model, E
     return {key: (psnr_db(view, true), psnr_db(view, direct)) for key, view in views.items()}
 
 
-# ---- the report ----
-
-
 class Section(NamedTuple):
     """A report section: name in the template, function that measures, functions that draw."""
 
@@ -366,9 +354,6 @@ def make_report(
     csv_tables = {table.name: table.flat() for table in tables.values()}
     csv_tables["report-moved"] = [move.flat() for move in comparison.moved]
     return Page(PAGE, origin, drawn, csv_tables, context, templates), comparison
-
-
-# ---- load by other programs ----
 
 
 class Load(NamedTuple):

@@ -165,9 +165,6 @@ def _broken(path: Path, what: str) -> InputError:
     return input_error(path, what, "remove it, or name another run's folder with --against")
 
 
-# ---- comparison of two runs ----
-
-
 @dataclass(frozen=True)
 class Move:
     """A measured value that changed; `row` lists the keys of its row."""
@@ -232,9 +229,6 @@ def compare(origin: Mapping[str, str], tables: Sequence[Figures], before: Stored
     changed = tuple(key for key in ("machine", "versions") if origin[key] != before.origin.get(key))
     counts = (len(both), tuple(moved), len(now) - len(both), len(old) - len(both))
     return Comparison(before.origin, (), changed, *counts)
-
-
-# ---- tables ----
 
 
 def where(rows: Rows, **requested: Value) -> list[Row]:

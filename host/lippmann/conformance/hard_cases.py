@@ -105,9 +105,6 @@ def _near_onset(name: str, display: Display, pixels: Floats, aims: Floats) -> Pa
     return PanelRays(name, display, np.repeat(pixels, len(ULPS), axis=0), near.reshape(-1, 2))
 
 
-# ---- hard points on one display ----
-
-
 @_case
 def chief_ray(display: Display, random: Random, count: int) -> Sets:
     """Test rays from the point behind a lenslet's vertex through the vertex: they are not refracted."""
@@ -282,9 +279,6 @@ def tangent(display: Display, random: Random, count: int) -> Sets:
     aim = point + (hilly.gap_mm - hilly.aperture_distance_mm - point[:, 2:]) / direction[:, 2:] * direction
     pixels, own = pixels_at(hilly, start[:, :2])
     yield PanelRays("tangent", hilly, pixels, aim[:, :2] - own)
-
-
-# ---- displays with an extreme parameter ----
 
 
 @_of_displays

@@ -114,9 +114,6 @@ def _judge_numbers(
     return compared.wrong, Finding()
 
 
-# ---- diagnosis of numbers ----
-
-
 def _diagnose(compared: Comparison, two_faults: bool) -> Finding:
     bad = compared.wrong_arrays
     first = min((FIELDS[name][0] for name in bad), key=STAGES.index)
@@ -166,9 +163,6 @@ def _wrapped(compared: Comparison) -> bool:
         and not wrong[np.abs(right).max(axis=1) < 1.0 - 1e-3].any()
         and (~wrong).any()
     )
-
-
-# ---- diagnosis of words ----
 
 
 def _judge_words(

@@ -163,9 +163,6 @@ def onset(inner: Floats, outer: Floats, has: Callable[[Floats], Bools]) -> Float
     return inner + low[:, None] * (outer - inner)
 
 
-# ---- fixed-point words of the RTL ----
-
-
 def formats(fraction_bits: int) -> dict[str, tuple[int, int]]:
     """Return (bits, fraction bits) of each word in `INPUTS` and `OUTPUTS`, keyed by word name."""
     near = fraction_bits + 2

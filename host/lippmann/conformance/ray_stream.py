@@ -159,9 +159,6 @@ def values(display: Display) -> dict[str, str]:
     return texts
 
 
-# ---- reading of answers ----
-
-
 @dataclass
 class _Set:
     name: str

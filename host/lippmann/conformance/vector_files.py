@@ -160,8 +160,6 @@ def _write_header(top: Path, entries: list[Entry], fraction_bits: int, about: Ma
     (top / "README.md").write_text(page.format(**bits, outputs=", ".join(OUTPUTS), arrays=rows))
 
 
-# ---- reading of files of rays ----
-
 #: Names of the input arrays; each array has two columns.
 INPUT_ARRAYS = ("pixel", "aperture_mm")
 

@@ -257,7 +257,7 @@ def render_rays(scene: Scene, source: RaySource, settings: Settings, progress: P
     radiance, lost = np.empty((source.height_px, source.width_px, 3), np.float32), []
     started, cpu_before = time.perf_counter(), time.process_time()
     for number, rows in enumerate(renderer.bands):
-        report = None if progress is None else lambda done, first=rows.start: progress(first + done, source.height_px)
+        report = None if progress is None else lambda count, first=rows.start: progress(first + count, source.height_px)
         band, counts = renderer.render(number, report)
         radiance[rows.start : rows.stop] = finite_radiance(band, f"rows {rows.start} to {rows.stop - 1}")
         lost.append(counts)

@@ -93,9 +93,6 @@ def write_scene(path: Path, folder: Path, scene_from_display: Floats, notes: lis
     return write(scene, folder / "scene.xml")
 
 
-# ---- reading ----
-
-
 def _instances(path: Path, notes: list[str]) -> Iterator[tuple[str, Trimesh, Floats]]:
     loaded = _load(path, notes)
     nodes = [(str(node), *loaded.graph[node]) for node in loaded.graph.nodes_geometry]
@@ -206,9 +203,6 @@ def _check_gltf(path: Path, kind: str, data: bytes, notes: list[str]) -> None:
     left_out = [name for name in used if name in LEFT_OUT]
     if left_out:
         notes.append(f"note: {path.name} is shown without its {', '.join(left_out)}")
-
-
-# ---- shapes ----
 
 
 class _Textures:
@@ -328,9 +322,6 @@ def _write_mesh(path: Path, mesh: Trimesh, matrix: Floats, uv: Floats | None, co
     if uv is not None:  # the first row of trimesh's pictures is at v = 1
         uv = np.array(uv) * (1.0, -1.0) + (0.0, 1.0)
     write_surface(path, points, faces, normals, uv, colours)
-
-
-# ---- materials ----
 
 
 def _add_material(shape: Element, material: Material | None, textures: _Textures, has_uv: bool) -> None:
