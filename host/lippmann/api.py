@@ -393,7 +393,7 @@ def view_page(
         check_image(frame)
     check_type("title", title, str, "text")
     if not 0.1 <= as_number(frames_per_second) < math.inf:
-        raise InputError(f"frames_per_second {frames_per_second} is out of range; give 0.1 or more")
+        raise InputError(f"frames_per_second {frames_per_second} is out of range; give a finite number, 0.1 or more")
     if scene is None and (placement is not None or arrange is not None):
         raise InputError("placement and arrange need a scene; give scene too, or leave out both")
     check_device(device)

@@ -127,7 +127,7 @@ def test_an_unknown_curve_in_a_file_names_the_file(tmp_path):
     for suffix in (".exr", ".png"):
         write_foreign(tmp_path / f"a{suffix}", pixels, {"transfer": "gamma2.6"})
     assert IntegralImage.load(tmp_path / "a.exr", display, force=True).metadata["transfer"] == "srgb"
-    with pytest.raises(InputError, match=r"a\.png: the transfer 'gamma2\.6' is unknown; choose from srgb"):
+    with pytest.raises(InputError, match=r"a\.png: unknown transfer 'gamma2\.6'; choose from srgb"):
         IntegralImage.load(tmp_path / "a.png", display, force=True)
 
 
@@ -177,7 +177,7 @@ def test_what_is_saved_can_be_loaded(tmp_path, suffix, value):
      ("k", ""), ("k", "a\0b"), ("k", "\udc80"), ("k", "v" * 70_000)],
 )  # fmt: skip
 def test_metadata_that_a_file_would_lose_is_refused(tmp_path, key, value):
-    with pytest.raises(InputError, match=rf"^metadata {re.escape(repr(key[:40]))}: files lose this key.*; (use|give)"):
+    with pytest.raises(InputError, match=rf"^metadata {re.escape(repr(key[:40]))}: files cannot store .*; (use|give)"):
         IntegralImage(image_for(display_with()).radiance, display_with(), {key: value})
     metadata = {"k" * 70: "first\nsecond", "\u03b1 \xe9:1": "=", "long": "v" * 59_000}
     for suffix in (".exr", ".tif", ".png"):

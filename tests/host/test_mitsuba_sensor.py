@@ -113,8 +113,8 @@ def test_a_whole_lenslet_and_where_the_display_stands(mi, sensor_of):
 @pytest.mark.parametrize(
     ("extra", "message"),
     [
-        ('<string name="model" value="cheap"/>', "model 'cheap' is not known"),
-        ('<string name="aperture" value="half"/>', "aperture 'half' is not known"),
+        ('<string name="model" value="cheap"/>', "unknown model 'cheap'"),
+        ('<string name="aperture" value="half"/>', "unknown aperture 'half'"),
         ('<float name="gap" value="3"/>', "gap"),
         ('<float name="near_mm" value="nan"/>', "near_mm is nan"),
         (POSE.format('<scale x="2" y="1" z="1"/>'), "differs between directions"),

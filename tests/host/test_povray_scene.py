@@ -394,7 +394,7 @@ def test_glass_that_is_not_closed_is_refused(mi, tmp_path):
 
     export("whole")
     export("whole", '<transform name="to_world"><rotate x="1" y="2" angle="33"/><scale value="7"/></transform>')
-    with pytest.raises(InputError, match="encloses no glass"):
+    with pytest.raises(InputError, match="is not closed"):
         export("holed")
     with pytest.raises(InputError, match="point inwards"):
         export("whole", '<boolean name="flip_normals" value="true"/>')
@@ -431,7 +431,7 @@ REFUSED = {
     "wrap_mode": PICTURE.format('<string name="wrap_mode" value="clamp"/>'),
     "to_uv": PICTURE.format('<transform name="to_uv"><scale value="2"/></transform>'),
     "specular_transmittance": '<bsdf type="dielectric"><rgb name="specular_transmittance" value="1 0.5 1"/></bsdf>',
-    "encloses no glass": card('<bsdf type="dielectric"/>'),
+    "is not closed": card('<bsdf type="dielectric"/>'),
     "shape 'sphere' has no material": "",
     "is not a sphere": diffuse() + '<transform name="to_world"><scale x="2"/></transform>',
     "normals that point inwards": diffuse() + '<boolean name="flip_normals" value="true"/>',

@@ -389,7 +389,7 @@ def test_board_stop_waits_as_long_as_the_board_may_take(seconds, code, tmp_path,
     assert ("did not end" in capsys.readouterr().err) == bool(code)
 
 
-@pytest.mark.parametrize(("folder", "code", "told"), [("new/screen", 1, "stop here"), ("file/screen", 2, "no folder")])
+@pytest.mark.parametrize(("folder", "code", "told"), [("new/screen", 1, "stop here"), ("file/screen", 2, "not exist")])
 def test_the_captures_folder_is_made(tmp_path, monkeypatch, capsys, folder, code, told):
     def refuse(*_, **__):
         raise DeviceError("stop here")

@@ -219,7 +219,7 @@ def test_rays_are_those_of_the_twin(place, port):
         (("write", "display", "brightness=x"), "brightness=x: is not an integer"),
         (("write", "display", "colour=1"), "display has no field colour"),
         (("write", "display", "brightness=1", "brightness=2"), "a field is named twice"),
-        (("write", "display", "brightness=1", 2), "give either words, or FIELD=VALUE"),
+        (("write", "display", "brightness=1", 2), "give words or FIELD=VALUE"),
         (("write", "display", "pattern=7"), "pattern=7: pattern 7 is not defined; choose from 0 off, 1 single_lens"),
         (("write", "display", 0x6FF), "1791: pattern 6 is not defined"),
         (("write", "--", "0x18", -1), "-1: is out of range"),
@@ -282,7 +282,7 @@ def test_bad_options_of_a_board_are_refused_before_it_is_compiled(place, tmp_pat
         denied.setattr(Path, "mkdir", refuse)
         assert run([*start, "--capture", str(tmp_path / "no" / "place")]) == 2
     assert capsys.readouterr().err.startswith(
-        f"lippmann: --capture: {tmp_path / 'no' / 'place'} cannot be created; choose"
+        f"lippmann: --capture: {tmp_path / 'no' / 'place'} cannot be made; choose"
     )
     monkeypatch.setattr(os, "access", lambda *_: False)
     for option, path in (("--capture", tmp_path), ("--ready", tmp_path / "a.json"), ("--trace", tmp_path / "a.fst")):

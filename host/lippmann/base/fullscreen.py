@@ -67,17 +67,16 @@ def full_screen(size: tuple[int, int], monitor: int) -> Iterator[Callable[..., P
     Raises DeviceError if there is no desktop or no full screen.
     """
     check_monitor(monitors(), monitor, size)
-    width, height = size
     with desktop("a full screen") as pygame:
-        screen = pygame.display.set_mode((width, height), pygame.FULLSCREEN | pygame.NOFRAME, display=monitor)
-        if screen.get_size() != (width, height):
-            raise DeviceError(f"the desktop offers {screen.get_size()} px on monitor {monitor}; disable scaling")
+        screen = pygame.display.set_mode(size, pygame.FULLSCREEN | pygame.NOFRAME, display=monitor)
+        if (offered := screen.get_size()) != size:
+            raise DeviceError(f"the desktop offers {offered} px on monitor {monitor}, not {size}; disable scaling")
         pygame.mouse.set_visible(False)
 
         def show(image: Pixels, seconds: float | None = 0.0) -> Pixels:
             _show(pygame, screen, pygame.surfarray.make_surface(image.swapaxes(0, 1)), seconds)
             pygame.event.pump()
-            return np.frombuffer(pygame.image.tobytes(screen, "RGB"), np.uint8).reshape(height, width, 3)
+            return np.frombuffer(pygame.image.tobytes(screen, "RGB"), np.uint8).reshape(size[1], size[0], 3)
 
         yield show
 

@@ -53,6 +53,7 @@ MAX_TEXT_BYTES = 1 << 18
 COLOUR_SPACES = {"srgb": "sRGB", "gamma2.2": "Gamma2.2", "linear": "Linear"}
 #: Without row filters, PNG files are written three times as fast, and are not larger.
 PNG_SETTINGS = {"png:filter": 0x08, "png:compressionLevel": 2}
+AGAIN = "render the image again"
 PREFIX = "lippmann:"
 #: Maximum size of a metadata key (PNG's limit) and of all metadata (TIFF's), bytes.
 MAX_KEY_BYTES, MAX_METADATA_BYTES = 70, 60_000
@@ -182,11 +183,11 @@ def check_metadata(metadata: Mapping[str, str]) -> None:
     for key, value in metadata.items():
         where, plain = f"metadata {key[:40]!r}", " ".join(key.split())
         if key != plain or not key.isprintable() or "=" in key or not 0 < len(key.encode()) <= MAX_KEY_BYTES:
-            raise input_error(where, "files lose this key", f"use words without =, {MAX_KEY_BYTES} bytes at most")
+            raise input_error(where, "files cannot store this key", f"use words without =, up to {MAX_KEY_BYTES} bytes")
         size += len(f"{PREFIX}{key}={value}\n".replace("\n", "\n\t").encode(errors="replace"))
         if not value or size > MAX_METADATA_BYTES or re.search("[\0\ud800-\udfff]", value):
-            remedy = f"give text without NUL; all metadata may have {MAX_METADATA_BYTES} bytes"
-            raise input_error(where, "files lose this key's value", remedy)
+            remedy = f"give text, not empty and without NUL; all metadata may have {MAX_METADATA_BYTES} bytes"
+            raise input_error(where, "files cannot store this value", remedy)
 
 
 def _file_spec(
@@ -242,7 +243,7 @@ def _quiet(path: Path) -> Iterator[None]:
         with silent_stderr():
             yield
     except UnicodeDecodeError:  # OpenImageIO's message quotes a broken header
-        raise input_error(path, "is broken", "render the image again") from None
+        raise input_error(path, "is broken", AGAIN) from None
 
 
 def _opened(
@@ -265,7 +266,7 @@ def _opened(
         if limit is not None:
             _check_size(path, (spec.width, spec.height), limit)
         if spec.deep or spec.depth > 1 or spec.nchannels > MAX_CHANNELS:
-            raise input_error(path, f"is not a flat image of 1 to {MAX_CHANNELS} channels", "render the image again")
+            raise input_error(path, f"is not a flat image of 1 to {MAX_CHANNELS} channels", AGAIN)
         metadata = _metadata_of(spec)
         if accept is not None:
             accept(metadata)
@@ -277,7 +278,7 @@ def _opened(
 
 def _decode_rows(path: Path, rows: Radiance, metadata: Mapping[str, str]) -> None:
     if not np.isfinite(rows).all():
-        raise input_error(path, "contains pixels that are not finite", "render the image again")
+        raise input_error(path, "contains pixels that are not finite", AGAIN)
     # A linear file's metadata contains the panel's transfer curve, not the file's.
     linear = path.suffix.lower() in LINEAR_SUFFIXES
     with located(path):
@@ -295,7 +296,7 @@ def _check_texts(path: Path) -> None:
     for kind, size, _ in png_chunks(path):
         texts += size * (kind in (b"zTXt", b"iTXt"))
         if texts > MAX_TEXT_BYTES:
-            raise input_error(path, f"contains more than {MAX_TEXT_BYTES} bytes of texts", "render the image again")
+            raise input_error(path, f"contains more than {MAX_TEXT_BYTES} bytes of texts", AGAIN)
 
 
 def _first_line(trouble: str, path: Path) -> str:
@@ -398,7 +399,7 @@ class StoredRows:
                     pixels = self._source.read_scanlines(0, 0, *y, 0, 0, channels, kind)
                 if pixels is None:
                     trouble = _first_line(self._source.geterror(), self._path)
-                    raise input_error(self._path, f"is truncated or broken ({trouble})", "render the image again")
+                    raise input_error(self._path, f"is truncated or broken ({trouble})", AGAIN)
                 band = rows[low - first : high - first]
                 band[:] = pixels[low - top : high - top]
                 _decode_rows(self._path, band, self.metadata)

@@ -33,7 +33,7 @@ def curve_of(transfer: Transfer) -> npt.NDArray[np.float64] | None:
         return _check_curve(transfer)
     if not transfer.startswith("["):
         if transfer not in ("srgb", "gamma2.2", "linear"):
-            raise InputError(f"the transfer '{transfer}' is unknown; choose from srgb, gamma2.2, linear")
+            raise InputError(f"unknown transfer '{transfer}'; choose from srgb, gamma2.2, linear")
         return None
     try:
         return _check_curve(json.loads(transfer))

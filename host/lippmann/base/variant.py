@@ -38,7 +38,7 @@ def available_device(device: str = "auto") -> str:
         device = "cuda" if dr.has_backend(dr.JitBackend.CUDA) else "llvm"
     cuda = device == "cuda"
     if not dr.has_backend(dr.JitBackend.CUDA if cuda else dr.JitBackend.LLVM):
-        needs = "an NVIDIA driver: use device llvm" if cuda else "a system libLLVM: run make setup"
+        needs = "an NVIDIA driver: use device llvm" if cuda else "a system libLLVM: install one, or run make setup"
         raise MissingLibraryError(f"device '{device}' is not available; it needs {needs}")
     return device
 

@@ -94,8 +94,8 @@ class Board(Session):
                 self.abort()
             raise
         self.abort()
-        what = f"the traced frame has not ended after {runs[1]} rays; {rays} were expected"
-        raise self.error(what, "write the raster's registers first; the frame was aborted")
+        what = f"aborted a traced frame that had not ended after {runs[1]} rays; {rays} were expected"
+        raise self.error(what, "write the raster's registers first")
 
     def frame_runs(self) -> bool:
         """Return whether the optics block traces a frame, or has a frame start pending."""

@@ -27,6 +27,7 @@ from lippmann.errors import DeviceError, InputError, NoBoardError, device_error,
 
 #: URL schemes of sockets.
 SCHEMES = ("unix://", "socket://")
+REMEDY = "give a serial device, or socket://HOST:PORT"
 #: Bits per byte on the line: start bit, eight data bits, stop bit.
 BITS_A_BYTE = 10
 DEFAULT_BAUD = 115200
@@ -53,7 +54,7 @@ def open_port(url: str, baud: int = DEFAULT_BAUD) -> serial.Serial | socket.Sock
     address: object = url
     if not (isinstance(address, str) and address):
         what = "the port is empty" if isinstance(address, str) else f"{address!r} is not a port"
-        raise InputError(f"{what}; give a device, or socket://HOST:PORT")
+        raise InputError(f"{what}; {REMEDY}")
     if not (isinstance(baud, Integral) and baud > 0):
         raise InputError(f"the baud rate {baud} is not positive; give a rate such as {DEFAULT_BAUD}")
     try:
@@ -65,7 +66,7 @@ def open_port(url: str, baud: int = DEFAULT_BAUD) -> serial.Serial | socket.Sock
     except (ValueError, TypeError, NotImplementedError) as error:
         if "baud" in str(error):
             raise device_error(url, f"the port does not support {baud} baud", "choose another rate") from None
-        raise input_error(url, f"is not a port ({error})", "give a device, or socket://HOST:PORT") from None
+        raise input_error(url, f"is not a port ({error})", REMEDY) from None
     return port
 
 
@@ -149,9 +150,9 @@ def _refusal(url: str, error: Exception) -> NoBoardError | InputError:
         case errno.ECONNREFUSED:
             what, remedy = "no program listens on this port", "start the virtual board: lippmann board start"
         case _ if "configure port" in str(error):  # pyserial gives no errno for errors of termios
-            what, remedy = "is not a serial port", "give a device, or socket://HOST:PORT"
+            what, remedy = "is not a serial port", REMEDY
         case _:
-            what, remedy = f"is not a usable port ({error})", "give a device, or socket://HOST:PORT"
+            what, remedy = f"is not a usable port ({error})", REMEDY
     return no_board_error(url, what, remedy)
 
 

@@ -239,8 +239,8 @@ class Session:
         """
         if not 1 <= len(words) <= MAX_WORDS:
             raise InputError(f"{len(words)} words cannot be written at once; give 1 to {MAX_WORDS}")
-        if not all(0 <= word < 1 << 32 for word in words):
-            raise InputError("a word does not fit into 32 bits; give 0 to 0xFFFFFFFF")
+        if wide := [word for word in words if not 0 <= word < 1 << 32]:
+            raise InputError(f"the word {wide[0]} does not fit into 32 bits; give 0 to 0xFFFFFFFF")
         self.ask(Kind.WRITE, ADDRESS.pack(_checked(address)) + struct.pack(f"<{len(words)}I", *words), 0)
 
     def write_all(self, writes: Iterable[Write]) -> None:

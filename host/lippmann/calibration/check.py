@@ -98,7 +98,7 @@ def judge(white: Light, dark: Light) -> Verdict:
         raise InputError("photographs 1-white and 2-dark are both black; expose both longer, and equally")
     inside = ndimage.binary_erosion(panel)  # blocks on the panel's edge show the mount too
     if inside.sum() < 9:
-        raise InputError("the photographs show too little of the panel; move the camera nearer")
+        raise InputError("the photographs show too little of the panel; zoom in, or draw for a nearer eye")
     share = means[1][inside] / both[inside]
     right_share = float((share < MAX_DARK).mean())
     return Verdict(right_share >= MIN_RIGHT, right_share, float(np.median(share)), float(np.percentile(share, 95.0)))

@@ -87,7 +87,7 @@ def _position(folder: Path, patterns: PatternSet) -> Position:
         remedy = "give each photograph the name of its pattern, and use the patterns of this display"
         raise input_error(folder, what, remedy)
     if absent:
-        more = f" (and {len(absent) - 1} others)" if absent[1:] else ""
+        more = f" (and {len(absent) - 1} more)" if absent[1:] else ""
         raise input_error(folder, f"the photograph of {absent[0]} is missing{more}", f"add {absent[0]}.jpg")
     if unknown:
         what = f"no pattern has the name of {photographs[unknown[0]].name}"

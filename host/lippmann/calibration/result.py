@@ -132,7 +132,8 @@ def load_calibration(path: Path) -> Calibration:
         why = f"{error} is missing" if isinstance(error, KeyError) else reason(error)
         raise input_error(sidecar, f"cannot be read ({why})", remedy) from None
     if identity != display.identity:
-        raise input_error(sidecar, "belongs to another display file", "run calibrate solve again; keep both files")
+        remedy = "run calibrate solve again, and keep its .toml and .npz together"
+        raise input_error(sidecar, "belongs to another display file", remedy)
     return Calibration(**vars(findings), display=display, nominal=parse_display(nominal, "nominal"), field=field)
 
 
@@ -147,10 +148,8 @@ def display_of(nominal: Display, solution: Solution) -> Display:
     if extent is not None:
         extent = tuple(np.multiply(extent, pitch_mm) / array.pitches_mm)
     if gap < -3.0 * solution.deviation("gap"):
-        raise ContradictionError(
-            f"the fitted gap is {gap:.4f} +- {1.96 * solution.deviation('gap'):.4f} mm, below 0; correct "
-            "thickness_mm or index in the display file"
-        )
+        what = f"the fitted gap is {gap:.4f} +- {1.96 * solution.deviation('gap'):.4f} mm, below 0"
+        raise ContradictionError(f"{what}; correct thickness_mm or index in the display file")
     mounted: Array = replace(
         array,
         pitch_mm=pitch_mm,

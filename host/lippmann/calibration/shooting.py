@@ -36,7 +36,7 @@ def open_webcam(number: int) -> Iterator[cv2.VideoCapture]:
     camera = cv2.VideoCapture(number)
     try:
         if not camera.isOpened():
-            raise DeviceError(f"camera {number} does not open; close other programs, or give another --camera")
+            raise DeviceError(f"camera {number} does not open; close programs that use it, or give another --camera")
         if refused := fix_settings(camera):
             what = f"camera {number} ({camera.getBackendName()}) did not accept the settings for {', '.join(refused)}"
             remedy = "fix these settings in the camera's own program"

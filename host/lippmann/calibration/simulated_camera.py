@@ -53,12 +53,12 @@ class Camera:
         if not self.position_mm[2] > 0.0:
             raise InputError(f"camera: z {self.position_mm[2]:g} mm is not in front of the display; give z > 0")
         if not self.focal_px > 0.0:
-            raise InputError(f"camera: focal length {self.focal_px:g} px is not positive; give it in pixels")
+            raise InputError(f"camera: focal length {self.focal_px:g} px is not positive; give a positive number")
         # If the distortion is not monotonic, `slopes` does not invert `pixel`.
         border = self.border()
         u, v = self.pixel(*self.slopes(*border))
         if not max(np.abs(u - border[0]).max(), np.abs(v - border[1]).max()) < 1e-6:
-            raise InputError(f"camera: distortion {self.k1:g}, {self.k2:g} is not monotonic; choose smaller k1 and k2")
+            raise InputError(f"camera: distortion {self.k1:g}, {self.k2:g} is not monotonic; choose k1, k2 nearer to 0")
 
     @property
     def centre_px(self) -> tuple[float, float]:

@@ -118,10 +118,8 @@ def capture(scene: Scene, setup: Setup, settings: Settings, rotate: bool, progre
         rendered = render_rays(scene, capture_source(setup, settings.aperture), settings, progress)
         lens_percent, array_percent = rendered.lost_percent
         if array_percent >= 100.0:
-            raise InputError(
-                f"set-up '{setup.name}': array: total internal reflection blocks all rays in the lenslets; give a "
-                "longer focal length, or a display with other lenslets"
-            )
+            what = f"set-up '{setup.name}': array: total internal reflection blocks all rays in the lenslets"
+            raise InputError(f"{what}; give a longer focal length, or a display with other lenslets")
         if lens_percent + array_percent > 100.0 - 1e-9:
             raise InputError(
                 f"set-up '{setup.name}': lens.aperture_mm: no ray passes lens and array (the lens blocks "

@@ -239,8 +239,9 @@ def _make_lens(keys: LensKeys, object_mm: float, where: str) -> ImagingLens:
             what = f"a focal length of {focal:g} mm is too short for this thickness and separation"
             raise input_error(f"{where}{name}", what, "give a smaller thickness_mm or separation_mm") from None
     if not 0.5 * pair.aperture_mm < pair.radius_mm:
-        what = f"{pair.aperture_mm:g} mm is wider than a lens of radius {pair.radius_mm:.5g} mm"
-        raise input_error(f"{where}aperture_mm", what, "give a smaller aperture, or a higher index")
+        what = f"{pair.aperture_mm:g} mm is wider than a lens with radius of curvature {pair.radius_mm:.5g} mm"
+        remedy = f"give a smaller aperture, or a {'larger radius' if focal is None else 'higher index'}"
+        raise input_error(f"{where}aperture_mm", what, remedy)
     if pair.thickness_mm < pair.sag_mm:
         what = f"{pair.thickness_mm:g} mm is less than the sag over the aperture, {pair.sag_mm:.5g} mm"
         raise input_error(f"{where}thickness_mm", what, "give a larger thickness, or a smaller aperture")
@@ -251,7 +252,7 @@ def _captured_array(keys: ArrayKeys, display_array: Array, where: str) -> tuple[
     array, focal, concave = display_array, keys.focal_length_mm, False
     if focal is not None:
         if focal == 0.0:
-            raise input_error(f"{where}focal_length_mm", "the focal length is 0", "give mm, negative if concave")
+            raise input_error(f"{where}focal_length_mm", "the focal length is 0", "give it in mm, negative if concave")
         concave = focal < 0.0
         array = replace(display_array, radius_mm=abs(focal) * (display_array.index - 1.0))
         check_radius(array, f"{where}focal_length_mm")

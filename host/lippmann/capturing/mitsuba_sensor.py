@@ -117,7 +117,7 @@ def _check_pose(to_world: Floats) -> None:
 def _choice(name: str, value: object, options: tuple[str, ...]) -> str:
     value = str(value)
     if value not in options:
-        raise input_error(WHERE, f"{name} '{value}' is not known", f"choose from {', '.join(options)}")
+        raise input_error(WHERE, f"unknown {name} '{value}'", f"choose from {', '.join(options)}")
     return value
 
 

@@ -25,6 +25,7 @@ from lippmann.capturing.povray_source import Item, Tree
 from lippmann.capturing.povray_text import block, identifier, matrix, number, plain, rows, vector
 from lippmann.scenes.placement import ORIGIN, Placement, Triple
 
+REFUSED = "cannot be exported to POV-Ray"
 SUBSET = "use diffuse, plastic, conductor (a mirror) or dielectric, two-sided or not"
 
 
@@ -103,7 +104,7 @@ class Materials:
                 side = self._read_coloured_side(item, "reflectance", "diffuse 1")
             case "conductor":
                 if item.value("material", "Cu") != "none" or item.values("eta", "k"):
-                    raise item.refusal("has a complex index", "set material to none, and give a specular_reflectance")
+                    raise item.refusal("has a complex index", "set material none and specular_reflectance, no eta or k")
                 tint = item.triple("specular_reflectance", WHITE)
                 side = _plain((0.0, 0.0, 0.0), f"diffuse 0 reflection {{ rgb {vector(tint)} }}")
             case "dielectric":
@@ -123,7 +124,7 @@ class Materials:
                 finish = f"diffuse {number(diffuse)} reflection {{ rgb 0, rgb {vector(tint)} fresnel on }}"
                 side = self._read_coloured_side(item, "diffuse_reflectance", finish)
             case _:
-                raise item.refusal("cannot be exported to POV-Ray", SUBSET)
+                raise item.refusal(REFUSED, SUBSET)
         item.refuse_leftovers()
         return side, index
 
@@ -139,7 +140,7 @@ class Materials:
         if texture is None:
             return _plain(item.triple(name, (0.5, 0.5, 0.5)), finish)
         if texture.plugin != "bitmap":
-            raise texture.refusal("cannot be exported to POV-Ray", "use a colour or a bitmap")
+            raise texture.refusal(REFUSED, "use a colour or a bitmap")
         if texture.value("wrap_mode", "repeat") != "repeat":
             raise texture.refusal("has a wrap_mode other than repeat", "remove wrap_mode")
         interpolate = " interpolate 2" if texture.value("filter_type", "bilinear") == "bilinear" else ""
@@ -189,7 +190,7 @@ def write_scene(path: Path, placement: Placement, folder: Path) -> None:
         elif item.kind == "Emitter":
             lights.append(_light(item, placement))
         elif item.kind not in (*ELSEWHERE, "BSDF", "Texture"):
-            raise item.refusal("cannot be exported to POV-Ray", "remove it")
+            raise item.refusal(REFUSED, "remove it")
     title = f"// {plain(path.stem)} in the display's frame, mm: x right, y up, +z to the viewer; radiance is linear."
     declared = [f"#declare {name} = {text}" for name, text in materials.textures.items()]
     (folder / "scene.inc").write_text("\n".join([title, *declared, *lights, *objects]) + "\n")
@@ -197,7 +198,7 @@ def write_scene(path: Path, placement: Placement, folder: Path) -> None:
 
 def _light(item: Item, placement: Placement) -> str:
     if item.plugin != "point":
-        raise item.refusal("cannot be exported to POV-Ray", "use point lights")
+        raise item.refusal(REFUSED, "use point lights")
     *position, _ = placement.display_from_scene @ item.matrix() @ np.array([*item.triple("position", ORIGIN), 1.0])
     # I / d^2 is per square scene unit. In mm, I and d^2 are scale^2 times as large.
     intensity = placement.scale**2 * np.array(item.triple("intensity", (1.0, 1.0, 1.0)))
@@ -210,16 +211,16 @@ def _light(item: Item, placement: Placement) -> str:
 def _shape(item: Item, materials: Materials, placement: Placement, place: int) -> list[str]:
     """Return a shape's POV-Ray objects, and add its textures to `materials`; the index `place` makes names unique."""
     if item.plugin not in SHAPES:
-        raise item.refusal("cannot be exported to POV-Ray", f"use {', '.join(SHAPES)}")
+        raise item.refusal(REFUSED, f"use {', '.join(SHAPES)}")
     material = None
     for child in item.children():
         if child.kind != "BSDF":
-            raise child.refusal("of a shape cannot be exported to POV-Ray", "use point lights and plain materials")
+            raise child.refusal(f"of a shape {REFUSED}", "use point lights and plain materials")
         material = materials.read(child)
     if material is None:
         raise item.refusal("has no material", "give the shape a bsdf")
     if material.clear and item.plugin == "rectangle":
-        raise item.refusal("encloses no glass", "use closed shapes for dielectrics")
+        raise item.refusal("is not closed", "use closed shapes for dielectrics")
     spherical = item.plugin == "sphere"
     # In the geometry, `@` stands for texture and interior.
     geometry = _sphere(item, placement) if spherical else _mesh(item, material, placement, materials.folder, place)
@@ -306,7 +307,7 @@ def _check_closed(item: Item, points: Array, faces: Array) -> None:
     edges = np.sort(corner.reshape(-1)[faces[:, [[0, 1], [1, 2], [2, 0]]]].reshape(-1, 2), axis=1)
     _, faces_there = np.unique(edges[edges[:, 0] != edges[:, 1]], axis=0, return_counts=True)
     if (faces_there % 2).any():
-        raise item.refusal("encloses no glass", "use closed shapes for dielectrics")
+        raise item.refusal("is not closed", "use closed shapes for dielectrics")
     # The sum is six times the signed volume, positive if the fronts face inwards.
     if ((points[faces[:, 0]] - points[0]) * _area(points, faces)).sum() > 0.0:
         raise item.refusal("has normals that point inwards", "flip the normals; glass is behind a surface")

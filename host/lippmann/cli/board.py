@@ -203,7 +203,7 @@ def write_command(
     fields = target.fields
     by_field = any("=" in value for value in values)
     if by_field and not (fields and all("=" in value for value in values)):
-        raise InputError(f"{' '.join(values)}: give either words, or FIELD=VALUE with a register's name")
+        raise InputError(f"{' '.join(values)}: neither words nor fields of a named register; give words or FIELD=VALUE")
     if "write" not in target.access:
         raise input_error(register, "can only be read", "see docs/generated/board-registers.md")
     numbers = [] if by_field else [_number(value, value, WORD) for value in values]

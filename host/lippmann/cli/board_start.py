@@ -151,7 +151,7 @@ def _check_places(capture: Path | None, ready: Path | None, trace: Path | None) 
         try:
             capture.mkdir(parents=True, exist_ok=True)
         except PermissionError:
-            raise input_error("--capture", f"{capture} cannot be created", change) from None
+            raise input_error("--capture", f"{capture} cannot be made", change) from None
         except OSError:  # the checks below report the error
             pass
     folders = {"--capture": capture, "--ready": ready and ready.parent, "--trace": trace and trace.parent}
@@ -159,7 +159,7 @@ def _check_places(capture: Path | None, ready: Path | None, trace: Path | None) 
         if not place:
             continue
         if not place.exists():
-            raise input_error(name, f"no folder {place}", "create it first")
+            raise input_error(name, f"the folder {place} does not exist", "make the folder first")
         if not place.is_dir():
             raise input_error(name, f"{place} is a file", "name a folder")
         if not os.access(place, os.W_OK):

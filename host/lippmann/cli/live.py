@@ -51,7 +51,7 @@ def command(
     turn_seconds: float | None = option("Duration of the rotation, s.  [default: to the end]", kind=finite(0.0)),
     seconds: float | None = option("End after this time, s, with a complete picture.", kind=finite(0.0)),
     samples: int = option("Samples per pixel of a complete picture.", MAX_SAMPLES, click.IntRange(1)),
-    model: ModelOption = option("Lens model; auto chooses the cheapest model once.", "auto"),
+    model: ModelOption = option("Lens model; auto chooses the cheapest model at the start.", "auto"),
     settings: Settings = LIGHT,
     moved: Moved = MOVED,
     seed: int = SEED,
@@ -123,9 +123,9 @@ def _check_panels(
     if monitor is not None and port is not None:
         raise InputError("--monitor and --port both name a panel; leave one out")
     if window is not None and monitor is not None:
-        raise InputError("--monitor and --window or --no-window exclude each other; leave one out")
+        raise InputError("--monitor excludes --window and --no-window; leave one out")
     if window is False and (port is None or eye is not None):
-        raise InputError("--no-window needs a board: give --port, and leave out --eye")
+        raise InputError("--no-window needs a board and no eye; give --port, and leave out --eye")
     if window is not False:
         check_screens(display.panel.size_px, monitor)
 

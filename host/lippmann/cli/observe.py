@@ -126,7 +126,7 @@ def _check_files(image: str, output: Path, sheet: Path | None, frames: int | Non
             raise InputError(f"{flag} is for a sweep; give --sweep X0,X1 too")
     for written in filter(None, (output, sheet)):
         if written.exists() and Path(image).exists() and written.samefile(image):
-            raise InputError(f"{written}: is the input image; give the view another name")
+            raise InputError(f"{written}: is the input image; give the output another name")
     if sheet:
         if sheet.resolve() == path.resolve():
             raise InputError(f"{sheet}: is also the animation; give the sheet another name")
