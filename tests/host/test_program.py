@@ -12,7 +12,7 @@ from types import SimpleNamespace
 
 import pytest
 from lippmann.board import bitstreams as program_module
-from lippmann.board import board as board_module
+from lippmann.board import board_search
 from lippmann.board import port as port_module
 from lippmann.board.bitstreams import comment, read_bitfile, sealed
 from lippmann.board.fpga_boards import board_of_port, fpga_board, fpga_boards, usual_baud
@@ -290,8 +290,8 @@ def test_a_search_opens_it_at_that_rate(options, rate, monkeypatch):
         opened[url] = baud
         raise DeviceError(f"{url}: nothing answers; check it")
 
-    monkeypatch.setattr(board_module.Board, "open", refuse)
-    monkeypatch.setattr(board_module, "own_boards", list)
+    monkeypatch.setattr(board_search.Board, "open", refuse)
+    monkeypatch.setattr(board_search, "own_boards", list)
     assert run(["board", "info", *options]) == 1
     assert opened == {"/dev/ttyUSB1": rate if options else 115_200, "/dev/ttyUSB3": rate}
     opened.clear()
@@ -464,13 +464,13 @@ MODEM = SimpleNamespace(device="/dev/ttyS0", vid=None, pid=None, product=None)
 def asked(monkeypatch):
     """The ports that a search opens, with no virtual board of this user among them; none answers."""
     opened = []
-    monkeypatch.setattr(board_module, "own_boards", list)
+    monkeypatch.setattr(board_search, "own_boards", list)
 
     def refuse(url, *_):
         opened.append(url)
         raise DeviceError(f"{url}: nothing answers; check it")
 
-    monkeypatch.setattr(board_module.Board, "open", refuse)
+    monkeypatch.setattr(board_search.Board, "open", refuse)
     return opened
 
 

@@ -14,7 +14,7 @@ from pathlib import Path
 import pytest
 from board_scenes import display_of
 from lippmann.base.files import private_path
-from lippmann.board import board as board_module
+from lippmann.board import board_search
 from lippmann.board import port as port_module
 from lippmann.board.board import Board
 from lippmann.cli import run
@@ -162,7 +162,7 @@ def test_the_only_board_is_found_without_its_port(monkeypatch, capsys):
     """A user's own board on a Unix socket; a socket on which nobody listens is none, and two are named."""
     with tempfile.TemporaryDirectory() as short:
         monkeypatch.setattr(tempfile, "tempdir", short)
-        monkeypatch.setattr(board_module, "adapter_ports", list)
+        monkeypatch.setattr(board_search, "adapter_ports", list)
         assert port_module.own_boards() == []
         with virtual_board.running(DISPLAY) as board:
             with socket.socket(socket.AF_UNIX) as dead:
