@@ -60,7 +60,7 @@ def anchor(netlist: Path, options: flow.Command, seed: int, output: Path) -> int
 
 
 def fastest(cells: Mapping[str, Cell]) -> set[str]:
-    """Return the cells of the PLL's fastest clock (if several: with the fewest cells), and the logic before them."""
+    """Return the cells of the PLL's fastest clock (if equal: with the fewest cells), and the logic before them."""
     plls = [cell for cell in cells.values() if cell["type"] == "EHXPLLL"]
     if len(plls) != 1:
         raise LippmannError(f"the netlist has {len(plls)} PLLs; make all clocks with one PLL")

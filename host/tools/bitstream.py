@@ -297,7 +297,7 @@ def _row(design: Plan, folder: Path, seed: int, run: Mapping[str, Any]) -> dict[
 
 
 def clocks_met(design: Plan, output: str) -> tuple[dict[str, float], list[str]]:
-    """Return each role's MHz after routing, and a line for each wrong or missed clock, from nextpnr's output."""
+    """Return each clock role's MHz after routing, and a line per wrong or missed clock, from nextpnr's output."""
     last = flow.clocks(output)
     roles: dict[str, str] = {}
     missed = []

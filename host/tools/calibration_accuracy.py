@@ -59,7 +59,7 @@ LENSLET_PX = (14.0, 24.0)
 ROTATION_DEG, PITCH, GAP = 5.0, 0.01, 0.2
 #: Standard deviations of the pitches' ratio and of the shear of the random displays.
 RATIO, SHEAR = 3e-4, 5e-4
-#: Cameras: distance in panel widths; maximum angle to the axis of the first, range of angles of the others, degrees.
+#: Cameras: distance in panel widths; the first camera's maximum angle to the axis, the others' range, degrees.
 DISTANCE = (2.5, 5.0)
 NEAR_AXIS_DEG, ASIDE_DEG = 5.0, (8.0, 18.0)
 #: Default number of camera positions.
@@ -166,7 +166,7 @@ def _sensor(rng: np.random.Generator) -> Sensor:
 
 
 class Judgement(NamedTuple):
-    """Errors of a calibrated display: `rms_px` and `worst_px` of lenslet centres, `gap_percent` of the distance D."""
+    """Errors of a calibrated display: `..._px` are lenslet centres' errors, `gap_percent` is that of the distance D."""
 
     rms_px: float
     worst_px: float

@@ -9,9 +9,9 @@ registers in lipp_bit_sync and lipp_reset_sync:
 |---|---|
 | bit | A register, or a pin, drives the first register of a lipp_bit_sync with no logic between them, so no glitch is sampled. The chain's registers share one clock and read only each other; only the second register reads the first. |
 | pulse | lipp_pulse_sync's level and its acknowledgement each cross as a bit. |
-| Gray | The bits of a pointer of lipp_async_fifo: registers of one clock and one enable. The logic before these registers changes exactly one bit at each step, over the complete period. Each bit passes its own lipp_bit_sync. |
-| memory | The content of lipp_async_fifo's memory is sampled under an enable that depends on all bits of the written pointer, synchronised to the reader's clock, and is written under an enable that depends on the synchronised read pointer. |
-| held | lipp_tmds_serialiser's symbols: each is sampled by a register behind one lookup table, which a select register of the sampling clock controls. The select register is high only in a cycle that is counted from a synchronised bit (`i_turn`), which changes with the symbols. The symbols are stable in this cycle, because the clocks' ratio is five to one. |
+| Gray | The bits of a pointer of lipp_async_fifo are registers of one clock and one enable. The logic before these registers changes exactly one bit at each step, over the complete period. Each bit passes its own lipp_bit_sync. |
+| memory | The content of lipp_async_fifo's memory is sampled under an enable that depends on all bits of the write pointer, synchronised to the reader's clock, and is written under an enable that depends on the synchronised read pointer. |
+| held | Each of lipp_tmds_serialiser's symbols is sampled by a register behind one lookup table, which a select register of the sampling clock controls. The select register is high only in a cycle that is counted from a synchronised bit (`i_turn`), which changes with the symbols. The symbols are stable in this cycle, because the clocks' ratio is five to one. |
 | reset | An asynchronous reset is driven by a register of the same clock as the registers that it resets. Only the registers of lipp_reset_sync, whose first register reads a constant, can have another reset. |
 
 The check refuses bits of one register that cross through several lipp_bit_syncs, and separately crossing bits of one
@@ -169,7 +169,7 @@ class Check:
             self._is_wrong(f"{row.place}: {where}: a glitch may be sampled")
 
     def _check_arrays(self) -> None:
-        """Refuse arrays of bit synchronisers, whose bits may arrive in different clocks."""
+        """Refuse arrays of bit synchronisers, whose bits may arrive in different clock cycles."""
         arrays: dict[str, list[Row]] = {}
         for row in self.firsts.values():
             if self._source(row) is not None and (_pointer(row) or ("", "", 0))[:2] not in self.pointers:

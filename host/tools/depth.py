@@ -6,7 +6,7 @@ mm of this motion, so the slope of a fitted line gives the depth.
 
 The first eye sees through the lenslets' centres and stays near the axis, as the lens equations assume. The second eye
 sees through complete lenslets, with exact rays. If the gap is not the focal length, the second eye's rays fill much of
-the imaging lens, whose spherical aberration adds an error. The third eye sees through the centres and moves farther.
+the imaging lens, whose spherical aberration adds an error. The third eye sees as the first, but moves farther.
 """
 
 from __future__ import annotations
@@ -60,7 +60,7 @@ WIDE: Look = ("pinhole", WIDE_EYES_MM)
 
 
 def judged(row: dict[str, Any]) -> dict[str, Any]:
-    """Add columns: errors, per cent, of the first and third eye; `kept` (whether the first is within `SHARE`)."""
+    """Add columns: errors, per cent, of the first and third eye; `kept` (the first error is within `SHARE`)."""
     error, wide = (100.0 * (row[key] / row["theory_mm"] - 1.0) for key in ("centres_mm", "wide_mm"))
     return {**row, "error_percent": error, "wide_error_percent": wide, "kept": abs(error) <= 100.0 * SHARE}
 

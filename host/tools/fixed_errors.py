@@ -92,10 +92,10 @@ def measure(variant: Named, display: Display, rays_of: str, chunks: Iterator[Wor
     """Measure a set of rays, given in chunks; return the set's row.
 
     `refused` rays were not compared. The errors of direction (microradian; `weighted`: times min(1, 2 cos theta_t)) and
-    exit point (nm) are those of rays that leave through one lenslet in both engines; `status_differs` and
-    `lenslet_differs` count other rays. `lost` rays are missed in the twin because they would meet more domes than the
-    build tries. `edge_nm` is the largest distance of other differing rays from the edge where golden's fate changes to
-    the twin's. `kept` is whether the errors are within the configuration's promise (None: it has no promise).
+    exit point (nm) are those of rays that leave through the same lenslet in both engines; `status_differs` and
+    `lenslet_differs` count the others. The twin reports a miss for `lost` rays, which would meet more domes than the
+    build tries. `edge_nm` is the largest distance of differing rays except lost ones from the edge where golden's fate
+    changes to the twin's. `kept` is whether errors are within the configuration's promise (None: it has no promise).
     """
     parts = [_chunk(variant.build, display, words) for words in chunks]
     row = {key: (max if key in MAXIMA else sum)(part[key] for part in parts) for key in parts[0]}
@@ -235,9 +235,9 @@ def cell_aims(display: Display, build: Build, random: np.random.Generator, count
 
 
 def too_slanted(display: Display, build: Build, words: Words) -> ray_sets.Bools:
-    """Return which rays are too oblique for the words, so that the twin misses them (rtl/optics/lipp_aim.sv).
+    """Return which rays are too oblique for the words, so that the twin reports a miss (rtl/optics/lipp_aim.sv).
 
-    Such rays start 2 pitches or rows or more from the aimed lenslet's centre or, without `converge`, from the aim.
+    Such rays start at least 2 pitches or rows from the aimed lenslet's centre or, without `converge`, from the aim.
     """
     if not build.aims:
         return np.zeros(len(words.u), np.bool_)
@@ -288,9 +288,9 @@ def edge_distance_nm(
     """Return the distances (N,), nm, of rays from the edge where golden's fate changes to the twin's.
 
     Each ray is moved on the panel, at the aperture, or both, in eight directions, until golden's fate equals the
-    twin's. The edge is a cell's edge or the critical angle. Golden misses almost no ray, so a ray that the twin misses
-    is moved until golden's fate changes in any way. The distance is infinite if no displacement changes the fate.
-    `model` is the build's model by default.
+    twin's. The edge is a cell's edge or the critical angle. A ray for which the twin reports a miss, which golden
+    almost never does, is moved until golden's fate changes in any way. The distance is infinite if no displacement
+    changes the fate. `model` is the build's model by default.
     """
     pixel = pixels_of_words(display, words.u, words.v)
     aims = aims_of(display, build, words)

@@ -241,7 +241,7 @@ class Netlist:
         return self.collect(lambda source: source.clock)
 
     def ends(self, bits: Iterable[Bit]) -> dict[Bit, list[Source]]:
-        """Return those bits of the logic before some bits that have sources, each with its sources."""
+        """Search the logic before `bits` for bits that have sources; return the sources, keyed by bit."""
         ends: dict[Bit, list[Source]] = {}
         visited: set[Bit] = set()
         todo = list(bits)
@@ -256,7 +256,7 @@ class Netlist:
         return ends
 
     def sources(self, bits: Iterable[Bit]) -> list[Source]:
-        """Return all sources of the logic before some bits."""
+        """Return all sources of the logic before `bits`."""
         return list(dict.fromkeys(chain.from_iterable(self.ends(bits).values())))
 
     def straight(self, bit: Bit) -> Bit:

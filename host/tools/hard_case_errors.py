@@ -145,7 +145,7 @@ def measure_fixed(rays: PanelRays, fraction_bits: int, rtl: Pipeline | None = No
     same = passed & gets_through(golden.status) & (got.lenslet == golden.lenslet).all(axis=1)
     turn = np.linalg.norm(got.direction - golden.direction, axis=1)
     shift = np.linalg.norm(got.local_mm - golden.local_mm, axis=1)
-    # Rounding may rotate a ray near total reflection by a large angle, but hardly changes its length and its point.
+    # Near total reflection, rounding may rotate a ray by a large angle, but hardly changes its point or |direction|.
     escaped = np.abs(np.linalg.norm(got.direction, axis=1) - 1.0) > OVERFLOW
     overflowed = passed & (escaped | (same & (shift > OVERFLOW * display.array.radius_mm)))
     row |= {"flagged": int((~passed).sum()), "through": int(same.sum()), "overflowed": int(overflowed.sum())}

@@ -72,7 +72,7 @@ def measure_scene(
 ) -> Iterator[dict[str, Any]]:
     """Measure a streamed frame of a scene, then its layers for each number of layers and filter.
 
-    `parts` contains the scene that is cut by depths, and a separate layer. None cuts the complete scene. `drawn` is
+    `parts` (default: only the scene) contains the scene that is cut by depths, and a separate layer. `drawn` is
     "streamed" or a filter. `line_bytes` is the first picture's size; `frame_bytes` is the size of each further picture,
     in which a layer moves. `lippmann.layers.layer_costs.row_of` describes the other columns; they are None for a
     streamed frame if they do not apply.

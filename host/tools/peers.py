@@ -56,7 +56,7 @@ TRIED_SAMPLES = (1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 12, 16, 24, 32)
 THRESHOLD = 2.0
 #: Noise is measured in one of every sixteen strips of eight rows.
 EVERY_STRIP, STRIP_ROWS = 16, 8
-#: Distances, px, and number of directions, by which rays are displaced to find outlines near a ray.
+#: Displacements of rays to find outlines near a ray: distances, px, and number of directions.
 OUTLINE_PX, OUTLINE_DIRECTIONS = (0.1, 0.25, 0.5), 16
 #: Side, px, of the part of the pictures that the page shows, and the difference that is white in its maps.
 SHOWN_PX, MAP_WHITE = 300, 32.0
@@ -100,7 +100,7 @@ def compare(
     `surroundings` is the result of `around` for our picture. A difference is the maximum over the colours, in 8-bit
     sRGB levels. `differing` is the fraction of pixels above THRESHOLD. Fractions of the differing pixels are:
     `displaced`, if both values are within the other picture's values up to a pixel away; `outlines`, if POV-Ray's value
-    is within ours up to 0.1 px away; `near_outlines`, up to 0.5 px; `seams`, within a pixel of a lenslet's edge, or
+    is in the range of ours up to 0.1 px away; `near_outlines`, 0.5 px; `seams`, within a pixel of a lenslet's edge, or
     with a lost ray. `unexplained` is the fraction of all pixels that differ for none of these reasons.
     """
     a, b = (255.0 * encode(picture, "srgb") for picture in (theirs, ours))

@@ -10,7 +10,7 @@ import click
 from lippmann.cli import run
 from lippmann.cli.frame import JSON, make_command, option
 
-#: Options --report of programs that write a page: of the documentation, or for maintainers.
+#: Option --report of programs that write a page of the documentation; or a page for maintainers.
 REPORT: Any = option("Folder for the page.", "docs/generated/reports")
 MAINTAINERS_REPORT: Any = option("Folder for the page.", "build/reports")
 

@@ -125,7 +125,7 @@ def _drawn(scene: Scene, display: Display, settings: Settings, name: str) -> tup
 
 
 def likeness(scenes: Path, seed: int) -> Iterator[dict[str, Any]]:
-    """Yield the PSNR of pictures and views with the irradiance cache; `auto` is the shading that auto chose."""
+    """Yield the PSNR of pictures and views with the irradiance cache; `auto` is `--shading auto`'s choice."""
     for name in (*SCENES, *CAPTURED):
         (each, shared, auto), display = _drawn_scene(scenes, name, seed, ("each", "shared", "auto"))
         panel_db = psnr_db(shared.radiance, each.radiance)
@@ -164,7 +164,7 @@ def samples_saved(scenes: Path, seed: int) -> Iterator[dict[str, Any]]:
     A pixel of n samples has the mean squared error v / n^p, with one p (`power`) for the picture: 1 for random samples,
     more for evenly spread samples. For a given mean error, n proportional to v^(1 / (1 + p)) needs the fewest samples
     (Lagrange), but each pixel needs a few samples before v is known. v is known for each `pixel` or `tile`, or is
-    `found` from two pilot pictures, averaged over neighbours, whose samples count too.
+    `found` from two pilot pictures (their samples count), averaged over neighbours.
     """
     display = middle(load_display(scenes / f"displays/{DISPLAY}.toml"), SIDE_PX)
     for name in SCENES:
@@ -188,7 +188,7 @@ def samples_saved(scenes: Path, seed: int) -> Iterator[dict[str, Any]]:
 
 
 def samples_needed(true: Field, guess: Field, samples: float, least: float, power: float) -> float:
-    """Return the mean number of samples, distributed by `guess`, with the error of uniform `samples`."""
+    """Return the mean number of samples, distributed by `guess`, for the error of uniform `samples`."""
     target, share = true.mean() / samples**power, guess ** (1.0 / (1.0 + power))
 
     def numbers(factor: float) -> Field:

@@ -72,7 +72,7 @@ _EXTRA = {
     **dict.fromkeys(("slope_x", "slope_y", "slope_aim_x", "slope_aim_y", "mx", "my", "ex", "ey", "ez", "dx", "dy"), 1),
     "dz": 3,
 }
-#: Names in the state of the values that a step returns, keyed by step.
+#: Names (in `State`) of the values that a step returns, keyed by step.
 _ADDED = {
     **dict.fromkeys(("lenslet_square", "lenslet_hex"), ("i", "j", "x", "y")),
     "aim": ("i", "j", "x", "y", "a", "b"),

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 WIDTH_PX, HEIGHT_PX = 800, 600
 COUNT_S = 5.0
 
-#: Script that returns the seconds from navigation to the first view; reading a pixel waits for it.
+#: Script that returns the seconds from navigation to the first view, for which it waits by reading a pixel.
 OPENED = """
 lippmann.viewer.then((viewer) => new Promise((done) => requestAnimationFrame(() => {
   const gl = viewer.renderer.gl;

@@ -135,7 +135,7 @@ def _render(scene: Scene, display: Display, out: Path, device: str) -> IntegralI
 
 @contextlib.contextmanager
 def _draw_in_background(streamed: Display, scenes: Path) -> Iterator[Future[Drawn]]:
-    """Compile the board for `streamed`, then draw the films, while the `with` block runs."""
+    """Compile the board for display `streamed`, then draw the films, while the `with` block runs."""
     over = threading.Event()
 
     def stop_if_over(steps: int, total: int) -> None:

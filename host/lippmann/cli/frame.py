@@ -124,7 +124,7 @@ def make_command(name: str, into: click.Group | None = None) -> Callable[[Functi
 
     def decorate(function: Function) -> click.Command:
         def callback(**values: object) -> object:
-            # A file is read here, not during parsing, by a `functools.partial`.
+            # A `functools.partial` reads a file here, not during parsing.
             read = {name: value() if isinstance(value, functools.partial) else value for name, value in values.items()}
             return _call(function, read)
 

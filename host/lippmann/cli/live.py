@@ -136,4 +136,4 @@ def _film_scale(moved: Moved) -> float | None:
     if moved.fit and moved.scale is not None:
         raise InputError("--scale and --fit both place the film; leave one out")
     scale = 1.0 if moved.scale is None else moved.scale
-    return None if moved.fit else Placement(scale).scale  # this checks the range of the scale
+    return None if moved.fit else Placement(scale).scale  # `Placement` checks the scale's range

@@ -75,7 +75,7 @@ FORCE = option("Accept an image of another or an unknown display.")
 SEED = option("Random seed.", 0, click.IntRange(0, 2**32 - 1))
 FRACTION_BITS = click.IntRange(FRACTIONS[0], FRACTIONS[-1])
 
-#: Options for the word length: of fixed-point files, and of commands with --engine.
+#: Options for fraction bits: of fixed-point files, and of the engines twin and rtl.
 FILE_BITS = option("Fraction bits of words in fixed-point files.", WIDEST, FRACTION_BITS)
 ENGINE_BITS = option(f"Fraction bits of words in the engines twin and rtl.  [default: {WIDEST}]", kind=FRACTION_BITS)
 

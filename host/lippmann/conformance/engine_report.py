@@ -209,7 +209,7 @@ def measure_rays(
 ) -> list[dict[str, Value]]:
     """Return a row of rates and errors per lens model and engine.
 
-    Errors are relative to golden rays of model `exact`. Errors `own_` are relative to
+    Errors are relative to golden rays of model `exact`. Errors `own_...` are relative to
     golden rays of the same model; for the golden engine, to 50-digit rays.
     """
     sample = random_rays(display, aperture, plan.rays, seed)

@@ -35,7 +35,7 @@ SAMPLE, FIT_SAMPLE = 1500, 300
 #: Number of wrong rays on which pairs of faults are tried first.
 FEW = 90
 #: In wrong arrays: maximum distance from a fault's rays, divided by that from golden
-#: rays. In any array: maximum excess of the former over the latter.
+#: rays. In any array: maximum excess of the fault's distance over golden's.
 NEARER, SAME = 0.5, 1e-9
 #: Minimum fraction of rays that a fault must match, and minimum number of rays, for a diagnosis.
 EXPLAINED, MANY = 0.97, 8
@@ -175,7 +175,7 @@ def fitted(inputs: PanelRays, values: Arrays) -> Iterator[Variant]:
 
 def fitted_together(inputs: PanelRays, values: Arrays) -> Iterator[tuple[Variant, ...]]:
     """Yield pairs of faults in parameters fitted together; omit unchanged parameters."""
-    from scipy.optimize import least_squares  # slow import; correct rays need no fit
+    from scipy.optimize import least_squares  # slow, and correct rays need no fit
 
     numbers = _numbers(inputs.display)
     for names in combinations(numbers, 2):
@@ -240,8 +240,8 @@ def _fit_number(name: str, value: float, inputs: PanelRays, direction: Floats) -
             return math.inf
         return float(np.median(np.linalg.norm(rays.direction - direction, axis=1)))
 
-    # On a large panel, a step of `LOOKED` moves the corner by several lenslets. A step
-    # of `near`, which goes up to 2 %, moves the corner by 1/4 pitch.
+    # On a large panel, a `LOOKED` step moves the corner by several lenslets. A step
+    # of `near` (range 2 %) moves the panel's corner by 1/4 pitch.
     panel = inputs.display.panel
     step = 0.25 * inputs.display.array.finest_mm / (0.5 * math.hypot(panel.width_mm, panel.height_mm))
     near = step * np.arange(-int(0.02 / step), int(0.02 / step) + 1, dtype=np.float64)
@@ -269,7 +269,7 @@ def pairs(inputs: PanelRays, fields: Arrays, apart: Callable[[Variant], float]) 
     units = list(fitted(inputs, fields | {"direction": unit_vectors(fields["direction"])}))
     yield from (both(one, number) for one in ranked if one.bend is not None for number in units)
     yield from (both(*numbers) for numbers in fitted_together(inputs, fields))
-    # After each of the 12 nearest faults, fitted faults and faults of outputs, fit a second fault.
+    # Fit a second fault after the 12 nearest, all fitted, and all output faults.
     changes = [one for one in (*ranked[:12], *numbers) if one.change is not None]
     for one in (*changes, *(one for one in ranked if one.bend is not None)):
         with suppress(*NO_RAYS, KeyError):

@@ -2,8 +2,8 @@
 
 All errors are for chief rays, in pixels of the reconstructed view (docs/models.md). At
 depth z, the light of a panel pixel of pitch q spreads to the width w = |z| q / D, with
-the aperture distance D. With the lenslet pitch p, this is w / max(p, w) pixels of
-the view. The sampling error is the samples' `gap` in the rectangle to which the
+the aperture distance D. With the lenslet pitch p, the width is w / max(p, w) pixels
+of the view. The sampling error is the samples' `gap` in the rectangle to which the
 light of a pixel spreads at the farthest depth.
 """
 
@@ -81,7 +81,7 @@ def choose_samples(spread_px: Pair, tolerance: float) -> int | None:
 
 @cache
 def gap(samples: int, sides: Pair) -> float:
-    """Return the maximum distance of a point in a rectangle to the nearest sample, also for swapped axes.
+    """Return the maximum distance of a point in a rectangle to the nearest sample, for both orders of axes.
 
     The maximum is at a corner of a Voronoi cell. Reflected samples clip the cells at
     the rectangle's sides.

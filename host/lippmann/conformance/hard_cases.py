@@ -55,7 +55,7 @@ def _of_displays(displays: Callable[[Display], Mapping[str, Display]]) -> Genera
     @wraps(displays)
     def make(display: Display, random: Random, count: int) -> Sets:
         variants, case = displays(display), displays.__name__.replace("_", "-")
-        each = count if len(variants) <= 10 else max(4, count // 3)  # as many rays as other cases
+        each = count if len(variants) <= 10 else max(4, count // 3)  # more variants, fewer rays each
         for variant, other in variants.items():
             pixels = random_pixels(other, random, each)
             yield PanelRays(f"{case}/{variant}", other, pixels, random_aims(other, random, each))
@@ -152,7 +152,7 @@ def cell_ties(display: Display, random: Random, count: int) -> Sets:
 def grazing_launch(display: Display, random: Random, count: int) -> Sets:
     """Test rays that leave the panel at ever smaller angles to it, down to twice the engines' limit."""
     pixels = random_pixels(display, random, count)
-    # Half of the engines' limit leaves room for rounding and tolerances.
+    # Half of FARTHEST_LENSLETS leaves room for rounding and tolerances.
     farthest = 0.5 * FARTHEST_LENSLETS * display.array.finest_mm / display.aperture_distance_mm
     far = display.aperture_distance_mm * random_sizes(random, 1.0, min(1e8, farthest), count)
     yield PanelRays("grazing-launch", display, pixels, far * random_directions(random, count))

@@ -59,7 +59,7 @@ class ErrorMaps(dict[str, ErrorMap]):
     def add(self, foreign: ForeignRays, bounds: Bounds) -> None:
         """Add a ray set's errors, except of rays on an edge and rays with only a status.
 
-        Also count them in ulps of the word, or of the vector's largest component as
+        Also count errors in ulps of the word, or of the vector's largest component as
         float32.
         """
         inputs, fields = foreign.inputs, foreign.fields
