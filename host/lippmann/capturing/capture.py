@@ -96,7 +96,7 @@ def check_placement(scene: Scene, setup: Setup) -> None:
 
 
 def placement_before(setup: Setup, path: Path, setup_path: str | Path | None = None) -> Placement:
-    """Return the placement of a scene file followed by that of a set-up.
+    """Return a scene file's placement, then a set-up's, as one placement.
 
     The .toml file beside the scene is ignored if it is the set-up file `setup_path`.
     """
@@ -155,7 +155,7 @@ def shown_depth(setup: Setup, z_mm: npt.ArrayLike, rotated: bool) -> Floats:
 
 
 def report_losses(lens_percent: float, array_percent: float) -> dict[str, float]:
-    """Return both percentages of lost rays, keyed by name; warn of high percentages."""
+    """Return a dict of the percentages of rays lost in lens and array; warn if high."""
     if lens_percent > WARNING_PERCENT:
         text = f"the lens's aperture cuts off {lens_percent:.1f} % of the rays (black in the image)"
         warn_user(f"{text}; increase lens.aperture_mm")
@@ -174,7 +174,7 @@ class CapturedRays(NamedTuple):
 
 
 def system_of(setup: Setup) -> System:
-    """Return the optics of the captured array; each pixel has the same lenslet as in the display."""
+    """Return the optics of the set-up's array; each pixel has the same lenslet as in the display."""
     convergence = System.of(setup.display).convergence
     return replace(System.of(setup.captured), concave=setup.concave, convergence=convergence)
 
@@ -224,7 +224,7 @@ def rays_from_picture(b: Backend, setup: Setup, u: Arr, v: Arr, aperture: Point 
 
 
 def capture_source(setup: Setup, aperture: Aperture = "chief") -> RaySource:
-    """Return a captured image's rays in the object's frame; the `lost` masks are for lens and array."""
+    """Return a captured image's ray source (object's frame); `Lines.lost` is for lens and array."""
     panel, array = setup.display.panel, setup.array
 
     def lines(b: DrJitBackend, u: Arr, v: Arr, square: Point) -> Lines:

@@ -112,7 +112,7 @@ class Setup:
 
     @property
     def captured(self) -> Display:
-        """The display with the captured array. A camera's set-up does not use the gap."""
+        """The display with the set-up's array. A set-up with a camera does not use the gap."""
         behind = self.array.focal_length_mm + self.array.sag_mm
         gap = self.pickup.gap_mm if isinstance(self.pickup, Pickup) else behind
         return replace(self.display, array=self.array, gap_mm=gap)
@@ -122,7 +122,7 @@ class Setup:
         """Distance from the array's first principal plane to the pinhole, mm; None for a sensor."""
         if isinstance(self.pickup, Pickup):
             return None
-        # If the flat face is in front, the substrate shifts the image of the vertices.
+        # If the camera sees the flat face, the substrate shifts the image of the vertices.
         lifted = self.array.thickness_mm * (1.0 - 1.0 / self.array.index) if self.plano_to_camera else 0.0
         return self.pickup.distance_mm - self.array_distance_mm - lifted
 

@@ -3,8 +3,8 @@
 **The rule.** A cell has the pixels whose centres the lattice assigns to one lenslet.
 The rotation moves pixel (column c, row r) to pixel (m - c, n - r), with integers m and
 n. For a lenslet centre at (u, v), the ideal m and n are 2u - 1 and 2v - 1. Of the
-integers within 1 of these values, the rotation uses the pair that keeps most pixels in
-the cell or, if several pairs do, the nearest pair. Pixels that would leave the cell
+integers within 1 of these values, the rotation uses the pair that keeps the most pixels
+in the cell or, if several pairs do, the nearest pair. Pixels that would leave the cell
 stay in place.
 
 The centre of rotation is at most half a pixel from the lenslet's centre in x and y. On

@@ -23,12 +23,12 @@ from lippmann.optics.sample_points import square_to_cell
 from lippmann.rendering.sampling import APERTURES, lines_from_pixels
 
 WHERE = "sensor 'integral'"
-#: Maximum relative difference of `to_world`'s singular values from float32 rounding.
+#: Maximum relative difference of `to_world`'s singular values, due to float32 rounding.
 SAME_SCALE = 1e-4
 
 
 def register() -> None:
-    """Register the sensor for Mitsuba's variant; raise InputError if this is not vectorised RGB."""
+    """Register the sensor for a vectorised RGB variant; raise InputError for other variants."""
     import mitsuba as mi
 
     if mi.variant() not in VARIANTS.values():
@@ -67,7 +67,7 @@ def _sensor_class() -> type:
             u, v = b.double(sample2.x) * panel.width_px, b.double(sample2.y) * panel.height_px
             aperture = square_to_cell(b, sample3.x, sample3.y, Lattice.of(self.display.array)) if self.full else None
             point, direction, through, _ = lines_from_pixels(b, self.display, u, v, aperture, self.model)
-            # Rays run in the viewing direction, from before the scene to the display.
+            # Rays run in the viewing direction, from in front of the scene to the display.
             t = (self.near_mm - point[2]) / direction[2]
             start = mi.Point3f(point[0] + t * direction[0], point[1] + t * direction[1], mi.Float(self.near_mm))
             to_scene = self.world_transform()

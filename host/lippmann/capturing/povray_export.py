@@ -55,7 +55,7 @@ class View:
 
 
 def write_folder(scene: Scene, view: View, folder: Path) -> Exported:
-    """Write all files to `folder`, which is created if missing, or none of the files.
+    """Write all files, or none, to `folder`, which is created if missing.
 
     Raises InputError if POV-Ray cannot express a part of the scene, or if the folder
     cannot be written.
@@ -93,7 +93,7 @@ def write_folder(scene: Scene, view: View, folder: Path) -> Exported:
 
 
 def export_display(scene: Scene, display: Display, model: Model, folder: Path) -> Exported:
-    """Write the scene, and a camera whose rays, one per display pixel, the golden engine traces.
+    """Write the scene, and a camera with a ray per display pixel, traced by the golden engine.
 
     POV-Ray traces the rays from in front of the scene towards the display. Raises
     InputError for sub-pixels, too many pixels, and scene parts that POV-Ray cannot

@@ -137,7 +137,7 @@ def lattice_rows(display: Display) -> list[tuple[int, int, int]]:
     panel, array = display.panel, display.array
     frame, lattice = PanelFrame.of(display), Lattice.of(array)
     spare = (SPARE_LENSLETS + 0.5) * array.coarsest_mm
-    # The panel's diagonal is an upper bound for every rotation.
+    # A rotated panel is never wider than its diagonal.
     reach = math.hypot(panel.width_mm, panel.height_mm) + math.hypot(*array.offset_mm) + spare
     count = math.ceil(reach / min(array.row_pitch_mm, array.finest_mm))
     j, i = (axis.astype(float) for axis in np.mgrid[-count : count + 1, -3 * count : 3 * count + 1])

@@ -109,8 +109,8 @@ def observe(
 ) -> View:
     """Return an eye's view of a display that shows `radiance`; the display may be misaligned.
 
-    `radiance` is linear, (height, width, 3). Of an image on disk (`StoredRows`), only
-    visible parts are read. The view covers the window, with `samples` rays per pixel.
+    `radiance` is linear, (height, width, 3). Only the visible parts of an image on disk
+    (`StoredRows`) are read. The view covers the window, with `samples` rays per pixel.
     If `crosstalk` is false, rays that end in a neighbour's cell see black. Raises
     InputError if the image does not have the panel's size, the model is unknown, or
     `samples` is out of range.
@@ -129,7 +129,7 @@ def observe(
         look_up = _light_in_memory(radiance)
     else:
         look_up = partial(_light_on_disk, radiance)
-        # Bytes of the panel's rows behind one row of the view.
+        # Size of the panel's rows behind one row of the view, bytes.
         row_bytes = 12 * panel.width_px * max(1, panel.height_px // window.height_px)
         chunk = min(chunk, window.width_px * max(1, STORED_BYTES // row_bytes))
     out = np.empty((total, 3), np.float32)
@@ -181,7 +181,7 @@ def _light_in_memory(radiance: Light) -> LookUp:
 
 
 def _light_on_disk(radiance: StoredRows, visible: Arr, column: Arr, row: Arr, hits: PixelHits) -> list[Arr]:
-    """Return the light that rays see of an image on disk; read only parts that a ray sees."""
+    """Look up the rays' colours in an image on disk; read only parts that a ray sees."""
     dr.eval(visible, column, row, hits.u, hits.v, hits.status)
     _, width, _ = radiance.shape
     rows = max(1, STORED_BYTES // (12 * width))

@@ -1,6 +1,6 @@
 """Assembles the viewer page, a single text with everything that the browser needs.
 
-The parts are files in page_files/. Values replace `@@name@@`; shaders use `#include`.
+The files in page_files/ have holes `@@name@@` for values; shaders use `#include`.
 """
 
 from __future__ import annotations

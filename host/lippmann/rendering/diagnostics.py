@@ -21,11 +21,11 @@ from lippmann.rendering.sampling import Window, colours_of, first_depths
 from lippmann.scenes.scene import Scene
 
 logger = logging.getLogger("lippmann")
-#: Range of a scene's width, in panel widths; others cause a warning.
+#: Warn of a scene's width outside this range, in panel widths.
 SIZE_RANGE = (0.02, 1000.0)
 #: Width of the trial view in pixels, each with one ray.
 TRIAL_PX = 96
-#: A smaller fraction of visible points in the depth range causes a warning.
+#: Warn if a smaller fraction of visible points is in the depth range.
 MIN_SHARP = 0.1
 #: More noise, as a fraction of the mean light, causes a warning.
 MAX_NOISE = 0.1

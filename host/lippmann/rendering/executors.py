@@ -267,7 +267,7 @@ def _render_on_worker(band: Band, device: str, expected: dict[str, str]) -> tupl
         versions = pixel_versions(), expected
         theirs, ours = (", ".join(f"{key} {value}" for key, value in one.items()) for one in versions)
         raise input_error(name, f"has {theirs}, but {ours} is needed", "install equal versions")
-    # If another thread freed Dr.Jit's garbage now, both could wait for ever.
+    # If another thread freed Dr.Jit's garbage now, both threads could hang.
     with _rendering, keep_garbage():
         start_mitsuba(device)
         return render_band(band, name)

@@ -34,7 +34,7 @@ TRIAL_PARTS = 4
 TRIAL_RAYS = 28 * 28 * 256
 #: Maximum samples per pixel in a trial.
 TRIAL_SAMPLES = 4
-#: Seed of the tile positions in a trial, for any seed of the render.
+#: Seed of a trial's tile positions, whatever the render's seed.
 TRIAL_SEED = 1
 #: Minimum number of rays in a picture for which a trial saves time.
 MIN_RAYS = 1 << 21
@@ -92,7 +92,7 @@ class CacheTrial:
         return -(-self.source.height_px // TILE_PX), -(-self.source.width_px // TILE_PX)
 
     def _tiles(self) -> npt.NDArray[np.int64]:
-        """Return the indices of the trial's tiles, as a square image in row order."""
+        """Return the indices of the trial's tiles, in the row order of a square image."""
         side = max(1, math.isqrt(TRIAL_RAYS // (TILE_PX * TILE_PX * self.samples)) // TRIAL_PARTS) * TRIAL_PARTS
         within = np.random.default_rng(TRIAL_SEED).random((2, side, side))
         places = (np.mgrid[:side, :side] + within) / side

@@ -27,7 +27,7 @@ class Settings:
     integrator: str = "lights"
     #: Maximum number of surfaces that a ray meets.
     max_depth: int = 4
-    #: Random seed, which determines the pixels on a machine with the same versions.
+    #: Random seed; the same seed, machine and versions give the same pixels.
     seed: int = 0
     #: Memory limit, MB. None means 80 % of the free memory.
     memory_mb: float | None = None

@@ -61,7 +61,7 @@ class PixelFilter:
         self._rows = rows
         self._width = source.width_px
         pixels = len(rows) * source.width_px
-        #: Sums of red, green, blue and weight: an array for pixels, one per neighbour.
+        #: Sums of red, green, blue and weight: one array for the pixels, one per neighbour.
         self._sums = [dr.empty(mi.Float, 4 * pixels) for _ in range(1 + len(SIDES))]
         self._owners = dr.empty(mi.UInt32, pixels)
 

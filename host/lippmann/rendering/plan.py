@@ -78,7 +78,7 @@ class Plan(ABC):
     @property
     @abstractmethod
     def metadata(self) -> dict[str, str]:
-        """The metadata of the picture's file, some of which a renderer's `choices` replace."""
+        """The metadata of the picture's file; a renderer's `choices` replace some of it."""
 
     @property
     def rays(self) -> int:
@@ -258,7 +258,7 @@ class Job:
     arrange: Arrange | None = None
 
     def plan(self, portable: bool = False) -> ScenePlan:
-        """Return a plan, for all processes if `portable`. Raises errors of `arranged` and `Renderer`."""
+        """Return a plan, usable in any process if `portable`. Raises errors of `arranged` and `Renderer`."""
         # Other processes and kept bands identify the scene by its files.
         scene = place_scene(self.scene, self.display, self.arrange)
         path = scene.path.absolute()  # keep links: files beside a link are read

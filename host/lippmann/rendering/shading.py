@@ -51,7 +51,7 @@ class Recorded:
 
         frozen: Jit = dr.freeze(call, state_fn=lambda *_: references.scene.mitsuba)
         self._function, self._frozen = function, frozen
-        # The arrays exist before the first call, so that the second call replays it.
+        # Create both arrays before the first call, so that the second call replays it.
         self._parts = lamps, _ = scene.mitsuba.emitters(), scene.mitsuba.shapes()
         self._recordable = current_device() != "cuda" or not any(PICTURE_LAMP.search(str(lamp)) for lamp in lamps)
         weakref.finalize(self, references.release, frozen)
@@ -130,7 +130,7 @@ class IrradianceCache:
         return light
 
     def compute(self, points: list[Jit], active: Jit) -> None:
-        """Compute missing irradiance at points, three arrays of indices."""
+        """Compute missing irradiance at the points of three index arrays."""
 
         # A loop is one program; three scatters would be three programs.
         def mark(corner: Jit) -> tuple[Jit]:
@@ -291,7 +291,7 @@ def _colour_of_each(scene: Scene, source: RaySource, samples: int, integrator: J
 
 
 def _first_diffuse(scene: Scene, max_depth: int) -> Follow:
-    """Return a `Follow` to a diffuse surface; it gives the factor on irradiance / pi, position and fate."""
+    """Return a `Follow` to a diffuse surface; it returns a factor for irradiance / pi, a position, a fate."""
     mirror_only = mi.BSDFContext()
     mirror_only.type_mask = mi.BSDFFlags.Delta
 

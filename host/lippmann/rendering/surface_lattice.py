@@ -229,7 +229,7 @@ def _lay_shape(shape: Jit, spacing: float) -> dict[str, Jit] | None:
             np.maximum(np.ceil(length / spacing), MIN_STEPS).astype(np.int64)
             for length in (sides.max(axis=1), sides.min(axis=1))
         )
-        # Use a fan only if it has at most half as many points: its cells may be oblique.
+        # Treat a triangle as slender only if this at least halves its points: cells may be oblique.
         fan = 2 * _points(short, long, FAN) <= _points(long, long, 0)
         apex = np.array([0, APEX_1, APEX_2])[sides.argmin(axis=1)]
         count = len(faces)

@@ -1,6 +1,6 @@
 """Converts meshes with materials (GLB, glTF, OBJ, PLY, STL; read by trimesh) to a Mitsuba scene.
 
-The lights `mitsuba_xml.LIGHTS` are added. Materials of glTF become Mitsuba's
+The lights `LIGHTS` are added. Materials of glTF become Mitsuba's
 `principled`, other materials `diffuse`. Colours of textures and vertices are sRGB. Only
 glTF's vertex colours, and colours that materials give as numbers, are linear.
 """
@@ -57,7 +57,7 @@ LEFT_OUT = (
     "KHR_lights_punctual",
     "KHR_materials_emissive_strength",
 )
-#: Pattern of options before an MTL file's texture name, as -s 1 1 1 or -clamp on.
+#: Pattern of options before an MTL file's texture name, such as -s 1 1 1 or -clamp on.
 MTL_OPTIONS = re.compile(r"^(?:-\w+(?:\s+(?:on|off|[rgbml]|[-+.\deE]+))+\s+)+")
 #: Allowed suffixes of files to which a mesh refers; no other files are read.
 BUFFER_SUFFIXES = (".bin", ".mtl")

@@ -136,7 +136,7 @@ def placement_beside(path: Path) -> Placement:
 
 
 def usual_arrange(path: Path) -> Arrange | None:
-    """Return the default arrangement of another tool's scene without a placement; else None."""
+    """Return the default arrangement of an unplaced scene from another tool; else None."""
     usual: dict[Kind | None, Arrange] = {"quilt": "fill", "views": "fill", "mesh": "fit", "splats": "fit"}
     usual["depth picture"] = "camera"
     return usual.get(kind_of(path)) if _placement_file(path) is None else None

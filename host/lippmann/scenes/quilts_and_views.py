@@ -41,7 +41,7 @@ FORM = '{"window_mm": [64, 48], "views": [{"file": "view_0000.png", "eye_mm": [-
 
 @dataclass(frozen=True)
 class Views:
-    """Linear pictures (rows, columns, height, width, 3) of a window as eyes on a grid see it, mm."""
+    """Linear pictures (rows, columns, height, width, 3) of a window, as eyes on a grid see it."""
 
     pictures: npt.NDArray[np.float16]
     x_mm: Sequence[float]

@@ -93,7 +93,7 @@ class Scene:
         return placed_box(self.bounds, placement)
 
     def placed(self, placement: Placement) -> Scene:
-        """Return the scene with another placement; its box gives missing depths. InputError if the box is infinite."""
+        """Return the scene, newly placed; its box replaces missing depths. Raises InputError for an infinite box."""
         check_type("placement", placement, Placement, "a lippmann.Placement")
         near, far = placement.near_mm, placement.far_mm
         if near is None or far is None:
