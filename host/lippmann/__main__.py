@@ -22,7 +22,7 @@ def main(arguments: list[str] | None = None) -> None:
     if interrupts.received:
         # A library may crash at Python's shutdown if its loading was interrupted.
         interrupts.leave(code)
-    interrupts.ignore()  # the command has ended
+    interrupts.ignore()
     sys.exit(code)
 
 
@@ -34,7 +34,7 @@ def program() -> None:
         # Running threads, debuggers and profilers need Python's normal shutdown.
         has_tracer = sys.gettrace() is not None or sys.getprofile() is not None
         if isinstance(end.code, int) and threading.active_count() == 1 and not has_tracer:
-            atexit._run_exitfuncs()  # this removes temporary folders
+            atexit._run_exitfuncs()  # removes temporary folders
             interrupts.leave(end.code)
         raise
 

@@ -209,8 +209,8 @@ def capture(
         Whether each elemental image is rotated by 180 degrees, which makes the depth on
         the display correct. `None` means yes, except for concave lenslets.
     aperture
-        "full" (default): rays of a pickup pass the whole lenslet. "chief": rays pass
-        only the lenslet's centre.
+        "full" (default): rays of a pickup sensor pass the whole lenslet. "chief": rays
+        pass only its centre.
     device, progress
         See `render`.
     """

@@ -57,12 +57,12 @@ def check_expanded(where: str, what: str, needed_bytes: int, remedy: str) -> Non
 def load_arrays(
     path: Path, names: Collection[str] | None, remedy: str, bytes_a_ray: int = 0
 ) -> tuple[dict[str, Numbers], set[str]]:
-    """Return the arrays `names` of an .npz file by name, and the names of all its arrays.
+    """Return a dict of the arrays `names` of an .npz file, and the names of all its arrays.
 
     If `names` is None, the file is an .npy file, and its array gets the name "".
-    `bytes_a_ray` is the memory that the caller needs per row, bytes. Raises InputError
-    for a broken file, values that are not real numbers, more than `MAX_RAYS` rows, or
-    too little free memory.
+    `bytes_a_ray` is the memory that the caller needs per row (ray), bytes. Raises
+    InputError for a broken file, values that are not real numbers, more than `MAX_RAYS`
+    rows, or too little free memory.
     """
     try:
         if names is None:

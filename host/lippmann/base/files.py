@@ -113,7 +113,7 @@ def _remove(path: Path) -> None:
 
 def is_full(error: BaseException) -> bool:
     """Return whether a full disk caused an error."""
-    if isinstance(error, RuntimeError):  # Mitsuba raises this class
+    if isinstance(error, RuntimeError):  # raised by Mitsuba
         return any(os.strerror(number) in str(error) for number in FULL)
     return isinstance(error, OSError) and error.errno in FULL
 

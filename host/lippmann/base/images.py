@@ -227,7 +227,7 @@ def _write_bands(out: OpenImageIO.ImageOutput, firsts: range, file_values: Calla
 
 
 def read_picture(path: str | Path, limit: tuple[int, int] | None = None, accept: Accept | None = None) -> Picture:
-    """Read an image file as linear radiance; PNG metadata name the curve, by default sRGB.
+    """Read an image file as linear radiance; PNG metadata name its transfer curve, by default sRGB.
 
     `limit` is the required (width, height). `accept` checks the metadata before the
     pixels are read. Raises InputError if the file is missing or broken, has another
@@ -317,7 +317,7 @@ def _metadata_of(spec: OpenImageIO.ImageSpec) -> dict[str, str]:
 
 
 def openimageio() -> ModuleType:
-    """Import OpenImageIO. Raises MissingLibraryError if it is not installed."""
+    """Import OpenImageIO. Raises MissingLibraryError if OpenImageIO is missing."""
     try:
         with interrupts.hold_signals():  # an exception during the import would abort the process
             import OpenImageIO
@@ -359,7 +359,7 @@ class StoredRows:
         return self.shape[0]
 
     def __getitem__(self, index: Any, /) -> Radiance:
-        """Return a part of the image; read only the requested rows."""
+        """Return a part of the image."""
         rows, *columns = index if isinstance(index, tuple) else (index,)
         own: int | slice = slice(None)
         if isinstance(rows, int | np.integer):
@@ -449,7 +449,7 @@ def _claimed_size(path: Path, refused: InputError) -> float:
         raise input_error(path, not_there(path), "give a PNG, JPEG or TIFF file")
     try:
         with warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # about large pictures, unusual metadata
+            warnings.simplefilter("ignore")  # Pillow warns of large or unusual pictures
             with Image.open(path, formats=FORMATS) as picture:
                 if picture.format == "PNG" and not png_is_complete(path):  # a chunk may declare 4 GB
                     raise refused

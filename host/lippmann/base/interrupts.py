@@ -91,11 +91,11 @@ def blocked_in_children() -> Iterator[None]:
     if not hasattr(signal, "pthread_sigmask"):
         yield
         return
-    from multiprocessing import resource_tracker  # import late: it is slow to load
+    from multiprocessing import resource_tracker  # slow to load
 
     before = signal.pthread_sigmask(signal.SIG_BLOCK, ENDING)
     try:
-        resource_tracker.ensure_running()  # start it first, because its start unblocks signals
+        resource_tracker.ensure_running()  # the tracker's start unblocks signals
         signal.pthread_sigmask(signal.SIG_BLOCK, ENDING)
         yield
     finally:

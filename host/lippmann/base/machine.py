@@ -23,7 +23,7 @@ DEFAULT_FREE_MB = 4000.0
 
 
 def free_memory_mb() -> float:
-    """Return the minimum free memory, MB, of machine and control groups; caches count as free."""
+    """Return the free memory, MB: the minimum of machine and control groups; caches count as free."""
     return min([proc_mb("meminfo", "MemAvailable") or DEFAULT_FREE_MB, *group_memory_mb()])
 
 
@@ -39,7 +39,7 @@ def group_memory_mb(root: Path = Path("/sys/fs/cgroup"), own: Path = Path("/proc
             continue
         names, limit, used, dropped = VERSIONS[1 if controllers else 2]
         for top in (root / name for name in names):
-            # In a container, the path may be the host's; the group is then `top`.
+            # In a container, `path` may be the host's; the group is then `top`.
             group = top / path.lstrip("/")
             for folder in [top] if ".." in group.parts else [group, *group.parents]:
                 if folder.is_relative_to(top):

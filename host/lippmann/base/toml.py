@@ -229,7 +229,7 @@ def read(form: Callable[..., Form], raw: Mapping[str, Value], source: str) -> Fo
         if not all(map(_is_finite, numbers)):
             raise _wrong(source, name, value, node)
     try:
-        with located(source):  # a __post_init__ raises InputError
+        with located(source):  # a `__post_init__` may raise InputError
             read: Form = msgspec.convert(raw, form, dec_hook=_path)
             return read
     except msgspec.ValidationError as error:
@@ -322,7 +322,7 @@ def _walk(value: Value, node: Schema, name: str) -> Iterator[tuple[str, Value, S
             if inner in node["properties"]:
                 yield from _walk(item, node["properties"][inner], _join(name, inner))
     elif isinstance(value, list):
-        # A list entry that is a list itself has a shape, and a schema for each part.
+        # In a list of lists, the inner lists have a shape, and a schema for each part.
         options = node.get("anyOf", ())
         node = next((option for option in options if "a list of [" in option.get("x-shape", "")), node)
         shape = node.get("x-shape", "").partition("a list of ")[2]
@@ -344,7 +344,7 @@ def _hint(top: Schema, table: Schema, keys: Mapping[str, object], unknown: str) 
         part, first = name in unknown.lower() or unknown.lower() in name, name[0] == unknown[:1].lower()
         node = table["properties"][name]
         options = [one for choice in node.get("anyOf", [node]) for one in choice.get("enum", ())]
-        # The user may give a value in place of a key; short texts match too many values.
+        # Users may write a value as a key; 1 or 2 characters match too many values.
         value = len(unknown) > 2 and any(unknown.lower() in str(one) for one in options)
         return alike + 0.25 * (name in missing) + 0.3 * part + 0.1 * first + 0.6 * value
 

@@ -109,7 +109,7 @@ mi: Jit = _Lazy(mitsuba)
 
 def _loaded() -> ModuleType:
     loaded = sys.modules.get("mitsuba")
-    if loaded is not None and hasattr(loaded, "variant"):  # false while another thread imports Mitsuba
+    if loaded is not None and hasattr(loaded, "variant"):  # another thread may be importing Mitsuba
         return loaded
     try:
         with interrupts.hold_signals():

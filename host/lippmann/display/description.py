@@ -337,7 +337,7 @@ class Misalignment(Checked):
 
 
 def load_display(path: str | Path) -> Display:
-    """Read a display file. Raises InputError (file, key, remedy) for a wrong key or value."""
+    """Read a display file. Raises InputError for a wrong key or value."""
     return _read(toml.load(path_of(path, "a display file"), "display"), str(path))
 
 
@@ -411,7 +411,7 @@ def both_pitches(pitch_mm: Pitch) -> Pair:
 
 
 def plain_pitch(pitch_mm: Pitch) -> Pitch:
-    """Replace two equal pitches by one number, so that both have the same identity."""
+    """Replace two equal pitches by one number, so that both forms have one identity."""
     return pitch_mm[0] if isinstance(pitch_mm, tuple) and len(set(pitch_mm)) == 1 else pitch_mm
 
 
@@ -501,7 +501,7 @@ def _check_extent(display: Display, where: str) -> None:
 def check_array(array: Array, where: str) -> None:
     """Refuse lenslets that cannot be built; `where` precedes the key in the message."""
     check_radius(array, f"{where}radius_mm")
-    # The factor accepts a thickness that is the sag, rounded to 15 digits.
+    # The factor accepts a thickness equal to the sag rounded to 15 digits.
     if array.thickness_mm < array.sag_mm * (1.0 - 1e-12):
         what = f"{array.thickness_mm:g} mm is below the sag of the dome, {array.sag_mm:.6g} mm"
         remedy = "make it at least the sag, or leave it out for the thinnest lenslet"

@@ -1,4 +1,4 @@
-"""Describe where a pixel, or its nearest neighbour with the colour, emits each colour."""
+"""Describe the sub-pixel that emits a pixel's colour: its own, or the nearest one."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ Colour = Literal["red", "green", "blue", "white"]
 #: A numpy or Dr.Jit array, or a backend for such arrays.
 Numbers = Any
 COLOURS: tuple[Colour, ...] = ("red", "green", "blue", "white")
-#: A sub-pixel, in pixels: colour, centre (x, y upwards, from the first pixel's), width, height.
+#: A sub-pixel, in pixels: colour, centre (x right, y up, from the first pixel's centre), width, height.
 Subpixel = tuple[Colour, float, float, float, float]
 #: Maximum period of a layout along x and y, pixels.
 MAX_PERIOD = 16
@@ -37,7 +37,7 @@ LAYOUTS: dict[str, tuple[Subpixel, ...]] = {
 
 
 class Box(NamedTuple):
-    """A rectangle, in pixels: centre from a pixel's centre (u right, v down), width, height."""
+    """A rectangle, in pixels: centre (u right, v down, from a pixel's centre), width, height."""
 
     u: float
     v: float
@@ -54,7 +54,7 @@ class Layout:
     rows: int
 
     def gain(self, colour: Colour) -> float:
-        """Return a sub-pixel's brightness relative to its pixel, panel area / area of the colour."""
+        """Return a sub-pixel's brightness relative to its pixel: panel area / its colour's area."""
         area = sum(w * h for name, _, _, w, h in self.subpixels if name == colour)
         return self.columns * self.rows / area
 

@@ -103,7 +103,7 @@ class Build:
         return self.aims and (self.converge or self.model == "paraxial")
 
     def as_dict(self) -> dict[str, int | str]:
-        """Return the parameters for JSON; `walk` is `max_cell_steps` by its old name."""
+        """Return the parameters for JSON; `walk` repeats `max_cell_steps` under its old name."""
         return {**dataclasses.asdict(self), "walk": self.max_cell_steps}
 
 

@@ -18,7 +18,7 @@ from lippmann.optics.models import ray_matrix
 from lippmann.optics.rays import Model
 from lippmann.optics.system import System
 
-#: Square of a ray's maximum slope, tan 60 degrees (`unit_slope`).
+#: Square of a ray's maximum slope (tan 60 degrees, see `unit_slope`).
 MAX_SLOPE_SQUARE = 3.0
 #: Maximum distance of a ray from the lenslet's axis on the first face, radii.
 MAX_POINT = 4.0
@@ -99,7 +99,7 @@ def nearest_word(
 ) -> int:
     """Round a value to a word. Raises InputError if the value does not fit the register.
 
-    The message contains value and limits, multiplied by `share`, in `unit`.
+    The error contains value and limits, both multiplied by `share`, in `unit`.
     """
     word = math.floor(math.ldexp(value, fraction) + 0.5)
     if not -(1 << (bits - 1)) <= word < 1 << (bits - 1):
@@ -324,10 +324,10 @@ def _check_reach(display: Display, build: Build, slope: Pair, point: Pair, reach
     array, exact = display.array, build.model == "exact"
     rho = array.half_diagonal_mm
     reach = rho if reach_mm is None else reach_mm
-    # A ray aimed outside its pixel's cell belongs to another, farther lenslet.
+    # A ray aimed outside its pixel's cell belongs to a lenslet farther from the pixel.
     pixel = rho if reach <= rho * (1.0 + 1e-9) else 2.0 * rho + reach
     aim = rho if build.aims else 0.0
-    # The lenslet's size or its shift towards the eye may make rays too steep.
+    # A large lenslet or a pixel's shift out of its cell may make rays too steep.
     shift = shift_mm(display)
     distances = math.hypot(1.0, array.shear) / array.pitches_mm[0], 1.0 / array.row_pitch_mm
     local = (pixel + shift) * (1.0 - System.of(display).convergence.share) * max(distances)

@@ -1,4 +1,4 @@
-"""Compute a frame's jittered rays (rtl/optics/lipp_raster.sv), and cell positions for test patterns."""
+"""Compute a frame's jittered rays (rtl/optics/lipp_raster.sv), and pixel positions in cells."""
 
 from __future__ import annotations
 
@@ -75,7 +75,7 @@ class RasterRays(NamedTuple):
 
 
 def raster(frame: Raster, table: Ints, f: int) -> RasterRays:
-    """Return a frame's rays in order; `table` (64,) is the jitter table."""
+    """Return a frame's rays in raster order; `table` (64,) is the jitter table."""
     (first_column, last_column), (first_row, last_row) = frame.columns, frame.rows
     window = np.mgrid[first_row : last_row + 1, first_column : last_column + 1, : frame.samples]
     rows, columns, sample = window.reshape(3, -1)
@@ -124,7 +124,7 @@ def _times(states: Ints, factor: int) -> Ints:
 def locate_pixels(
     config: Configuration, grid: Grid, f: int, width: int, height: int, columns: Ints, rows: Ints
 ) -> tuple[Ints, Ints, Ints, Ints]:
-    """Return the lenslets (i, j) of pixels, and positions from their centres, x in pitches, y in rows."""
+    """Return the lenslets (i, j) of pixels, and positions from the lenslets' centres, x in pitches, y in rows."""
     u, v = 8 * (2 * columns + 1 - width), 8 * (height - 1 - 2 * rows)
     return pixel_to_lenslet(u, v, config, grid, f)[:4]
 
@@ -141,6 +141,6 @@ def holds_centre(config: Configuration, f: int, x: Ints, y: Ints) -> Bools:
 
 
 def places_in_cell(grid: Grid, f: int, x: Ints, y: Ints) -> tuple[Ints, Ints]:
-    """Return positions of pixels in their cell, to the right and upward, 0 to 255."""
+    """Return positions of pixels in their cells, to the right and upward, 0 to 255."""
     up = y - (y >> 2) if grid == "hex" else y
     return np.clip((256 * x + (128 << f)) >> f, 0, 255), np.clip((256 * up + (128 << f)) >> f, 0, 255)

@@ -46,7 +46,7 @@ def pixel_to_lattice(u: Ints, v: Ints, from_u: int, from_v: int, offset: int, f:
 
 
 def lenslet_square(x: Ints, y: Ints, f: int) -> tuple[Ints, Ints, Ints, Ints, Bools]:
-    """Return the indices i = floor(x + 1/2), j of a point's lenslet, and the point relative to the lenslet."""
+    """Return the indices (i, j), i = floor(x + 1/2), of a point's lenslet, and the point relative to the lenslet."""
     half = 1 << (f - 1)
     i, j = (x + half) >> f, (y + half) >> f
     beyond = ~fits(i, INDEX_BITS) | ~fits(j, INDEX_BITS)
@@ -95,7 +95,7 @@ class Aimed(NamedTuple):
 
 
 def aim(i: Ints, j: Ints, x: Ints, y: Ints, a: Ints, b: Ints, grid: Grid, f: int) -> Aimed:
-    """Measure rays, in wide words, from the lenslet whose cell contains their aperture point.
+    """Express rays, in wide words, relative to the lenslet whose cell contains the aperture point.
 
     `stray` marks rays for which this is not the pixel's lenslet.
     """

@@ -27,7 +27,7 @@ class Field:
     """A register's bits `low` to `low + width - 1`; `reset` is None if the hardware drives the value.
 
     `fraction` is the number of fraction bits, or a formula with the build's F. `names`
-    lists the allowed values and their names if not all are allowed.
+    lists the allowed values and their names, unless all values are allowed.
     """
 
     low: int

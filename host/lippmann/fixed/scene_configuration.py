@@ -86,10 +86,10 @@ def scene_words(
 def layer_words(display: Display, layer: Layer, number: int | str, slot: int) -> LayerWords:
     """Return a layer's register values, with its texture in a slot; `number` names the layer in messages.
 
-    (X, Y) are in the array's frame, in radii. With the rotation matrix `turn`, (x, y) =
-    turn (X, Y) R + offset. In the layer's plane, the texture coordinate is s = s0 + a
-    X' + b Y', with (a, b) = R (m00, m01) turn, s0 = m02 + (m00, m01) offset and the
-    layer's matrix m. For a sky, x and y are slopes, and the offset is not added.
+    (X, Y) is in the array's frame, in radii; in the panel's, (x, y) = turn (X, Y) R +
+    offset, with the rotation `turn`. In the layer's plane, the texture coordinate is s =
+    s0 + a X' + b Y', with (a, b) = R (m00, m01) turn, s0 = m02 + (m00, m01) offset and
+    the layer's matrix m. For a sky, x and y are slopes, and the offset is not added.
     """
     frame = System.of(display).frame
     radius, (ox, oy) = display.array.radius_mm, frame.offset_mm
@@ -127,7 +127,7 @@ def slot_bytes(layer: Layer, build: SceneBuild) -> Bytes:
 
 
 def build_curve_table(display: Display) -> Bytes:
-    """Return the table of a panel's transfer curve, 8192 bytes; values under 8 bits are scaled to 8."""
+    """Return the table of a panel's transfer curve, 8192 bytes; values of fewer bits are scaled to 8 bits."""
     panel = display.panel
     return encoded_values(entry_light(), panel.transfer, min(panel.bits, 8)).astype(np.uint8)
 

@@ -23,7 +23,7 @@ Bytes = npt.NDArray[np.uint8]
 #: Bits and fraction bits of a signed pixel coordinate, from the panel's centre.
 PIXEL_BITS = 18
 PIXEL_FRACTION = 4
-#: Bits and fraction bits of signed coefficients and offsets from pixels to lattice coordinates.
+#: Bits and fraction bits of signed coefficients and offsets that map pixels to the lattice.
 SLOPE_BITS = 35
 SLOPE_FRACTION = 36
 OFFSET_BITS = 52
@@ -51,7 +51,7 @@ def extra_bits(f: int) -> int:
 
 
 def share_bits(f: int) -> int:
-    """Return the bits of converge_share (F + 11 fraction bits), converge_x and converge_y (F + 2)."""
+    """Return the number of bits of converge_share (F + 11 fraction bits), converge_x and converge_y (F + 2)."""
     return f + 9
 
 

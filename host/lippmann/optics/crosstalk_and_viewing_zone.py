@@ -1,8 +1,8 @@
 """Computes the crosstalk that eyes see, and the zone without crosstalk, with exact rays.
 
-With k = D/E and pitch p, the paraxial zone at the distance z has the width (1 + k) p z
-/ D of a cell's image, minus the panel's width times |1 - z/E|. Bisection finds the real
-zone, which is narrower, because thick lenslets refract steep rays differently.
+At the distance z, the paraxial zone is as wide as a cell's image, (1 + k) p z / D,
+minus |1 - z/E| panel widths (pitch p, k = D/E, D and E as in `system`). Bisection finds
+the real zone: it is narrower, because thick lenslets refract steep rays differently.
 """
 
 from __future__ import annotations
@@ -104,7 +104,7 @@ def sees_all(display: Display, eyes_mm: Floats) -> Bools:
     cell = np.concatenate(list(rings))
     points = (np.pad(centres, ((0, 0), (0, 0), (0, 1)))[:, :, None] + cell).reshape(len(eyes_mm), -1, 3)
     x, y = panel.pitches_mm
-    # Use larger pixels, because the number of pixels is limited.
+    # Enlarge the panel by larger pixels: the number of pixels is limited.
     wide = replace(panel, pixel_pitch_mm=(4.0 * x, 4.0 * y))
     status = _statuses(replace(display, panel=wide), eyes_mm, points)
     mostly = (status == Status.OK).mean(axis=1) >= 0.5

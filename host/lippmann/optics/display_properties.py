@@ -44,7 +44,7 @@ _DEPTHS = "(far, near): depths at pitch D / pixel pitch, where the rays of neigh
 @documented
 @dataclass(frozen=True)
 class DisplayProperties:
-    """The properties of a display. The paper's equations 2 to 4 relate the first five."""
+    """The properties of a display. The paper's equations 2 to 4 relate the first five properties."""
 
     radius_mm: float
     sag_mm: float
@@ -173,7 +173,7 @@ def _lenslets(display: Display) -> Lenslets:
         return across, down, across * down
     along, rows = array.half_steps
     down = min(down, 2 * (rows // 2) + 1)
-    # The middle row has a central lenslet; its neighbours in a hexagonal array do not.
+    # The middle row has a central lenslet; in a hexagonal array, the next rows do not.
     own, other = (min(across, count) for count in (2 * (along // 2) + 1, 2 * ((along + 1) // 2)))
     others = (down + 1) // 4 * 2 if array.grid == "hex" else 0
     return max(own, other) if others else own, down, own * (down - others) + other * others
@@ -208,7 +208,7 @@ def beats_in_lenslets(display: Display, distance_mm: float = math.inf) -> Pair:
 
 
 def visible_moire(display: Display, distance_mm: float) -> float | None:
-    """Return the longest period of moire in lenslets, or None if no moire is visible."""
+    """Return the longest moire period, in lenslets, or None if no moire is visible."""
     panel, pitch = display.panel, display.array.pitches_mm[0]
     widest = max(panel.width_mm, panel.height_mm) / pitch
     beats = [beat for beat in beats_in_lenslets(display, distance_mm) if MOIRE_FROM_LENSLETS < beat < widest]

@@ -1,7 +1,7 @@
 """Refracts rays at the flat face and at the domes (steps 4 and 5 of a ray).
 
 Snell's law at a plane keeps the tangential part of n d (index times direction). With k
-= d_tangential n1/n2 it gives (k, sqrt(1 - |k|^2)), or total reflection if |k| > 1.
+= d_tangential n1/n2, a ray leaves along (k, sqrt(1 - |k|^2)) or, if |k| > 1, reflects.
 
 **Domes** use lens-local coordinates: the vertex is the origin, the dome bulges to +z,
 and the glass is below. With the curvature c = 1/R, a dome of radius R is part of the
@@ -74,7 +74,7 @@ def _redirect(b: Backend, ray: Ray, direction: State, square: Arr) -> tuple[Ray,
     return Ray(*ray[:3], *(b.where(square <= 0.0, old, new) for old, new in pairs)), square
 
 
-#: Maximum number of cells that a ray visits before it has missed.
+#: Maximum number of cells that a ray visits before it counts as missed.
 MAX_CELLS = 16
 
 
@@ -116,10 +116,10 @@ def cap(b: Backend, dome: Dome, ray: Ray, upward: bool) -> tuple[Arr, Arr, Ray, 
     hit = square >= 0.0
     cosine = b.sqrt(b.maximum(square, 0.0))
     if upward:
-        # The ray leaves the sphere at (cosine - d_z) / c, precise for d_z > 0.
+        # The ray exits at (cosine - d_z) / c; this form is precise for d_z > 0.
         t = -f / b.maximum(ray.dz + cosine, 1e-30)
     else:
-        # The ray enters the sphere at (-d_z - cosine) / c, precise for d_z < 0.
+        # The ray enters at (-d_z - cosine) / c; this form is precise for d_z < 0.
         t = f / b.maximum(cosine - ray.dz, 1e-30)
     on_dome = ray._replace(x=qx + t * ray.dx, y=qy + t * ray.dy, z=qz + t * ray.dz)
     return hit, t - s, on_dome, cosine

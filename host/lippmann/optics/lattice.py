@@ -100,7 +100,7 @@ class Lattice:
         return (b.absolute(along) <= self.half_steps[0]) & (b.absolute(2.0 * j) <= self.half_steps[1])
 
     def nearest_within(self, x: Arr, y: Arr) -> Point:
-        """Return points (mm), clipped to within the centres of the array's outermost lenslets."""
+        """Return points (mm), clipped to the region between the array's outermost lenslet centres."""
         if self.half_steps is None:
             return x, y
         px, py = self.pitches_mm
@@ -124,7 +124,7 @@ class Lattice:
             s = u - 0.5 * t
             i, j = b.floor(s), b.floor(t)
             s, t = s - i, t - j
-            # q0 uses u, not s + t/2: pixels on a vertical edge then get the same lenslet.
+            # q0 uses u, not s + t/2, so that pixels on a vertical edge get one lenslet.
             q0, q1 = u - (i + 0.5 * j), 0.5 * s + t
             near = (q0 < 0.5) & (q1 < 0.5)
             far = (q0 >= 1.0) & (q1 >= 1.0)

@@ -116,7 +116,7 @@ def panel_size(display: Display) -> Floats:
 
 
 def located(display: Display, pixels: Floats) -> tuple[Floats, Floats]:
-    """Return the lenslets (N, 2) of pixels (N, 2), and the pixels from the lenslets' centres, (N, 2) mm."""
+    """Return the lenslets (N, 2) of pixels (N, 2), and their positions from the lenslets' centres, (N, 2) mm."""
     i, j, x, y = System.of(display).locate(NumpyBackend(), *pixels.T)
     return np.stack([i, j], axis=1), np.stack([x, y], axis=1)
 
@@ -166,7 +166,7 @@ def model_error_px(display: Display, truth: Rays, rays: Rays, depth_range_mm: Pa
     slope = np.subtract(*(direction[:, :2] / direction[:, 2:] for _, direction in lines))
     worst = 0.0
     far, near = depth_range_mm
-    # Past `kink`, pixels are wider than lenslets; the maximum is at a kink or an end.
+    # Beyond `kink`, the view's pixels exceed lenslets; the maximum is at a kink or an end.
     kink = display.array.finest_mm * display.aperture_distance_mm / min(display.panel.pitches_mm)
     for z in (far, near, *(z for z in (-kink, kink) if far < z < near)):
         apart = float(np.linalg.norm(place + z * slope, axis=1).max())
@@ -175,6 +175,6 @@ def model_error_px(display: Display, truth: Rays, rays: Rays, depth_range_mm: Pa
 
 
 def crossing(local_mm: Arr, direction: Arr, z_mm: float) -> Arr:
-    """Return the points (N, 2) where lines of origins and directions (N, 3) cross the plane z_mm."""
+    """Return the points (N, 2) where lines with origins and directions (N, 3) cross the plane z_mm."""
     t = (z_mm - local_mm[:, 2]) / direction[:, 2]
     return local_mm[:, :2] + t[:, None] * direction[:, :2]

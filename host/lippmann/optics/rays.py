@@ -35,7 +35,7 @@ class Status(IntEnum):
 
 
 def check_fraction_bits(fraction_bits: int | None, engine: str) -> None:
-    """Refuse a word length for the engines golden and fast."""
+    """Refuse `fraction_bits` for the engines golden and fast."""
     if fraction_bits is not None and engine in ("golden", "fast"):
         raise InputError(f"fraction_bits belongs to the engines twin and rtl; leave it out with {engine}")
 

@@ -14,7 +14,7 @@ from lippmann.optics.lattice import Lattice
 R2_STEPS = (0.7548776662466927, 0.5698402909980532)
 #: Fractional part of the golden ratio, in units of 2^-32.
 GOLDEN_STEP = 0x9E3779B9
-#: Rounds of the Tiny Encryption Algorithm. With four, neighbouring pixels correlate.
+#: Rounds of the Tiny Encryption Algorithm. With four rounds, neighbouring pixels correlate.
 HASH_ROUNDS = 6
 
 

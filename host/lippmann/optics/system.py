@@ -120,8 +120,8 @@ class System:
     """The optical system of a display.
 
     `concave` means a capture's plano-concave lenslets, flat towards the panel and
-    `thickness_mm` thick at the vertex. Only the model `exact` traces rays through them,
-    from the panel.
+    `thickness_mm` thick at the vertex. Only the model `exact` traces rays through
+    these, and only from the panel.
     """
 
     frame: PanelFrame
@@ -170,7 +170,7 @@ class System:
         return i, j, x - cx, y - cy  # inverting q would magnify q's rounding error by 1 / (1 - s)
 
     def through_mount(self, b: Backend, status: Arr, passed: Point, own: Point | None = None) -> Arr:
-        """Return `status`, or BLOCKED if the `own` lenslet is absent, or the `passed` one of a ray not MISSED."""
+        """Return `status`; BLOCKED if lenslet `own` is absent, or `passed` is absent for a ray not MISSED."""
         if self.lattice.half_steps is None:
             return status
         there = self.lattice.present(b, *passed) | (status == int(Status.MISSED))

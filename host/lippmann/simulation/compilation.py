@@ -69,7 +69,7 @@ def cached_file(path: Path, inputs: Iterable[Path | str], make: Callable[[Path],
             why = f"compiled simulations cannot be stored there ({error.strerror})"
             raise input_error(target.parent, why, "make the folder writable, or set XDG_CACHE_HOME") from None
         with lock:
-            import fcntl  # only Unix has it
+            import fcntl  # only on Unix
 
             fcntl.flock(lock, fcntl.LOCK_EX)  # keeps out other processes and other threads
             if not target.exists():

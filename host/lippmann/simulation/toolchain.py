@@ -37,7 +37,7 @@ class Tool(NamedTuple):
     def path(self) -> Path:
         """Return the program's path.
 
-        Raises MissingLibraryError, with the remedy, if the program is missing.
+        Raises MissingLibraryError if the program is missing.
         """
         match = self.find()
         if match is None:
@@ -88,7 +88,7 @@ def hardware() -> Path:
 
 
 def build_folder() -> Path:
-    """Return the folder of compiled simulations: build/ in a checkout, or one in the user's cache."""
+    """Return the folder of compiled simulations: build/ in a checkout, else in the user's cache."""
     if (top := _checkout()) is not None:
         return top / "build"
     cache = os.environ.get("XDG_CACHE_HOME", "")
@@ -161,8 +161,8 @@ def rtl_sources(top: Path) -> list[Path]:
 def needed(text: str, files: Sequence[Path] | Mapping[str, Path]) -> list[Path]:
     """Return the SystemVerilog files that a text names, directly or indirectly, outside comments.
 
-    The names are the keys of a mapping, or else the files' stems. The result has the
-    order of `files`.
+    The names are a mapping's keys, or else the files' stems. The result has the order
+    of `files`.
     """
     by_name = files if isinstance(files, Mapping) else {path.stem: path for path in files}
     match: set[str] = set()

@@ -127,7 +127,7 @@ def check_free(tcp_port: int) -> None:
 
 
 def board_build(display: Display, scene: SceneBuild | None = None, fraction_bits: int | None = None) -> Build:
-    """Return the RTL parameters of a display's optics; `cross_cells` is set: it simulates faster.
+    """Return the RTL parameters of a display's optics, with `cross_cells`, which simulates faster.
 
     F is `fraction_bits`, by default 18 for a board that draws nearest texels, else 16.
     """
@@ -251,7 +251,7 @@ def start(display: Display, **options: Unpack[BoardOptions]) -> RunningBoard:
 def _remove_dead_lines(place: Path) -> None:
     """Remove the sockets and tokens of killed boards, which have no listening process.
 
-    A test connection would disconnect a program; the system's tables list listeners.
+    The system's tables list listeners; a test connection would disconnect a program.
     """
     # List the files before the listeners: a board may start meanwhile.
     there = [*place.glob("board-*.sock"), *place.glob("tcp-*.token")]
