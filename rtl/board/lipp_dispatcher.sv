@@ -7,7 +7,7 @@
 /// described in docs/reference/protocol.md. Each request arrives with a checked CRC, because
 /// packet_fifo forwards only complete, correct packets. A request of a wrong length has no effect.
 /// The requests WRITE, SIGN, ABORT and RESET are executed once, in the order of their numbers. If
-/// the host repeats the last executed request, the dispatcher sends only its reply again. A WRITE,
+/// the host repeats the last executed request, the dispatcher only sends the reply again. A WRITE,
 /// SIGN, ABORT or RESET with an older number is refused.
 ///
 /// Every request gets a reply. No request waits forever: each module answers within the number of
@@ -173,7 +173,7 @@ module lipp_dispatcher #(
     endcase
   end
 
-  // ---- check if the request is legal; it is stable from two clocks before state Judge ----
+  // ---- check if the request, which is stable two clocks before state Judge, is legal ----
   logic no_block;  // 1: the requested slot or block does not exist
   logic no_tile, version, no_block_q, no_tile_q, version_q;
   // slot_in_use_q: the slot to load is on the panel or selected for it. Only a WRITE can select a

@@ -17,7 +17,7 @@
 ///
 /// The bus_* ports connect to register_bus, one access at a time. The operations are:
 ///
-///   OpClaim  waits until no apply is pending; StatusOk permits a write of the block's registers.
+///   OpClaim  waits until no apply is pending. StatusOk permits a write to the optics registers.
 ///   OpTrace  traces the rays of the stream. After done_o with StatusOk, nine words per exit ray
 ///            follow as a stream. Before the words of the last ray, the source is the raster again.
 ///   OpSign   starts a frame whose rays are signed. OpSign returns StatusBusy if the frame has

@@ -51,7 +51,7 @@ module lipp_register_access #(
   logic [7:0] at_q;                  // index of the WRITE's current data word
   logic [8:0] register_q;            // word address of the current register
   logic [10:0] address;
-  // End: first address after the last register; with Layers = 0 it is 0x400, after the optics.
+  // End: first address after the last register; 0x400, the end of the optics, if Layers = 0.
   localparam logic [10:0] End = 11'(Layers > 0 ? 'h600 + 32 * Layers : 'h400);
   assign address = {register_q, 2'd0};
   assign word_at_o = at_q;

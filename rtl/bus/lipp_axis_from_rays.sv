@@ -10,12 +10,12 @@
 ///
 ///   Bits 15:0, 31:16 of tdata are the signed indices i, j of the lenslet that the ray leaves.
 ///   Bits 63:32 of tdata are the status of the ray, as in ray_status_e.
-///   Bits 95:64, 127:96, 159:128 of tdata are the ray's signed origin x, y, z from that lenslet.
+///   Bits 95:64, 127:96, 159:128 of tdata are the ray's signed origin x, y, z from lenslet (i, j).
 ///   Bits 191:160, 223:192, 255:224 of tdata are the ray's signed unit direction dx, dy, dz.
 ///   Bit tuser is 1 for the first ray of a frame.
 ///   Bit tlast is 1 for the last ray of a frame.
 ///
-/// Origin: 2^-(F+1) R (x, y, z) mm, with the dome's radius R; direction: 2^-(F+1) (dx, dy, dz).
+/// The origin is 2^-(F+1) R (x, y, z) mm, R the dome radius, the direction 2^-(F+1) (dx, dy, dz).
 module lipp_axis_from_rays #(
   parameter int F = 23
 ) (

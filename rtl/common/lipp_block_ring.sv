@@ -3,8 +3,8 @@
 
 /// Delays a word by 5 or more clocks: q(t) = d(t - Cycles). Use this module for long delays.
 ///
-/// lipp_block_ring behaves like `lipp_ring`. The two modules are separate, so that synthesis for an
-/// FPGA family can put only the long delays into block memory (rtl/ecp5/).
+/// lipp_block_ring behaves like `lipp_ring`. lipp_ring is a separate module, so that synthesis for
+/// an FPGA family can put only long delays into block memory (rtl/ecp5/).
 module lipp_block_ring #(
   parameter int Width = 1,
   parameter int Cycles = 5

@@ -10,8 +10,8 @@
 ///
 /// Input hold_i makes ready_o low from the next clock on, because ready_o is a register. Output
 /// idle_o is high while no ray is in the pipeline or in the FIFO, so that the pipeline's
-/// configuration can change. The counter of rays counts an accepted ray one clock later, and a ray
-/// that leaves two clocks later. Therefore the timing paths from valid_i and ready_i end in
+/// configuration can change. The counter of rays counts an accepted ray with a delay of one clock,
+/// a leaving ray with a delay of two. Therefore the timing paths from valid_i and ready_i end in
 /// registers, and the output may lie far away on the FPGA. Output idle_o falls one clock after a
 /// ray is accepted, and rises three clocks after the last ray has left.
 module lipp_flow_control #(

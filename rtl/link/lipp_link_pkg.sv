@@ -56,7 +56,7 @@ package lipp_link_pkg;
     StatusBusy = 8'd10      // another task is running
   } reply_status_e;
 
-  /// Running task that a reply with StatusBusy names.
+  /// Running task, as named in a reply with StatusBusy.
   typedef enum logic [7:0] {
     RunsNothing = 8'd0,
     RunsFrame = 8'd1,  // raster frame started by a WRITE request

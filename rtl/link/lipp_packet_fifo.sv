@@ -8,7 +8,7 @@
 /// packet. The last five bytes stay in registers outside the memory. Therefore the four bytes of
 /// the CRC are never stored, and the byte before the CRC can be marked as the packet's last byte.
 ///
-/// A dropped packet is counted for one reason: the first that applies of too long, COBS error, too
+/// A dropped packet is counted once, for the first reason that applies: too long, COBS error, too
 /// short, wrong CRC. While the memory is full, the input waits. The remaining bytes of a packet
 /// that is already too long are discarded. The first byte of a packet is at the output 4 clocks
 /// after its end beat. One byte follows per clock.
@@ -100,13 +100,13 @@ module lipp_packet_fifo #(
       dropped_short_o <= judge_q && !long_q && !cobs_q && short_q;
       dropped_crc_o <= judge_q && !long_q && !cobs_q && !short_q && !right_q;
 
-      // These addresses may change this late, because the next packet writes its first byte at
-      // least five clocks after the check of a packet.
+      // stored_q and write_at_q may change this late, because the next packet writes its first byte
+      // at least five clocks after the check of a packet.
       if (judge_q && good) stored_q <= write_at_q;
       if (judge_q && !good) write_at_q <= stored_q;
       else if (write) write_at_q <= write_at_q + address_t'(1);
 
-      // The comparison's limit leaves room for the bytes of two clocks, because room_q is used one
+      // The limit for room_q leaves room for the bytes of two clocks, because room_q is used one
       // clock later. The memory never becomes completely full.
       room_q <= write_at_q - read_at_q < address_t'(2 ** AddressBits - 2);
     end

@@ -46,8 +46,8 @@ module lipp_uart_rx (
 
   always_ff @(posedge clk_i) begin
     if (busy_q) {bit_q, eighth_q, phase_q} <= place_d;
-    // The position starts one clock ahead, which corrects two mean delays of half a clock: start
-    // bit edge to first low sample, and start of an eighth to its first clock.
+    // The position starts one clock ahead, to correct two mean delays of half a clock: from the
+    // start bit's edge to its first low sample, and from the start of an eighth to its first clock.
     else {bit_q, eighth_q, phase_q} <= {3'b0, step_i, 1'b0};
     enter_q <= busy_q && place_d[15:13] != eighth_q;
     if (enter_q && eighth_q inside {[3'd3:3'd5]}) sample_q <= {sample_q[1:0], line};

@@ -4,10 +4,10 @@
 /// Adds two words a and b after masking each bit: s = (a & x) + (b & y). The module is
 /// combinational and drops the carry out.
 ///
-/// Multipliers use the module to add two rows of partial products. Words a and b are then the first
-/// factor and the shifted first factor, and each mask repeats one bit of the second factor. An FPGA
-/// family whose carry chains can mask their inputs replaces this module (rtl/ecp5/), so that the
-/// masks need no extra logic.
+/// Multipliers use the module to add two rows of partial products. In a multiplier, a and b are the
+/// first factor and the shifted first factor, and each mask repeats one bit of the second factor.
+/// An FPGA family whose carry chains can mask their inputs replaces this module (rtl/ecp5/), so
+/// that the masks need no extra logic.
 module lipp_gated_sum #(
   parameter int W = 18  // width of the words and of the sum, in bits
 ) (

@@ -37,7 +37,7 @@ module lipp_low_product #(
     assign a = Wp'(a_i);
     always_ff @(posedge clk_i) p <= a * Wp'(low_i);
   end else begin : gen_tree
-    // The tree's lower branch adds 2^k digits, for the largest 2^k below the number of digits.
+    // The lower branch adds the products of 2^k digits, with the largest 2^k below Digits.
     localparam int LowerDigits = 1 << ($clog2(Digits) - 1);
     localparam int Split = 2 * LowerDigits;
     logic signed [MulBits+Split-1:0]     lower;

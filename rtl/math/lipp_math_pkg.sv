@@ -26,8 +26,8 @@ package lipp_math_pkg;
     return width > MulBits ? width - MulBits : 0;
   endfunction
 
-  /// Return the latency of `lipp_low_product`, which adds digits of two bits in a tree. The latency
-  /// is at least the latency of a multiplier cell, which computes the other term in parallel.
+  /// Return the latency of `lipp_low_product`, a tree over digits of two bits. The latency is at
+  /// least that of the multiplier cell that multiplies the operands' upper bits in parallel.
   function automatic int low_latency(int low);
     int tree;
     tree = 1 + $clog2((low + 1) / 2);

@@ -20,8 +20,8 @@
 /// together. Input dq_i is captured cas_clocks + PadClocks + 1 clocks after READ is at the ports.
 ///
 /// After reset the controller waits for power_up_us without a command, and then sends PRECHARGE
-/// ALL, eight AUTO REFRESH, and LOAD MODE REGISTER. No manufacturer of such SDRAMs requires a
-/// longer sequence. Later, a pending AUTO REFRESH is executed before the next transaction.
+/// ALL, eight AUTO REFRESH, and LOAD MODE REGISTER. No manufacturer of such SDRAMs requires more.
+/// After this initialisation, a pending AUTO REFRESH is executed before the next transaction.
 module lipp_sdram_controller
   import lipp_sdram_pkg::*;
 #(
@@ -76,7 +76,7 @@ module lipp_sdram_controller
   localparam int Interval = int'(
       (longint'(Timing.refresh_ms) * longint'(ClockHz) / 1000 - longint'(Longest))
       / longint'(Timing.rows));
-  // Number of clocks from the READ command of a column in state_q until the word is in read_word_o.
+  // Number of clocks from state Column of a read until the column's word is in read_word_o.
   localparam int ReadClocks = int'(Timing.cas_clocks) + 2 + PadClocks;
 
   localparam int TimerBits = $clog2((PowerUp > Interval ? PowerUp : Interval) + 1);
@@ -94,7 +94,7 @@ module lipp_sdram_controller
   if (PadClocks < 0) begin : gen_pads
     $fatal(1, "lipp_sdram_controller: PadClocks must be 0 or more");
   end
-  // The counters allow three refreshes after the longest transaction, and a tRFC of 30 clocks.
+  // The counters suffice for three pending refreshes, and for a tRFC of 30 clocks.
   if (Interval < Longest / 2 || Rfc > 30) begin : gen_clock
     $fatal(1, "lipp_sdram_controller: ClockHz must be about 35 MHz to 400 MHz");
   end
@@ -128,7 +128,7 @@ module lipp_sdram_controller
   transaction_t at_q;
   logic write_q, tag_q, last_q, settled;
   logic [PauseBits-1:0] pause_q, pause_d;
-  logic [HoldBits-1:0] hold_q;  // its number of ones counts the clocks until the row may close
+  logic [HoldBits-1:0] hold_q;  // number of ones: clocks until the row may close
   assign ready_o = state_q == Idle && open_q;
   assign settled = !hold_q[0];
 

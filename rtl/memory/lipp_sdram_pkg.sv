@@ -21,8 +21,8 @@ package lipp_sdram_pkg;
     logic last;  // 1: last transaction of its request
   } transaction_t;
 
-  /// Minimum times from the SDRAM's data sheet. The field refresh_ms is a maximum instead: `rows`
-  /// refreshes must be done within refresh_ms.
+  /// Minimum times from the SDRAM's data sheet. The field refresh_ms is a maximum time, in which
+  /// `rows` refreshes must be done.
   typedef struct packed {
     logic [15:0] cas_clocks;  // CAS latency, 2 or 3 clocks
     logic [15:0] rcd_ns;      // minimum time from ACTIVE to READ or WRITE

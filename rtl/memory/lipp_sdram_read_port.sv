@@ -77,7 +77,7 @@ module lipp_sdram_read_port
     .out_valid_o(mem_valid_o), .out_ready_i(mem_ready_i), .out_data_o(mem_transaction_o)
   );
 
-  // ---- convert words to pixels; room is reserved, so both modules are always ready ----
+  // ---- convert words to pixels; with room reserved, i_join and i_pairs are always ready ----
   logic mem_pair_valid, join_ready, fifo_ready, unused_ready;
   logic [47:0] mem_pair;
   assign unused_ready = join_ready && fifo_ready;

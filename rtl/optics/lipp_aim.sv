@@ -32,9 +32,9 @@ module lipp_aim #(
   input  logic signed [F+1:0]                          b_i,
   output logic signed [lipp_optics_pkg::IndexBits-1:0] i_o,  // index i of the lenslet aimed at
   output logic signed [lipp_optics_pkg::IndexBits-1:0] j_o,
-  output logic signed [F+1:0]                          x_o,  // pixel's x from lenslet aimed at
+  output logic signed [F+1:0]                          x_o,  // pixel's x, measured from (i_o, j_o)
   output logic signed [F+1:0]                          y_o,
-  output logic signed [F+1:0]                          a_o,  // aperture a from lenslet aimed at
+  output logic signed [F+1:0]                          a_o,  // aperture a, measured from (i_o, j_o)
   output logic signed [F+1:0]                          b_o,
   output logic                                         stray_o,  // 1: ray aims at another lenslet
   output logic                                         beyond_o  // 1: an output word overflows

@@ -12,7 +12,7 @@
 ///
 ///   x = n_x,   y = n_y,   z = n_z - 1.
 ///
-/// The latency is exit_latency(0, F) clocks after n.
+/// The outputs are valid exit_latency(0, F) clocks after n.
 module lipp_exit_dome #(
   parameter int F = 23,
   parameter bit CrossCells = 1'b0,

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 `default_nettype none
 
-/// Step 5 of the ray trace: measures the ray's point V from the dome at the step (di, dj).
+/// Step 5 of the ray trace: measures the ray's start V from the next dome, (di, dj) lenslets away.
 ///
 /// The new coordinates are
 ///

@@ -1,20 +1,20 @@
 // SPDX-License-Identifier: Apache-2.0
 `default_nettype none
 
-/// Traces frames of rays from panel pixels through the lenslets, as software configures it.
+/// Traces frames of rays from panel pixels through the lenslets, under control of software.
 ///
 /// The register `source` selects the source of the rays: the raster, or the stream at this block's
-/// port. Exit rays leave in the order in which their rays entered. Ports exit_first_o and
-/// exit_last_o mark the first and the last ray of a frame.
+/// port. Exit rays leave in the order in which the rays entered. Ports exit_first_o and exit_last_o
+/// mark the first and the last ray of a frame.
 ///
 /// Software writes new optics into shadow registers. Writing `apply` requests that the new optics
 /// and the new source take effect. Between two frames, new optics take effect at once, otherwise
-/// after the frame's last ray was accepted. The register field `busy` is 1 until then. Writing
-/// `start` requests a frame of the raster. While a frame runs, one start is remembered, which takes
-/// effect after that frame. Therefore all rays of a frame are traced with the same optics, and a
-/// frame uses every apply that was written before its start. Writing `abort` ends the current frame
-/// of raster or stream and cancels the remembered start. Rays that were accepted before an abort
-/// still leave. A start in the same write as an abort begins a new frame.
+/// after the frame's last ray was accepted. The register field `busy` is 1 until the apply has
+/// taken effect. Writing `start` requests a frame of the raster. While a frame runs, one start is
+/// remembered, which takes effect after that frame. Therefore all rays of a frame are traced with
+/// the same optics, and a frame uses every apply that was written before its start. Writing `abort`
+/// ends the current frame of raster or stream and cancels the remembered start. Rays that were
+/// accepted before an abort still leave. A start in the same write as an abort begins a new frame.
 ///
 /// The register port is APB4. A write changes the bytes whose strobe is set. The block ignores the
 /// two low address bits and PPROT. The file rtl/registers.rdl defines the registers;

@@ -66,7 +66,7 @@ package lipp_optics_pkg;
     return build.aims || build.viewer || build.converge;
   endfunction
 
-  /// Return whether the slope of a build has its own coefficient for the aperture point.
+  /// Return whether a build's slope uses a separate coefficient for the aperture point.
   function automatic bit slope_aims(build_t build);
     return build.aims && (build.model == 2'(ModelParaxial) || build.converge);
   endfunction
@@ -152,9 +152,9 @@ package lipp_optics_pkg;
     return word >>> (bits - 1) != word >>> 31;
   endfunction
 
-  /// Return E, the number of extra fraction bits before a ray meets the dome, for exact builds with
-  /// the plano side to the panel. Slopes and lateral directions have E more fraction bits, and dz
-  /// has 3 E more. E is 0 if a word of F + 2 bits fits a multiplier cell.
+  /// Return E, the number of extra fraction bits of a direction before the dome, for exact builds
+  /// with the plano side to the panel. Slopes and lateral directions have E more fraction bits, and
+  /// dz has 3 E more. E is 0 if a word of F + 2 bits fits a multiplier cell.
   function automatic int extra_bits(int f);
     return f + 2 > MulBits ? 1 : 0;
   endfunction
@@ -194,7 +194,7 @@ package lipp_optics_pkg;
     return mul_latency(f + 4, f + 4) + 2;
   endfunction
 
-  /// Return the width of a pixel's point measured from its lenslet's centre, with F fraction bits.
+  /// Return the width of a pixel's x and y from its lenslet's centre, which have F fraction bits.
   /// The range is [-8, 8) with converge or shear, otherwise [-2, 2).
   function automatic int local_bits(int f, bit converge, bit shear);
     return f + (converge || shear ? 4 : 2);

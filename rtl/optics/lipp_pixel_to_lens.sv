@@ -8,7 +8,7 @@
 ///   pixel_to_lattice -> lenslet_{square,hex} -> (aim) -> (converge) -> (shear).
 ///
 /// The outputs (x, y) and (a, b) are the pixel and the aperture point, in pitches and rows from the
-/// centre of lenslet (i, j). All four words have F fraction bits. The width of x and y is
+/// centre of lenslet (i, j). Words x, y, a and b have F fraction bits. The width of x and y is
 /// local_bits(F, Converge, Shear), and the width of a and b is local_bits(F, 0, Shear).
 ///
 /// Output stray_o reports that (i, j) is not the pixel's own lenslet. Output beyond_o reports that
@@ -141,7 +141,7 @@ module lipp_pixel_to_lens #(
     assign {local_x, local_y, local_beyond} = {aim_x, aim_y, aim_beyond};
   end
 
-  // ---- convert sheared coordinates x and a to upright coordinates ----
+  // ---- convert sheared coordinates x and a to lengths along the rows ----
   localparam int LensAt = lens_latency(F, Grid, Aims, Converge, Shear);
   if (Shear) begin : gen_shear
     logic signed [W-1:0] b_late;

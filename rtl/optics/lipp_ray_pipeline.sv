@@ -21,10 +21,10 @@
 /// The status is a `ray_status_e`. A ray is blocked if the pixel's own lenslet or the lenslet of
 /// the exit does not exist, whatever else happens to the ray. Otherwise the status missed takes
 /// precedence over total internal reflection, blocked and crosstalk, in this order. The origin of a
-/// missed ray is undefined. A ray is also missed if any word of its computation overflows; a flag
-/// `beyond` accompanies the ray. All rays are missed if a register contains a value that does not
-/// fit the word that the build uses. A ray that leaves the dome downward is blocked; the
-/// intersections of such a ray with neighbouring domes are not computed.
+/// missed ray is undefined. A ray is also missed if any word of its computation overflows, which
+/// the flag `beyond` reports. All rays are missed if a register contains a value that does not fit
+/// the word that the build uses. A ray that leaves the dome downward is blocked; the intersections
+/// of such a ray with neighbouring domes are not computed.
 ///
 /// Build.walk is the number of further domes tried when the ray meets a dome outside that dome's
 /// cell; a ray that needs more domes is missed. Build.converge is for displays for a near eye,
@@ -124,7 +124,7 @@ module lipp_ray_pipeline #(
 
   // ---- trace the ray through the lenslet ----
   localparam int Early = extent_latency() - 1;  // latency of lipp_extent minus 1
-  logic signed [IndexBits-1:0] early_i, early_j, out_i, out_j;  // early_i leads by Early clocks
+  logic signed [IndexBits-1:0] early_i, early_j, out_i, out_j;  // early_i precedes out_i by Early
   logic signed [Wf-1:0] out_x, out_y, out_z;
   logic signed [W-1:0] out_dx, out_dy, out_dz;
   logic out_missed, out_beyond, out_reflected, out_crosstalk;

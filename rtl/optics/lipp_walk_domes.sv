@@ -70,7 +70,7 @@ module lipp_walk_domes #(
   logic [Walk:0][W-1:0] nx, ny, nz, cos;
   logic [Walk:0][IndexBits-1:0] i, j;
   logic [Walk:0][Wf-1:0] s;
-  logic [Walk:0] missed, beyond, meet_beyond;  // beyond: OR of the flags before dome k
+  logic [Walk:0] missed, beyond, meet_beyond;  // beyond[k]: overflow before dome k
   assign {i[0], j[0], hx[0], hy[0]} = {i_i, j_i, hx_i, hy_i};
   assign {dx[0], dy[0], dz[0], beyond[0]} = {dx_i, dy_i, dz_i, beyond_i};
 

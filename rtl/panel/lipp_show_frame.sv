@@ -71,7 +71,7 @@ module lipp_show_frame #(
       {hit_q, in_time_q, last_q, lost_o} <= '0;
     end else begin
       hit_q <= hit;
-      last_q <= last && !begins;  // a last pixel at begin_i is late, an underflow
+      last_q <= last && !begins;  // a last pixel that comes at begin_i is late
       in_time_q <= begins || (in_time_q && !underflow_o);
       if (begin_q && swapped_i) lost_o <= 1'b0;
       else if (last_q && in_time_q) lost_o <= ~crc_q != crc_i;

@@ -4,8 +4,8 @@
 /// Computes a pixel of a test pattern from the pixel's column and row and from the optics.
 ///
 /// The latency is pattern_latency(Grid) clocks. Inputs pattern_i and optics_i must not change
-/// within a frame. The first three of these patterns are black where the array has no lenslet.
-/// Every other pattern number, including PatternOff, gives black.
+/// within a frame. PatternLens, PatternCentres and PatternViews are black where the array has no
+/// lenslet. PatternOff and undefined pattern numbers give black.
 ///
 ///   PatternLens     white inside the cell of lenslet (i, j), black elsewhere.
 ///   PatternCentres  white in each pixel that contains a lenslet's centre, black elsewhere.
@@ -23,7 +23,7 @@
 /// For PatternCentres, a pixel contains a lenslet's centre if the centre is at most 17/32 pixels
 /// away in both directions. If the centre lies on a border between pixels, all pixels that share
 /// the border contain the centre. The coefficients xu, xv, yu, yv of the affine map are truncated
-/// to 19 fraction bits, and x and y to 17. The condition is
+/// to 19 fraction bits, and x and y to 17. The condition for PatternCentres is
 ///
 ///   |yv x - xv y| <= 17/32 det,  |xu y - yu x| <= 17/32 det,  det = xu yv - xv yu
 ///

@@ -24,9 +24,9 @@
 /// with arbitrary pixels. The write of a row is requested when its first pixel is known and the
 /// previous row is written.
 ///
-/// The clocks from start_i to done_o depend on the coding. Assume that the frame store is always
-/// ready. Let the tile have h rows of w pixels, let b be the number of bytes up to the first pixel,
-/// and let n = max(1, ceil(log2(rows of tiles on the panel))). The numbers of clocks are:
+/// The number of clocks from start_i to done_o depends on the coding. Assume that the frame store
+/// is always ready. Let h rows of w pixels form the tile, b be the number of bytes up to the first
+/// pixel, and n = max(1, ceil(log2(rows of tiles on the panel))). The numbers of clocks are:
 ///
 ///   Raw tiles take 3 w h + n + 5 clocks.
 ///   Copied tiles take h (w + 4) + n + 2 clocks.
@@ -168,7 +168,7 @@ module lipp_tile_writer #(
   logic fill_q, fill_d;        // 1: one colour or the copy fills the rest of the tile
   // number of pixels of the tile still to come, minus 2; negative at the last pixel
   logic [RemainingBits-1:0] remaining_q;
-  logic draws, moves, wrong;   // draws: the byte completes a pixel; moves: the byte changes a part
+  logic draws, moves, wrong;   // draws: the byte completes a pixel; moves: first byte of LUMA
   logic step, repeats, bad, repeating, colour, look_up, open;  // open: a pixel can be produced
   logic [23:0] rgb, difference;
   logic [5:0] hash_d, more_d;

@@ -4,19 +4,19 @@
 /// Computes the texture coordinate (s, t) at which a ray's line meets a layer.
 ///
 /// In the formulas all words are integers, and a b >> k is the product of `lipp_row_multiplier`
-/// truncated by k bits. (x, y) is the ray's line at z = 0, and (s0, t0), a, b, c, d and depth are
-/// registers of the layer. The steps are
+/// truncated by k bits. (x, y) is where the ray's line meets z = 0, and (s0, t0), a, b, c, d and
+/// depth are registers of the layer. The steps are
 ///
 ///   X'  = (2 (infinite ? 0 : x) + 1 + (depth slope_x >> F)) >> 1       F - 3 fraction bits
 ///   Y'  = (2 (infinite ? 0 : y) + 1 + (depth slope_y >> F)) >> 1
 ///   s_o = (s0 + h + (a X' >> A+F-19) + (b Y' >> A+F-19)) >> 8           8 fraction bits
 ///   t_o = (t0 + h + (c X' >> A+F-19) + (d Y' >> A+F-19)) >> 8.
 ///
-/// Of the registers a, b, c and d, a build reads A = coefficient_bits(F) of the 24 fraction bits.
-/// Of the register depth, a build reads F - 3 of the 20 fraction bits. With Bilinear = 1, h = 2^7 -
-/// 2^15, which subtracts half a texel and rounds. With Bilinear = 0, h = 0, so that the integer
-/// part of s_o is floor(s). Output beyond_o reports that X' or Y' is outside [-2048, 2048), or that
-/// s_o or t_o does not fit its word.
+/// A build reads the upper A = coefficient_bits(F) of the 24 fraction bits of a, b, c and d, and
+/// the upper F - 3 of the 20 fraction bits of depth. With Bilinear = 1, h = 2^7 - 2^15, which
+/// subtracts half a texel and rounds. With Bilinear = 0, h = 0, so that the integer part of s_o is
+/// floor(s). Output beyond_o reports that X' or Y' is outside [-2048, 2048), or that s_o or t_o
+/// does not fit its word.
 ///
 /// Let ds be the error of s before its last truncation, in texels, relative to an exact computation
 /// from the same line and registers. The bound of ds is
@@ -25,7 +25,7 @@
 ///
 /// The last term of the bound is present only in builds with F < 20, which truncate a and b. At F =
 /// 23 the error is therefore at most 2^-12 if |a| + |b| <= 128 and (|a| + |b|) |depth| <= 4096. At
-/// F = 16, a slope's last bit is half the optics' direction error, which is 14 urad. The latency is
+/// F = 16, the optics' direction error is 14 urad, twice a slope's last bit. The latency is
 /// layer_latency(F) clocks.
 module lipp_layer_coordinate #(
   parameter int F = 16,

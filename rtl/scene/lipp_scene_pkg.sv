@@ -55,7 +55,7 @@ package lipp_scene_pkg;
   /// Look of a layer: the fields of the register `look`.
   typedef struct packed {
     logic [14:0] unused_high;
-    logic [8:0]  brightness;  // brightness factor, 8 fraction bits, up to 256
+    logic [8:0]  brightness;  // brightness factor in units of 1/256, up to 256
     logic [3:0]  slot;        // number of the layer's slot
     logic [1:0]  unused_low;
     logic        infinite;    // 1: a sky; texel position depends on slopes only

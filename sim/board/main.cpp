@@ -11,10 +11,10 @@
 // The Python module lippmann.simulation.virtual_board builds this program. With the parameter
 // ByteLink = 1, bytes are transferred as fast as the board accepts them. With ByteLink = 0, the
 // wires of a UART are simulated: --step is 65536 times the baud rate divided by the clock
-// frequency. The option --host-step is the same number for the host's UART, by default equal to
-// --step. The option --stalls makes both ends of a byte link pause at random. The --ready file
-// (JSON) contains the URL for the host, and exists while the board runs. If the macro
-// LIPPMANN_MEMORY_HZ is defined, the frames are stored in an SDRAM that has its own clock.
+// frequency. The option --host-step is the value of --step for the host's UART, by default --step.
+// The option --stalls makes both ends of a byte link pause at random. The --ready file (JSON)
+// contains the URL for the host, and exists while the board runs. If the macro LIPPMANN_MEMORY_HZ
+// is defined, the frames are stored in an SDRAM that has its own clock.
 //
 // SIGTERM, SIGINT and SIGHUP end the board. SIGUSR1 resets the board. SIGUSR2 makes the SDRAM lose
 // its contents. The last line on stdout is a JSON object of counts. The exit codes are those of
@@ -214,9 +214,9 @@ class Board {
   }
 
  private:
-  // Returns true if the board is idle: the last request is answered, its frames have been on the
-  // panel for some time, and no waveform is requested. To save processor time, an idle board runs
-  // its clock at a small fraction of its speed until the host's next byte.
+  // Returns true if the board is idle: the last request was answered so long ago that the panel
+  // shows its result, and no waveform is requested. To save processor time, an idle board runs its
+  // clock at a small fraction of its speed until the host's next byte.
   bool idle() const {
     return answered_ && options_.trace.empty() &&
            clocks_ - spoke_ > 1'000'000 + 4LL * LIPPMANN_WIDTH * LIPPMANN_HEIGHT;
@@ -279,8 +279,8 @@ class Board {
     if (top_.pixel_o) screen_.clock(top_.de_o, top_.vsync_o == LIPPMANN_VSYNC, top_.rgb_o);
   }
 
-  // Returns true if the byte link pauses in this clock. For some thousand clocks it pauses in three
-  // of four clocks at random, and then for as many clocks not at all.
+  // Returns true if the byte link pauses in this clock. For some thousand clocks, the link pauses
+  // in three of four clocks at random, and then for as many clocks not at all.
   bool paused() {
     if (options_.stalls == 0) return false;
     random_ ^= random_ << 13;

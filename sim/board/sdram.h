@@ -55,7 +55,7 @@ class Sdram {
     ++edges_;
     if (edges_ == 1) powered_ = now;
     // A read word is driven from one edge until the next edge captures the word. The SDRAM releases
-    // the pins tHZ after that edge.
+    // the pins tHZ after the capturing edge.
     if (pins.oe && (driving_ || drove_)) report("DQ contention");
     drove_ = driving_ != 0;
     // DQM masks the read word that is captured two edges later

@@ -78,7 +78,7 @@ module lipp_axil_to_apb_checks #(
       past_valid_q <= 1;
     end
   end
-  // 1: offered in the previous clock, but not accepted
+  // 1: a transfer was offered in the previous clock, but not accepted
   reg aw_held_q, w_held_q, ar_held_q, b_held_q, r_held_q;
   reg [A+2:0] aw_was_q, ar_was_q;
   reg [35:0] w_was_q;

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/// Checks at the ports of `lipp_flow_control` when rays are accepted and when they leave.
+/// Checks at the ports of `lipp_flow_control` in which clocks rays are accepted and leave.
 ///
 /// Output ready_o is low in the clock after hold_i, and high only while a FIFO entry is free. If
 /// the reader is always ready and hold_i is low, ready_o rises within 6 clocks and stays high. A

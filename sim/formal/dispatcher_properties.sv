@@ -141,7 +141,7 @@ module dispatcher_properties #(
     assume (!in_take || !in_last_i || byte_q >= 2'd2);
     assume (!bus_done_i || bus_q);
     assume (!bus_q || bus_for_q < Late || bus_done_i);
-    // At the third read of the status, an apply has taken effect, and an abort has left no ray.
+    // At the third read of the status, an apply is done, and after an abort all rays have left.
     assume (!(bus_done_i && look_q && bus_word_i[1]) || running_q);
     assume (!(bus_done_i && look_q && looks_q == 2'd3 && !bus_word_i[1])
         || (!bus_word_i[0] && !bus_word_i[3]));
@@ -201,7 +201,7 @@ module dispatcher_properties #(
     end
   end
 
-  // ---- invariants of each part in each state; the numbers are values of enumerations ----
+  // ---- invariants of each part in each state; state numbers are values of enumerations ----
   localparam int Receive = 0, Judge = 1, Execute = 2, Reply = 3, Words = 4;
   localparam int ReaderTile = 5, ReaderDone = 7;
   localparam int RegIdle = 0, RegRange = 1, RegCheck = 2, RegAsk = 5, RegWait = 6, RegWord = 7;

@@ -47,7 +47,7 @@ module draw_frame_properties #(
   logic [7:0] ray_count_q;    // number of rays of the frame sent to the optics
   logic [7:0] passed_q;       // number of pixels that the video has taken in its frame
   logic missed_q, last_q, source_q;
-  logic [1:0] sets_q, drawn_sets_q;  // register sets taken; set of the drawn frame
+  logic [1:0] sets_q, drawn_sets_q;  // register sets taken: in total, and when drawing began
   wire begins = i_dut.begins;
   wire sends = ray_valid && ray_ready_i;
   wire comes = pixel_valid_i && pixel_ready;

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/// Two proofs of `lipp_flow_control` around any pipeline: a ray carries its index instead of data.
+/// Proves in two parts that `lipp_flow_control` works around any pipeline, with indices as data.
 ///
 /// The first proof (Order = 0) shows the assertions of flow_control_checks, which count rays. A
 /// binary tree counts the rays in the pipeline, so that the induction is short at any Latency. Each
@@ -130,7 +130,7 @@ module flow_control_properties #(
 
   if (Order) begin : gen_order
     wire [Index-1:0] before = watch - leaves_q;  // number of rays that leave before the watched ray
-    wire [Latency-1:0] follows;  // bit s: the count into stage s is its own plus marks[s]
+    wire [Latency-1:0] follows;  // bit s: stage s receives its count plus marks[s]
     for (genvar s = 0; s < Latency; s = s + 1) begin : gen_stage
       wire [Index-1:0] entry = s == 0 ? accepted_q : before_q[(s == 0 ? 0 : s-1)*Index +: Index];
       assign follows[s] = entry == before_q[s*Index +: Index] + marks[s];

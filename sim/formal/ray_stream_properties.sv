@@ -3,8 +3,8 @@
 /// copy of the optics only while `lipp_flow_control` is idle.
 ///
 /// A model replaces `lipp_flow_control` and the pipeline of any latency. The model accepts no ray
-/// after hold, has a number of rays inside, which leave at any time, and raises idle at any time
-/// after the last ray has left. `lipp_flow_control` is proved to behave like this model.
+/// after hold, contains rays that leave at any time, and raises idle at any time after the last ray
+/// has left. `lipp_flow_control` is proved to behave like this model.
 module ray_stream_properties #(
   parameter int Width = 2  // number of bits of the configuration
 ) (

@@ -37,9 +37,9 @@ inline uint16_t encoded(unsigned byte, int count) {
   return static_cast<uint16_t>(invert << 9 | !xnor << 8 | (invert ? ~q & 0xff : q));
 }
 
-// Decodes the symbols of one channel, and counts the ones and zeros that were sent. For each value
-// of this count, only one symbol of a byte is legal: another bit 8 gives more transitions, and
-// another bit 9 increases the difference between ones and zeros.
+// Decodes the symbols of one channel, and counts the ones and zeros that were sent. At each
+// difference of ones and zeros, only one symbol of a byte is legal: another bit 8 gives more
+// transitions, and another bit 9 increases the difference between ones and zeros.
 class Channel {
  public:
   Channel() {

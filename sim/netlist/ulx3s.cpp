@@ -191,7 +191,7 @@ class Board {
     top_.ftdi_txd = uart_.wire();
   }
 
-  // Applies the word that the SDRAM drove one clock before its last edge, because the word needs
+  // Applies the word that the SDRAM drove in the clock before its last edge, because the word needs
   // that time to reach the FPGA (rtl/board/ulx3s/lipp_ulx3s_memory.sv). Bytes that the SDRAM does
   // not drive are random.
   void before_memory() {

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 `default_nettype none
 
-/// Top of the Radiona ULX3S with an LFE5U-85F: USB serial line, SDRAM, and DVI at the GPDI socket.
+/// Top module of the Radiona ULX3S (LFE5U-85F): USB serial line, SDRAM, DVI at the GPDI socket.
 ///
 /// Button 1 resets the board. Button 2 selects the next test pattern. The ports have the names of
 /// the board's schematic, where ftdi_txd is the output of the FTDI chip. The LEDs show:

@@ -7,8 +7,8 @@
 /// output whose divider is BackDiv is fed back to the PLL. Each pixel lasts one clock of output
 /// system_clk_o. The Python program `tools.pll` finds the dividers.
 ///
-/// Output lost_o rises if the PLL loses its lock after 256 or more locked clocks, two or three
-/// clocks of clk_i later. Output lost_o stays high until the FPGA is configured again. A stopped
+/// Output lost_o rises two or three clocks of clk_i after the PLL loses a lock that lasted for 256
+/// clocks or more. Output lost_o stays high until the FPGA is configured again. A stopped
 /// oscillator is not detected, because lost_o needs clk_i.
 ///
 ///   VCO = 25 MHz / InputDiv * BackDiv

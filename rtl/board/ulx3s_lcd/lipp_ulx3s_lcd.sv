@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 `default_nettype none
 
-/// Top of the ULX3S with a parallel RGB LCD at its header J2 in place of DVI. All other functions
-/// are those of `lipp_ulx3s`.
+/// Top module of the ULX3S with a parallel RGB LCD at its header J2 in place of DVI. All other
+/// functions are those of `lipp_ulx3s`.
 ///
 /// The LCD's signals change with the rising edge of clk. Output lcd_clk rises half a clock later.
 module lipp_ulx3s_lcd #(
