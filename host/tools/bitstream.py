@@ -49,10 +49,10 @@ MAX_SHARE, REFRESH_SHARE, WORD_CLOCKS = 0.9, 0.01, 1.06
 #: Relative error of a clock constraint: nextpnr rounds the period to picoseconds.
 ROUNDING = 0.002
 #: Maximum system clock, MHz, for which nextpnr's router2 is used. router2 ends in minutes, where router1 may try a few
-#: arcs for hours, but router2's routes are longer (hd-square: 55 MHz, not 81). --tmg-ripup routes arcs that miss their
-#: clock again (vga-square, seed 3: the memory's clock then reaches 140 MHz, not 120).
+#: arcs for hours, but router2's routes are longer (hd-square: 55 MHz instead of 81). --tmg-ripup routes arcs that miss
+#: their clock again (vga-square, seed 3: the memory's clock then reaches 140 MHz instead of 120).
 SLOW_MHZ = 40.0
-#: Minimum number of shift clocks between a symbol and its copy (rtl/video/lipp_tmds_serialiser.sv).
+#: Minimum number of shift clocks from a registered symbol to its copy (rtl/video/lipp_tmds_serialiser.sv).
 SYMBOL_CLOCKS = 2
 #: Clock roles, keyed by the net's name in the top module, or by its source's port without `_o`. Others: oscillator.
 CLOCK_NETS = {

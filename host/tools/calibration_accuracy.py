@@ -66,7 +66,7 @@ NEAR_AXIS_DEG, ASIDE_DEG = 5.0, (8.0, 18.0)
 POSITIONS = 3
 #: Swept quantities: camera positions, phase pictures per direction, and factor on the noise.
 SWEPT = {"positions": (1, 2, 3, 4), "steps": (3, 4, 8, 16), "noise": (1, 2, 4, 8)}
-#: Disturbances that the calibration does not model: an array bowed by 30 um, dust, and arbitrary camera pixels.
+#: Disturbances of displays calibrated with --bow: an array bowed by 30 um, dust, and arbitrary camera pixels.
 BOWED = Disturbances(bow_mm=0.03, hidden_lenslets=0.02, outliers=0.1)
 #: The 8K display: number of lenslets, width of its photographs, pixels; errors (degrees, fractions of pitch and gap).
 LENSLETS, LARGE_PHOTO_PX = 100_000, 4000
@@ -166,7 +166,7 @@ def _sensor(rng: np.random.Generator) -> Sensor:
 
 
 class Judgement(NamedTuple):
-    """Errors of a calibrated display: `..._px` are lenslet centres' errors, `gap_percent` is that of the distance D."""
+    """Errors of a calibrated display; `..._px` are those of lenslet centres, `gap_percent` that of the distance D."""
 
     rms_px: float
     worst_px: float

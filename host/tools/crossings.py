@@ -157,7 +157,7 @@ class Check:
         return Row(place, [register.name for register in registers], list(bits), clocks.pop(), is_reset)
 
     def _check_row(self, row: Row) -> None:
-        """Check that a chain samples no glitch, and that nothing else reads its registers except the last one."""
+        """Check that a chain samples no glitch, and that only its last register has readers outside the chain."""
         for k, bit in enumerate(row.outputs[:-1]):
             others = [pin for pin in self.net.readers.get(bit, []) if pin != Pin(row.cells[k + 1], "DI")]
             if others or bit in self.net.outputs:

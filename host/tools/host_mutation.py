@@ -30,7 +30,7 @@ PACKAGE = Path("host/lippmann")
 AREAS = ("display", "optics", "fixed", "board", "rendering")
 #: Tests that simulate the RTL and run last, keyed by area.
 LAST = {"fixed": ("tests/rtl/test_batch.py", "tests/rtl/raster"), "board": ("tests/system",)}
-#: Arguments of pytest: the tests that run first (except this program's), and options that record coverage.
+#: Arguments of pytest: the tests that run first (except those of this program), and options that record coverage.
 TESTS = ("tests/host", "--ignore=tests/host/test_host_mutation.py")
 MEASURED = ("--cov=host/lippmann", "--cov-context=test", "--cov-report=", "-p", "no:cacheprovider")
 

@@ -10,13 +10,13 @@ import click
 from lippmann.cli import run
 from lippmann.cli.frame import JSON, make_command, option
 
-#: Option --report of programs that write a page of the documentation; or a page for maintainers.
+#: Option --report: of programs for pages of the documentation, and for pages for maintainers.
 REPORT: Any = option("Folder for the page.", "docs/generated/reports")
 MAINTAINERS_REPORT: Any = option("Folder for the page.", "build/reports")
 
 
 def program(main: Callable[..., Any]) -> click.Command:
-    """Make a command without --json from a module's last function, and run it if the module is the program."""
+    """Make a command without --json from a module's last function, and run it if the module is `__main__`."""
     command = make_command(main.__name__)(main)
     command.params.remove(JSON)
     if main.__module__ == "__main__":

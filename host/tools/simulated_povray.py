@@ -109,7 +109,7 @@ def render(folder: Path, camera: Camera, grid: Rays = Rays()) -> tuple[Words, Fl
     """Render a folder's model; return the rays' values (N, 3), and their positions u, v (N,) in the photograph, px."""
     slopes = camera.slopes(*camera.border())
     c, s = math.cos(grid.turn), math.sin(grid.turn)
-    # Compute the field's corners along the axes of the rotated grid.
+    # Compute the corners of the field of view along the axes of the rotated grid.
     x, y = (axis.ravel() for axis in np.meshgrid(*((slope.min(), slope.max()) for slope in slopes)))
     along, across = c * x + s * y, c * y - s * x
     step = 1.0 / camera.focal_px

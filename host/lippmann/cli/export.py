@@ -110,7 +110,7 @@ class _Subject:
     scene: Scene | None
 
     def place(self, eye: Point | None) -> Point:
-        """Return `eye`, or the middle eye's position if `eye` is None, mm."""
+        """Return `eye`, mm; None gives the middle eye's position."""
         return eyes_of(self.display, 1)[0] if eye is None else eye
 
 

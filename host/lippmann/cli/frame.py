@@ -68,7 +68,7 @@ JSON = click.Option(("--json", "as_json"), is_flag=True, help="Print one JSON ob
 
 
 class Choice(click.Choice[str]):
-    """Type of an option with fixed values; an error message suggests the nearest value."""
+    """Option type with fixed values; an error message suggests the nearest value."""
 
     def get_invalid_choice_message(self, value: object, ctx: click.Context | None) -> str:
         """Return the message about an invalid value."""

@@ -17,7 +17,7 @@ from lippmann.optics.model_choice import in_cells_mm
 from lippmann.optics.rays import Floats, Status, gets_through
 
 Arrays = Mapping[str, Floats]
-#: Maximum cosine of a ray to the face's normal: if grazing, and near total reflection.
+#: Maximum cosine of a ray to a face's normal: of a grazing ray, and near total reflection.
 GRAZING, FLAT = 0.05, 1e-3
 #: Maximum radius of a steep dome, minimum radius of a flat dome, in half diagonals of the cell.
 STEEP, NEARLY_FLAT = 1.05, 100.0
