@@ -106,7 +106,7 @@ def placement_before(setup: Setup, path: Path, setup_path: str | Path | None = N
 
 
 def capture(scene: Scene, setup: Setup, settings: Settings, rotate: bool, progress: Progress | None = None) -> Rendered:
-    """Render the image that a set-up captures of a scene, placed by `placement_before`.
+    """Render the image that a set-up captures; `placement_before` has placed the scene.
 
     Only a set-up with a sensor uses `settings.aperture`. `rotate` means that elemental
     images are rotated. `lost_percent` are the percentages of rays that lens and array
@@ -208,8 +208,8 @@ def rays_from_picture(b: Backend, setup: Setup, u: Arr, v: Arr, aperture: Point 
     cx, cy = system.lattice.centre(i, j)
     px, py = frame.panel_from_array(cx + b.double(out.ray.x), cy + b.double(out.ray.y))
     dx, dy = frame.turn(out.ray.dx, out.ray.dy)
-    # The rays run from the array's vertices through the lens to the object's frame, in
-    # the engine's number format.
+    # The rays run from the array's vertices through the lens to the object's frame.
+    # The rays are in the engine's number format.
     ray = Ray(b.real(px), b.real(py), out.ray.z, dx, dy, out.ray.dz)
     lens = setup.lens
     object_z = setup.subject.distance_mm

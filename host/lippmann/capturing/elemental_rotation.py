@@ -77,7 +77,7 @@ def rotation_map(display: Display) -> Indices:
         return table.ravel()
     cells = cells_of(display)
     pairs, fixed = _pairs(display, cells, width, height)
-    # Pixel (c, r) has index k = r width + c. It moves to index n width + m - k.
+    # Pixel (c, r) has index k = r width + c, and moves to index n width + m - k.
     partner: Indices = (pairs[:, 0] + pairs[:, 1] * width)[cells.cell]
     partner -= np.arange(width * height)
     partner[fixed] = fixed

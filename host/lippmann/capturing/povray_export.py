@@ -50,7 +50,7 @@ class View:
     optics: str = ""
     #: Maximum number of refracting faces that a ray meets in the optics.
     faces: int = 0
-    #: Origins (mm) and unit directions, (N, 3) each, of a ray per pixel, or None.
+    #: Origins (mm) and unit directions, (N, 3) each, of one ray per pixel, or None.
     rays: tuple[Floats, Floats] | None = None
 
 

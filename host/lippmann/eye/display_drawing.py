@@ -55,7 +55,7 @@ def _drawing(path: Path, down: int, across: int, size: tuple[float, float]) -> I
 
 
 def draw_zones(display: Display, path: Path, eye_mm: Sequence[float] | None = None) -> None:
-    """Draw the crosstalk that eyes see: a map of eye positions from above."""
+    """Draw a map, from above, of the crosstalk at eye positions."""
     usual, half = viewing_distance(display), 0.5 * display.panel.width_mm
     heights = (HEIGHTS * usual).tolist()
     middle = [middle_eye(display, z) for z in heights]

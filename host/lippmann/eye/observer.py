@@ -129,7 +129,7 @@ def observe(
         look_up = _light_in_memory(radiance)
     else:
         look_up = partial(_light_on_disk, radiance)
-        # Size of the panel's rows behind one row of the view, bytes.
+        # Bytes in the panel's rows behind one row of the view.
         row_bytes = 12 * panel.width_px * max(1, panel.height_px // window.height_px)
         chunk = min(chunk, window.width_px * max(1, STORED_BYTES // row_bytes))
     out = np.empty((total, 3), np.float32)

@@ -103,7 +103,7 @@ def cells(at: Pixels) -> Values:
 
 
 def view_numbers(at: Pixels) -> Values:
-    """Return pixels' positions in cells, in 255ths: red grows to the right, green upwards; blue is 0."""
+    """Return pixels' positions in cells as colours: red grows to the right, green upwards; blue is 0."""
     right, up = at.places.right * at.places.present, at.places.up * at.places.present
     return np.stack([right, up, np.zeros_like(up)], axis=2) / 255.0
 

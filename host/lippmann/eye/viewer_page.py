@@ -86,7 +86,7 @@ def eye_reach_mm(display: Display) -> float:
 
 
 def focus_reach_mm(display: Display) -> float:
-    """Return the maximum focus depth, mm: twice the depth range's near end, but behind the nearest eye."""
+    """Return the maximum focus depth, mm: twice the depth range's near end, limited by the nearest eye."""
     return _round_up(min(2.0 * depth_reach_mm(display)[1], 0.9 * DISTANCES[0] * viewing_distance(display)))
 
 
@@ -98,7 +98,7 @@ def sliders(display: Display) -> dict[str, list[Slider]]:
     near, far = (share * distance for share in DISTANCES)
     shift = _round_up(0.5 * array.coarsest_mm)
     lift = _round_up(0.5 * array.focal_length_mm)
-    # A lenslet must cover a pixel, and its radius must reach its cell's corners.
+    # A lenslet must cover a pixel, and its surface must reach its cell's corners.
     narrow = 1.0 - _round_down(1.0 - max(1.0 - STRETCH, display.panel.coarsest_mm / array.finest_mm), FINE)
     wide = 1.0 + _round_down(min(1.0 + STRETCH, array.radius_mm / array.half_diagonal_mm) - 1.0, FINE)
     return {

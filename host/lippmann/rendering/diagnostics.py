@@ -27,7 +27,7 @@ SIZE_RANGE = (0.02, 1000.0)
 TRIAL_PX = 96
 #: Warn if a smaller fraction of visible points is in the depth range.
 MIN_SHARP = 0.1
-#: More noise, as a fraction of the mean light, causes a warning.
+#: Warn of more noise than this fraction of the mean light.
 MAX_NOISE = 0.1
 
 

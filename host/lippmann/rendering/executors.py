@@ -121,7 +121,7 @@ def render_by_workers(count: int, device: str, bands: Sequence[Band]) -> Iterato
 def render_on_cluster(
     address: str, device: str, bands: Sequence[Band], security: Security | None = None
 ) -> Iterator[RenderedBand]:
-    """Render bands on a cluster; yield each finished band. Workers read the scene from the same path.
+    """Render bands on a cluster; yield each finished band. Workers read the scene from the plan's path.
 
     `address` is the scheduler's, such as tcp://127.0.0.1:8786; `security` is from
     `local_workers`. Workers render on `device` ("auto", "llvm" or "cuda"). Raises
@@ -243,7 +243,7 @@ def _connect(address: str, security: Security | None = None) -> Client:
     except ImportError as error:
         raise missing_library(error) from None
     for name in ("distributed", "distributed.client"):
-        logging.getLogger(name).setLevel(logging.CRITICAL)  # our errors report failures
+        logging.getLogger(name).setLevel(logging.CRITICAL)  # Lippmann reports failures itself
     try:
         with keep_garbage():  # freeing an old client would hang
             client = distributed.Client(address, timeout=ANSWER_S, security=security)

@@ -27,7 +27,7 @@ CACHE_DB = 45.0
 RAYS_A_POINT = 4
 #: Minimum lamps for the cache: for one lamp, a trial costs too much (reports/shading.md).
 MIN_LAMPS = 2
-#: Image parts along each axis that a trial compares.
+#: Number of image parts per axis that a trial compares.
 TRIAL_PARTS = 4
 #: Rays per colour in a trial. 2^18 rays would need another recording if a
 #: texture has 2^18 values.

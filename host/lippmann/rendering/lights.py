@@ -3,7 +3,7 @@
 At each hit *every* emitter gets a shadow ray, and the smooth part of the BSDF reflects
 the emitter's light. Rays continue by mirror reflection and refraction, up to
 `max_depth`. Area lights and environments get one random sample each. Light between
-diffuse surfaces is ignored (Mitsuba's `path` has it).
+diffuse surfaces is ignored (not by Mitsuba's `path`).
 """
 
 from __future__ import annotations

@@ -21,7 +21,7 @@ MAX_SAMPLES = 4
 SOFTNESS = 0.5
 #: Offsets of a pixel's four neighbours, columns to the right and rows down.
 SIDES = ((-1, 0), (1, 0), (0, -1), (0, 1))
-#: Bytes per pixel: four sums for the pixel and each neighbour, a lenslet number.
+#: Bytes per pixel: four sums for the pixel and each neighbour, and a lenslet number.
 BYTES_A_PIXEL = 4 * 4 * (1 + len(SIDES)) + 4
 
 

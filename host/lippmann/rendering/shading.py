@@ -51,7 +51,7 @@ class Recorded:
 
         frozen: Jit = dr.freeze(call, state_fn=lambda *_: references.scene.mitsuba)
         self._function, self._frozen = function, frozen
-        # Create both arrays before the first call, so that the second call replays it.
+        # Create both arrays now, so that the second call can replay the first.
         self._parts = lamps, _ = scene.mitsuba.emitters(), scene.mitsuba.shapes()
         self._recordable = current_device() != "cuda" or not any(PICTURE_LAMP.search(str(lamp)) for lamp in lamps)
         weakref.finalize(self, references.release, frozen)
@@ -124,7 +124,7 @@ class IrradianceCache:
 
     def at(self, place: Place) -> Jit:
         """Compute the irradiance / pi at positions, without the cache."""
-        # These are two variables, as in `between`: one would cause another recording.
+        # Use two variables, as in `between`: a shared one would cause another recording.
         tested, visible = (dr.opaque(mi.UInt32, 0, dr.width(place.lattice)) for _ in range(2))
         light, _ = self._light_at(place, tested, visible, self.lattices)
         return light

@@ -137,7 +137,7 @@ class KeptBands:
     """A sink that stores a picture's bands as files in a folder. `release` unlocks the folder."""
 
     def __init__(self, folder: Path, plan: Plan, remedy: str = "choose another place for the picture") -> None:
-        """Lock the folder. Raises InputError if it is locked or bands are too large, NoSpaceError for a full disk."""
+        """Lock the folder. Raises InputError for a locked folder or too large bands, NoSpaceError for a full disk."""
         check_band_memory(plan.display, plan.bands, plan.options.settings)
         self._lock = FolderLock(folder, remedy)
         self.folder, self.plan, self.bands = folder, plan, bands_of_plan(plan)

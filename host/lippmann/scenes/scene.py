@@ -55,7 +55,7 @@ class Part:
 
 @dataclass(frozen=True)
 class Scene:
-    """A loaded scene: path, `mitsuba.Scene`, and placement with both depths."""
+    """A loaded scene: path, `mitsuba.Scene`, and placement with near and far depth."""
 
     path: Path
     mitsuba: mts.Scene
