@@ -266,7 +266,7 @@ def observe(
         The display as built, such as `image.display.misaligned(rotation_deg=0.1)`.
         `None` means the image's display.
     window
-        The part of the plane z = 0 in the view; `None` means the whole panel, `width_px` pixels wide.
+        The part of the plane z = 0 that the view shows; `None` means the whole panel, in `width_px` columns.
     model, crosstalk, seed
         Lens model, crosstalk (`False` shows crosstalk as black), and random seed.
     device

@@ -1,4 +1,4 @@
-"""Checks a file's size, and before allocation the memory that its content needs."""
+"""Checks a file's size and, before allocation, the memory that its content needs."""
 
 from __future__ import annotations
 

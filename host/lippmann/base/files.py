@@ -68,7 +68,7 @@ def _life(pid: int) -> str:
         boot = Path("/proc/sys/kernel/random/boot_id").read_bytes()
     except OSError:
         return ""
-    return _short(boot + fields[19])  # start time of the process, in ticks
+    return _short(boot + fields[19])  # start time, in ticks
 
 
 def _short(text: bytes) -> str:

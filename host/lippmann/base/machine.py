@@ -81,7 +81,7 @@ def process_seconds() -> float:
     status = _text(Path("/proc/self/stat"))
     if not status or not hasattr(os, "sysconf"):
         return 0.0
-    # Field 22 is the start time of the process. Field 2, the name, may contain spaces.
+    # Field 22 of stat is the start time. Field 2, the name, may contain spaces.
     ticks = int(status.rpartition(")")[2].split()[19])
     return time.clock_gettime(time.CLOCK_BOOTTIME) - ticks / os.sysconf("SC_CLK_TCK")
 

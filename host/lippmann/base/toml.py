@@ -247,7 +247,7 @@ def read(form: Callable[..., Form], raw: Mapping[str, Value], source: str) -> Fo
 def check_fields(table: object) -> None:
     """Check and convert the fields of a declared dataclass like `read`.
 
-    Raises InputError, which names class, key, fault and remedy.
+    Raises InputError for a wrong field.
     """
     form: Value = type(table)
     source, (plain, parts) = form.__name__, _plain_form(form)

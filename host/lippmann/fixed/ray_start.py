@@ -97,7 +97,7 @@ class Aimed(NamedTuple):
 def aim(i: Ints, j: Ints, x: Ints, y: Ints, a: Ints, b: Ints, grid: Grid, f: int) -> Aimed:
     """Express rays, in wide words, relative to the lenslet whose cell contains the aperture point.
 
-    `stray` marks rays for which this is not the pixel's lenslet.
+    `stray` marks rays whose lenslet is not the pixel's lenslet.
     """
     di, dj, a, b, _ = (lenslet_hex if grid == "hex" else lenslet_square)(a, b, f)
     i, j = i + di, j + dj

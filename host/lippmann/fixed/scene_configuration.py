@@ -127,7 +127,7 @@ def slot_bytes(layer: Layer, build: SceneBuild) -> Bytes:
 
 
 def build_curve_table(display: Display) -> Bytes:
-    """Return the table of a panel's transfer curve, 8192 bytes; values of fewer bits are scaled to 8 bits."""
+    """Return the table of a panel's transfer curve, 8192 bytes; values of fewer than 8 bits are scaled to 8."""
     panel = display.panel
     return encoded_values(entry_light(), panel.transfer, min(panel.bits, 8)).astype(np.uint8)
 

@@ -110,7 +110,7 @@ class Lattice:
         return self.sheared(np.clip(x - self.shear * y, -along, along), y)
 
     def locate(self, b: Backend, x: Arr, y: Arr) -> tuple[Arr, Arr, Arr, Arr]:
-        """Return a point's lenslet (i, j) in x's number format, and the point from the lenslet's centre, mm."""
+        """Return a point's lenslet (i, j) in x's number format, and the point relative to the lenslet's centre, mm."""
         px, py = self.pitches_mm
         along = x - self.shear * y if self.shear else x
         if self.grid == "square":

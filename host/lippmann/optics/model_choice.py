@@ -93,7 +93,7 @@ def probe(display: Display, aperture: str, inside: float = INSIDE) -> tuple[Floa
     grid = np.stack(np.meshgrid(*np.outer(size, steps)), axis=-1)
     cells, _ = located(display, grid.reshape(-1, 2))
     corners = corners_mm(array)
-    # Points fill a cell's bounding box; those outside a hexagon are in neighbours.
+    # Points fill a cell's bounding box; those outside a hexagon are in other cells.
     side, (px, py) = np.linspace(-0.49, 0.49, PROBE_POINTS), array.pitches_mm
     over = np.stack(Lattice.of(array).sheared(*np.meshgrid(side * px, side * py)), axis=-1).reshape(-1, 2)
     local = np.concatenate([over, inside * corners])
@@ -122,7 +122,7 @@ def located(display: Display, pixels: Floats) -> tuple[Floats, Floats]:
 
 
 def in_cells_mm(display: Display, pixels: Floats) -> Floats:
-    """Return where in its cell the eye sees each pixel (N, 2): points (N, 2), mm from the cell's centre."""
+    """Return the points (N, 2) in cells at which the eye sees pixels (N, 2), mm from the cells' centres."""
     system, (lenslets, local) = System.of(display), located(display, pixels)
     cx, cy = system.lattice.centre(*lenslets.T)
     return np.stack(system.convergence.within_cell(local[:, 0], local[:, 1], cx, cy), axis=1)
@@ -166,7 +166,7 @@ def model_error_px(display: Display, truth: Rays, rays: Rays, depth_range_mm: Pa
     slope = np.subtract(*(direction[:, :2] / direction[:, 2:] for _, direction in lines))
     worst = 0.0
     far, near = depth_range_mm
-    # Beyond `kink`, the view's pixels exceed lenslets; the maximum is at a kink or an end.
+    # Beyond `kink`, view pixels are wider than lenslets; the maximum is at a kink or an end.
     kink = display.array.finest_mm * display.aperture_distance_mm / min(display.panel.pitches_mm)
     for z in (far, near, *(z for z in (-kink, kink) if far < z < near)):
         apart = float(np.linalg.norm(place + z * slope, axis=1).max())

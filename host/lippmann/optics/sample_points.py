@@ -34,7 +34,7 @@ def points_in_pixel(pixel: Arr, sample: Arr, samples: int, seed: Arr, number: Ar
     A hash of pixel and seed mirrors a pixel's points or exchanges their axes, so that
     errors differ between pixels, and partly between seeds. Random shifts of the points
     would make the error at a straight edge 1.1 to 1.4 times as large. In pass `number`
-    over a picture, golden steps continue along one axis, and move each point by less
+    over a picture, points continue the golden steps along one axis, and shift by less
     than 1/N of the pixel's width along the other.
     """
     if samples == 1:

@@ -101,7 +101,7 @@ class Convergence:
         return x - (x - self.axis_x) * self.share, y - (y - self.axis_y) * self.share
 
     def within_cell(self, x: Arr, y: Arr, cx: Arr, cy: Arr) -> Point:
-        """Return the point of `towards_eye`, with both points measured from the lenslet's centre (cx, cy)."""
+        """Return the point of `towards_eye`; it and (x, y) are measured from the lenslet's centre (cx, cy)."""
         if self.share == 0.0:
             return x, y
         shrink = 1.0 - self.share

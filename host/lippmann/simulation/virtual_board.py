@@ -251,7 +251,7 @@ def start(display: Display, **options: Unpack[BoardOptions]) -> RunningBoard:
 def _remove_dead_lines(place: Path) -> None:
     """Remove the sockets and tokens of killed boards, which have no listening process.
 
-    The system's tables list listeners; a test connection would disconnect a program.
+    Listening is read from /proc: a test connection would disconnect a program.
     """
     # List the files before the listeners: a board may start meanwhile.
     there = [*place.glob("board-*.sock"), *place.glob("tcp-*.token")]
