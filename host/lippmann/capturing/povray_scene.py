@@ -233,7 +233,7 @@ def _shape(item: Item, materials: Materials, placement: Placement, place: int) -
         look += f" interior {{ ior {material.index:.9g} }}"
     if not material.clear:
         return [geometry.replace("@", look)]
-    # In Mitsuba, glass blocks point lights; in POV-Ray, its invisible black copy does.
+    # In Mitsuba, glass blocks point lights; in POV-Ray, an invisible black copy does.
     shadow = geometry.replace("@", block("pigment", "rgb 0") + " no_image no_reflection").split("\n")[-1]
     return [geometry.replace("@", f"{look} no_shadow"), shadow]
 
@@ -255,7 +255,7 @@ def _mesh(item: Item, material: Material, placement: Placement, folder: Path, pl
     mesh, stem = _load_mesh(item)
     points = _column(mesh.vertex_positions_buffer(), 3)
     faces = np.array(mesh.faces_buffer()).reshape(-1, 3).astype(np.int64)
-    # In POV-Ray's left-handed frame, a face's vertices are clockwise seen from outside.
+    # For POV-Ray, a face's vertices must be clockwise, seen from outside.
     faces = np.where(_outside(mesh, points, faces)[:, None], faces[:, ::-1], faces)
     if material.clear:
         _check_closed(item, points, faces)

@@ -33,7 +33,7 @@ from lippmann.rendering.integral_image import IntegralImage
 from lippmann.rendering.sampling import Window
 
 Kind = Literal["lens-centres", "cells", "view-numbers", "single-lens", "white-for-eye", "ramp", "ramps", "checker"]
-#: Patterns that a board draws too, in the order of the register's values from 1 on.
+#: Patterns that a board draws too, in the order of `display.pattern`'s values from 1.
 ON_BOARD: tuple[Kind, ...] = ("single-lens", "lens-centres", "view-numbers", "checker", "ramp")
 #: Side of the checker's tiles, pixels; a board uses the same value.
 TILE = 32

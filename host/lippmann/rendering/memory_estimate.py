@@ -45,7 +45,7 @@ def memory_mb(width_px: int, height_px: int, shading: Shading, samples: int, col
     # Radiance is in memory three times: planes, image, and a capture's rotated image.
     needed = BASE_MEMORY_MB + 3.0 * width_px * height_px * 3 * 4 / 1e6
     if is_filter_allowed(samples, colours):
-        # The filter's memory is that for "llvm", because a GPU has its own memory.
+        # Count the filter's memory for "llvm", because a GPU has its own memory.
         band = len(bands_of(width_px, height_px, samples, "llvm")[0])
         needed += BYTES_A_PIXEL * band * width_px / 1e6
     needed += max(0, TILE_PX * TILE_PX * samples * colours - CHUNK_SAMPLES["llvm"]) * RAY_BYTES / 1e6
