@@ -344,8 +344,8 @@ module lipp_board #(
   logic [PlaceBits-1:0] copy_first, check_first;
   logic [PlaceBits:0] copy_count, check_count;
   assign store_rst_no = core_rst_n;
-  // The tile writer's ready signal has deep logic. The skid buffer i_tile_buffer keeps this logic
-  // out of the dispatcher's timing paths.
+  // The tile writer's ready signal has deep logic. The skid buffer i_tile_buffer keeps the tile
+  // writer's logic out of the dispatcher's timing paths.
   lipp_skid_buffer #(.Width(9)) i_tile_buffer (
     .clk_i, .rst_ni(core_rst_n), .clear_i('0), .in_valid_i(part_valid), .in_ready_o(part_ready),
     .in_data_i({part_last, part_data}), .out_valid_o(tile_valid), .out_ready_i(tile_ready),

@@ -19,11 +19,11 @@
 ///
 ///   OpClaim  waits until no apply is pending. StatusOk permits a write to the optics registers.
 ///   OpTrace  traces the rays of the stream. After done_o with StatusOk, nine words per exit ray
-///            follow as a stream. Before the words of the last ray, the source is the raster again.
+///            follow as a stream. The source is the raster again before the last ray's words.
 ///   OpSign   starts a frame whose rays are signed. OpSign returns StatusBusy if the frame has
 ///            started, otherwise StatusOptics.
-///   OpResult returns the result of the last OpSign: StatusOk when its rays are signed, otherwise
-///            StatusBusy or StatusOptics.
+///   OpResult returns StatusOk when all rays of the last OpSign are signed, otherwise StatusBusy or
+///            StatusOptics.
 ///   OpAbort  aborts the running frame. OpAbort ends when no ray is left in the pipeline.
 ///   OpDraw   makes the stream the source, so that the panel can be drawn.
 module lipp_ray_access (

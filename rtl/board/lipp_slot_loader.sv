@@ -4,9 +4,9 @@
 /// Writes blocks of 1024 bytes into a texture slot, and stores the CRC-32 of each block.
 ///
 /// Input start_i samples slot_i and block_i, which must exist (slot 15, the panel's curve, has 8
-/// blocks). The words of the block are then read from a memory: word_i is the word at word_at_o,
-/// two clocks later. One byte is written per clock, the low byte of a word first: byte k of block n
-/// is byte 1024 n + k of the slot. Output done_o is a pulse 1030 clocks after start_i.
+/// blocks). The words of the block are read from a memory: word_i is the word at word_at_o, two
+/// clocks later. One byte is written per clock, the low byte of a word first: byte k of block n is
+/// byte 1024 n + k of the slot. Output done_o is a pulse 1030 clocks after start_i.
 ///
 /// A table stores, for each block, the CRC-32 of its written bytes. An entry is 0 from start_i
 /// until its block is complete. The entry is also 0 if the block was not written since reset. The

@@ -48,7 +48,7 @@ module lipp_async_fifo #(
   assign write = in_valid_i && in_ready_o;
   assign written_after = written_q + C'(2);
   // The FIFO is full if the write count exceeds the read count by the number of entries. In Gray
-  // code, the two counts then differ in the two highest bits.
+  // code, the counts of a full FIFO differ in the two highest bits.
   logic [C-1:0] full;
   assign full = read_gray ^ (C'(3) << (AddressBits - 1));
   always_ff @(posedge in_clk_i or negedge in_rst_ni) begin

@@ -8,7 +8,7 @@
 /// that is written into an empty FIFO is valid at the output after 4 clocks.
 ///
 /// The FIFO's memory has a read latency of two clocks. The output has 4 registers for words read
-/// from this memory. A read starts only while fewer than 4 words are in the output registers or on
+/// from the memory. A read starts only while fewer than 4 words are in the output registers or on
 /// their way to them, so that each word finds a free register. Both conditions for a read (some_q,
 /// free_q) are registered, because the path from the counters to the memory's address is long.
 module lipp_fifo #(

@@ -59,7 +59,7 @@ module lipp_flow_control #(
     end
   end
 
-  // ---- valid bits of the stages, 64 per register, which a simulator shifts in one step ----
+  // ---- valid bits of the stages; a simulator shifts the 64 bits of a register in one step ----
 
   // Held is 1 for an illegal Latency, so that elaboration reaches the error message.
   localparam int Held = Latency < 1 ? 1 : Latency;

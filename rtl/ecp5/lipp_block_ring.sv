@@ -4,9 +4,9 @@
 /// Implements `lipp_block_ring` (a delay of 5 or more clocks) in the block memory of ECP5.
 ///
 /// Ports and behaviour are those of rtl/common/lipp_block_ring.sv. A word is read Cycles - 3 clocks
-/// after it was written. The memory then has a latency of two clocks, and an output register adds
-/// one clock. No address is read and written in the same clock. The read address is derived from
-/// the write address, so the initial address does not matter after one clock. Synthesis keeps the
+/// after it was written. The memory has a latency of two clocks, and an output register adds one
+/// clock. No address is read and written in the same clock. The read address is derived from the
+/// write address, so the initial address does not matter after one clock. Synthesis keeps the
 /// module's hierarchy, because merged rings would share one address counter.
 (* keep_hierarchy *)
 module lipp_block_ring #(

@@ -30,8 +30,8 @@ module lipp_memory_1w1r #(
     $fatal(1, "lipp_memory_1w1r: AddressBits must be 1 to 14");
   end
 
-  // With words of 18 bits, the two lowest address bits of port A are the write enables of the
-  // bytes. With words of 36 bits, four such bits are used, and the write enable pin is high.
+  // With words of 18 bits, the two lowest address bits of port A are the bytes' write enables. With
+  // words of 36 bits, the four lowest bits are write enables, and the write enable pin is high.
   logic [13:0] write_at, read_at;
   logic [Bits*Cells-1:0] write_data, read_data;
   assign write_at = 14'(write_at_i) << Shift

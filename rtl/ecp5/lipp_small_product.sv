@@ -4,7 +4,7 @@
 /// Implements `lipp_small_product` in carry chains of ECP5.
 ///
 /// Ports and behaviour are those of rtl/math/lipp_small_product.sv. The first stage multiplies a by
-/// two digits of four bits and by the highest bit of b. The second stage adds these products.
+/// two digits of four bits and by the highest bit of b. The second stage adds the products.
 module lipp_small_product #(
   parameter int Wa = 17,
   parameter int Drop = 0,

@@ -4,9 +4,9 @@
 /// Stores received packets, checks their CRC-32, and forwards error-free packets without the CRC.
 ///
 /// Each byte is written into memory when it arrives. The bytes of a packet can be read after the
-/// packet has ended without an error. After an error the write address returns to the start of that
-/// packet. The last five bytes stay in registers outside the memory. Therefore the four bytes of
-/// the CRC are never stored, and the byte before the CRC can be marked as the packet's last byte.
+/// packet has ended without an error. After an error the write address returns to the packet's
+/// start. The last five bytes stay in registers outside the memory. Therefore the four bytes of the
+/// CRC are never stored, and the byte before the CRC can be marked as the packet's last byte.
 ///
 /// A dropped packet is counted once, for the first reason that applies: too long, COBS error, too
 /// short, wrong CRC. While the memory is full, the input waits. The remaining bytes of a packet
@@ -41,7 +41,7 @@ module lipp_packet_fifo #(
   end
 
   // The last-byte flags are in a separate memory, because block memories of widths 8 and 1 need no
-  // multiplexers. A word in use is never read in the clock of its write: that case is undefined.
+  // multiplexers. A word in use is never read in the clock of its write (undefined result).
   (* no_rw_check *) logic [7:0] bytes[1 << AddressBits];
   (* no_rw_check *) logic lasts[1 << AddressBits];
   address_t write_at_q, read_at_q;

@@ -17,7 +17,7 @@ package lipp_math_pkg;
   localparam int Guard = 3;
 
   /// Slack: rounding errors can move a word beyond its range by up to 2^Slack units in the last
-  /// place. SquareSlack is the same limit for clamped squares, which have F + 3 fraction bits.
+  /// place. SquareSlack is the Slack of clamped squares, which have F + 3 fraction bits.
   localparam int Slack = 6;
   localparam int SquareSlack = 9;
 

@@ -6,8 +6,8 @@
 /// Towards the SDRAM controller, the port offers transactions and outputs words. All words of a
 /// transaction cross to the memory's clock before the port offers the transaction, so the
 /// controller never waits for a word. Output done_o is a pulse after the memory accepted the last
-/// transaction of the request. The SDRAM executes this transaction before any request accepted
-/// after done_o. The next request is accepted after done_o.
+/// transaction of the request. The SDRAM executes the last transaction of a request before any
+/// request accepted after done_o. The next request is accepted after done_o.
 module lipp_sdram_write_port
   import lipp_sdram_pkg::*;
 #(

@@ -107,7 +107,7 @@ package lipp_optics_pkg;
     logic signed [31:0] exit_z;          // z of the last face, radii, F + 1 fraction bits
     logic signed [31:0] cell_half;       // half pitch px / (2 R), F + 1 fraction bits
     logic signed [31:0] cell_pitch_x;    // pitch px / R, F fraction bits
-    logic signed [31:0] cell_pitch_y;    // distance between rows / R, F fraction bits
+    logic signed [31:0] cell_pitch_y;    // (distance between rows) / R, F fraction bits
     logic signed [31:0] cell_half_y;     // py / (2 R), F + 1 fraction bits (square grid)
     logic signed [31:0] cell_rise;       // h in lipp_cell_step, F + 1 fraction bits, [-4, 4)
     logic signed [31:0] converge_share;  // factor s in lipp_converge, F + 11 fraction bits
@@ -115,9 +115,9 @@ package lipp_optics_pkg;
     logic signed [31:0] converge_y;
     logic signed [31:0] extent_i;        // maximum |2 i + j| (square: |2 i|) of a lenslet
     logic signed [31:0] extent_j;        // maximum |j| of a lenslet
-    logic signed [31:0] shear_x;         // x shift per row / px, F fraction bits
+    logic signed [31:0] shear_x;         // (x shift per row) / px, F fraction bits
     logic signed [31:0] shear_lean;      // shear s, F fraction bits
-    logic signed [31:0] shear_row;       // x step to the next row / R, F fraction bits
+    logic signed [31:0] shear_row;       // (x step to the next row) / R, F fraction bits
   } optics_config_t;
 
   /// Width of unsigned column and row numbers of a panel.

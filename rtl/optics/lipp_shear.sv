@@ -21,7 +21,7 @@ module lipp_shear #(
   input  logic                 clk_i,
   input  logic signed [Wx-1:0] x_i,  // lattice coordinate x in pitches, F fraction bits
   input  logic signed [Wx-1:0] y_i,  // lattice coordinate y in rows, F fraction bits
-  input  logic signed [F+3:0]  g_i,  // x shift per row / pitch, F fraction bits
+  input  logic signed [F+3:0]  g_i,  // (x shift per row) / pitch, F fraction bits
   output logic signed [F+3:0]  x_o,
   output logic                 beyond_o
 );

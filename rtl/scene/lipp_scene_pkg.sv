@@ -18,7 +18,7 @@ package lipp_scene_pkg;
   /* verilator lint_off UNUSEDPARAM */
   /* verilator lint_off UNUSEDSIGNAL */
 
-  /// Maximum number of layers, and maximum number of slots; slot 15 is reserved for the curve.
+  /// Maximum number of layers, and of slots without slot 15, which is reserved for the curve.
   localparam int MostLayers = 8;
   localparam int MostSlots = 15;
   /// Slot number of the panel's curve.

@@ -12,8 +12,8 @@
 /// positions counts the shift clocks of a symbol, and the first toggle after reset sets the ring.
 ///
 /// If the edges of the two clocks coincide, a toggle may be detected one clock earlier or later, at
-/// position 2 or 4 of the ring. The ring then continues without a change. A toggle detected at
-/// position 0 or 1 sets the ring again. The following signals set the ring:
+/// position 2 or 4 of the ring. A toggle at position 2, 3 or 4 does not change the ring. A toggle
+/// detected at position 0 or 1 sets the ring again. The following signals set the ring:
 ///
 ///   clock      0  1  2  3  4
 ///   begins_q   1  .  .  .  .   a toggle was detected: this clock must be position 3

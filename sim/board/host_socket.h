@@ -4,7 +4,7 @@
 // The connection has its own thread and serves one host at a time. A second host is disconnected at
 // once, unless the first host has been silent for `idle_s` seconds. Only programs of the same user
 // can connect: the Unix socket has mode 0600. Over TCP a host must first send a line with a token,
-// which only this user can read from a file of mode 0600.
+// which only the board's user can read from a file of mode 0600.
 //
 // The simulation exchanges bytes with the thread through two ring buffers, without a system call.
 // The thread sleeps in poll() until the host sends a byte or the simulation calls ring().

@@ -2,10 +2,10 @@
 /// Proves that `lipp_dispatcher` answers every request.
 ///
 /// The proof assumes that the modules around the dispatcher answer within Slow clocks, as their
-/// headers state. Apart from these limits, the modules around the dispatcher and the serial line
-/// behave arbitrarily. The proof shows that an event happens within Bound clocks, unless the serial
-/// line neither sends nor accepts bytes. An event is a byte in or out, a bus access, a byte or the
-/// end of a tile, the end of a frame, or a ray. A request causes a bounded number of events of each
+/// headers state. In all else, the modules around the dispatcher and the serial line behave
+/// arbitrarily. The proof shows that an event happens within Bound clocks, unless the serial line
+/// neither sends nor accepts bytes. An event is a byte in or out, a bus access, a byte or the end
+/// of a tile, the end of a frame, or a ray. A request causes a bounded number of events of each
 /// kind. The dispatcher reads the status of the optics at most three times before another event.
 /// Bytes of a request are accepted only when the replies to all earlier requests are at the output.
 module dispatcher_properties #(
@@ -87,7 +87,7 @@ module dispatcher_properties #(
   logic [2:0] bus_for_q, tile_for_q, tile_shut_q, present_for_q, ray_shut_q, ray_for_q, table_for_q;
   logic [2:0] block_for_q;
   logic table_q;                           // 1: the tile and block tables are being cleared
-  logic [1:0] looks_q;                     // reads of the optics' status since the last write
+  logic [1:0] looks_q;                     // number of status reads of the optics since a write
   logic running_q;                         // 1: a frame may be running
   logic look_q;
   logic [2:0] polls_q;  // status reads of one operation since its last write

@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 /// Replaces `lipp_fifo` in proofs of other modules. The outputs of this module are arbitrary.
 ///
-/// The module fifo_checks with AssumeFifo = 1 restricts these outputs to the behaviour that the
-/// proof of `lipp_fifo` has shown.
+/// The module fifo_checks with AssumeFifo = 1 restricts the outputs to the behaviour that the proof
+/// of `lipp_fifo` has shown.
 module lipp_fifo #(
   parameter int Width = 36,
   parameter int AddressBits = 9

@@ -4,8 +4,8 @@
 /// Connects the memory ports of the board to the pads of the ULX3S's SDRAM, with one register at
 /// each pad in both directions.
 ///
-/// With these registers, `lipp_sdram_controller` needs PadClocks = 2. The SDRAM's clock is clk_i
-/// inverted, so commands and data reach the SDRAM in the middle of its clock period.
+/// With registers at the pads, `lipp_sdram_controller` needs PadClocks = 2. The SDRAM's clock is
+/// clk_i inverted, so commands and data reach the SDRAM in the middle of its clock period.
 ///
 /// Read data are captured four clocks after the READ command left the pads. Let T be the clock
 /// period. Let d be the round-trip delay of output register, traces and input pad. The SDRAM's
@@ -40,7 +40,7 @@ module lipp_ulx3s_memory (
 
   ODDRX1F i_clock (.SCLK(clk_i), .RST(1'b0), .D0(1'b0), .D1(1'b1), .Q(sdram_clk));
 
-  // Before clk_i runs, these cells' initial values deselect the SDRAM and release its data pins.
+  // Before clk_i runs, the pad cells' initial values deselect the SDRAM and release its data pins.
   logic [5:0] high, high_pad;
   logic [15:0] low, low_pad;
   assign high = {cs_ni, ras_ni, cas_ni, we_ni, dqm_i};
