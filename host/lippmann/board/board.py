@@ -121,8 +121,8 @@ class Board(Session):
         """Show an image, encoded for its display's panel; return the counts of the transfer.
 
         The panel keeps its frame until the new frame is complete and its CRC-32 is correct.
-        While the board draws a scene, it only stores the frame, and a LippmannWarning is
-        issued. `progress` reports tiles.
+        While the board draws a scene, the frame is only stored, with a LippmannWarning.
+        `progress` reports tiles.
 
         Raises the errors of `image_frame`, and DeviceError when the board does not
         answer, shows a test pattern, or refuses the frame.

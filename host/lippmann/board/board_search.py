@@ -41,8 +41,8 @@ def find_board(
     """Return the port of the board that answers; raise DeviceError unless exactly one answers.
 
     Other devices may react to a search. Therefore, if `urls` is None, only known USB
-    adapters and this user's virtual boards are tried first. If no board answers, the
-    other ports are tried if `allowed`, called with their list, returns True.
+    adapters and this user's virtual boards are tried first. If no board answers,
+    `allowed` gets the list of other ports; these are tried if it returns True.
     """
     first_urls = [*adapter_ports(), *own_boards()] if urls is None else list(urls)
     other_urls = [url for url in ports() if url not in first_urls] if urls is None else []

@@ -44,7 +44,7 @@ class Loaded:
 
 @dataclass(frozen=True)
 class SceneStatus:
-    """Status of the scene: `waits` is True until the panel shows the written registers."""
+    """Status of the scene: `waits` is True until written registers take effect."""
 
     is_shown: bool
     waits: bool
@@ -165,7 +165,7 @@ class SceneBoard:
         busy = self.status().slots
         crcs = {slot: self.crcs(slot) for slot in range(self.build.slots_built)}
         requested = [list(map(zlib.crc32, _cut(content))) for content in contents]
-        # Sort shown slots first, as they cannot be written; then by the number of equal blocks.
+        # Use shown slots with equal content first; then prefer slots with many equal blocks.
         slots: dict[int, int] = {}
         alike = sorted(
             (slot not in busy, -sum(a == b and a != 0 for a, b in zip(crcs[slot], one, strict=True)), slot, k)
@@ -184,7 +184,7 @@ class SceneBoard:
     def set_stack(self, display: Display, stack: LayerStack, slots: Sequence[int] | None = None) -> int:
         """Write the changed layer registers in one request; return the number of written words.
 
-        The panel changes between two frames. The board's unused layers are hidden.
+        The change takes effect at the next frame. The board's unused layers are hidden.
         Lattice and background do not change. The texture of layer k is in slot k, or in
         `slots[k]` if given. Raises InputError for layers at or behind the eyes, and for
         values out of range.
@@ -227,9 +227,9 @@ class SceneBoard:
         self.wait(scene)
 
     def wait(self, scene: bool | None = None) -> None:
-        """Wait until the panel shows the written registers, and the scene or the stored frame.
+        """Wait until written registers take effect, and the panel shows the scene or stored frame.
 
-        `scene` None accepts either state. Raises DeviceError after `FRAME_SECONDS`.
+        If `scene` is None, wait only for registers. Raises DeviceError after `FRAME_SECONDS`.
         """
         until = time.monotonic() + FRAME_SECONDS
         while (status := self.status()).waits or scene not in (None, status.is_shown):

@@ -25,7 +25,7 @@ class CapturedBoard:
     """An open virtual board, and its captured frames.
 
     After the board has ended, `frames` contains the scanned-out frames (height, width,
-    3) uint8 without repetitions, and `counts` the result of `RunningBoard.stop`.
+    3) uint8 without repetitions; `counts` is the result of `RunningBoard.stop`.
     """
 
     board: Board

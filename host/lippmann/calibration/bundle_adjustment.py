@@ -2,12 +2,12 @@
 
 All camera positions share one lens: a pinhole with radial distortion. For a camera at C
 with rotation R, the point X (mm, panel's frame) is at (x, y, z) = R (X - C), with z
-forward. With (a, b) = (x, y) / z and r^2 = a^2 + b^2, its pixel is
+forward. With (a, b) = (x, y) / z and r^2 = a^2 + b^2, the pixel of X is
 
     (cx, cy) + f (1 + k1 r^2 + k2 r^4) (a, b).
 
 Each lenslet that a camera sees gives two points: the panel point that it shows, and its
-middle in the photograph. The fit weights both points by their scatter. A part of the
+middle in the photograph. The fit divides point errors by their scatter. A part of the
 errors is smooth over the array (`SmoothErrors`). Weak priors constrain parameters that
 the photographs do not determine, and set their uncertainty. The covariance is a
 sandwich estimate over blocks of lenslets, because errors of neighbours are correlated.
@@ -39,7 +39,7 @@ GAP = {"gap": 1e-4}
 #: Coefficients (mm) of the array's height above its mean, and their steps. The height
 #: is a polynomial of coordinates in units of the panel's half width and half height.
 BOW = {"tilt_x": 1e-4, "tilt_y": 1e-4, "bow_xx": 1e-4, "bow_yy": 1e-4, "bow_xy": 1e-4}
-#: Degrees of the polynomial in the slope that models how blur moves lenslet seams.
+#: Degrees of the slope polynomial that models how blur moves lenslet seams.
 SEAMS = range(3, 10)
 LENS = {"focal": 1e-2, "middle_x": 1e-2, "middle_y": 1e-2, "k1": 1e-5, "k2": 1e-5}
 POSE = {"turn_x": 1e-6, "turn_y": 1e-6, "turn_z": 1e-6, "place_x": 1e-2, "place_y": 1e-2, "place_z": 1e-2}
@@ -130,7 +130,7 @@ class Rays(NamedTuple):
 
 @dataclass(frozen=True)
 class Problem:
-    """Data of a fit: nominal display, each view's lenslets; the parameters x concatenate `blocks`."""
+    """Data of a fit. The vector x contains the parameters of all `blocks`, in order."""
 
     display: Display
     projections: Sequence[LensProjection]
@@ -208,7 +208,7 @@ class Problem:
         return Rays(np.column_stack([centres + outline, z]), centres + point, seam_terms)
 
     def aside(self, x: Floats, k: int, middles: Floats) -> Floats:
-        """Return the measured minus the traced `middles` (N, 3), as offsets (N, 2), pitches."""
+        """Return offsets (N, 2), pitches, from traced `middles` (N, 3) to measured ones."""
         return np.asarray((self.views[k].cell_px - projected(middles, *self.pose(x, k))) @ self.views[k].steps)
 
     def predict(self, x: Floats, k: int, rays: Rays | None = None) -> tuple[Floats, Floats]:
@@ -226,7 +226,7 @@ class Problem:
         return off
 
     def offsets(self, x: Floats, k: int, rays: Rays | None = None) -> Floats:
-        """Return the residuals (N, 4) of view k from the intervals' middles."""
+        """Return predicted minus measured points of view k, pixels (N, 4)."""
         panel, photo = self.predict(x, k, rays)
         view = self.views[k]
         return np.column_stack([(panel - view.panel_mm) / self.display.panel.pitches_mm, photo - view.photo_px])
@@ -236,8 +236,7 @@ class Problem:
         display, size = self.display, np.array(self.views[0].shape[::-1])
         depth, longer = display.aperture_distance_mm, float(size.max())
         focal, *middle = self.part(x, "lens")[:3]
-        # Each divisor is a prior's standard deviation; `depth` is the aperture
-        # distance.
+        # Each divisor is a prior's standard deviation; `depth` is the aperture distance.
         parts: list[npt.ArrayLike] = [
             (x[:2] / display.array.pitches_mm - 1.0) / 0.01,
             (self.part(x, "gap") - display.gap_mm) / (0.3 * depth),
@@ -315,7 +314,7 @@ class Solution:
 
 def solve(problem: Problem, x: Floats, robust_only: bool = False) -> Solution:
     """Fit the parameters, starting at x; unless `robust_only`, fit again without outliers."""
-    problem = problem.thinned(8000)  # maximum number of lenslets per view
+    problem = problem.thinned(8000)
     weights = Weights.equal(problem, (1.0, 1.0))
     for _ in range(2):
         x = _minimise(problem, x, weights, True)
@@ -374,8 +373,8 @@ def _minimise(problem: Problem, x: Floats, weights: Weights, robust: bool) -> Fl
         x_scale="jac",
         loss="soft_l1" if robust else "linear",
         f_scale=1.5,  # standard deviations above which soft_l1 is nearly linear
-        ftol=1e-8,  # stop below this relative change of the cost
         xtol=1e-12,
+        ftol=1e-8,  # stop below this relative change of the cost
         gtol=1e-12,
         max_nfev=60,
     )

@@ -4,8 +4,8 @@
 its inverse. Where array and display file differ, an eye at X sees the inverse.
 
 `3-rings` makes each lenslet white or black, depending on its distance from the panel's
-middle. Without crosstalk, an eye sees rings, with gaps where pixels belong to a wrong
-lenslet.
+middle. An eye that sees no crosstalk sees rings, with gaps where the display file
+assigns pixels to a wrong lenslet.
 """
 
 from __future__ import annotations

@@ -9,8 +9,8 @@ The Gray code encodes the index floor(u / (T/2)) of the half period. Phase and h
 period give u, even if a half period is misread near its edge. With N = 8, harmonics of
 the camera's tone curve up to the sixth do not change the phase.
 
-The first and the last picture show marks for aiming the camera. The photographs of both
-are equal if the camera did not move.
+The first and the last picture show marks for aiming the camera. If the camera did not
+move, both photographs of these marks are equal.
 """
 
 from __future__ import annotations

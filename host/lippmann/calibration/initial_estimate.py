@@ -1,4 +1,4 @@
-"""Number the lenslets equally for all camera positions, and estimate initial parameters.
+"""Give lenslets the same numbers in all camera positions; estimate initial parameters.
 
 Each camera position numbers the lenslets from its own origin. A panel point is offset
 from its lenslet's centre by roughly the gap times the slope to the camera. The search
@@ -46,7 +46,7 @@ def first_pose(plane_mm: Floats, photo_px: Floats, lens: Floats) -> tuple[Floats
     return vector, -rotation_of(vector).T @ np.array(shift, np.float64).ravel()
 
 
-#: Differences of the tried gaps from the nominal gap, as fractions of D.
+#: Differences of tried gaps from the nominal gap, relative to the aperture distance.
 GAPS = np.linspace(-0.35, 0.35, 57)
 
 
@@ -83,7 +83,7 @@ def starts(
         moved = projection.traced(np.tile(aside / place[2], (len(gaps), 1)), gaps, ())[1]
         grown = projection.traced(np.tile([-1e-3, 0.0], (len(gaps), 1)), gaps, ())[1][:, :1] / 1e-3 / place[2] + 1.0
         zero = one.origin - moved
-        # The pose fits panel points; their lattice is `grown` times the lenslets'.
+        # Panel points, whose lattice is `grown` times as large as the array's, gave the pose.
         true_place = np.hstack([zero + aside / grown, place[2] / grown])
         lattices.append((zero, one.basis / grown[..., None], true_place))
     zeros, bases, true_places = (np.stack(part, axis=1) for part in zip(*lattices, strict=True))

@@ -1,9 +1,9 @@
 """Find the lattice of the panel points that one camera position sees.
 
 A camera at C sees through the lenslet at L the paraxial panel point P = L (1 + D/Cz) -
-C D/Cz. D is the aperture distance. The points P are an affine image of the array's
-lattice. The search rotates and scales the nominal lattice (reciprocal vectors k) to
-maximise the sum of exp(2 pi i k . P) near the panel's middle. Least squares extend it.
+C D/Cz. D is the aperture distance. Points P are an affine image of the array's lattice.
+The search rotates and scales the nominal lattice (reciprocal vectors k) to maximise the
+sum of exp(2 pi i k . P) near the panel's middle. Least squares then extend the lattice.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ from lippmann.optics.system import PanelFrame
 MAX_ROTATION_DEG, MAX_STRETCH = 8.0, 0.05
 #: Radius of the initial search region, in pitches.
 FIRST_RADIUS = 4.0
-#: Panel points in a lattice point's cell, scaled by this factor, are near the point.
+#: Panel points are near a lattice point if they lie in its cell, scaled by this factor.
 NEAR = 0.6
 MAX_POINTS, SEED = 80_000, 1909
 REMEDY = (
@@ -58,7 +58,7 @@ class SeenLattice:
 
 
 def within(steps: Floats, grid: Grid, share: float) -> Bools:
-    """Return which lattice coordinates (..., 2) lie in `share` times the cell at 0."""
+    """Return which lattice coordinates (..., 2) lie in the cell at 0, scaled by `share`."""
     i, j = steps[..., 0], steps[..., 1]
     if grid == "square":
         return np.asarray(np.maximum(abs(i), abs(j)) < 0.5 * share)
@@ -76,7 +76,7 @@ def steps_of(display: Display) -> Floats:
 def find_lattice(name: str, points_mm: Floats, display: Display) -> SeenLattice:
     """Find the lattice of points (N, 2), mm; raise InputError if it is not near the nominal one."""
     nominal = steps_of(display)
-    # D / distance magnifies the lattice; the distance is at least 1.5 panel widths.
+    # The lattice is magnified by 1 + D / distance; distances exceed 1.5 panel widths.
     growth = min(0.5, display.aperture_distance_mm / (1.5 * display.panel.width_mm))
     pitch = display.array.coarsest_mm
     best: tuple[float, SeenLattice] | None = None
@@ -109,7 +109,7 @@ def find_lattice(name: str, points_mm: Floats, display: Display) -> SeenLattice:
 def _extend_lattice(
     points_mm: Floats, middle: Floats, nominal: Floats, grid: Grid, pitch: float, growth: float
 ) -> tuple[float, SeenLattice] | None:
-    """Find a lattice around `middle`, extend it, and return it with the fraction of near points."""
+    """Find a lattice around `middle`, extend it, and return it with the fraction of points near it."""
     distance = np.hypot(*(points_mm - middle).T)
     first = points_mm[distance < FIRST_RADIUS * pitch]
     if len(first) < 200:  # too few points per lenslet
@@ -125,7 +125,7 @@ def _extend_lattice(
             lattice = again
         if radius > farthest:
             break
-        radius *= 1.5  # enlarge the region
+        radius *= 1.5
     return float(lattice.near(_some(points_mm))[1].mean()), lattice
 
 

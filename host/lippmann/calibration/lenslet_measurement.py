@@ -1,7 +1,7 @@
 """Measure the middle of each lenslet in the photographs, and the panel point that it shows.
 
 A camera pixel that sees the panel point of lenslet (i, j) lies in this lenslet's
-outline. These pixels give a map from the photograph to a lattice of pitch 1: a radial
+outline. Such pixels give a map from the photograph to a lattice of pitch 1: a radial
 correction, then a homography. The map gives each pixel's position in a cell, even where
 the panel is dark or a decoded point is wrong.
 """
@@ -124,7 +124,7 @@ NEIGHBOURS = 0.8
 
 @dataclass(frozen=True)
 class Readings:
-    """Panel points (M, 2), their positions (M, 2) in the cell, pitches, and lenslets (M,), sorted."""
+    """Panel points (M, 2), positions (M, 2) in the cell, pitches; sorted by lenslet, `group` (M,)."""
 
     panel_px: npt.NDArray[np.float32]
     local: npt.NDArray[np.float32]
@@ -149,7 +149,7 @@ class Lenslets:
     cell_px: Floats
     #: Derivative (2, 2) of the cell position, pitches, by photograph pixel.
     steps: Floats
-    #: Derivative (N, 2, 2) of panel points by cell position, mm per pitch; its mean.
+    #: Derivative of panel points by cell position, mm per pitch: (N, 2, 2), and mean.
     moves: Floats
     spread: Floats
     #: Fraction of camera pixels that see the lenslet in whose outline they lie.
@@ -206,8 +206,7 @@ def measure_lenslets(decoded: Decoded, lattice: SeenLattice, display: Display) -
     at, middle, spread = _averages(points, local, good, groups, len(names))
     number = np.bincount(groups[good], minlength=len(names))
     usual = np.median(number[number > 0]) if (number > 0).any() else 0.0
-    # A partly dark neighbour would shift the seam, and thus the lenslet's middle. A
-    # valid lenslet has at least 0.35 times the median number of pixels.
+    # A partly dark neighbour would shift the seam, and thus the lenslet's middle.
     valid = (number >= max(2.0, 0.35 * usual)) & are_complete(names, counts, 0.9)
     _check_steady(decoded.name, names, counts, outline.agree)
     if valid.sum() < 30:
@@ -279,7 +278,7 @@ def _surrounded(table: Floats, places: Indices, least: Floats | float) -> Bools:
 def are_complete(index: Indices, counts: Indices, neighbours: float) -> Bools:
     """Return a mask (N,) of lenslets with about as many pixels as their largest neighbour.
 
-    On all four sides, a lenslet has at least the fraction `neighbours` of these pixels.
+    Each side's lenslet has at least `neighbours` times the largest neighbour's pixels.
     """
     table, places = _table(index, counts)
     i, j = places

@@ -37,8 +37,8 @@ SEAM = {"square": 2.0 / 3.0, "hex": 5.0 / 6.0}
 FOLDS = {"square": 4, "hex": 6}
 #: Degrees j + k of the sums for c and w; steep lenslets need the high degrees.
 DEGREES = range(1, 12)
-#: Number of rays across the inner cell; number of slope directions, a prime number, so
-#: that no symmetry repeats a direction.
+#: Number of rays across the inner cell, and of slope directions: a prime number, so that
+#: no symmetry repeats a direction.
 ACROSS, DIRECTIONS = 13, 17
 #: Number of points on the edge of a lenslet's outline.
 EDGE_POINTS = 96
@@ -55,7 +55,7 @@ def outline_mm(display: Display) -> float:
 
 @dataclass(frozen=True)
 class LensProjection:
-    """Coefficients a (`fixed`), b (`per_gap`), c (`aside`) of the module's formulas, for slopes / `steepest`."""
+    """Coefficients a (`fixed`), b (`per_gap`), c (`aside`) of the module's formulas; `steepest` divides the slopes."""
 
     fixed: Floats
     per_gap: Floats
@@ -185,7 +185,7 @@ def _middles(display: Display, slopes: Floats, height_mm: float, distance_mm: fl
             own = (at @ to_steps / grown - centre[:, None] - points @ to_steps @ moves) @ np.linalg.inv(
                 np.eye(2) - moves
             )
-            there = arrives & within(own - shift[:, None], display.array.grid, NEAR)  # assigned to the lenslet
+            there = arrives & within(own - shift[:, None], display.array.grid, NEAR)  # points belong to the lenslet
             low, high = np.where(there, half, low), np.where(there, high, half)
         edge = 0.5 * (low + high)
         area = 0.5 * (edge**2).sum(axis=1)

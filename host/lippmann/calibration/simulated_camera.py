@@ -1,7 +1,7 @@
 """Model a camera in front of a display: pose, distortion, pupil, focus, vignetting and sensor.
 
 The normalised coordinates x, y of a direction are its slopes to the axis, right and
-down. With focal length f, principal point (cx, cy), r^2 = x^2 + y^2, its pixel is
+down. With focal length f, principal point (cx, cy), r^2 = x^2 + y^2, the pixel is
 
     u = cx + f x (1 + k1 r^2 + k2 r^4),   v = cy + f y (1 + k1 r^2 + k2 r^4).
 """
@@ -143,7 +143,7 @@ class Camera:
 
 @dataclass(frozen=True)
 class Sensor:
-    """A camera sensor; `exposure` is the level of white relative to the full well; it clips above 1."""
+    """A camera sensor; `exposure` is the level of white relative to the full well; values above 1 clip."""
 
     exposure: float = 0.8
     full_well_e: float = 10000.0

@@ -41,8 +41,8 @@ Band = tuple[int, int, Indices, Floats, Bools]
 class Projection:
     """Matrices that map light of panel pixels (columns) to light of camera pixels (rows)."""
 
-    matrices: tuple[sparse.csr_matrix, ...]  # one matrix, or one per colour
-    brightness: Floats  # the camera's relative illumination (height, width)
+    matrices: tuple[sparse.csr_matrix, ...]  # One matrix, or one per colour.
+    brightness: Floats  # The camera's relative illumination (height, width).
 
     def photograph(self, light: Light) -> Light:
         """Return the camera's light for a panel's light, each (height, width) or (height, width, 3)."""

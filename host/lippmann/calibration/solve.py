@@ -36,7 +36,7 @@ from lippmann.optics.rays import Floats
 
 
 class Radius(NamedTuple):
-    """A lenslet radius and its deviation, mm; `effect` is the change of x for one deviation."""
+    """A lenslet radius and its deviation, mm; `effect` is the parameters' change for one deviation."""
 
     value_mm: float
     deviation_mm: float
@@ -71,7 +71,7 @@ def _of_position(display: Display, solution: Solution, k: int, view: Lenslets) -
         array = replace(array, thickness_mm=max(array.thickness_mm, array.sag_mm))
         return movement(replace(display, array=array), slopes, float(place[2])) - measured
 
-    # Search from 3/4 to 4/3 of the file's radius; the lens must span its cell.
+    # Search from 3/4 to 4/3 of the given radius; the lens must span its cell.
     low, high = max(0.75 * old, 1.001 * display.array.half_diagonal_mm), 1.33 * old
     if off(low) * off(high) > 0.0:
         what = f"no lenslet radius from {low:.4g} to {high:.4g} mm fits the photographs"
@@ -91,7 +91,7 @@ def calibrate(
 ) -> Calibration:
     """Calibrate a nominal display from a folder of photographs.
 
-    `bow` also fits the array's tilts and curvatures, `radius` the lenslets' radius.
+    `bow` also fits the array's tilts and curvatures; `radius` fits the lenslets' radius.
 
     Raises InputError, which names the photograph and a remedy, for unusable
     photographs, and ContradictionError if the photographs contradict each other or the
@@ -139,7 +139,7 @@ def _number_lenslets(
     trials = []
     for number, (problem, start) in enumerate(likely):
         progress(number, len(likely))
-        sample = problem.thinned(400)  # maximum number of lenslets per position
+        sample = problem.thinned(400)
         trial = solve(sample, first_fit(sample, start), robust_only=True)
         scatter = float(np.mean([math.hypot(*one) for one in trial.weights.scatter]))
         trials.append((scatter * (1.0 + 5.0 * _outliers(trial)), problem, trial.x))
@@ -207,14 +207,14 @@ def _check_zoom(solution: Solution) -> None:
     problem = solution.problem.freeing("zoom")
     zoomed = solve(problem, solution.x)
     zooms = {name: zoomed.value(name) for name in problem.blocks["zoom"]}
-    # Simulated unchanged lenses differ by 1 standard deviation, lenses changed by 0.5 %
-    # differ by at least 5.
+    # In simulations, unchanged lenses differ by 1 standard deviation, and lenses changed
+    # by 0.5 % by at least 5.
     limits = {name: max(4.0 * zoomed.deviation(name), 0.002) for name in zooms}
     sure = [name for name, zoom in zooms.items() if abs(zoom) > limits[name]]
     if not sure:
         return
     views = [view.name for view in problem.views]
-    # If all others differ from the first with one sign, the first is wrong.
+    # If all zooms relative to the first position have one sign, that position is wrong.
     first = len(sure) == len(zooms) > 1 and len({zooms[name] > 0.0 for name in sure}) == 1
     worst = max(sure, key=lambda name: abs(zooms[name]))
     odd, zoom = (views[0], -zooms[worst]) if first else (views[list(zooms).index(worst) + 1], zooms[worst])

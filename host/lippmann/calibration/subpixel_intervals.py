@@ -36,7 +36,7 @@ from lippmann.optics.system import PanelFrame
 
 Values = npt.NDArray[np.floating]
 Singles = npt.NDArray[np.float32]
-#: The deviations a and c of the module's formulas: pitches, panel pixels.
+#: Deviations of the module's formulas: a in pitches, c in panel pixels.
 Blur = tuple[float, float]
 #: Assumed error of a mean reading, panel pixels.
 TOLERANCE = 0.02
@@ -59,9 +59,9 @@ ALONG = (_derivative(0), _derivative(1))
 class Movement:
     """Movement of a panel point over a cell, pixels, as a polynomial in slope and cell position."""
 
-    factors: Floats  # (slope monomials, cell monomials, 2)
-    slope: Floats  # mean slope, subtracted from slopes
-    inner: Floats  # points (M, 2) distributed over the inner cell
+    factors: Floats  # Shape (slope monomials, cell monomials, 2).
+    slope: Floats  # Mean slope, subtracted from slopes.
+    inner: Floats  # Points (M, 2) distributed over the inner cell.
 
     def _own(self, slopes: Floats) -> Floats:
         return np.asarray(np.tensordot(_powers(slopes - self.slope, SLOPE), self.factors, axes=1))
@@ -75,7 +75,7 @@ class Movement:
         return np.asarray(np.einsum("dp,npa->nda", ways, own) + half)
 
     def of(self, local: Values, slopes: Floats, aside: Floats, group: Indices) -> Moved:
-        """Return the movement relative to each cell's mean, at positions (M, 2); lenslets `group` (M,) ascend."""
+        """Return movements at positions (M, 2) in lenslets `group` (M,), ascending, relative to each cell's mean."""
         own, at = self._own(slopes), np.asarray(local + aside[group], np.float32)
         own[:, 0] -= np.einsum("nd,nda->na", aside, self.over_cell(slopes, aside))
         ways = [one @ own for one in ALONG]
@@ -97,7 +97,7 @@ class Movement:
 
 @dataclass(frozen=True)
 class Moved:
-    """The s in pixels, |s'| in pixels per pitch, and L of M readings, (M, 2) each."""
+    """Values of M readings: s in pixels, |s'| in pixels per pitch, and L, each (M, 2)."""
 
     shift: Singles
     change: Singles
@@ -156,8 +156,8 @@ def read(at: Singles, edge: Singles) -> Singles:
     near = np.rint(at)
     mean = near - 1 + ndtr((at - near) / edge)
     wide = edge > 0.17  # pixels
-    if wide.any():  # use the Fourier series
-        turn, fade = 2.0 * math.pi * at[wide], -2.0 * np.square(math.pi * edge[wide])
+    if wide.any():
+        turn, fade = 2.0 * math.pi * at[wide], -2.0 * np.square(math.pi * edge[wide])  # use the Fourier series
         waves = np.exp(fade) * np.sin(turn) + 0.5 * np.exp(4.0 * fade) * np.sin(2.0 * turn)
         mean[wide] = at[wide] - 0.5 + waves / math.pi
     return np.asarray(mean)

@@ -29,15 +29,15 @@ from lippmann.scenes.scene import Scene
 
 #: Bytes of an ECP5's block RAM (DP16KD). A palette takes one block RAM.
 BLOCK_RAM_BYTES = 2048
-#: Bytes of a colour's table of the panel's transfer curve.
+#: Bytes of the transfer curve's table for one colour.
 CURVE_BYTES = 8192
-#: Multipliers of each step in rtl/scene. COMPOSITE is for each layer but the first.
+#: Multipliers of each step in rtl/scene. The first layer needs no COMPOSITE.
 EXIT_LINE, LAYER_COORDINATE, TEXEL_BLEND, COMPOSITE, BACKGROUND = 10, 6, 3, 4, 3
 #: Positions of a moving eye, as fractions of `Reach.aside_mm`.
 EYES = (-0.8, -0.4, 0.0, 0.4, 0.8)
 #: Rays per pixel of the eye's view.
 EYE_SAMPLES = 64
-#: Samples per pixel of the full render, too many for the pixel filter to be used.
+#: Samples per pixel of the full render; above MAX_SAMPLES, no pixel filter is used.
 FULL_SAMPLES = MAX_SAMPLES + 1
 
 

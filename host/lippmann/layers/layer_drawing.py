@@ -57,7 +57,7 @@ CHUNK_RAYS = 1 << 18
 
 
 class ExitLines(NamedTuple):
-    """Exit rays: points at z = 0, mm (N, 2), slopes (N, 2), and the mask of rays not black (N,)."""
+    """Exit rays: points at z = 0, mm (N, 2), slopes (N, 2), and the mask (N,) of rays that are not black."""
 
     places_mm: Floats
     slopes: Floats
@@ -207,7 +207,7 @@ class LayerPlan(Plan):
         return 0.0
 
     def render(self, number: int, report_rows: Callable[[int], None] | None = None) -> tuple[Radiance, list[int]]:
-        """Return the radiance (rows, width, 3) of a band; no sample is lost.
+        """Return a band's radiance (rows, width, 3), and no lost samples.
 
         The engines "twin" (integer model) and "rtl" (simulated RTL) give the radiance
         of the panel's bytes. Raises InputError for values outside registers' ranges.
@@ -243,9 +243,9 @@ def plan_layers(
 ) -> LayerPlan:
     """Return the plan of a picture of layers for a display; `where` names the layers in messages.
 
-    `fraction_bits` is the optics' word length, by default the maximum. Raises
-    InputError for an engine, filter, model or number of samples that layers do not
-    have, and for layers at or behind the eyes.
+    `fraction_bits` of the optics default to the maximum. Raises InputError for an
+    engine, filter, model or number of samples that layers do not have, and for layers
+    at or behind the eyes.
     """
     check_for_display(stack, display, where)
     check_options(filter, samples)

@@ -57,7 +57,7 @@ COVERED = 0.5
 
 
 class Reach(NamedTuple):
-    """Where a display's exit rays and its viewers' eyes can be."""
+    """Range of a display's exit rays and of its viewers' eyes."""
 
     #: Points where rays meet the plane z = 0, mm (N, 2).
     places_mm: Floats
@@ -221,7 +221,7 @@ def texels_for(area: Area, display: Display, slot: Size) -> Size:
 
 
 def finest_texel(depth_mm: float, display: Display) -> float:
-    """Return neighbouring rays' distance at a depth, mm, at least a pixel; at infinity, their slopes' difference."""
+    """Return neighbouring rays' spacing at a depth (mm, at least a pixel); at infinity, that of their slopes."""
     pixel = display.panel.coarsest_mm
     slope = pixel / display.aperture_distance_mm
     return slope if math.isinf(depth_mm) else max(pixel, abs(depth_mm) * slope)

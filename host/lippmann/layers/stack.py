@@ -227,7 +227,7 @@ def quantise(rgba: Bytes) -> tuple[Bytes, Bytes, float]:
     """Quantise a picture (height, width, 4) of palette bytes to 256 colours.
 
     Returns texels, palette, and the PSNR in dB. Colour 0 is transparent, and fills the
-    rest of a slot. A picture with at most 255 other colours keeps all its colours.
+    rest of a slot. A picture with at most 255 visible colours keeps them all.
     Opaque texels stay opaque.
     """
     height, width = rgba.shape[:2]

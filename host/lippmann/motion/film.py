@@ -50,7 +50,7 @@ class MotionPath:
 
     "smooth" interpolates each component by cubics that never go beyond a key (Fritsch
     and Butland, "A method for constructing local monotone piecewise cubic
-    interpolants", 1984). A `motion` of None means the film's, by default "smooth".
+    interpolants", 1984). If `motion` is None, the film's applies, by default "smooth".
     """
 
     keys: Annotated[tuple[Key, ...], key("positions at some frames; at least one"), Meta(min_length=1)]

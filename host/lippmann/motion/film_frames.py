@@ -148,7 +148,7 @@ def frame_path(folder: Path, frame: int) -> Path:
 
 
 def lock_folder(folder: Path, frames: int) -> FolderLock:
-    """Create and lock a film's folder. Raises InputError if it has frames of a longer film."""
+    """Create and lock a film's folder. Raises InputError if the folder has frames of a longer film."""
     lock = FolderLock(folder, "choose another folder with -o")
     ours = {frame_path(folder, k) for k in range(frames)}
     for other in sorted(folder.glob("frame_*.exr")):

@@ -30,7 +30,7 @@ from lippmann.rendering.sampling import RaySource, Window, display_source
 from lippmann.scenes.placement import Matrix, Placement
 from lippmann.scenes.scene import Scene
 
-#: Bits of the float32 numbers 0 and 1. As integers, bits of floats keep the order.
+#: Bits of the float32 numbers 0 and 1. As integers, bits of positive floats keep the order.
 ZERO, ONE = 0, 0x3F800000
 
 
@@ -90,7 +90,7 @@ class LivePicture:
     def __init__(
         self, scene: Scene, display: Display, model: Model, settings: Settings, block: int | None = None
     ) -> None:
-        """Compile the programs. If `block` is None, speed decides it. Raises errors of `Renderer`."""
+        """Compile the programs. If `block` is None, measured speed sets it. Raises errors of `Renderer`."""
         self._scene = scene
         self._panel = display.panel
         self._encoder = Encoder(display.panel)
@@ -281,8 +281,8 @@ class LiveShow:
     ) -> Played:
         """Run the loop until the user ends it.
 
-        It also ends when `seconds` have passed and the picture has all `samples`. For
-        `moving_s` seconds (None means to the end), the scene rotates by `turn_deg` per
+        The loop also ends when `seconds` have passed and the picture has all `samples`.
+        For `moving_s` seconds (None means to the end), the scene rotates by `turn_deg` per
         second, or the film plays. `opened` is when the window opened (perf_counter).
         """
         began = last = time.perf_counter()
