@@ -40,7 +40,7 @@ def find_board(
 ) -> str:
     """Return the port of the board that answers; raise DeviceError unless exactly one answers.
 
-    Other devices may react to a search. Therefore, if `urls` is None, only known USB
+    A search may disturb other devices. Therefore, if `urls` is None, only known USB
     adapters and this user's virtual boards are tried first. If no board answers,
     `allowed` gets the list of other ports; these are tried if it returns True.
     """

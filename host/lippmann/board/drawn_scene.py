@@ -44,7 +44,7 @@ class Loaded:
 
 @dataclass(frozen=True)
 class SceneStatus:
-    """Status of the scene: `waits` is True until written registers take effect."""
+    """Status of the scene; `waits` is True until written registers take effect."""
 
     is_shown: bool
     waits: bool

@@ -95,7 +95,7 @@ def check_frame(
 ) -> FrameFile:
     """Check the header and the last row of an image file for a panel.
 
-    The file contains linear radiance (.exr, .tif) or panel values (.png). Its metadata
+    The file contains linear radiance (.exr, .tif) or panel values (.png). The metadata
     name the panel's transfer curve and bits; `transfer` and `panel` confirm them or
     supply missing values. The defaults are sRGB and 8 bits.
 

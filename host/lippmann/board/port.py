@@ -40,7 +40,7 @@ SEND_S = 2.0
 CONNECT_S = 5.0
 #: Maximum length of a virtual board's access token, bytes.
 MAX_TOKEN = 256
-#: USB vendor numbers of serial adapters: FTDI, Silicon Labs, WCH, Prolific.
+#: USB vendor numbers of serial adapters (FTDI, Silicon Labs, WCH, Prolific).
 ADAPTER_VENDORS = (0x0403, 0x10C4, 0x1A86, 0x067B)
 
 

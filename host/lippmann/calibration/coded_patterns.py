@@ -10,7 +10,7 @@ period give u, even if a half period is misread near its edge. With N = 8, harmo
 the camera's tone curve up to the sixth do not change the phase.
 
 The first and the last picture show marks for aiming the camera. If the camera did not
-move, both photographs of these marks are equal.
+move, both photographs of the marks are equal.
 """
 
 from __future__ import annotations

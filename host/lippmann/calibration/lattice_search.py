@@ -3,7 +3,7 @@
 A camera at C sees through the lenslet at L the paraxial panel point P = L (1 + D/Cz) -
 C D/Cz. D is the aperture distance. Points P are an affine image of the array's lattice.
 The search rotates and scales the nominal lattice (reciprocal vectors k) to maximise the
-sum of exp(2 pi i k . P) near the panel's middle. Least squares then extend the lattice.
+sum of exp(2 pi i k^T P) near the panel's middle. Least squares then extend the lattice.
 """
 
 from __future__ import annotations

@@ -1,9 +1,9 @@
 """Measure the middle of each lenslet in the photographs, and the panel point that it shows.
 
 A camera pixel that sees the panel point of lenslet (i, j) lies in this lenslet's
-outline. Such pixels give a map from the photograph to a lattice of pitch 1: a radial
-correction, then a homography. The map gives each pixel's position in a cell, even where
-the panel is dark or a decoded point is wrong.
+outline. Pixels of known lenslets give a map from the photograph to a lattice of pitch
+1: a radial correction, then a homography. The map gives each pixel's position in a
+cell, even where the panel is dark or a decoded point is wrong.
 """
 
 from __future__ import annotations
@@ -149,7 +149,7 @@ class Lenslets:
     cell_px: Floats
     #: Derivative (2, 2) of the cell position, pitches, by photograph pixel.
     steps: Floats
-    #: Derivative of panel points by cell position, mm per pitch: (N, 2, 2), and mean.
+    #: Derivatives (N, 2, 2) of panel points by cell position, mm per pitch, and mean.
     moves: Floats
     spread: Floats
     #: Fraction of camera pixels that see the lenslet in whose outline they lie.
@@ -251,9 +251,9 @@ def _check_steady(name: str, index: Indices, counts: Indices, agree: float) -> N
     least = 0.3 * float(np.median(counts[counts > 0])) if (counts > 0).any() else 0.0
     inside = _surrounded(*_table(index, counts), least)
     share = float((are_complete(index, counts, NEIGHBOURS) & inside).sum() / max(1, inside.sum()))
-    # Simulated (share, agree): (0.79, 0.98) for correct photographs, (0.69, 0.93) with
-    # 10 % wrong pixels, (0.39, 0.99) with 3 pixels of blur, (0.25, 0.85) with 3 pixels
-    # of movement.
+    # In simulations, (share, agree) is (0.79, 0.98) for correct photographs, (0.69, 0.93)
+    # with 10 % wrong pixels, (0.39, 0.99) with 3 pixels of blur, (0.25, 0.85) with 3
+    # pixels of movement.
     if share < 0.45 and agree < 0.96:
         what = f"only {100.0 * share:.0f} % of the lenslets are at the same position in all photographs"
         raise input_error(name, what, "focus on the array, fix camera and display, and photograph this position again")

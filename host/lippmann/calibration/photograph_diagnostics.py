@@ -184,7 +184,7 @@ def check_marks(position: Position, first: Pattern, last: Pattern, before: Light
     if len(rows) < 8 or len(columns) < 8:
         return
     part = slice(rows[0], rows[-1] + 1), slice(columns[0], columns[-1] + 1)
-    # Blur both photographs by 1.5 pixels before the comparison.
+    # Blur the photographs by 1.5 pixels before the comparison.
     before, after = (
         np.asarray(cv2.GaussianBlur(np.ascontiguousarray(one[part]), (0, 0), 1.5), np.float32)
         for one in (before, after)

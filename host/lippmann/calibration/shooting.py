@@ -54,7 +54,7 @@ def fix_settings(camera: cv2.VideoCapture) -> list[str]:
     sizes = [camera.set(side, 10_000) for side in SIZE]
     refused = [] if all(sizes) else ["the size"]
     # The value 1 is manual exposure in V4L2, which rounds 0.25 to 0 (automatic). In
-    # other drivers, 0.25 is manual exposure.
+    # all drivers but V4L2, 0.25 is manual exposure.
     manual = 1.0 if camera.getBackendName() in ("V4L", "V4L2") else 0.25
     settings = {
         "exposure": (cv2.CAP_PROP_AUTO_EXPOSURE, manual),

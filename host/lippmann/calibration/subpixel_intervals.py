@@ -9,7 +9,7 @@ pixels p have the mean reading
 over normally distributed v with mean u and deviation b. f increases with t in blurred
 steps. The photograph's blur has the deviation a in the cell, and the camera's pupil
 adds c on the panel: b(p)^2 = a^2 |s'(p)|^2 + c^2. L is the sum of the second
-derivatives of s. a and c are fitted to each position's readings.
+derivatives of s. Each position's readings determine a and c.
 
 A mean reading therefore gives an interval of t. The interval is short if points move by
 a pixel or more over the cell, and a pixel wide if lenslets focus on the panel. The

@@ -114,8 +114,8 @@ def save_layers(path: str | Path, stack: LayerStack, names: Sequence[str] = ()) 
     """Write a stack to a folder, created if missing; return the path of its `layers.toml`.
 
     `names` are the layers' names, by default layer_0, layer_1, ... from front to back.
-    Pictures that this function wrote for the folder's former layers are removed. No
-    other file is replaced.
+    Pictures that this function wrote for the folder's former layers are removed.
+    Other programs' pictures are not replaced.
 
     Raises InputError for names that are invalid file names or belong to other pictures,
     and if writing fails.

@@ -381,7 +381,7 @@ def slabs_of(z_mm: Floats, detail: Floats, count: int, eye_mm: float, front_mm: 
     near = u[u > SKY]
     low, high = (float(near.min()), float(near.max())) if near.size else (0.0, 0.0)
     step = max((high - low) / (BINS - 1), FINEST)
-    # Bin 0 contains the sky. Any other bin is represented by its mean disparity.
+    # Bin 0 contains the sky. Each bin above 0 is represented by its mean disparity.
     place = np.where(u > SKY, 1 + np.rint((u - low) / step).astype(np.int64), 0)
     mean_detail = float(detail.mean())
     share = detail + (PLAIN * mean_detail if mean_detail > 0.0 else 1.0)
