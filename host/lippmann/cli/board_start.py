@@ -176,7 +176,7 @@ def _in_background(ready: Path) -> None:
     output = Path(f"{ready}.log")
     if (failure := _failure(output)) is not None:
         log(f"the previous board had ended: {failure} (exit code {failure.exit_code})")
-    # With --json, the last line of the board's log is its error.
+    # With --json, the last line of the board's log is the error.
     arguments = [word for word in click.get_current_context().obj if word not in ("--background", "--json")]
     words = [sys.executable, "-P", "-m", "lippmann", *arguments, "--json"]
     environment = {**os.environ, LAUNCHER: str(os.getpid())}

@@ -94,7 +94,7 @@ def report_error(error: BaseException, with_json: bool) -> int:
         return code
     line = printable(" ".join(message.split()))
     line = PARAMETERS.sub(lambda match: "--" + match[0].replace("_", "-"), line)
-    if len(line) > MAX_LETTERS:  # a message may quote a file
+    if len(line) > MAX_LETTERS:  # a quoted file may be long
         line = f"{line[: MAX_LETTERS // 2]} ... {line[-MAX_LETTERS // 2 :]}"
     click.echo(f"lippmann: {line}", err=True)
     try:

@@ -136,7 +136,7 @@ def _judge_stream(bounds: Bounds, output: _Output) -> int:
     reader = StreamReader(bounded_lines(sys.stdin.buffer))
     try:
         for name, foreign in reader.sets():
-            # A search for a pair of faults takes 10 s; repeat it only for larger sets.
+            # A search for a pair of faults takes 10 s; repeat it only for sets larger than before.
             search = not any(one.searched and one.rays >= len(foreign.inputs.pixels) for _, one in verdicts)
             verdict = output.judge(foreign, bounds, search)
             verdicts.append((name, verdict))

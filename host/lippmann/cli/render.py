@@ -80,7 +80,7 @@ def command(
         "model": metadata["model"], "engine": metadata["engine"], "integrator": options.settings.integrator,
         "samples": options.settings.samples, "seed": seed, "shading": metadata.get("shading"),
         "device": None if scene_file is None else current_device(), **measured,
-        # These times and the times in `measured` add up to the run time of the process.
+        # Start, load, write and `measured` times add up to the run time of the process.
         "start_seconds": start_seconds, "load_seconds": load_seconds, "write_seconds": write_seconds,
         "peak_memory_mb": peak_memory_mb(),
     }  # fmt: skip
