@@ -4,9 +4,9 @@
 /// Accesses the registers of the board, of the optics block and of the scene, one at a time.
 ///
 /// Input start_i requests an access with write_i, at_i (a byte address, a multiple of 4) and
-/// word_i. Output done_o pulses three clocks later or more. In the clock of done_o, word_o is valid
-/// for a read, and error_o is high if no register allows the access. done_o and the next start_i
-/// may coincide.
+/// word_i. Output done_o pulses three or more clocks after start_i. In the clock of done_o, word_o
+/// is valid for a read, and error_o is high if no register allows the access. done_o and the next
+/// start_i may coincide.
 ///
 /// The three register blocks share one APB4 bus with one select signal each. Every write changes a
 /// whole word. Addresses outside the three blocks have no register. The address map in bytes is:

@@ -9,7 +9,7 @@
 /// byte 1024 n + k of the slot. Output done_o is a pulse 1030 clocks after start_i.
 ///
 /// A table stores, for each block, the CRC-32 of its written bytes. An entry is 0 from start_i
-/// until its block is complete. The entry is also 0 if the block was not written since reset. The
+/// until its block is complete. An entry is also 0 if its block was not written since reset. The
 /// entries of slot 15, the panel's curve, follow the entries of the last texture slot. Reset clears
 /// the table, one entry per clock. While the table is cleared, busy_o is high, start_i must stay
 /// low, and reads are undefined. Output read_crc_o(t) is the entry at read_slot_i(t - 2) and

@@ -89,7 +89,7 @@ module EHXPLLL #(
 );
 endmodule
 
-/// Ports of ECP5's DDR output cell. It sends D0 while the clock is high and D1 while it is low.
+/// Ports of ECP5's DDR output cell. It sends D0 while the clock is high, D1 while the clock is low.
 module ODDRX1F (
   input SCLK, RST, D0, D1,
   output Q

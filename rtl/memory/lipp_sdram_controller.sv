@@ -9,7 +9,7 @@
 ///   ACTIVE, tRCD, count x (READ or WRITE), tWR after a write, PRECHARGE, tRP.
 ///
 /// Reading n words therefore takes max(tRCD + n, tRAS) + tRP clocks. Writing n words takes max(tRCD
-/// + n + tWR - 1, tRAS) + tRP clocks. The minimum times of the data sheet are rounded up to
+/// + n + tWR - 1, tRAS) + tRP clocks. The minimum times of the data sheet are rounded up to whole
 /// clocks. A transaction is accepted two clocks before its ACTIVE command, so that the arbiter can
 /// select the client as late as possible.
 ///

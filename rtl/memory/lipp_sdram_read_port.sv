@@ -10,8 +10,8 @@
 /// the current request.
 ///
 /// The latency from the words to the pixels is 2 memory clocks, then the latency of
-/// `lipp_async_fifo`, then one client clock. The client clock is for an output register, which is
-/// needed because the FIFO's memory is slow.
+/// `lipp_async_fifo`, then one client clock. The client clock is the delay of an output register,
+/// which is needed because the FIFO's memory is slow.
 module lipp_sdram_read_port
   import lipp_sdram_pkg::*;
 #(

@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 `default_nettype none
 
-/// Checks the optics: reports that a register of 32 bits contains a value that needs more bits than
-/// the build uses.
+/// Checks the optics registers: reports that a register of 32 bits contains a value that needs more
+/// bits than the build uses.
 ///
 /// If unfit_o is high, the pipeline marks every ray as missed. The latency is 3 clocks. Optics
 /// change only while the pipeline is empty, and the latency of the pipeline is longer than 3

@@ -5,10 +5,10 @@
 /// `lipp_leave_dome`.
 ///
 /// Inputs n, cos and s are the results of `lipp_meet_dome`. Input e is the ray's direction in the
-/// air, in the same clock as n. Input d is the ray's direction in the glass, meet_dome_latency(F)
-/// clocks before n. A ray that is missed or totally reflected keeps its direction in the glass,
-/// rounded to F + 1 fraction bits. Inputs e and d have the number formats of `lipp_enter_flat`. The
-/// exit ray's origin is the point on the dome, measured from the vertex:
+/// air, valid in the same clock as n. Input d is the ray's direction in the glass, valid
+/// meet_dome_latency(F) clocks before n. A ray that is missed or totally reflected keeps its
+/// direction in the glass, rounded to F + 1 fraction bits. Inputs e and d have the number formats
+/// of `lipp_enter_flat`. The exit ray's origin is the point on the dome, measured from the vertex:
 ///
 ///   x = n_x,   y = n_y,   z = n_z - 1.
 ///

@@ -7,8 +7,8 @@
 ///   enter_dome -> leave_flat.
 ///
 /// Inputs n, cos and s are the results of `lipp_meet_dome`. Input e is the ray's direction in the
-/// air, in the same clock as n. The number formats are those of `lipp_leave_flat`. The z of the
-/// exit ray's origin is the register exit_z. The latency is exit_latency(1, F) clocks.
+/// air, valid in the same clock as n. The number formats are those of `lipp_leave_flat`. The z of
+/// the exit ray's origin is the register exit_z. The latency is exit_latency(1, F) clocks.
 module lipp_exit_flat #(
   parameter int F = 23,
   parameter bit CrossCells = 1'b0

@@ -18,7 +18,7 @@ package lipp_optics_pkg;
   /* verilator lint_off UNUSEDPARAM */
   /* verilator lint_off UNUSEDSIGNAL */
 
-  /// Status of an exit ray. The Python module `lippmann.optics.rays` uses the same numbers.
+  /// Status of an exit ray. The Python module `lippmann.optics.rays` uses the same status numbers.
   typedef enum logic [2:0] {
     StatusOk = 3'd0,
     StatusMissed = 3'd1,

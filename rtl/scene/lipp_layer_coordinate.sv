@@ -24,8 +24,8 @@
 ///   |ds| <= (|a| + |b|) (2^-(F-2) + |depth| 2^-(F+2)) + 2^-15 + [F < 20] 2^-A (|X'| + |Y'|).
 ///
 /// The last term of the bound is present only in builds with F < 20, which truncate a and b. At F =
-/// 23 the error is therefore at most 2^-12 if |a| + |b| <= 128 and (|a| + |b|) |depth| <= 4096. At
-/// F = 16, the optics' direction error is 14 urad, twice a slope's last bit. The latency is
+/// 23, |ds| is therefore at most 2^-12 if |a| + |b| <= 128 and (|a| + |b|) |depth| <= 4096. At F =
+/// 16, the optics' direction error is 14 urad, twice a slope's last bit. The latency is
 /// layer_latency(F) clocks.
 module lipp_layer_coordinate #(
   parameter int F = 16,

@@ -157,7 +157,7 @@ void HostSocket::serve() {
     // A pty that no host has opened never reports POLLOUT. After a timeout, poll() is called again.
     if (poll(wait, 3, 1000) < 0 && errno != EINTR) return;
     if (wait[0].revents) {
-      // The pipe is emptied before the flag is cleared, so a later ring() fills the pipe again.
+      // The pipe is emptied before the flag is cleared, so a later ring() writes to the pipe again.
       char bytes[64];
       while (read(bell_[0], bytes, sizeof bytes) > 0) continue;
       rung_ = false;

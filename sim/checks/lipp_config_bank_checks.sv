@@ -2,8 +2,8 @@
 /// Checks at the ports of `lipp_config_bank` that a copy is made only when no module uses it.
 ///
 /// The active copy changes only while busy_o is high, and only if no module used the copy two
-/// clocks before. The new value is config_i of the previous clock. Output busy_o is high from the
-/// clock after a request on, and equals hold_o of the previous clock.
+/// clocks before the change. The new value is config_i of the previous clock. Output busy_o is high
+/// from the clock after a request on, and equals hold_o of the previous clock.
 module lipp_config_bank_checks #(
   parameter int Width = 32
 ) (

@@ -67,7 +67,7 @@ module ray_stream_properties #(
     end
   end
 
-  // ---- prove that rays use the applied configuration, if it is unchanged since then ----
+  // ---- prove that rays use the applied configuration, if it is unchanged since the apply ----
   (* anyconst *) reg [Width-1:0] watched_config;
   reg steady_q;  // 1: applied earlier or by reset, and unchanged since then
   always @(posedge clk_i or negedge rst_ni) begin
