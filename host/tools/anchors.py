@@ -84,7 +84,7 @@ def fastest(cells: Mapping[str, Cell]) -> set[str]:
 
 
 def _cut(module: Mapping[str, Any], part: set[str]) -> dict[str, Any]:
-    """Return the module with only these cells, their drivers (whose inputs except clocks are cut), and their pads."""
+    """Return the module with only the cells `part`, their drivers (with no inputs except clocks), and their pads."""
     cells: Mapping[str, Cell] = module["cells"]
     drivers = _drivers(cells)
     selected = {name: cells[name] for name in part}
@@ -94,7 +94,7 @@ def _cut(module: Mapping[str, Any], part: set[str]) -> dict[str, Any]:
             directions = cells[name]["port_directions"]
             pins = {pin: bits for pin, bits in pins.items() if pin in CLOCK_PINS or directions[pin] == "output"}
         selected[name] = {**cells[name], "connections": pins}
-    # Keep the PLL, which drives the clocks of these drivers.
+    # Keep the PLL, which drives the clocks of the selected cells.
     for name in {drivers[clock] for cell in selected.values() if (clock := _clock(cell)) in drivers}:
         selected.setdefault(name, cells[name])
     used = {bit for cell in selected.values() for bits in cell["connections"].values() for bit in bits}

@@ -24,7 +24,7 @@ STEEP, NEARLY_FLAT = 1.05, 100.0
 
 #: Description of each coverage point, in the order of a ray's path.
 POINTS = {
-    # Points of the panel and the lattice.
+    # Panel and lattice.
     "pixel-on-an-edge": "A pixel's point lies on the edge of a cell, within rounding error.",
     "pixel-on-a-corner": "A pixel's point lies where three or four cells meet, within rounding error.",
     "tie": "A pixel's point lies exactly on an edge, so the tie rule decides.",

@@ -141,9 +141,9 @@ def random_rays(display: Display, aperture: Aperture, count: int, seed: int) -> 
 
 
 def in_turn(works: Mapping[Name, Rate], rounds: int) -> dict[Name, list[float]]:
-    """Call the functions alternately, and return `rounds` rates of each.
+    """Call the functions alternately; return `rounds` rates of each.
 
-    Other programs then slow all functions equally.
+    With this order, other programs slow all functions equally.
     """
     results = [{name: work() for name, work in works.items()} for _ in range(rounds)]
     return {name: [times[name] for times in results] for name in works}

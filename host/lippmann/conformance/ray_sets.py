@@ -273,7 +273,7 @@ def fixed_words(rays: PanelRays, fraction_bits: int, max_cell_steps: int | None 
 
 @dataclass(frozen=True)
 class ForeignRays:
-    """N rays under test: their inputs, and some arrays of `faults.FIELDS` in `fields`.
+    """N rays under test: their inputs, and some arrays of `tracer_faults.FIELDS` in `fields`.
 
     `words` contains the input and output words if the rays are fixed-point. `alone`
     (N,) marks rays of which only the status is known.
