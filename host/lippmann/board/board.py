@@ -102,7 +102,7 @@ class Board(Session):
         return bool(self.fields("optics.status")["running"])
 
     def abort(self) -> None:
-        """End the traced frame, cancel a pending start, and wait until the pipeline is empty."""
+        """Stop tracing a frame, cancel a pending start, and wait until the pipeline is empty."""
         self._needs_version_2(Kind.ABORT)
         self.ask(Kind.ABORT, b"", 0)
 
@@ -121,7 +121,7 @@ class Board(Session):
         """Show an image, encoded for its display's panel; return the counts of the transfer.
 
         The panel keeps its frame until the new frame is complete and its CRC-32 is correct.
-        While the board draws a scene, the frame is only stored, with a LippmannWarning.
+        While the board draws a scene, the frame is stored but not shown (LippmannWarning).
         `progress` reports tiles.
 
         Raises the errors of `image_frame`, and DeviceError when the board does not
@@ -202,7 +202,7 @@ class Board(Session):
 
 @dataclass(frozen=True)
 class Check:
-    """Result of `check_rays`: number of rays, and the CRC-32 of their words from board and twin."""
+    """Result of `check_rays`: number of rays, and the CRC-32 of the board's and the twin's words."""
 
     rays: int
     board_crc: int

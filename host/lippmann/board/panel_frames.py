@@ -157,7 +157,7 @@ def _tones_of(panel: Panel) -> Tones:
 
 
 def _tones_in(name: str, metadata: Mapping[str, str], encoded: bool) -> Tones:
-    """Return curve and bits in metadata. Lippmann 0.1 wrote no bits, and a curve only in PNG files."""
+    """Return curve and bits in metadata. Lippmann 0.1 wrote the curve only to PNG files, and no bits."""
     bits = metadata.get("bits")
     if bits is not None and (len(bits) > 2 or not bits.isdecimal() or not 1 <= int(bits) <= 16):
         raise input_error(name, f"'{bits[:20]}' is not a panel's number of bits", "render it again")

@@ -152,7 +152,7 @@ def _send_tiles(
     progress: Progress | None = None,
     window_bytes: int = WINDOW_BYTES,
 ) -> ReplyStatus:
-    """Send tiles; the board copies those `in_front` from its front buffer. Return OK, or STALE_EPOCH after a swap."""
+    """Send tiles; the board copies tiles `in_front` from its front buffer. Return OK, or STALE_EPOCH after a swap."""
     grid = session.info.grid
     refused: set[int] = set()
 
@@ -241,7 +241,7 @@ class BoardSink:
 
 
 class Sender:
-    """A thread that shows pictures on a board; of waiting pictures, it sends the newest."""
+    """A thread that shows pictures on a board; it sends only the newest waiting picture."""
 
     def __init__(self, session: Session) -> None:
         self.frames = self.tiles = self.wire_bytes = 0

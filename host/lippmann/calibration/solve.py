@@ -91,7 +91,7 @@ def calibrate(
 ) -> Calibration:
     """Calibrate a nominal display from a folder of photographs.
 
-    `bow` also fits the array's tilts and curvatures; `radius` fits the lenslets' radius.
+    `bow` also fits the array's tilts and curvatures; `radius` also fits the lenslets' radius.
 
     Raises InputError, which names the photograph and a remedy, for unusable
     photographs, and ContradictionError if the photographs contradict each other or the
@@ -207,8 +207,8 @@ def _check_zoom(solution: Solution) -> None:
     problem = solution.problem.freeing("zoom")
     zoomed = solve(problem, solution.x)
     zooms = {name: zoomed.value(name) for name in problem.blocks["zoom"]}
-    # In simulations, unchanged lenses differ by 1 standard deviation, and lenses changed
-    # by 0.5 % by at least 5.
+    # In simulations, an unchanged lens has a zoom of 1 standard deviation, and a lens
+    # changed by 0.5 % has a zoom of at least 5.
     limits = {name: max(4.0 * zoomed.deviation(name), 0.002) for name in zooms}
     sure = [name for name, zoom in zooms.items() if abs(zoom) > limits[name]]
     if not sure:

@@ -201,7 +201,7 @@ def _render_slab(
 
 
 def _extend_slice(view: Slice, under: Slice, texel_mm: Pair, hidden_mm: float) -> Slice:
-    """Extend a slab's picture by at most `hidden_mm` with `under`, the nearer slab's picture."""
+    """Extend a slab's picture by at most `hidden_mm` with texels of the nearer slab, `under`."""
     from scipy.ndimage import distance_transform_edt  # scipy loads slowly
 
     own = view.coverage > COVERED
