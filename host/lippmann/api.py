@@ -210,7 +210,7 @@ def capture(
         the display correct. `None` means yes, except for concave lenslets.
     aperture
         "full" (default): rays of a pickup sensor pass the whole lenslet. "chief": rays
-        pass only its centre.
+        pass only the lenslet's centre.
     device, progress
         See `render`.
     """

@@ -42,7 +42,7 @@ LINEAR_SUFFIXES = (".exr", ".tif", ".tiff")
 #: File name extensions of images with panel values.
 ENCODED_SUFFIXES = (".png",)
 SUFFIXES = LINEAR_SUFFIXES + ENCODED_SUFFIXES
-#: Maximum length of a file name, bytes; file systems allow 255 for the temporary name.
+#: Maximum length of a file name, bytes; its temporary name may have 255.
 MAX_NAME_BYTES = 220
 HALF_MAX = 65504.0
 #: Maximum number of channels of an image: three colours and alpha.
@@ -120,7 +120,7 @@ class Rows(Protocol):
         """Height, width and 3 channels."""
 
     def __getitem__(self, rows: slice, /) -> Numbers:
-        """Return at most `BAND_ROWS` rows; the slice `rows` starts at a multiple of `BAND_ROWS`."""
+        """Return at most `BAND_ROWS` rows; the slice starts at a multiple of `BAND_ROWS`."""
 
 
 def write_picture(
@@ -195,7 +195,7 @@ def _file_spec(
 ) -> OpenImageIO.ImageSpec:
     oiio = openimageio()
     entries, kind = dict(metadata), oiio.FLOAT
-    # Level 1, below the default, saves a quarter of the write time; files are 2 % larger.
+    # Level 1, below the default, saves a quarter of EXR's write time; files are 2 % larger.
     settings: dict[str, str | int] = {"compression": "zip:1" if suffix == ".exr" else "zip"}
     if suffix == ".png":
         entries["transfer"] = transfer_text(transfer)
@@ -227,7 +227,7 @@ def _write_bands(out: OpenImageIO.ImageOutput, firsts: range, file_values: Calla
 
 
 def read_picture(path: str | Path, limit: tuple[int, int] | None = None, accept: Accept | None = None) -> Picture:
-    """Read an image file as linear radiance; PNG metadata name its transfer curve, by default sRGB.
+    """Read an image file as linear radiance; PNG metadata name the transfer curve, by default sRGB.
 
     `limit` is the required (width, height). `accept` checks the metadata before the
     pixels are read. Raises InputError if the file is missing or broken, has another

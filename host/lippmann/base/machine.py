@@ -16,7 +16,7 @@ VERSIONS = {
     1: (("memory",), "memory.limit_in_bytes", "memory.usage_in_bytes", r"total_(?:in)?active_file"),
     2: (("", "unified"), "memory.max", "memory.current", r"(?:in)?active_file"),
 }
-#: A memory limit of this size or more means no limit; version 1 writes nearly 2^63.
+#: A memory limit of this size or more means no limit; cgroups 1 write nearly 2^63.
 UNLIMITED = 1 << 62
 #: Assumed free memory, MB, if the system does not report it.
 DEFAULT_FREE_MB = 4000.0

@@ -344,7 +344,7 @@ def _hint(top: Schema, table: Schema, keys: Mapping[str, object], unknown: str) 
         part, first = name in unknown.lower() or unknown.lower() in name, name[0] == unknown[:1].lower()
         node = table["properties"][name]
         options = [one for choice in node.get("anyOf", [node]) for one in choice.get("enum", ())]
-        # Users may write a value as a key; 1 or 2 characters match too many values.
+        # Users may write a value as a key; texts of 1 or 2 letters match too many.
         value = len(unknown) > 2 and any(unknown.lower() in str(one) for one in options)
         return alike + 0.25 * (name in missing) + 0.3 * part + 0.1 * first + 0.6 * value
 

@@ -1,1 +1,1 @@
-"""The display in a display file: panel, lens array, sub-pixels and glass."""
+"""Describes a display: panel, lens array, sub-pixels and glass."""

@@ -22,7 +22,7 @@ from lippmann.optics.system import System
 MAX_SLOPE_SQUARE = 3.0
 #: Maximum distance of a ray from the lenslet's axis on the first face, radii.
 MAX_POINT = 4.0
-#: Maximum distance of a pixel from its lenslet in a `converge` build, pitches or rows.
+#: Maximum distance of a pixel from its lenslet's centre in a `converge` build, pitches or rows.
 MAX_LOCAL = 8.0
 #: Range of the refractive index. In this range, the factor k of a dome's normal is
 #: below 2, and the flat face totally reflects rays in the glass steeper than 60

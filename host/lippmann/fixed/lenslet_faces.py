@@ -138,7 +138,7 @@ def cell_step(
 def move_lenslet(
     hx: Ints, hy: Ints, di: Ints, dj: Ints, cx: int, cy: int, rx: int, grid: Grid, f: int, shear: bool
 ) -> tuple[Ints, Ints, Bools]:
-    """Return (hx - di cx - dj rx, hy - dj cy), the point from the next lenslet, F fraction bits; mask overflows."""
+    """Return (hx - di cx - dj rx, hy - dj cy), points relative to the next lenslet, F fraction bits, and overflows."""
     if not shear:
         rx = cx >> 1 if grid == "hex" else 0
     word = f + 3
@@ -276,7 +276,7 @@ def leave_flat(met: Meeting, dx: Ints, dy: Ints, depth: int, index: int, index_s
     """
     near, far = f + 2, f + 4
     square, over = axial_square(dx, dy, f)
-    half_inverse = np.minimum(rsqrt(square, f), (1 << (f + 1)) - 1)  # the value 1 does not fit a near word
+    half_inverse = np.minimum(rsqrt(square, f), (1 << (f + 1)) - 1)  # the value 1 does not fit a near word.
     # `to_go` is the depth to the flat face, `path` the length of the path to the face.
     to_go = (met.nz + (1 - 2 * depth)) >> 1
     path = halved(multiplier(wrapped(to_go, far), half_inverse, far, near, f - 1))

@@ -84,7 +84,7 @@ def _load(name: str) -> dict[str, Register]:
     return msgspec.convert(items["registers"], dict[str, Register])
 
 
-#: Registers keyed by `group_name`; addresses are byte offsets in the block.
+#: Registers keyed by name (`raster_panel`); addresses are byte offsets in the block.
 OPTICS_REGISTERS = _load("optics.json")
 BOARD_REGISTERS = _load("board.json")
 SCENE_REGISTERS = _load("scene.json")

@@ -86,10 +86,10 @@ def scene_words(
 def layer_words(display: Display, layer: Layer, number: int | str, slot: int) -> LayerWords:
     """Return a layer's register values, with its texture in a slot; `number` names the layer in messages.
 
-    (X, Y) is in the array's frame, in radii; in the panel's, (x, y) = turn (X, Y) R +
-    offset, with the rotation `turn`. In the layer's plane, the texture coordinate is s =
-    s0 + a X' + b Y', with (a, b) = R (m00, m01) turn, s0 = m02 + (m00, m01) offset and
-    the layer's matrix m. For a sky, x and y are slopes, and the offset is not added.
+    The point (X, Y), radii, of the array's frame is (x, y) = turn (X, Y) R + offset in
+    the panel's, with the rotation `turn`. In the layer's plane, the texture coordinate
+    is s = s0 + a X' + b Y', with (a, b) = R (m00, m01) turn, s0 = m02 + (m00, m01)
+    offset and the layer's matrix m. For a sky, x and y are slopes without offset.
     """
     frame = System.of(display).frame
     radius, (ox, oy) = display.array.radius_mm, frame.offset_mm

@@ -2,7 +2,7 @@
 
 A pixel belongs to the lenslet through which the eye sees it. The eye is in front of the
 axis point a, at the distance E from the aperture plane. The panel is at the distance D
-behind that plane. The line from the eye to the pixel's point x crosses the plane at
+behind the aperture plane. The line from the eye to a pixel x crosses the plane at
 
     q = x - (x - a) s,   s = D / (D + E),
 
@@ -121,7 +121,7 @@ class System:
 
     `concave` means a capture's plano-concave lenslets, flat towards the panel and
     `thickness_mm` thick at the vertex. Only the model `exact` traces rays through
-    these, and only from the panel.
+    concave lenslets, and only from the panel.
     """
 
     frame: PanelFrame

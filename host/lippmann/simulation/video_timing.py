@@ -1,4 +1,4 @@
-"""Video timings of panels: porches, sync and polarities."""
+"""Lists panels' video timings: porches, sync, polarities."""
 
 from __future__ import annotations
 

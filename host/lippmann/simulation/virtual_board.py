@@ -137,7 +137,7 @@ def board_build(display: Display, scene: SceneBuild | None = None, fraction_bits
 
 
 def usual_clock(display: Display, scene: SceneBuild | None, memory: Memory) -> int:
-    """Return a board's default clock, Hz; with SDRAM, it just suffices for `FRAMES_HZ`."""
+    """Return a board's default clock, Hz; with SDRAM, the minimum for `FRAMES_HZ`."""
     if memory == "block":
         return CLOCK_HZ
     panel, timing = display.panel, timing_of(display)
@@ -251,7 +251,7 @@ def start(display: Display, **options: Unpack[BoardOptions]) -> RunningBoard:
 def _remove_dead_lines(place: Path) -> None:
     """Remove the sockets and tokens of killed boards, which have no listening process.
 
-    Listening is read from /proc: a test connection would disconnect a program.
+    The listeners come from /proc: a test connection would disconnect a program.
     """
     # List the files before the listeners: a board may start meanwhile.
     there = [*place.glob("board-*.sock"), *place.glob("tcp-*.token")]
