@@ -28,10 +28,10 @@ class Disturbances(Bench):
     """Disturbances of a display on a bench, and of its photographs. By default there are no disturbances.
 
     `bow_mm` is the bowed array's extra distance from the panel at the corners; it grows with the square of the distance
-    from the middle. `dead_pixels`, `hidden_lenslets` (dust) and `outliers` (arbitrary camera pixels) are fractions.
-    `reflection` and `bright_spot` are the light of a lamp's diffuse reflection and mirror image, as fractions of white.
-    `blur_px` is the standard deviation of a Gaussian blur. `moved_mm` moves the camera before the second half of the
-    photographs. `seed` chooses dead pixels and hidden lenslets, the same for all camera positions.
+    from the middle. `dead_pixels`, `hidden_lenslets` (dust) and `outliers` (camera pixels with arbitrary values) are
+    fractions. `reflection` and `bright_spot` are the light of a lamp's diffuse reflection and mirror image, as
+    fractions of white. `blur_px` is the standard deviation of a Gaussian blur. `moved_mm` moves the camera before the
+    second half of the photographs. `seed` chooses dead pixels and hidden lenslets, the same for all camera positions.
     """
 
     bow_mm: float = 0.0
