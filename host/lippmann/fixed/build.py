@@ -1,4 +1,4 @@
-"""Define `Build`: the parameters of the optics RTL, such as lens model and word length."""
+"""Define `Build`: the parameters of the optics RTL, such as lens model and fraction bits."""
 
 from __future__ import annotations
 

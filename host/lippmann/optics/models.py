@@ -4,7 +4,7 @@ The models `pinhole`, `thin` and `paraxial` use slopes (tangents of angles in th
 y sections) and lens-local heights, mm. The model `exact` applies Snell's law at both
 faces. Where necessary, `exact` mirrors rays, so that domes bulge to +z: rays then leave
 the glass upward or enter the glass downward. In plano-concave lenslets, rays leave the
-glass downward, and glass and air are exchanged.
+glass downward: glass is above the dome, air below.
 """
 
 from __future__ import annotations

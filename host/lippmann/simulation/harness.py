@@ -67,7 +67,7 @@ class RayHarness:
 
 
 class SceneHarness:
-    """The compiled scene drawing RTL with `f` fraction bits.
+    """The scene RTL, compiled with `f` fraction bits.
 
     Raises the errors of `verilated`.
     """
