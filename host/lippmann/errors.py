@@ -160,14 +160,14 @@ def check_choice(name: str, value: object, choices: Collection[str]) -> None:
 
 
 def did_you_mean(name: str, choices: Iterable[str]) -> str:
-    """Return a remedy that names the most similar choice, or "" if none is similar."""
+    """Return a remedy with the most similar choice, or "" if none is similar."""
     names = {one.casefold(): one for one in choices}
     matches = difflib.get_close_matches(name.casefold(), names, 1)
     return "".join(f"did you mean {names[likely]}?" for likely in matches)
 
 
 def likely_file(path: Path, suffixes: Iterable[str]) -> str:
-    """Return a remedy that names the most similar file in a folder, or "" if none is similar."""
+    """Return a remedy with the most similar file of a folder, or "" if none is similar."""
     others = sorted(path.parent.glob("*"))
     files = {one.stem: one for one in others if one.suffix.lower() in suffixes and one.is_file()}
     matches = difflib.get_close_matches(path.stem, files, 1)

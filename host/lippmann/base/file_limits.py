@@ -20,13 +20,13 @@ from lippmann.base.machine import free_memory_mb
 from lippmann.base.tones import Numbers
 from lippmann.errors import InputError, input_error, reason
 
-#: Maximum size of a TOML file, a scene's XML file and a text table, bytes.
+#: Maximum bytes of a TOML file, a scene's XML file and a text table.
 MAX_TOML_BYTES, MAX_XML_BYTES, MAX_TABLE_BYTES = 1 << 20, 1 << 26, 1 << 28
-#: Maximum size of an FPGA bitstream, bytes: three times that of the largest ECP5.
+#: Maximum bytes of an FPGA bitstream: three times that of the largest ECP5.
 MAX_BITSTREAM_BYTES = 1 << 23
-#: Maximum size of a numpy file's header, bytes; numpy itself has the same limit.
+#: Maximum bytes of a numpy file's header; numpy has the same limit.
 MAX_HEADER_BYTES = 10_000
-#: Maximum number of rays in a file and in the option --pixels.
+#: Maximum rays in a file and in the option --pixels.
 MAX_RAYS = 100_000_000
 #: Maximum nesting depth of XML elements, because Mitsuba's parser is recursive.
 MAX_XML_DEPTH = 500

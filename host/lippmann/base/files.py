@@ -32,7 +32,7 @@ new_folders: list[Path] = []
 
 #: Error numbers for a full disk, an exhausted quota, and a file above the size limit.
 FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
-#: Size of a test write, bytes; a disk that refuses the test write is full.
+#: Bytes of a test write; a disk that refuses them is full.
 PROBE_BYTES = 1 << 20
 #: Age at which partial files of another machine or container are removed, s.
 FOREIGN_S = 86_400.0
@@ -170,8 +170,7 @@ def sync(path: Path) -> None:
 def replacing(path: Path) -> Iterator[Path]:
     """Provide a temporary file name; rename the file to `path` on success, remove it on failure.
 
-    A power cut leaves either the old or the new file. Raises NoSpaceError if the disk
-    is full, InputError if the write fails for another reason.
+    Raises NoSpaceError for a full disk, InputError if the write fails otherwise.
     """
     remove_stale_once(path.parent.absolute())
     partial = path.with_name(partial_name(path.name))

@@ -26,7 +26,7 @@ Pixels = npt.NDArray[np.uint8]
 BLIND_DRIVERS = ("dummy", "evdev", "offscreen")
 #: Interval between two checks of the keyboard, s.
 LOOK_S = 0.05
-#: Maximum size of a window, as a fraction of the desktop's size.
+#: Maximum size of a window, as a fraction of the desktop.
 WINDOW_SHARE = 0.9
 
 

@@ -37,17 +37,17 @@ from lippmann.errors import (
 if TYPE_CHECKING:
     import OpenImageIO
 
-#: File name extensions of images with linear radiance.
+#: Suffixes of images with linear radiance.
 LINEAR_SUFFIXES = (".exr", ".tif", ".tiff")
-#: File name extensions of images with panel values.
+#: Suffixes of images with panel values.
 ENCODED_SUFFIXES = (".png",)
 SUFFIXES = LINEAR_SUFFIXES + ENCODED_SUFFIXES
 #: Maximum length of a file name, bytes; its temporary name may have 255.
 MAX_NAME_BYTES = 220
 HALF_MAX = 65504.0
-#: Maximum number of channels of an image: three colours and alpha.
+#: Maximum channels of an image: three colours and alpha.
 MAX_CHANNELS = 4
-#: Maximum size of a PNG's compressed texts, bytes; they may expand a thousandfold.
+#: Maximum bytes of a PNG's compressed texts; they may expand a thousandfold.
 MAX_TEXT_BYTES = 1 << 18
 #: OpenImageIO's names of the transfer curves for which it writes a PNG gamma chunk.
 COLOUR_SPACES = {"srgb": "sRGB", "gamma2.2": "Gamma2.2", "linear": "Linear"}
@@ -55,7 +55,7 @@ COLOUR_SPACES = {"srgb": "sRGB", "gamma2.2": "Gamma2.2", "linear": "Linear"}
 PNG_SETTINGS = {"png:filter": 0x08, "png:compressionLevel": 2}
 AGAIN = "render the image again"
 PREFIX = "lippmann:"
-#: Maximum size of a metadata key (PNG's limit) and of all metadata (TIFF's), bytes.
+#: Maximum bytes of a metadata key (PNG's limit) and of all metadata (TIFF's).
 MAX_KEY_BYTES, MAX_METADATA_BYTES = 70, 60_000
 
 #: Linear radiance, (height, width, 3).
@@ -257,7 +257,7 @@ def _opened(
     source = oiio.ImageInput.open(str(path))
     if source is None:
         trouble = oiio.geterror()
-        # OpenImageIO reports the size of a very large image only in the error message.
+        # OpenImageIO reports a very large image's size only in the error message.
         if limit is not None and (claim := re.search(r"claimed to be (\d+)x(\d+)", trouble)):
             _check_size(path, (int(claim[1]), int(claim[2])), limit)
         raise input_error(path, f"is not an image ({_first_line(trouble, path)})", "give an EXR, TIFF or PNG file")
@@ -335,7 +335,7 @@ class StoredRows:
     dtype, ndim = np.dtype(np.float32), 3
 
     def __init__(self, path: str | Path, limit: tuple[int, int] | None = None, accept: Accept | None = None) -> None:
-        """Open an image file; the arguments and errors are those of `read_picture`."""
+        """Open an image file; arguments and errors are those of `read_picture`."""
         self._path = check_input(path)
         with _quiet(self._path):
             self._source, self.metadata = _opened(self._path, limit, accept)

@@ -10,7 +10,7 @@ import threading
 from collections.abc import Iterator
 from types import FrameType
 
-#: Signal that a closed terminal sends, or `None` on Windows.
+#: Signal of a closed terminal; `None` on Windows.
 HANGUP = getattr(signal, "SIGHUP", None)
 ENDING = (signal.SIGINT, signal.SIGTERM, *([HANGUP] if HANGUP else []))
 

@@ -100,7 +100,7 @@ def has_avx512() -> bool:
 
 
 def features() -> frozenset[str]:
-    """Return the processor's feature flags from /proc/cpuinfo (only on Linux and x86)."""
+    """Return the processor's flags from /proc/cpuinfo (only on Linux and x86)."""
     lines = re.findall(r"^flags\s*:(.*)$", _information(), re.MULTILINE)
     return frozenset(" ".join(lines).split())
 
@@ -111,7 +111,7 @@ def _information() -> str:
 
 
 def machine_name() -> str:
-    """Describe the machine as text, such as "AMD EPYC with AVX-512, 2 cores, Linux x86_64"."""
+    """Describe the machine, such as "AMD EPYC with AVX-512, 2 cores, Linux x86_64"."""
     return f"{processor_name()}, {processor_count()} cores, {platform.system()} {platform.machine()}"
 
 

@@ -44,6 +44,6 @@ class RowProgress:
             self._progress(self.done + band_rows, self._total)
 
     def add(self, rows: int) -> None:
-        """Add the number of rows of a finished band, and report the progress."""
+        """Add a finished band's rows, and report the progress."""
         self.done += rows
         self(0)

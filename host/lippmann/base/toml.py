@@ -25,9 +25,9 @@ import tomli_w
 from lippmann.base.file_limits import MAX_TOML_BYTES, read_limited
 from lippmann.errors import InputError, check_type, input_error, likely_file, located, reason
 
-#: Maximum number of parts of a dotted key; the parse time grows with its square.
+#: Maximum parts of a dotted key; the parse time grows with its square.
 MAX_KEY_PARTS = 32
-#: Maximum length of one part of a path, in bytes, and of a whole path, in characters.
+#: Maximum bytes of one part of a path, and characters of a whole path.
 MAX_NAME_BYTES, MAX_PATH = 255, 4000
 DEEP_KEY = re.compile(rf"""(?<![\w-])(?:(?>[\w-]+|"[^"\n]*"|'[^'\n]*')[ \t]*+\.[ \t]*+){{{MAX_KEY_PARTS}}}""", re.ASCII)
 
@@ -113,7 +113,7 @@ def variant(form: type, optional: tuple[str, ...], **changes: object) -> Value:
 
 
 def values(keys: Value) -> Table:
-    """Return the keys and values of a table that `read` returned, including defaults."""
+    """Return keys and values of a table that `read` returned, with defaults."""
     return {field.name: getattr(keys, field.name) for field in dataclasses.fields(keys)}
 
 

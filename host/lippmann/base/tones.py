@@ -18,9 +18,9 @@ Curve = tuple[tuple[float, float], ...]
 #: A transfer curve: a name, a measured curve, or a measured curve as metadata text.
 Transfer = str | Curve
 
-#: Number of rows in a band of an image file: a multiple of an EXR block's height, 16.
+#: Rows in a band of an image file: a multiple of an EXR block's height, 16.
 BAND_ROWS = 64
-#: Maximum number of pairs in a measured curve: one for each level of 12 bits.
+#: Maximum pairs in a measured curve: one for each level of 12 bits.
 MAX_PAIRS = 4096
 
 
@@ -68,7 +68,7 @@ def _check_curve(pairs: Sequence[Sequence[float]]) -> npt.NDArray[np.float64]:
 
 
 def transfer_text(transfer: Transfer) -> str:
-    """Return a transfer curve as metadata text: its name or its numbers."""
+    """Return a transfer curve as metadata text: name or numbers."""
     return transfer if isinstance(transfer, str) else json.dumps(transfer)
 
 

@@ -147,7 +147,7 @@ NOT_FOUND = ("not found", "no device", "unable to open ftdi", "no cable", "can't
 
 @dataclass(frozen=True)
 class Adapter:
-    """A USB adapter: its product text and its serial number, which may be empty."""
+    """A USB adapter: product text and serial number, which may be empty."""
 
     text: str
     serial: str

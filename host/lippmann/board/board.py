@@ -164,7 +164,7 @@ class Board(Session):
             raise self.error(what, "end the pattern with lippmann board write display pattern=0")
 
     def draws_scene(self) -> bool:
-        """Return whether the panel shows a scene that the board draws."""
+        """Return whether the panel shows a drawn scene."""
         return self.info.version >= SCENE_VERSION and bool(self.fields("scene.status")["shown"])
 
     def check_panel(self) -> None:

@@ -45,19 +45,19 @@ def find_board(
     `allowed` gets the list of other ports; these are tried if it returns True.
     """
     first_urls = [*adapter_ports(), *own_boards()] if urls is None else list(urls)
-    other_urls = [url for url in ports() if url not in first_urls] if urls is None else []
+    others = [url for url in ports() if url not in first_urls] if urls is None else []
     boards, errors = find_boards(first_urls, baud, patience_s)
-    if not boards and other_urls and allowed(other_urls):
-        boards, other_errors = find_boards(other_urls, baud, patience_s)
+    if not boards and others and allowed(others):
+        boards, other_errors = find_boards(others, baud, patience_s)
         errors += other_errors
-        other_urls = []
+        others = []
     if len(boards) == 1:
         return boards[0]
     if boards:
         raise DeviceError(f"{len(boards)} boards answer ({', '.join(boards)}); name a port with --port")
     what = f"none of {len(errors)} ports answers ({errors[0]})" if errors else "this machine has no serial port"
-    if other_urls:
-        what = f"{f'{what}; ' if errors else ''}not tried, as they may be other devices: {', '.join(other_urls)}"
+    if others:
+        what = f"{f'{what}; ' if errors else ''}not tried, as they may be other devices: {', '.join(others)}"
     raise DeviceError(f"no board: {what}; name a port with --port, or start a virtual board (lippmann board start)")
 
 

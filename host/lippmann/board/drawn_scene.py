@@ -23,7 +23,7 @@ from lippmann.fixed.scene_pipeline import LayerWords, SceneWords
 from lippmann.layers.layers_and_pictures import check_for_display
 from lippmann.layers.stack import LayerStack
 
-#: Maximum number of unacknowledged bytes: one block on the line and one in the board.
+#: Maximum unacknowledged bytes: one block on the line and one in the board.
 BLOCKS_WINDOW_BYTES = 2 * (BLOCK_BYTES + 16)
 
 BLOCK_REQUEST = struct.Struct("<BB")
@@ -53,9 +53,9 @@ class SceneStatus:
     underflows: int  # number of pixels not drawn in time
 
 
-#: Number of register words per layer.
+#: Register words per layer.
 LAYER_WORDS = 8
-#: Addresses of the first lattice register and of the first layer register.
+#: Addresses of the first lattice and the first layer register.
 _COMMON, LAYERS_BASE = REGISTERS["scene.lattice_xi"].address, REGISTERS["scene.layer_0_s0"].address
 
 
@@ -104,11 +104,11 @@ class SceneBoard:
 
         `contents` maps a slot to its bytes: texels row by row, then the palette
         (`slot_bytes`); slot 15 contains the panel's transfer curve. `progress` counts
-        blocks. `loaded` receives the counts, also when a load fails. Raises InputError
-        for contents of a wrong size, and DeviceError when a slot is shown or the board
-        does not answer.
+        blocks. `loaded` receives the counts, even if the load fails. Raises InputError
+        for contents of a wrong size, DeviceError if a slot is shown or no board
+        answers.
         """
-        # An item's low 8 bits are the block's number, its high bits the slot's number.
+        # An item's low 8 bits are the block's number, its high bits the slot's.
         blocks = {
             slot << 8 | number: block
             for slot, content in contents.items()
@@ -222,7 +222,7 @@ class SceneBoard:
         return self.board.read(_COMMON, len(words)) == words
 
     def draw(self, scene: bool) -> None:
-        """Show the scene, or the stored frame if `scene` is False; return when the panel shows it."""
+        """Show the scene, or the stored frame if `scene` is False; return when it is shown."""
         self.board.write(REGISTERS["scene.source"].address, [int(scene)])
         self.wait(scene)
 

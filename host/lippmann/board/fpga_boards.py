@@ -83,12 +83,12 @@ class FpgaBoard:
 
     @property
     def folder(self) -> Path:
-        """The folder that contains the board's `board.toml`."""
+        """The folder of the board's `board.toml`."""
         return hardware() / FOLDER / self.name
 
     @property
     def folders(self) -> list[Path]:
-        """The folders with the board's RTL: the board's own folder, then inherited folders."""
+        """The folders with the board's RTL: its own, then inherited folders."""
         return [self.folder, *([] if self.like is None else fpga_board(self.like).folders)]
 
     def owns(self, port: ListPortInfo) -> bool:

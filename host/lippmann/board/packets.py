@@ -11,8 +11,7 @@ from cobs import cobs  # type: ignore[import-untyped]  # the package comes witho
 
 #: Protocol versions, in the order in which this host tries them.
 VERSIONS = (2, 3, 1)
-#: First protocol version with ABORT and RESET, and version of boards that draw
-#: scenes.
+#: First protocol version with ABORT and RESET, and version with drawn scenes.
 RESET_VERSION, SCENE_VERSION = 2, 3
 #: Maximum length of a packet with its CRC before COBS encoding, bytes.
 MAX_PACKET = 3200

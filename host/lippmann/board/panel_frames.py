@@ -8,9 +8,8 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 
-from lippmann.base.images import ENCODED_SUFFIXES, SUFFIXES, StoredRows, read_picture
+from lippmann.base.images import ENCODED_SUFFIXES, SUFFIXES, Radiance, StoredRows, read_picture
 from lippmann.base.tones import Transfer, encoded_values, transfer_name, transfer_text
 from lippmann.board.session import Hello
 from lippmann.board.tiles import Pixels
@@ -43,7 +42,7 @@ class Tones(NamedTuple):
 USUAL_TRANSFER, USUAL_BITS = "srgb", 8
 
 
-def panel_values(radiance: npt.NDArray[np.float32], transfer: Transfer, bits: int) -> Pixels:
+def panel_values(radiance: Radiance, transfer: Transfer, bits: int) -> Pixels:
     """Encode linear radiance (height, width, 3) as values 0 to 255, also for panels of fewer than 8 bits."""
     return encoded_values(radiance, transfer, min(bits, LINK_BITS)).astype(np.uint8)
 

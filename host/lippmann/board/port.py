@@ -73,19 +73,19 @@ def open_port(url: str, baud: int = DEFAULT_BAUD) -> serial.Serial | socket.Sock
 def _connect(url: str) -> socket.SocketIO:
     """Connect to a socket and send the token."""
     if url.startswith("unix://"):
-        connection, address = socket.socket(socket.AF_UNIX), url.removeprefix("unix://")
+        link, address = socket.socket(socket.AF_UNIX), url.removeprefix("unix://")
     else:
-        connection, address = socket.create_connection(_address(url), timeout=CONNECT_S), ""
-        # Send short packets at once, without waiting for acknowledgements.
-        connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
-    with connection:  # the returned file keeps the socket open
+        link, address = socket.create_connection(_address(url), timeout=CONNECT_S), ""
+        # Send short packets without waiting for acknowledgements.
+        link.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+    with link:  # the returned file keeps the socket open
         if address:
-            connection.settimeout(CONNECT_S)
-            connection.connect(address)
+            link.settimeout(CONNECT_S)
+            link.connect(address)
         if token := token_of(url):
-            connection.sendall(token)
-        connection.setblocking(False)
-        return connection.makefile("rwb", buffering=0)
+            link.sendall(token)
+        link.setblocking(False)
+        return link.makefile("rwb", buffering=0)
 
 
 def _address(url: str) -> tuple[str, int]:
@@ -112,7 +112,7 @@ def token_of(url: str) -> bytes:
 
 
 def own_boards() -> list[str]:
-    """Return the URLs of this user's virtual boards, without connecting to the boards."""
+    """Return the URLs of this user's virtual boards, without connecting."""
     if not hasattr(socket, "AF_UNIX"):
         return []
     try:

@@ -38,7 +38,7 @@ BUSY_REPLY = struct.Struct("<BI")
 UPDATE = "update the board or this host"
 #: Remedy for a refusal that the drawn scene causes.
 END_SCENE = "end the scene first: lippmann board write scene.source scene=0"
-#: Cause and remedy for each reply status that means a refusal.
+#: Cause and remedy for each status that means a refusal.
 REFUSALS = {
     ReplyStatus.UNKNOWN_TYPE: ("it does not know this type of request", "update the board"),
     ReplyStatus.WRONG_LENGTH: ("the request has the wrong length", UPDATE),
@@ -121,7 +121,7 @@ class RoundTrip:
 
 
 class Flight(NamedTuple):
-    """A sent packet that has no reply yet: item, body, length in bytes, and send time in seconds."""
+    """A sent packet without a reply yet: item, body, length in bytes, send time in s."""
 
     item: int
     body: bytes

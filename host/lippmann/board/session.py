@@ -25,9 +25,9 @@ PATIENCE_S = 10.0
 SLOWEST_HZ = 3e5
 #: Clock cycles per pixel allowed for PRESENT: twice what CRC and buffer swap take.
 PRESENT_CLOCKS = 4
-#: Maximum number of words in a READ or WRITE request, and of tiles in a TILES request.
+#: Maximum words in a READ or WRITE request, and tiles in a TILES request.
 MAX_WORDS, MAX_TILES = 64, 512
-#: Addresses of the first registers of the optics block and of the scene.
+#: First register addresses of optics block and scene.
 OPTICS_BASE, SCENE_BASE = 0x200, 0x400
 #: Registers with their board addresses, keyed by name with the block's prefix.
 REGISTERS = {
@@ -95,8 +95,8 @@ class Session:
     def open(cls, url: str, baud: int = DEFAULT_BAUD, patience_s: float = PATIENCE_S) -> Self:
         """Open a serial device, a pty, unix://PATH or socket://HOST:PORT, and send HELLO.
 
-        Raises the errors of `open_port`, and DeviceError when no board with this
-        protocol answers.
+        Raises `open_port`'s errors, and DeviceError if no board with this protocol
+        answers.
         """
         line = Line(url, baud)
         try:
@@ -225,11 +225,11 @@ class Session:
         return words
 
     def word(self, name: str) -> int:
-        """Return the word of the register with this name in `REGISTERS`."""
+        """Return the word of the register `REGISTERS[name]`."""
         return self.read(REGISTERS[name].address)[0]
 
     def fields(self, name: str) -> dict[str, int]:
-        """Return the fields of the register with this name in `REGISTERS`."""
+        """Return the fields of the register `REGISTERS[name]`."""
         return REGISTERS[name].values(self.word(name))
 
     def write(self, address: int, words: Sequence[int]) -> None:

@@ -130,7 +130,7 @@ def _show(session: Session, frame: Pixels, counts: Sent, progress: Progress | No
             return
         missing = np.flatnonzero((back.crcs != crcs) | (crcs == 0))
         if status == ReplyStatus.FRAME_CRC_DIFFERS and not len(missing):
-            # All tile CRCs match but the frame's CRC does not, so a tile's content is wrong.
+            # All tile CRCs match but not the frame's CRC, so a tile's content is wrong.
             missing = np.arange(counts.tiles)
             in_front[:] = False
         status = _send_tiles(session, frame, front.epoch, missing.tolist(), in_front, counts, progress, window_bytes)
@@ -232,7 +232,7 @@ class BoardSink:
         return self.bands
 
     def take(self, rendered: RenderedBand) -> None:
-        """Add a band's rows, and send the tiles that are complete."""
+        """Add a band's rows, and send complete tiles."""
         values = panel_values(rendered.radiance, self._panel.transfer, self._panel.bits)
         self.add_rows(rendered.band.rows.start, values)
 

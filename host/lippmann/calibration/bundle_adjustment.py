@@ -49,7 +49,7 @@ STILL = "seams_", "turn_", "zoom_", *LENS
 OWN_VIEW = "turn_", "place_", "zoom_"
 #: Minimum residual of an outlier, in standard deviations.
 OUTLIER = 4.5
-#: Number of lenslet blocks per side of the array, to estimate the covariance.
+#: Lenslet blocks per side of the array, to estimate the covariance.
 BLOCKS = 9
 #: Weight of a residual inside the measurement interval of its panel point.
 WITHIN = 0.03
@@ -163,7 +163,7 @@ class Problem:
 
     @cached_property
     def free(self) -> list[int]:
-        """Indices of the fitted parameters in the vector x."""
+        """Indices of the fitted parameters in x."""
         fitted = {name for block, names in self.blocks.items() if block not in self.fixed for name in names}
         return [at for at, name in enumerate(self.steps) if name in fitted]
 
@@ -173,7 +173,7 @@ class Problem:
         return x[ends[block] - len(self.blocks[block]) : ends[block]]
 
     def packed(self, **parts: npt.ArrayLike) -> Floats:
-        """Build the parameter vector x from these blocks; other parameters are 0."""
+        """Build the vector x from these blocks; other parameters are 0."""
         zeros = {block: np.zeros(len(names)) for block, names in self.blocks.items()}
         return np.concatenate([np.ravel(part) for part in (zeros | parts).values()])
 
@@ -250,7 +250,7 @@ class Problem:
         return np.concatenate([np.asarray(part) for part in parts])
 
     def thinned(self, max_lenslets: int) -> Problem:
-        """Return the problem with at most `max_lenslets` random lenslets per view."""
+        """Return the problem with up to `max_lenslets` random lenslets per view."""
         rng = np.random.default_rng(SEED)
         fields, views = ("index", "photo_px", "panel_mm", "half_px", "cell_px", "moves"), []
         for view in self.views:
@@ -384,14 +384,14 @@ def _minimise(problem: Problem, x: Floats, weights: Weights, robust: bool) -> Fl
 def _smooth(problem: Problem, weights: Weights, k: int) -> SmoothErrors:
     places, view, (panel, photo) = problem.places[k][weights.inliers[k]], problem.views[k], weights.scatter[k]
     across = float(np.sqrt(np.prod(np.std(view.photo_px, axis=0)) / max(1e-9, float(np.prod(places.std(axis=0))))))
-    # The two minimums were measured on simulated photographs.
+    # Both minimums were measured on simulated photographs.
     least = np.repeat([0.001 / panel, 0.0003 * across / photo], 2)
     # The first tuple is the ratio of smooth to independent scatter per residual column.
     return SmoothErrors.of(places, np.maximum((0.12, 0.12, 0.2, 0.2), least))
 
 
 def jacobian(problem: Problem, x: Floats, weights: Weights) -> Floats:
-    """Return the Jacobian by central differences of the smooth function `offsets`."""
+    """Return the Jacobian by central differences of the smooth `offsets`."""
     scatter, inliers = weights
     every = range(len(inliers))
     factors = []

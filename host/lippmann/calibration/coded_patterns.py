@@ -37,7 +37,7 @@ Kind = Literal["marks", "white", "black", "gray", "phase"]
 #: Period of the phase pictures in panel pixels, and their number per axis.
 PERIOD_PX = 16
 STEPS = 8
-#: Name of the file that describes a set of patterns.
+#: File that describes a set of patterns.
 FILE = "patterns.toml"
 Floats = npt.NDArray[np.floating]
 Singles = npt.NDArray[np.float32]
@@ -96,7 +96,7 @@ class PatternSet:
 
     @property
     def half_px(self) -> float:
-        """Half a period in pixels; the finest stripes of the Gray code have this width."""
+        """Half a period, pixels: the width of the Gray code's finest stripes."""
         return 0.5 * self.period_px
 
     def bits(self, axis: int) -> int:
@@ -115,7 +115,7 @@ class PatternSet:
         return tuple(Pattern(place, *one) for place, one in enumerate(kinds))
 
     def level(self, pattern: Pattern, at_px: Floats) -> Floats:
-        """Return a coded picture's light, 0 to 1, at coordinates along the picture's axis."""
+        """Return a coded picture's light, 0 to 1, at coordinates along its axis."""
         if pattern.kind == "phase":
             turns = at_px / self.period_px - pattern.number / self.steps
             return np.asarray(0.5 + 0.5 * np.cos(2.0 * np.pi * turns))

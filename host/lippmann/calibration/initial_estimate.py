@@ -2,8 +2,7 @@
 
 Each camera position numbers the lenslets from its own origin. A panel point is offset
 from its lenslet's centre by roughly the gap times the slope to the camera. The search
-tries gaps around the nominal gap: with the correct gap, the lattices of all positions
-agree.
+tries gaps around the nominal: with the correct gap, all positions' lattices agree.
 """
 
 from __future__ import annotations

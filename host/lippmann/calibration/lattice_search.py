@@ -18,7 +18,7 @@ import numpy.typing as npt
 from lippmann.display.description import Display, Grid
 from lippmann.errors import InputError, input_error
 from lippmann.optics.lattice import Lattice
-from lippmann.optics.rays import Bools, Floats
+from lippmann.optics.rays import Bools, Floats, Indices
 from lippmann.optics.system import PanelFrame
 
 #: Maximum errors of the display file: rotation in degrees, and relative pitch error.
@@ -50,7 +50,7 @@ class SeenLattice:
         """Return the points, mm, at lattice coordinates (N, 2)."""
         return np.asarray(self.origin + steps @ self.basis.T)
 
-    def near(self, points_mm: Floats) -> tuple[npt.NDArray[np.int64], Bools]:
+    def near(self, points_mm: Floats) -> tuple[Indices, Bools]:
         """Return the nearest lattice points (i, j) (N, 2), and a mask (N,) of points near them (see `NEAR`)."""
         steps = self.steps(points_mm)
         index = np.round(steps)

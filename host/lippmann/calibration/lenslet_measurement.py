@@ -60,7 +60,7 @@ class Outline:
         return np.stack([x, y], axis=1)
 
     def located(self, photo_px: Values) -> tuple[Indices, Floats]:
-        """Return the lenslet (i, j) of each pixel, and the pixel's offset from the lenslet's centre."""
+        """Return each pixel's lenslet (i, j), and offset from this lenslet's centre."""
         x, y = self.cells(photo_px).T
         i, j, dx, dy = self.lattice.locate(NumpyBackend(), x, y)
         return np.stack([i, j], axis=1).astype(np.int64), np.stack([dx, dy], axis=1)

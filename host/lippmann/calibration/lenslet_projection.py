@@ -40,7 +40,7 @@ DEGREES = range(1, 12)
 #: Number of rays across the inner cell, and of slope directions: a prime number, so that
 #: no symmetry repeats a direction.
 ACROSS, DIRECTIONS = 13, 17
-#: Number of points on the edge of a lenslet's outline.
+#: Points on the edge of a lenslet's outline.
 EDGE_POINTS = 96
 
 
@@ -216,8 +216,7 @@ def _trace_rays(
 ) -> tuple[Bools, Floats]:
     """Trace cameras' rays through points (N, M, 2) on the plane of lenslets' outlines.
 
-    Return a mask (N, M) of rays that pass lenslet (0, 0), and panel points (N, M, 2),
-    mm.
+    Return a mask (N, M) of rays through lenslet (0, 0), and panel points (N, M, 2), mm.
     """
     camera = np.column_stack([slopes * distance_mm, np.full(len(slopes), height_mm + distance_mm)])[:, None]
     to = np.concatenate([through, np.full((*through.shape[:2], 1), height_mm)], axis=2)

@@ -1,9 +1,8 @@
 """Decode photographs of the patterns to find the panel point that each camera pixel sees.
 
-The phase of a pixel's light gives the coordinate within a period, and the Gray code
-gives the period. A pixel is used if its light changes enough between black and white,
-is not clipped, follows the phase pictures' cosine, and has at most one doubtful bit per
-axis.
+The phase of a pixel's light gives the coordinate in a period, and the Gray code gives
+the period. A pixel is used if its light changes enough between black and white, is not
+clipped, follows the phase pictures' cosine, and has at most one doubtful bit per axis.
 """
 
 from __future__ import annotations
@@ -11,11 +10,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
 from lippmann.base import interrupts
 from lippmann.base.progress_protocol import Progress
-from lippmann.calibration.coded_patterns import AxisCode, Pattern, PatternSet
+from lippmann.calibration.coded_patterns import AxisCode, Pattern, PatternSet, Singles
 from lippmann.calibration.photograph_diagnostics import Samples, check_marks, check_samples, find_lit
 from lippmann.calibration.photographs import Photograph, Position, read_photograph
 from lippmann.display.description import Display
@@ -23,7 +21,7 @@ from lippmann.errors import input_error
 from lippmann.optics.rays import Floats
 from lippmann.optics.system import PanelFrame
 
-#: Number of camera pixels on which the photographs are checked.
+#: Camera pixels on which the photographs are checked.
 SAMPLES, SEED = 8000, 1908
 
 
@@ -37,8 +35,8 @@ class Decoded:
 
     name: str
     shape: tuple[int, int]
-    photo_px: npt.NDArray[np.float32]
-    panel_px: npt.NDArray[np.float32]
+    photo_px: Singles
+    panel_px: Singles
     modulation: float
 
     def points_mm(self, display: Display) -> Floats:

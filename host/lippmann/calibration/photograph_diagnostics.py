@@ -30,7 +30,7 @@ class Samples:
     position: Position
     shape: tuple[int, int]
     at: tuple[npt.NDArray[np.intp], ...]
-    shares: dict[Pattern, npt.NDArray[np.float32]]
+    shares: dict[Pattern, Light]
 
 
 class Fit(NamedTuple):

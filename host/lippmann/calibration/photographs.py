@@ -16,7 +16,7 @@ from lippmann.calibration.coded_patterns import FILE, Pattern, PatternSet, read_
 from lippmann.display.description import Display
 from lippmann.errors import input_error, not_there
 
-#: File name extensions of photographs.
+#: Suffixes of photographs.
 SUFFIXES = (".png", ".jpg", ".jpeg", ".tif", ".tiff", ".bmp")
 #: Maximum number of pixels in a photograph.
 MAX_PIXELS = 64_000_000
@@ -64,36 +64,36 @@ def positions(folder: Path, patterns: PatternSet) -> list[Position]:
 
 
 def _photographs(folder: Path) -> dict[str, Path]:
-    photographs: dict[str, Path] = {}
+    photos: dict[str, Path] = {}
     for one in sorted(folder.iterdir()):
         if one.suffix.lower() in SUFFIXES:
-            if one.stem in photographs:
-                what = f"{photographs[one.stem].name} and {one.name} are photographs of the same pattern"
+            if one.stem in photos:
+                what = f"{photos[one.stem].name} and {one.name} are photographs of the same pattern"
                 raise input_error(folder, what, "keep only one file")
-            photographs[one.stem] = one
-    return photographs
+            photos[one.stem] = one
+    return photos
 
 
 def _position(folder: Path, patterns: PatternSet) -> Position:
-    photographs = _photographs(folder)
-    if not photographs:
+    photos = _photographs(folder)
+    if not photos:
         remedy = f"put a photograph of each pattern into this folder, such as {patterns.patterns[0].stem}.jpg"
         raise input_error(folder, "contains no photographs", remedy)
     stems = [one.stem for one in patterns.patterns]
-    absent = [stem for stem in stems if stem not in photographs]
-    unknown = [stem for stem in photographs if stem not in stems]
+    absent = [stem for stem in stems if stem not in photos]
+    unknown = [stem for stem in photos if stem not in stems]
     if absent and unknown:
-        what = f"no pattern has the name of {photographs[unknown[0]].name}, and {absent[0]} is missing"
+        what = f"no pattern has the name of {photos[unknown[0]].name}, and {absent[0]} is missing"
         remedy = "give each photograph the name of its pattern, and use the patterns of this display"
         raise input_error(folder, what, remedy)
     if absent:
         more = f" (and {len(absent) - 1} more)" if absent[1:] else ""
         raise input_error(folder, f"the photograph of {absent[0]} is missing{more}", f"add {absent[0]}.jpg")
     if unknown:
-        what = f"no pattern has the name of {photographs[unknown[0]].name}"
+        what = f"no pattern has the name of {photos[unknown[0]].name}"
         remedy = f"draw the patterns again: this panel has {len(stems)}, the last is {stems[-1]}"
         raise input_error(folder, what, remedy)
-    return Position(folder.name, tuple(photographs[stem] for stem in stems))
+    return Position(folder.name, tuple(photos[stem] for stem in stems))
 
 
 #: Light of each photograph value; cameras encode approximately like sRGB.

@@ -23,14 +23,14 @@ from lippmann.optics.rays import Floats
 #: Maximum uncertainty of a determined parameter: rotation in degrees, gap relative to
 #: the aperture distance D, radius relative to itself, others relative to the pitch.
 OPEN = {"pitch_x": 2e-4, "pitch_y": 2e-4, "gap": 0.02, "offset": 0.02, "rotation": 0.01, "radius": 0.02}
-#: Number of camera positions that suffices to determine all parameters.
+#: Camera positions that suffice to determine all parameters.
 ENOUGH_POSITIONS = 3
 #: Number of columns of `Calibration.field`.
 FIELD_COLUMNS = 8
 
 
 class ContradictionError(LippmannError):
-    """The photographs contradict each other, or contradict the display file."""
+    """The photographs contradict each other or the display file."""
 
     exit_code = 4
 
@@ -190,7 +190,7 @@ def parameters_of(nominal: Display, solution: Solution) -> tuple[Parameter, ...]
 
 
 def find_warnings(parameters: tuple[Parameter, ...], solution: Solution) -> tuple[str, ...]:
-    """Return warnings that name the undetermined parameters and remedies."""
+    """Return warnings of undetermined parameters, with remedies."""
     undetermined = [one.name for one in parameters if not one.determined]
     views = len(solution.problem.views)
     if not undetermined:

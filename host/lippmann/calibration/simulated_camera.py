@@ -28,9 +28,9 @@ CameraValues = npt.NDArray[np.unsignedinteger]
 class Camera:
     """A camera; lengths are mm in the display's frame, and the middle of pixel (0, 0) is at (0.5, 0.5).
 
-    `principal_px` defaults to the middle of the photograph. `pupil_mm` is the diameter
-    of the entrance pupil. `focus_mm` is the focus distance along the axis, by default
-    that of `look_at_mm`. `blur_px` is the standard deviation of a Gaussian blur.
+    `principal_px` defaults to the middle of the photograph. `pupil_mm` is the entrance
+    pupil's diameter. `focus_mm` is the focus distance along the axis, by default that
+    of `look_at_mm`. `blur_px` is the standard deviation of a Gaussian blur.
     `vignetting` is the fraction of light that corners lose beyond the cosine-fourth
     law.
     """
@@ -126,7 +126,7 @@ class Camera:
         return origin, towards / np.sqrt(ax * ax + ay * ay + focus * focus)[:, None]
 
     def brightness(self) -> Floats:
-        """Return the relative illumination (height, width), which is 1 on the optical axis."""
+        """Return the relative illumination (height, width), 1 on the optical axis."""
         u, v = np.meshgrid(np.arange(self.width_px) + 0.5, np.arange(self.height_px) + 0.5)
         x, y = self.slopes(u, v)
         square = x * x + y * y
@@ -135,7 +135,7 @@ class Camera:
         return np.asarray((1.0 + square) ** (-2.0) * (1.0 - self.vignetting * square / corner))
 
     def border(self) -> tuple[Floats, Floats]:
-        """Return the pixel coordinates of points along the photograph's edges, with the corners."""
+        """Return pixel coordinates along the photograph's edges, with the corners."""
         u, v = np.meshgrid(*(np.linspace(0.0, side, 33) for side in (self.width_px, self.height_px)))
         edge = np.pad(np.zeros((31, 31), bool), 1, constant_values=True)
         return u[edge], v[edge]

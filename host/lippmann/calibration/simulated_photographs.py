@@ -31,9 +31,8 @@ CHUNK_RAYS = 1 << 20
 COLOURS = 3
 #: Function that traces rays with origins (N, 3) and unit directions (N, 3) to the panel.
 Tracer = Callable[[Floats, Floats], Hits]
-#: Samples of a band of camera rows: first camera pixel, pixel after the last, and for
-#: each sample its camera pixel, panel coordinates (N, 2), and whether it sees the
-#: panel.
+#: Samples of a band of camera rows: first camera pixel, pixel after the last, and each
+#: sample's camera pixel, panel coordinates (N, 2), and whether it sees the panel.
 Band = tuple[int, int, Indices, Floats, Bools]
 
 
@@ -122,7 +121,7 @@ class Bench:
     def photograph(
         self, projection: Projection, light: Light, sensor: Sensor, gain: float, seed: int, rng: np.random.Generator
     ) -> CameraValues:
-        """Return the camera values of a photograph of a pattern's light."""
+        """Return the camera values for a pattern's light."""
         return sensor.values(projection.photograph(light), gain, rng)
 
 

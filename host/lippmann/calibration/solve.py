@@ -93,9 +93,8 @@ def calibrate(
 
     `bow` also fits the array's tilts and curvatures; `radius` also fits the lenslets' radius.
 
-    Raises InputError, which names the photograph and a remedy, for unusable
-    photographs, and ContradictionError if the photographs contradict each other or the
-    display file.
+    Raises InputError, which names photograph and remedy, for unusable photographs, and
+    ContradictionError if photographs contradict each other or the display file.
     """
     patterns = pattern_set(folder, nominal)
     pitch_px = nominal.array.coarsest_mm / min(nominal.panel.pitches_mm)
@@ -225,7 +224,7 @@ def _check_zoom(solution: Solution) -> None:
 
 
 def _bow_warnings(solution: Solution, is_fitted: bool) -> tuple[str, ...]:
-    # Report only coefficients above 6 standard deviations.
+    # Report coefficients above 6 standard deviations.
     if not any(abs(solution.value(name)) > 6.0 * solution.deviation(name) for name in BOW):
         return ()
     height = solution.value("bow_xx") + solution.value("bow_yy")

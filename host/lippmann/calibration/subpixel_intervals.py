@@ -40,7 +40,7 @@ Singles = npt.NDArray[np.float32]
 Blur = tuple[float, float]
 #: Assumed error of a mean reading, panel pixels.
 TOLERANCE = 0.02
-#: Number of lenslets per view in the fits.
+#: Lenslets per view in the fits.
 SAMPLED, SEED = 60, 1912
 #: Exponents of cell position and slope in the movement polynomial.
 PLACE = [(a, b) for a in range(8) for b in range(8 - a)]
@@ -104,7 +104,7 @@ class Moved:
     bent: Singles
 
     def along(self, axis: int, some: Bools | slice = slice(None)) -> Moved:
-        """Return the values (M,) along panel columns (`axis` 0) or rows (`axis` 1)."""
+        """Return the values (M,) along columns (`axis` 0) or rows (`axis` 1)."""
         return Moved(*(one[some, axis] for one in (self.shift, self.change, self.bent)))
 
     def blurred(self, blur: Blur) -> tuple[Singles, Singles]:

@@ -190,7 +190,7 @@ def rays_from_picture(b: Backend, setup: Setup, u: Arr, v: Arr, aperture: Point 
     if isinstance(setup.pickup, Pickup):
         i, j, x, y = system.locate(b, u, v)
     else:
-        # The camera sees the pixel at `point`, in the array's first principal plane.
+        # The camera sees the pixel at `point` in the array's first principal plane.
         # Elemental images in the camera's picture are as large as on the display.
         point = system.convergence.towards_eye(*frame.array_from_panel(*frame.panel_from_pixel(u, v)))
         i, j, x, y = system.lattice.locate(b, *point)

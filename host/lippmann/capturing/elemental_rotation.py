@@ -60,7 +60,7 @@ def cells_of(display: Display, rows: slice = slice(None), columns: slice = slice
 
 
 def rotation_map(display: Display) -> Indices:
-    """Return for each pixel the index of the pixel that replaces it, (height * width,)."""
+    """Return the index of the pixel that replaces each pixel, (height * width,)."""
     width, height = display.panel.size_px
     system = System.of(display)
     if system.lattice.grid == "square" and not system.lattice.shear and not system.frame.sin:

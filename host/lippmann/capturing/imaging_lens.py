@@ -46,9 +46,8 @@ class ThinLens:
     def trace(self, b: Backend, ray: Ray) -> tuple[Ray, Arr]:
         """Trace rays in the lens's frame, towards the object (dz > 0).
 
-        Returns the rays from the last face, and a mask of rays that passed every face
-        inside the aperture, without total internal reflection. Blocked rays have finite
-        values.
+        Returns rays from the last face, and a mask of rays that passed all faces inside
+        the aperture, not totally reflected. Blocked rays have finite values.
         """
         x, y = ray.x - ray.z * (ray.dx / ray.dz), ray.y - ray.z * (ray.dy / ray.dz)
         power = 1.0 / self.focal_length_mm
@@ -150,7 +149,7 @@ ImagingLens = ThinLens | LensPair
 
 
 def refract_face(b: Backend, face: Face, ray: Ray, aperture_mm: float) -> tuple[Ray, Arr]:
-    """Refract rays with dz > 0 at a face; return the rays and a mask of the rays that passed."""
+    """Refract rays with dz > 0 at a face; return rays and a mask of those that passed."""
     ratio = face.index_before / face.index_behind
     if face.curvature == 0.0:
         new, behind = refract_flat(b, transported(ray, face.z_mm), ratio)

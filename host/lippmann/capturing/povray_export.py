@@ -19,9 +19,9 @@ from lippmann.scenes.scene import Scene
 from lippmann.simulation.toolchain import Tool
 
 POVRAY = Tool("povray", "renders what `export povray` writes", "run sudo apt-get install -y povray, or see povray.org")
-#: Maximum number of pixels of a display export, which writes a triangle for each pixel.
+#: Maximum pixels of a display export, which writes a triangle for each.
 MAX_RAYS = 1 << 20
-#: Maximum number of scene surfaces that a ray meets, as in `lippmann render`.
+#: Maximum scene surfaces that a ray meets, as in `lippmann render`.
 MAX_DEPTH = 4
 
 HEADER = """#version 3.7;
@@ -36,7 +36,7 @@ class Exported:
 
     ini: Path
     files: tuple[str, ...]
-    #: Number of surplus rows at the top of POV-Ray's image.
+    #: Surplus rows at the top of POV-Ray's image.
     spare_rows: int = 0
 
 
@@ -48,7 +48,7 @@ class View:
     width_px: int
     height_px: int
     optics: str = ""
-    #: Maximum number of refracting faces that a ray meets in the optics.
+    #: Maximum refracting faces that a ray meets in the optics.
     faces: int = 0
     #: Origins (mm) and unit directions, (N, 3) each, of one ray per pixel, or None.
     rays: tuple[Floats, Floats] | None = None
@@ -57,8 +57,7 @@ class View:
 def write_folder(scene: Scene, view: View, folder: Path) -> Exported:
     """Write all files, or none, to `folder`, which is created if missing.
 
-    Raises InputError if POV-Ray cannot express a part of the scene, or if the folder
-    cannot be written.
+    Raises InputError if POV-Ray cannot express the scene, or if writing fails.
     """
     make_folder(folder.parent)
     name = plain(scene.path.stem)
@@ -95,9 +94,8 @@ def write_folder(scene: Scene, view: View, folder: Path) -> Exported:
 def export_display(scene: Scene, display: Display, model: Model, folder: Path) -> Exported:
     """Write the scene, and a camera with a ray per display pixel, traced by the golden engine.
 
-    POV-Ray traces the rays from in front of the scene towards the display. Raises
-    InputError for sub-pixels, too many pixels, and scene parts that POV-Ray cannot
-    express.
+    POV-Ray traces rays from in front of the scene to the display. Raises InputError for
+    sub-pixels, too many pixels, and scene parts that POV-Ray cannot express.
     """
     panel, name = display.panel, f"display '{display.name}'"
     if panel.subpixels != "none":

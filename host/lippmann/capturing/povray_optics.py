@@ -18,9 +18,9 @@ from lippmann.errors import input_error
 from lippmann.optics.lattice import Lattice
 from lippmann.optics.system import PanelFrame
 
-#: Number of extra lenslets beyond each side of the panel, for oblique rays.
+#: Extra lenslets beyond each side of the panel, for oblique rays.
 SPARE_LENSLETS = 2
-#: Maximum number of faces that a ray meets in the array, including lenslet walls.
+#: Maximum faces that a ray meets in the array, including lenslet walls.
 ARRAY_FACES = 6
 #: Overlap of adjacent lenslets as a fraction of their width: POV-Ray reflects rays at
 #: walls between solids that only touch. Single precision loses some of an overlap of

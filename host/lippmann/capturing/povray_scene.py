@@ -177,7 +177,7 @@ ELSEWHERE = ("Integrator", "Sensor", "Film", "Sampler")
 SHAPES = ("sphere", "rectangle", "ply", "obj")
 #: Fade distance f of point lights, mm.
 FADE_MM = 1e-3
-#: Fraction of a mesh's size below which two vertices count as one vertex.
+#: Fraction of a mesh's size below which two vertices count as one.
 GRAIN = 1e-6
 
 

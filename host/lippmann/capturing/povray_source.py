@@ -50,7 +50,7 @@ class Item:
         return self._properties.get(name)
 
     def values(self, *names: str) -> dict[str, Any]:
-        """Return Mitsuba's values of the properties `names` that the file contains."""
+        """Return Mitsuba's values of the properties `names` that the file has."""
         return {name: self._take(name) for name in names if name in self._properties}
 
     def value(self, name: str, default: Value) -> Value:

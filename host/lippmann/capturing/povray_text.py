@@ -18,7 +18,7 @@ import numpy.typing as npt
 from lippmann.optics.rays import Floats
 from lippmann.scenes.placement import Triple
 
-#: Maximum number of a name's characters in a file name (file systems allow 255 bytes).
+#: Maximum characters of a name in a file name (file systems allow 255 bytes).
 MAX_NAME = 100
 #: Size of the triangles whose normals are rays, mm. At 100 mm from the origin, float32
 #: rounding of the corners rotates the normal of a 10 mm triangle by 1e-6 rad.

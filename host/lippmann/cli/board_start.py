@@ -27,8 +27,8 @@ from lippmann.simulation import virtual_board
 
 #: Pause between two checks of a running board, s.
 CHECK_S = 0.1
-#: Environment variable with the id of the process that started a background board.
-#: A board that is not ready yet ends if its starting process has ended.
+#: Environment variable with the id of the process that started a background board. A
+#: board that is not ready ends if this process has ended.
 LAUNCHER = "LIPPMANN_LAUNCHER"
 #: Maximum time for writing the last captured frames, s.
 CAPTURE_SECONDS = 10.0

@@ -20,7 +20,7 @@ FULL_DISK = "cannot write: no space left on the device; free space or choose ano
 #: Names of Python parameters in messages; commands print flags instead.
 PARAMETERS = re.compile(r"(?<![\w/.-])(memory_mb|fraction_bits|device(?= cuda))(?![\w/.])")
 MAX_LETTERS = 1000  # maximum length of an error line, characters
-#: Exit code of an unexpected error (EX_SOFTWARE of sysexits.h).
+#: Exit code of an unexpected error (EX_SOFTWARE in sysexits.h).
 FAULT_CODE = 70
 #: Remedies for files that cannot be opened, keyed by error type.
 CANNOT_OPEN: dict[type[OSError], str] = {

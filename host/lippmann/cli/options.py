@@ -15,8 +15,8 @@ from lippmann.errors import InputError
 from lippmann.fixed.words import FRACTIONS, WIDEST
 
 Point = tuple[float, float, float]
-#: Maximum length of a list of numbers, and maximum magnitude of a number. Python
-#: accepts a time-out of this magnitude, in seconds.
+#: Maximum length of a list of numbers, and magnitude of a number. Python accepts a
+#: time-out of this magnitude, in seconds.
 MAX_NUMBERS, MAX_NUMBER = 100, 1e9
 
 

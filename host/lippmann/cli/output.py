@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from lippmann.display.description import Display
 
 logger = logging.getLogger("lippmann")
-#: Exit code of a command that ran successfully and found errors in its input.
+#: Exit code of a command that ran and found errors in its input.
 FOUND_WRONG = 4
 
 

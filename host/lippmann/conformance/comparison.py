@@ -93,7 +93,7 @@ class Comparison:
         return replace(self.select(rays), fields=fields, alone=self.alone[rays + lag])
 
     def summary(self, name: str) -> FieldSummary:
-        """Return the error summary of the array `name`."""
+        """Summarise the errors of the array `name`."""
         unit, scale = ("microradian" if name == "direction" else "nm"), 1e6
         if name in INTEGERS:
             unit, scale = "rays", 1.0

@@ -48,7 +48,7 @@ from lippmann.simulation.harness import ray_harness
 Rate = Callable[[], float]
 #: Eye position, mm: off the axis, within the shipped displays' viewing angle.
 EYE_MM = (20.0, -20.0, 600.0)
-#: Number of rays per pixel of a rendered view.
+#: Rays per pixel of a rendered view.
 VIEW_SAMPLES = 64
 #: File names of report page and tables, without extension.
 PAGE, TABLES = "report", ("report-engines",)
@@ -58,21 +58,21 @@ Name = TypeVar("Name", bound=Hashable)
 
 @dataclass(frozen=True)
 class Plan:
-    """Sizes of the measurements for `lippmann report`."""
+    """Measurement sizes for `lippmann report`."""
 
     scene: str = "fish"
     displays: tuple[str, ...] = ("paper-square", "paper-hex", "uhd-8k", "uhd-4k")
     #: Display files that replace the shipped displays.
     display_files: tuple[str, ...] = ()
-    #: Number of rays for error statistics.
+    #: Rays for error statistics.
     rays: int = 400_000
-    #: Number of rays in a timed run of golden, twin and rtl.
+    #: Rays in a timed run of golden, twin and rtl.
     timed_rays: int = 300_000
-    #: Number of rays in a timed run of the fast engine.
+    #: Rays in a timed run of the fast engine.
     fast_rays: int = 1 << 24
-    #: Number of rays compared with 50-digit rays.
+    #: Rays compared with 50-digit rays.
     digits_rays: int = 200
-    #: Number of repeats of each timed run.
+    #: Repeats of each timed run.
     rounds: int = 5
     simulate: bool = True
     #: Maximum width and height of a rendered panel, pixels.
@@ -150,7 +150,7 @@ def in_turn(works: Mapping[Name, Rate], rounds: int) -> dict[Name, list[float]]:
 
 
 def timed(rays: int, work: Callable[[], object], clock: Callable[[], float] = time.perf_counter) -> Rate:
-    """Return a function that measures the rate in rays/s at which `work` traces `rays` rays."""
+    """Return a function that measures the rate, rays/s, at which `work` traces `rays` rays."""
 
     def rate() -> float:
         started = clock()
@@ -365,7 +365,7 @@ class Load(NamedTuple):
 
     @classmethod
     def now(cls) -> Load:
-        """Read the operating system's current load counters."""
+        """Read the system's load counters."""
         average = os.getloadavg()[0] if hasattr(os, "getloadavg") else None
         stat, everybody = Path("/proc/stat"), None
         if stat.exists():

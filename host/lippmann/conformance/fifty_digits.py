@@ -57,7 +57,7 @@ class FiftyDigits(NumpyBackend):
     def __init__(self) -> None:
         super().__init__()
         self.floor, self.sqrt = np.frompyfunc(mp.floor, 1, 1), _root
-        self.real = self.double = exact_array  # convert without rounding
+        self.real = self.double = exact_array
 
 
 def exact_inputs(rays: PanelRays | WorldRays) -> dict[str, Digits]:

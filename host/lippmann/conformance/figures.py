@@ -139,8 +139,7 @@ def _measured(row: Row, column: str) -> Measured | None:
 def read_csv(path: Path) -> tuple[dict[str, str], list[dict[str, Value]]]:
     """Read a report's CSV file; return its origin (lines `# key: value`) and rows. Empty cells become None.
 
-    Raises InputError for an unreadable file, or a row of another length than the
-    heading.
+    Raises InputError for an unreadable file, or a row not as long as the heading.
     """
     try:
         lines = path.read_text(encoding="utf-8").splitlines()
@@ -199,7 +198,7 @@ class Comparison:
     #: Number of values present in both runs.
     compared: int = 0
     moved: tuple[Move, ...] = ()
-    #: Number of values only in the new run, and only in the earlier run.
+    #: Numbers of values only in the new run, and only in the earlier run.
     new: int = 0
     gone: int = 0
 
@@ -211,7 +210,7 @@ def has_moved(before: Measured, now: Measured) -> bool:
 
 
 def compare(origin: Mapping[str, str], tables: Sequence[Figures], before: Stored | None) -> Comparison:
-    """Compare a run's origin and tables with those of an earlier run, if one exists."""
+    """Compare a run's origin and tables with an earlier run's, if one exists."""
     if before is None:
         return Comparison({})
     differs = tuple(key for key in ("command", "seed") if origin[key] != before.origin.get(key))

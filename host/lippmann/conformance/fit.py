@@ -45,7 +45,7 @@ MOST_SAMPLES = 1024
 TRIED_SAMPLES = sorted({round(MOST_SAMPLES ** (k / 142)) for k in range(143)})
 #: Scale of the cell in which test rays start; outside, rounding may change the lenslet.
 INSIDE = 0.97
-#: Number of rays in the second test of an RTL build. Fraction of the tested rounding
+#: Rays in the second test of an RTL build. Fraction of the tested rounding
 #: error that is added for other rays.
 SPREAD_RAYS, ROUNDING_MARGIN = 200_000, 0.05
 
@@ -83,8 +83,8 @@ def choose_samples(spread_px: Pair, tolerance: float) -> int | None:
 def gap(samples: int, sides: Pair) -> float:
     """Return the maximum distance of a point in a rectangle to the nearest sample, for both orders of axes.
 
-    The maximum is at a corner of a Voronoi cell. Reflected samples clip the cells at
-    the rectangle's sides.
+    The maximum is at a Voronoi cell's corner. Reflected samples clip cells at the
+    sides.
     """
     if samples == 1:
         return 0.5 * math.hypot(*sides)

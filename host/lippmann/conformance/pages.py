@@ -26,7 +26,7 @@ TEMPLATES = Path(__file__).with_name("templates")
 
 @dataclass(frozen=True)
 class Page:
-    """A report page; its template and output files have the name `name` plus extension."""
+    """A report page; its template and output files are named `name` plus extension."""
 
     name: str
     #: Machine, date, command and software versions of the measurement.
@@ -83,7 +83,7 @@ class Page:
         )
 
     def write(self, folder: Path, as_html: bool = False) -> list[Path]:
-        """Write page, plots and CSV files into a folder; return the paths, or raise InputError."""
+        """Write page, plots and CSV files to a folder; return the paths, or raise InputError."""
         make_folder(folder)
         pages = {folder / f"{self.name}.md": f"{self.text()}\n"}
         if as_html:

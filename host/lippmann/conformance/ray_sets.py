@@ -34,7 +34,7 @@ INPUTS = ("u", "v", "a", "b")
 OUTPUTS = FixedRays._fields
 #: Number of bits of the status, the only unsigned word.
 STATUS_BITS = 3
-#: Number of bits in a line of `registers.mem`.
+#: Bits in a line of `registers.mem`.
 REGISTER_BITS = 64
 
 
@@ -233,7 +233,7 @@ class FixedCase:
         return pipeline(*self.words, self.registers, self.build)
 
     def count_differences(self, pipeline: Pipeline) -> int:
-        """Count the words that differ between another pipeline and the twin."""
+        """Count the words in which another pipeline and the twin differ."""
         return int(sum((a != b).sum() for a, b in zip(self.trace(pipeline), self.trace(), strict=True)))
 
     @property

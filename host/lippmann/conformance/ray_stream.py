@@ -37,7 +37,7 @@ NAME, VERSION = "lippmann-stream", 1
 #: Maximum number of random rays in a set.
 MAX_RANDOM = 100_000
 
-#: Number of words in a question, a complete answer, and the answer for a lost ray.
+#: Words in a question, a complete answer, and the answer for a lost ray.
 ASKED, ANSWERED, LOST = 5, 9, 1
 #: Maximum bytes per line, rays per set, and notes per set.
 MAX_LINE, MAX_RAYS, MAX_NOTES = 4096, 200_000, 1000

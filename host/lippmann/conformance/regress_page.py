@@ -19,7 +19,7 @@ from lippmann.fixed.conversion import rays_of_words, word_unit
 from lippmann.fixed.words import Ints
 from lippmann.optics.rays import Floats
 
-#: Number of cells along each side of an error map.
+#: Cells along each side of an error map.
 CELLS = 48
 #: Half width of a lenslet's error map, in pitches; a hexagon fits in the map.
 REACH = 0.6
@@ -127,7 +127,7 @@ def map_plot(maps: Mapping[str, ErrorMap]) -> Plot:
 
 
 def histogram_plot(maps: Mapping[str, ErrorMap], last_place: str) -> Plot:
-    """Draw a histogram of the errors of each array."""
+    """Draw a histogram of each array's errors."""
     picture, axes = make_axes(1, 1, (8.0, 3.8))
     axis, ends = axes[0, 0], np.append(edges(), 10.0 * edges()[-1])
     used = np.flatnonzero(np.any([error_map.counts[1:] for error_map in maps.values()], axis=0))

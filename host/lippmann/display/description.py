@@ -41,7 +41,7 @@ MAX_EXTENT = 100.0
 TONES = ("bits", "transfer", "white_cd_m2", "black_cd_m2")
 #: Maximum width or height of a panel, px; image files and 16-bit indices limit it.
 MAX_SIDE_PX = 65535
-#: Range of lengths in a file, mm, in which squares and quotients do not overflow.
+#: Range of lengths in a file, mm, whose squares and quotients do not overflow.
 MIN_LENGTH_MM, MAX_LENGTH_MM = 1e-9, 1e12
 Length = Annotated[float, key("", low=MIN_LENGTH_MM, high=MAX_LENGTH_MM)]
 Gap = Annotated[float, key("", low=0.0, high=MAX_LENGTH_MM)]
@@ -83,7 +83,7 @@ class Panel(Checked):
 
     @property
     def keys(self) -> dict[str, object]:
-        """The panel's keys and values in a display file, except keys whose value is None."""
+        """The panel's keys and values in a display file, except None values."""
         return {name: value for name, value in dataclasses.asdict(self).items() if value is not None}
 
     @property
@@ -424,7 +424,7 @@ def index_of_keys(keys: Any, where: str) -> float:
 
 
 def display_text(display: Display) -> str:
-    """Return a display as the text of a display file, the inverse of `parse_display`."""
+    """Return a display as file text: the inverse of `parse_display`."""
     top: dict[str, object] = {"name": display.name, "gap_mm": display.gap_mm}
     if display.viewing_distance_mm is not None:
         top |= {"viewing_distance_mm": display.viewing_distance_mm, "viewing_axis_mm": display.viewing_axis_mm}

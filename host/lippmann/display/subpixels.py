@@ -18,7 +18,7 @@ COLOURS: tuple[Colour, ...] = ("red", "green", "blue", "white")
 Subpixel = tuple[Colour, float, float, float, float]
 #: Maximum period of a layout along x and y, pixels.
 MAX_PERIOD = 16
-#: Accepted rounding error of a coordinate in a file, pixels.
+#: Accepted rounding error of coordinates in a file, pixels.
 ROUNDING = 1e-6
 
 

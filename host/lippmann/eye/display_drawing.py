@@ -27,25 +27,25 @@ if TYPE_CHECKING:
 GLASS, LENSLET, IMAGE, RAY = "#56b4e9", "#0072b2", "#d55e00", "#e69f00"
 #: Width of a close-up, lenslets.
 CLOSE = 4.0
-#: Number of lenslet marks across the drawn panel.
+#: Lenslet marks across the drawn panel.
 MARKS = 30.0
 #: Maximum width, pixels, of a close-up that shows its pixels.
 MAX_PIXELS = 150
 #: Eye distances in `draw_zones`, in viewing distances.
 HEIGHTS = np.linspace(0.2, 3.0, 15)
-#: Number of eyes at each distance in `draw_zones`.
+#: Eyes at each distance in `draw_zones`.
 PLACES = 41
-#: Number of rays per eye in `draw_zones`.
+#: Rays per eye in `draw_zones`.
 MAP_RAYS = 256
 
 
 @contextmanager
 def _drawing(path: Path, down: int, across: int, size: tuple[float, float]) -> Iterator[npt.NDArray[np.object_]]:
-    """Yield the axes of a drawing of `size` inches, then write the drawing to the path."""
+    """Yield the axes of a drawing of `size` inches, then write it to the path."""
     from matplotlib import rc_context
     from matplotlib.figure import Figure
 
-    # Keep text in SVG as text, and write equal files for equal displays.
+    # Keep text as text, and write equal SVGs for equal displays.
     with rc_context({"svg.fonttype": "none", "svg.hashsalt": "lippmann", "font.size": 9}):
         figure = Figure(figsize=size, layout="constrained")
         yield figure.subplots(down, across, squeeze=False)

@@ -26,7 +26,7 @@ ZONE_SHARE = 0.95
 #: Full angle of the eyes' cone for a display without a viewing zone, degrees.
 CONE_DEG = 20.0
 MAX_CONE_DEG = 120.0
-#: Numbers of eyes across and down in the grid of direct renders.
+#: Eyes across and down in the grid of direct renders.
 GRID = (7, 3)
 #: Width of a direct render, pixels.
 WIDTH_PX = 400
@@ -34,7 +34,7 @@ WIDTH_PX = 400
 SAMPLES = 16
 #: Minimum half width of the grid of eyes, as a fraction of the viewing distance.
 LEAST_REACH = 0.05
-#: A function that returns the radiance that an eye sees.
+#: Function that returns the radiance that an eye sees.
 Viewer = Callable[[Eye], Radiance]
 
 
@@ -82,7 +82,7 @@ def eyes_of(
 
 
 def focus_depths(scene_range_mm: Sequence[float], count: int) -> list[float]:
-    """Return depths in equal steps from the scene's farthest to its nearest depth."""
+    """Return depths in equal steps from the scene's farthest to nearest depth."""
     far, near = scene_range_mm
     if not (math.isfinite(far) and math.isfinite(near)):
         raise InputError("the scene's depth range is infinite; give --depths")

@@ -88,7 +88,7 @@ def whole_window(display: Display, width_px: int | None = None) -> Window:
 
 
 def check_size(radiance: Light | StoredRows, display: Display) -> None:
-    """Refuse an image that does not have the size of a display's panel."""
+    """Refuse an image of another size than a display's panel."""
     panel = display.panel
     if radiance.shape != panel.shape:
         raise InputError(

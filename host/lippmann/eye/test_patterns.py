@@ -26,7 +26,7 @@ from lippmann.fixed.build import Build
 from lippmann.fixed.configuration import configuration
 from lippmann.fixed.raster import holds_centre, locate_pixels, places_in_cell
 from lippmann.optics.backend import DrJitBackend, NumpyBackend
-from lippmann.optics.rays import Status
+from lippmann.optics.rays import Bools, Indices, Status
 from lippmann.optics.system import System
 from lippmann.optics.trace import pixels_from_rays
 from lippmann.rendering.integral_image import IntegralImage
@@ -35,7 +35,7 @@ from lippmann.rendering.sampling import Window
 Kind = Literal["lens-centres", "cells", "view-numbers", "single-lens", "white-for-eye", "ramp", "ramps", "checker"]
 #: Patterns that a board draws too, in the order of `display.pattern`'s values from 1.
 ON_BOARD: tuple[Kind, ...] = ("single-lens", "lens-centres", "view-numbers", "checker", "ramp")
-#: Side of the checker's tiles, pixels; a board uses the same value.
+#: Side of the checker's tiles, pixels, also in a board.
 TILE = 32
 #: Half width, pixels, of a pixel that holds a lenslet's centre: 1/2 plus rounding.
 IN_PIXEL = 17 / 32
@@ -48,11 +48,11 @@ class Places(NamedTuple):
 
     i: npt.NDArray[np.number]
     j: npt.NDArray[np.number]
-    centre: npt.NDArray[np.bool_]
+    centre: Bools
     right: npt.NDArray[np.number]
     up: npt.NDArray[np.number]
     #: Whether the pixel's lenslet exists; pixels behind the opaque mount stay black.
-    present: npt.NDArray[np.bool_]
+    present: Bools
 
 
 @dataclass(frozen=True)
@@ -60,8 +60,8 @@ class Pixels:
     """Pixels of a display at columns (1, N) and rows (M, 1), with `draw`'s options `lens`, `fraction_bits`."""
 
     display: Display
-    column: npt.NDArray[np.int64]
-    row: npt.NDArray[np.int64]
+    column: Indices
+    row: Indices
     lens: tuple[int, int]
     fraction_bits: int | None
 

@@ -34,7 +34,7 @@ def read(name: str) -> str:
 
 
 def fill_template(name: str, **values: str) -> str:
-    """Return a template with each hole `@@name@@` filled by the value of that name."""
+    """Return a template, each hole `@@name@@` filled by the value of that name."""
     text = read(name)
     holes = set(HOLE.findall(text))
     if holes != set(values):

@@ -24,9 +24,8 @@ MAX_SLOPE_SQUARE = 3.0
 MAX_POINT = 4.0
 #: Maximum distance of a pixel from its lenslet's centre in a `converge` build, pitches or rows.
 MAX_LOCAL = 8.0
-#: Range of the refractive index. In this range, the factor k of a dome's normal is
-#: below 2, and the flat face totally reflects rays in the glass steeper than 60
-#: degrees.
+#: Range of the refractive index. In it, the factor k of a dome's normal is below 2, and
+#: the flat face totally reflects rays in the glass steeper than 60 degrees.
 INDEX_LIMITS = (1.16, 2.2)
 #: Minimum half width of a cell, in units of the last bit. If no ray grazes the dome,
 #: the error of an exit point is at most (5 + 1.2 (T/R)^2) R 2^-(F + 1) for radius R and

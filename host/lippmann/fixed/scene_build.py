@@ -9,12 +9,12 @@ from lippmann.base.toml import check_fields, documented, key
 from lippmann.errors import InputError
 from lippmann.fixed.registers import SCENE_REGISTERS
 
-#: Maximum number of layers, and of texture slots; slot 15 holds the panel's transfer curve.
+#: Maximum layers and texture slots; slot 15 holds the panel's transfer curve.
 MAX_LAYERS, MAX_SLOTS = 8, 15
 CURVE_SLOT = 15
-#: Number of bytes of a block, the unit in which slots are loaded.
+#: Bytes of a block, the unit in which slots are loaded.
 BLOCK_BYTES = 1024
-#: Number of bytes of a palette, the block after a slot's texels.
+#: Bytes of a palette, the block after a slot's texels.
 PALETTE_BYTES = 256 * 4
 #: Maximum number of blocks of texels in a slot.
 MAX_TEXEL_BLOCKS = 255

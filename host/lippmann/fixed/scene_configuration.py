@@ -7,7 +7,6 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
-import numpy.typing as npt
 
 from lippmann.base.tones import encoded_values
 from lippmann.display.description import Display
@@ -30,7 +29,7 @@ from lippmann.optics.lattice import Lattice
 from lippmann.optics.system import System
 
 if TYPE_CHECKING:
-    from lippmann.layers.stack import Layer, LayerStack
+    from lippmann.layers.stack import Floats, Layer, LayerStack
 
 
 #: Maximum distance from the array's origin, in radii, of a ray at z = 0 and of a texture.
@@ -143,9 +142,7 @@ def _check_place(display: Display) -> None:
         )
 
 
-def _check_reach(
-    layer: Layer, linear: npt.NDArray[np.float64], zero: npt.NDArray[np.float64], number: int | str, radius: float
-) -> None:
+def _check_reach(layer: Layer, linear: Floats, zero: Floats, number: int | str, radius: float) -> None:
     if np.linalg.det(linear) == 0.0:
         return  # a texture that is constant in one direction has no corners
     corners = np.array([(s, t) for s in (0.0, layer.width) for t in (0.0, layer.height)])

@@ -10,12 +10,11 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 
 from lippmann.fixed.ray_pipeline import FixedRays
 from lippmann.fixed.scene_build import MAX_LAYERS, SceneBuild
 from lippmann.fixed.words import MUL_BITS, Bools, Bytes, Ints, fits, guarded, multiplier, quadratic, wrapped
-from lippmann.optics.rays import gets_through
+from lippmann.optics.rays import Floats, gets_through
 
 #: Fraction bits of a layer's registers s0 and t0, of depth, and of a to d.
 TEXEL_FRACTION, DEPTH_FRACTION, COEFFICIENT_FRACTION = 16, 20, 24
@@ -84,7 +83,8 @@ class SceneWords:
         return word
 
 
-#: Fraction bits of the lattice words, and left shift of a lenslet index before multiplication.
+#: Fraction bits of lattice words, and left shift of a lenslet index before
+#: multiplication.
 LATTICE_FRACTION = 30
 _INDEX_SHIFT = 6
 
@@ -258,7 +258,7 @@ def sample_mean(light: Ints, samples_bits: int) -> Ints:
     return (total + (count >> 1)) >> samples_bits
 
 
-#: Number of curve-table entries, and light value from which an entry covers 16 values.
+#: Curve-table entries, and light value from which an entry covers 16 values.
 ENTRIES = 1 << 13
 COARSE_FROM = 1 << 12
 #: Light value of white.
@@ -275,7 +275,7 @@ def curve_table(light: Ints, table: Bytes) -> Bytes:
     return table[np.where(light < COARSE_FROM, light, COARSE_FROM + (light >> 4))]
 
 
-def entry_light() -> npt.NDArray[np.float64]:
+def entry_light() -> Floats:
     """Return the light (8192,) at the middle of each curve-table entry; white is 1."""
     entry = np.arange(ENTRIES)
     return np.where(entry < COARSE_FROM, entry, 16 * (entry - COARSE_FROM) + 7.5) / WHITE

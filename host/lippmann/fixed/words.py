@@ -32,13 +32,13 @@ OFFSET_FRACTION = 40
 INDEX_BITS = 12
 #: Bits of a signed operand of a hardware multiplier.
 MUL_BITS = 18
-#: Number of guard bits that a step keeps until its final rounding.
+#: Guard bits that a step keeps until its final rounding.
 GUARD = 3
 #: Units by which rounding errors can exceed the range of a word, and of a square.
 SLACK, SQUARE_SLACK = 1 << 6, 1 << 9
 #: Allowed numbers of fraction bits F.
 FRACTIONS = range(14, 24)
-#: Number of fraction bits of the widest RTL build, and of the compact build.
+#: Fraction bits of the widest RTL build, and of the compact build.
 WIDEST, COMPACT = 23, 16
 
 

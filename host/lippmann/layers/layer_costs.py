@@ -113,8 +113,7 @@ def measured_cuts(
 ) -> Iterator[tuple[Cut, list[float]]]:
     """For each number of layers, cut a scene; yield the cut and, if `filter` is set, its views' PSNR.
 
-    `parts` are the scene that is cut by depth and the scene that becomes one layer, as
-    in `cut_scene`.
+    `parts` are the scene cut by depth and the one that becomes a layer (`cut_scene`).
     """
     full = [] if filter is None else full_views(scene, display, settings)
     for count in report_each(counts, progress):

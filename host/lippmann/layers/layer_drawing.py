@@ -75,8 +75,7 @@ def draw_golden(
     """Draw layers for a display, ignoring sub-pixels; return linear light (height, width, 3).
 
     `lines` are the display's exit rays (`exit_lines`), or the exit rays of the rows to
-    draw. Raises InputError for an unknown filter, or for a number of samples that no
-    board has.
+    draw. Raises InputError for a filter or a number of samples that no board has.
     """
     check_options(filter, samples)
     lines = exit_lines(display, samples, model) if lines is None else lines

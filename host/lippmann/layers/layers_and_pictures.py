@@ -34,9 +34,9 @@ from lippmann.scenes.mitsuba_xml import unique
 if TYPE_CHECKING:
     import PIL.Image
 
-#: Name of the file that describes a folder of layers.
+#: File that describes a folder of layers.
 FILE = "layers.toml"
-#: Name of the file that describes a folder of pictures.
+#: File that describes a folder of pictures.
 PICTURES_FILE = "pictures.toml"
 #: Pattern of layer names that are valid file names on every system.
 NAME = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_-]{0,63}")
@@ -46,7 +46,7 @@ GAMMA = 50_000
 FEW_TEXELS = 4
 #: Maximum number of pixels of a picture.
 MAX_PIXELS = 1 << 25
-#: Number of a picture's rows that are decoded at once.
+#: Rows of a picture decoded at once, to limit memory.
 ROWS = 256
 #: Red, green, blue and opacity of a picture's pixels, (height, width, 4).
 Rgba = npt.NDArray[np.float32]
@@ -117,8 +117,8 @@ def save_layers(path: str | Path, stack: LayerStack, names: Sequence[str] = ()) 
     Pictures that this function wrote for the folder's former layers are removed.
     Other programs' pictures are not replaced.
 
-    Raises InputError for names that are invalid file names or belong to other pictures,
-    and if writing fails.
+    Raises InputError for invalid file names, names of other pictures, and if writing
+    fails.
     """
     names = tuple(names) or tuple(f"layer_{place}" for place in range(len(stack.layers)))
     used_names = {name.casefold() for name in names}
@@ -331,7 +331,7 @@ def _read_picture(path: Path) -> Rgba:
         else:
             numbers, white = np.asarray(picture.convert("RGBA")), 255.0
     light = np.ones((height, width, 4), np.float32)
-    for first in range(0, height, ROWS):  # decode in parts, to limit memory
+    for first in range(0, height, ROWS):
         rows, part = numbers[first : first + ROWS] / white, light[first : first + ROWS]
         part[..., 3:] = rows[..., 3:] if rows.shape[2] == 4 else 1.0
         part[..., :3] = decode(rows[..., :3], "srgb") * part[..., 3:]

@@ -42,15 +42,15 @@ from lippmann.scenes.scene import Scene
 SLOT = (256, 192)
 #: Width in lenslets of the strip at each panel edge that `reach_of` traces.
 EDGE_LENSLETS = 2.0
-#: Number of rays that `reach_of` traces along each edge of the panel.
+#: Rays that `reach_of` traces along each edge of the panel.
 REACH_RAYS = 101
-#: Numbers of rays across and down that find a scene's depths.
+#: Rays across and down that find a scene's depths.
 DEPTH_RAYS = (256, 192)
 #: Texels across and down of a trial view that finds a slab's area.
 TRIAL_RAYS = (128, 96)
 #: Samples per texel of a trial view.
 TRIAL_SAMPLES = 4
-#: Minimum number of texels that a layer continues under a nearer layer.
+#: Minimum texels that a layer continues under a nearer layer.
 EDGE_TEXELS = 2.0
 #: Coverage above which a texel belongs to a surface.
 COVERED = 0.5
@@ -92,7 +92,7 @@ def check_slot(slot: Size) -> None:
 
 
 def reach_of(display: Display) -> Reach:
-    """Return where a display's chief rays and its viewers' eyes can be."""
+    """Return the `Reach` of a display's chief rays and its viewers' eyes."""
     panel = display.panel
     # The outermost rays leave the lenslets at the panel's edges.
     band = math.ceil(EDGE_LENSLETS * display.array.coarsest_mm / min(panel.pitches_mm))
@@ -124,8 +124,7 @@ def cut_scene(
     `slot` is a layer's maximum size in texels. `apart` is a scene of objects that move
     by themselves, which becomes one layer at its own depth.
 
-    Raises InputError for counts and sizes out of range, and for a scene that no eye
-    sees.
+    Raises InputError for counts and sizes out of range, and scenes that no eye sees.
     """
     count = whole_number("count", count, 1 if apart is None else 2, MAX_LAYERS)
     check_slot(slot)
@@ -248,7 +247,7 @@ class Area:
         return np.array([[a, 0.0, -a * self.x0], [0.0, d, -d * self.y1]])
 
     def cells(self, mask: Bools, margin: float) -> Area:
-        """Return the area of a mask's true cells, plus a margin and a cell on each side."""
+        """Return the area of a mask's true cells, a margin and a cell on each side."""
         rows, columns = np.flatnonzero(mask.any(axis=1)), np.flatnonzero(mask.any(axis=0))
         across, down = self.size[0] / mask.shape[1], self.size[1] / mask.shape[0]
         return Area(
@@ -339,7 +338,7 @@ def _lines(area: Area, eye_mm: Point3, size: Size, texel: Arr, sample: Arr, sett
     return Lines((x, y, depth), (ray.x, ray.y, ray.z), mi.Bool(True))
 
 
-#: Number of bins in the histogram of disparities.
+#: Bins in the histogram of disparities.
 BINS = 512
 #: Weight of a point without detail, as a fraction of the mean detail.
 PLAIN = 0.05
@@ -366,7 +365,7 @@ def disparity(z_mm: npt.ArrayLike, eye_mm: float) -> Floats:
 
 
 def depth_of(u: float, eye_mm: float) -> float:
-    """Return the depth for a disparity, as the inverse of `disparity`."""
+    """Return the depth for a disparity: the inverse of `disparity`."""
     return -math.inf if u <= SKY else eye_mm * u / (1.0 + u)
 
 

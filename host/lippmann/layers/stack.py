@@ -25,14 +25,14 @@ Number = TypeVar("Number", bound=np.generic)
 MAX_LAYERS = 8
 #: Maximum side of a texture, texels.
 MAX_SIDE = 1024
-#: Number of colours in a palette.
+#: Colours in a palette.
 COLOURS = 256
 #: Maximum distance of a layer from the lenslet array, mm, except for skies.
 MAX_DEPTH_MM = 1e6
 
 
 def light_of(bytes_: npt.ArrayLike) -> Floats:
-    """Return the linear light (c / 255)^2 of bytes c of a palette."""
+    """Return the linear light (c / 255)^2 of palette bytes c."""
     return (np.asarray(bytes_, np.float64) / 255.0) ** 2
 
 
@@ -191,7 +191,7 @@ def _array(
 ) -> npt.NDArray[Number]:
     """Check type and shape (None: any length above 0) of values; return a read-only copy."""
     try:
-        # Values are not converted to bytes: that would lose fractions or high bits.
+        # Conversion to bytes would lose fractions or high bits.
         array = np.asarray(values, None if kind is np.uint8 else kind)
     except (TypeError, ValueError, OverflowError):
         raise InputError(f"{name} is not an array of numbers; give numbers") from None

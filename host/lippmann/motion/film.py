@@ -68,7 +68,7 @@ class MotionPath:
         return replace(turned, offset_mm=(x, y, z))
 
 
-#: Maximum number of a film's frames; file names have four digits.
+#: Maximum frames of a film; file names have four digits.
 MAX_FRAMES = 10_000
 AnyPath = TypeVar("AnyPath", bound=MotionPath)
 Depth = Annotated[float | None, key("", default="the placement's, extended by the motions")]
@@ -105,7 +105,7 @@ class Film(FilmFile):
 
     @property
     def key_frames(self) -> list[int]:
-        """The first frame, the last frame, and the frames of all keys, which bound all motion."""
+        """The first frame, the last, and those of all keys, which bound all motion."""
         paths = [*self.object, self.world] if self.world is not None else self.object
         return sorted({0, self.frames - 1, *(one.frame for path in paths for one in path.keys)})
 

@@ -33,7 +33,7 @@ logger = logging.getLogger("lippmann")
 
 @dataclass(frozen=True, eq=False)
 class FramePlan(ScenePlan):
-    """The plan of a film's frame. All frames have one seed, so that pixels at rest do not change."""
+    """The plan of a film's frame. All frames have one seed: pixels at rest do not change."""
 
     film: Film
     frame: int

@@ -155,7 +155,7 @@ def _move_layer(layer: Layer, moving: MovingLayer, frame: int, motion: Motion) -
 
 
 def check_keys(film: LayerFilm, display: Display, path: str | Path) -> None:
-    """Raise InputError if a frame has an invalid layer, such as a layer behind the eyes."""
+    """Raise InputError if a frame has an invalid layer, such as one behind the eyes."""
     for frame in range(film.frames):
         with located(f"{path}: frame {frame}"):
             stack, numbers = film.at(frame)

@@ -34,7 +34,7 @@ from lippmann.scenes.scene import Scene
 ZERO, ONE = 0, 0x3F800000
 
 
-def least_radiance(panel: Panel, bits: int) -> npt.NDArray[np.float32]:
+def least_radiance(panel: Panel, bits: int) -> Radiance:
     """Return the minimum radiance of each level of a panel except the darkest, (2^bits - 1,)."""
     levels = values_of(bits)[1:]
     low, high = np.full(len(levels), ZERO), np.full(len(levels), ONE)
@@ -46,7 +46,7 @@ def least_radiance(panel: Panel, bits: int) -> npt.NDArray[np.float32]:
 
 
 def values_of(bits: int) -> npt.NDArray[np.uint8]:
-    """Return the 8-bit values (levels,) of all levels of a panel with up to 8 bits."""
+    """Return the 8-bit values (levels,) of a panel's levels, for up to 8 bits."""
     return encoded_values(np.linspace(0.0, 1.0, 1 << bits), "linear", bits).astype(np.uint8)
 
 
@@ -75,7 +75,7 @@ class Encoder:
 
 #: Render time of a moving picture, s, above which a block of pixels gets one ray.
 QUICK_S = 0.06
-#: Number of timed pictures; the fastest one counts.
+#: Timed pictures; the fastest one counts.
 TRIALS = 3
 MAX_BLOCK = 8
 #: Samples per pixel of each pass while the scene is at rest.
@@ -85,7 +85,7 @@ PIXELS_AT_ONCE = {"llvm": 1 << 18, "cuda": 1 << 25}
 
 
 class LivePicture:
-    """The integral image of a moving scene. The image stays on the device until it is read."""
+    """The integral image of a moving scene. It stays on the device until it is read."""
 
     def __init__(
         self, scene: Scene, display: Display, model: Model, settings: Settings, block: int | None = None

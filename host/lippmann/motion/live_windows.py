@@ -124,7 +124,7 @@ class Screens:
         return any(pygame.mouse.get_pressed()) and bool(pygame.event.peek(pygame.MOUSEMOTION))
 
     def obey(self, hand: Hand, reel: Reel | None = None) -> bool:
-        """Apply mouse and key events to a scene and a film; return False if the user ends the loop."""
+        """Apply mouse and key events to scene and film; return False if the user ends the loop."""
         pygame = self._pygame
         for event in [] if pygame is None else pygame.event.get():
             if event.type in (pygame.QUIT, pygame.WINDOWCLOSE):
@@ -175,7 +175,7 @@ class Screens:
 
 
 def check_screens(size: tuple[int, int], monitor: int | None) -> None:
-    """Raise, before a render, the errors that `screens` and `Screens.open` would raise later."""
+    """Raise the errors of `screens` and `Screens.open` before a render."""
     sizes = monitors()
     if monitor is not None:
         check_monitor(sizes, monitor, size)

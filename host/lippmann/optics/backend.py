@@ -57,7 +57,7 @@ class NumpyBackend(Backend):
         self.maximum, self.minimum, self.where = np.maximum, np.minimum, np.where
 
     def loop(self, active: Operation, body: Trace, state: State) -> State:
-        # Compute only the active elements, because few elements are active.
+        # Compute only the active elements, because they are few.
         index = np.flatnonzero(active(*state))
         if index.size:
             state = tuple(np.array(x) for x in state)

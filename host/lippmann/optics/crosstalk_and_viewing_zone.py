@@ -27,15 +27,15 @@ VIEWING_DISTANCE_MM = 600.0
 #: Maximum coordinate of an eye, mm: a thousand kilometres.
 FARTHEST_EYE_MM = 1e9
 TOO_FAR = f"eye: is farther away than {FARTHEST_EYE_MM:g} mm; give its position in mm, such as 0,0,600"
-#: Number of rays that measure an eye's crosstalk.
+#: Rays that measure an eye's crosstalk.
 SHARE_RAYS = 1 << 13
-#: Numbers of lenslets tested for crosstalk, across and down the panel.
+#: Lenslets tested for crosstalk, across and down the panel.
 LENSLETS = (5, 3)
 #: Tested points: fraction of the way to a cell's rim, fraction of the rim's height.
 POINTS = ((0.6, 0.0), (0.95, 0.0), (0.95, 1.0), (0.99, 0.0), (0.99, 1.0))
-#: Search for a zone's end: range in paraxial half widths, number of bisections.
+#: Search for a zone's end: range in paraxial half widths, and bisections.
 FARTHEST, BISECTIONS = 2.0, 11
-#: Search for a better display: factor on a length, maximum number of steps.
+#: Search for a better display: factor on a length, maximum steps.
 FACTOR, STEPS = 1.1, 24
 #: Minimum width of a better display's zone, as a fraction of one lenslet's zone.
 WORTH = 0.25

@@ -28,11 +28,11 @@ from lippmann.optics.system import PanelFrame, System
 DISTANCES = (0.5, 0.75, 1.0, 1.5, 2.0, 3.0)
 #: Minimum period, in lenslets, of visible moire between lenslets and pixels.
 MOIRE_FROM_LENSLETS = 4.0
-#: Moire is visible if an elemental image has fewer pixels across than this number.
+#: Moire is visible if an elemental image has fewer pixels across than this.
 MOIRE_BELOW_PIXELS = 60.0
 #: Maximum rotation of an array that counts as parallel to the pixel rows, degrees.
 PARALLEL_DEG = 0.05
-#: A viewing distance above this limit, mm, was probably not given in mm.
+#: A viewing distance above this limit, mm, was probably not in mm.
 FAR_MM = 100_000.0
 
 Lenslets = tuple[int, int, int]
@@ -105,7 +105,7 @@ def eye_views(display: Display, eyes_mm: Sequence[Point3]) -> list[EyeView]:
 
 
 def axis_text(display: Display) -> str:
-    """Return words for the axis from which viewing and crosstalk angles are measured."""
+    """Describe the axis from which viewing and crosstalk angles are measured."""
     if display.viewing_distance_mm is None:
         return "a lenslet's axis"
     x, y = display.viewing_axis_mm

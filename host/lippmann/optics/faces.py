@@ -58,8 +58,7 @@ def mirrored(ray: Ray) -> Ray:
 def refract_flat(b: Backend, ray: Ray, ratio: float) -> tuple[Ray, Arr]:
     """Refract rays at the planes z = constant through the rays' points; `ratio` is n1 / n2.
 
-    Return the rays and their squared cosine behind the face (reflected rays: at most
-    0).
+    Return rays and their squared cosine behind the face (reflected rays: at most 0).
     """
     kx, ky = ray.dx * ratio, ray.dy * ratio
     k = b.sqrt(kx * kx + ky * ky)
@@ -92,7 +91,7 @@ class Dome:
         return 1.0 / self.radius_mm
 
     def height(self, x: Arr, y: Arr, z: Arr) -> Arr:
-        """Return a number for lens-local points: negative in the glass, positive in the air."""
+        """Return a number for lens-local points: negative in glass, positive in air."""
         return self.curvature * (x * x + y * y + z * z) + 2.0 * z
 
 
@@ -136,7 +135,7 @@ def meet(b: Backend, dome: Dome, ray: Ray, upward: bool) -> Crossing:
     settled = hit & dome.lattice.holds(at.x, at.y)
 
     def step(settled: Arr, steps: Arr, di: Arr, dj: Arr, *tail: Arr) -> State:
-        # `tail` has the ray in its present cell, its point on the dome, and its cosine.
+        # `tail` has the ray in its cell, its point on the dome, and its cosine.
         local = Ray(*tail[:6])
         hit, t, at, cosine = cap(b, dome, local, upward)
         t_flat, (step_i, step_j), (to_x, to_y) = dome.lattice.leave(b, local.x, local.y, local.dx, local.dy)

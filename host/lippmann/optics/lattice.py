@@ -55,7 +55,7 @@ class Lattice:
 
     @property
     def stepped(self) -> bool:
-        """Whether walls separate the domes, because cells' sides are not midway between centres."""
+        """Whether walls separate domes, as cells' sides are not midway between centres."""
         px, py = self.pitches_mm
         return bool(self.shear != 0.0 or (self.grid == "hex" and px != py))
 
@@ -166,7 +166,7 @@ class Lattice:
 
 
 def number_lenslets(index: Indices) -> tuple[Indices, Indices]:
-    """Return the distinct lenslets (M, 2), ascending, and each lenslet's index in that list (N,)."""
+    """Return the distinct lenslets (M, 2), ascending, and each lenslet's index there (N,)."""
     low = index.min(axis=0)
     span = int(np.ptp(index[:, 1])) + 1
     flat = (index[:, 0] - low[0]) * span + (index[:, 1] - low[1])

@@ -23,9 +23,9 @@ from lippmann.optics.trace import trace_optics
 
 #: Default tolerance, pixels of the reconstructed view.
 TOLERANCE = 0.25
-#: Number of tested cells along each side of the panel.
+#: Tested cells along each side of the panel.
 PROBE_CELLS = 5
-#: Number of tested points along each side of a cell.
+#: Tested points along each side of a cell.
 PROBE_POINTS = 9
 #: Scale of the tested cell corners; at 1, rounding may move them into a neighbour.
 INSIDE = 1.0 - 1e-6

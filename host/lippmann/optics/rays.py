@@ -41,7 +41,7 @@ def check_fraction_bits(fraction_bits: int | None, engine: str) -> None:
 
 
 def gets_through(status: Arr) -> Arr:
-    """Return which rays pass through the array; `status` is an array of any backend."""
+    """Return which rays pass the array; `status` is an array of any backend."""
     # Dr.Jit compares arrays with integers, but not with an IntEnum.
     return (status == int(Status.OK)) | (status == int(Status.CROSSTALK))
 

@@ -157,7 +157,7 @@ class System:
 
     @property
     def last_face_mm(self) -> float:
-        """The z of the array's plane that is nearest to the viewer: dome vertices or flat face."""
+        """The z of the array's plane nearest to the viewer: dome vertices or flat face."""
         return 0.0 if self.plano_to_panel else self.thickness_mm
 
     def locate(self, b: Backend, u: Arr, v: Arr) -> tuple[Arr, Arr, Arr, Arr]:

@@ -151,7 +151,7 @@ def trace_optics(
 def checked_rays(
     display: str | Path | Display, pixels: npt.ArrayLike, aperture: npt.ArrayLike | None, model: Model
 ) -> tuple[Display, Floats, Floats | None]:
-    """Check and return the display, pixel coordinates (N, 2) and aperture points (N, 2) of rays."""
+    """Check and return rays' display, pixel coordinates and aperture points, (N, 2) each."""
     check_choice("model", model, MODELS)
     display = display_at(display)
     array, panel = display.array, display.panel
@@ -175,9 +175,9 @@ def trace_to_panel(
 ) -> Hits:
     """Trace rays from the world, (N, 3) origins in mm and (N, 3) unit directions, to the panel.
 
-    A ray has missed if abs(dz) is below `FLATTEST`, or if it meets the array beyond
-    `FARTHEST_LENSLETS`. Raises `trace`'s errors, and InputError for directions that are
-    not of length 1.
+    A ray has missed if |dz| is below `FLATTEST`, or if it meets the array beyond
+    `FARTHEST_LENSLETS`. Raises `trace`'s errors, and InputError for directions not of
+    length 1.
     """
     check_choice("model", model, MODELS)
     origins = columns("origin_mm", origin_mm, 3, MAX_LENGTH_MM)
@@ -205,7 +205,7 @@ def rays_of(pixel: Floats, out: LocalRays, number: npt.DTypeLike = np.float64) -
 
 
 def hits_of(n: int, hits: PixelHits, number: npt.DTypeLike = np.float64) -> Hits:
-    """Return the panel hits of n rays as numpy arrays (see `rays_of`)."""
+    """Return panel hits of n rays as numpy arrays (see `rays_of`)."""
     status = _stack(n, np.uint8, hits.status)[:, 0]
     return Hits(_stack(n, number, hits.u, hits.v), _stack(n, np.int64, hits.i, hits.j), status)
 

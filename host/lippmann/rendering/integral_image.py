@@ -167,7 +167,7 @@ def metadata_of(display: Display) -> dict[str, str]:
 
 
 def check_image(image: object) -> None:
-    """Raise InputError if `image` is not an IntegralImage, such as a path."""
+    """Raise InputError if `image` is no IntegralImage, such as a path."""
     if not isinstance(image, IntegralImage):
         what = f"{str(image)[:80]!r} is not an IntegralImage"
         raise InputError(f"{what}; load a file with lippmann.IntegralImage.load(path, display)")

@@ -23,7 +23,7 @@ from lippmann.scenes.scene import Scene
 Trial = tuple[Radiance, Radiance, float]
 #: Minimum PSNR in dB of a trial for shading "auto".
 CACHE_DB = 45.0
-#: Minimum number of rays per point of the cache for shading "auto".
+#: Minimum rays per point of the cache for shading "auto".
 RAYS_A_POINT = 4
 #: Minimum lamps for the cache: for one lamp, a trial costs too much (reports/shading.md).
 MIN_LAMPS = 2
@@ -36,13 +36,13 @@ TRIAL_RAYS = 28 * 28 * 256
 TRIAL_SAMPLES = 4
 #: Seed of a trial's tile positions, whatever the render's seed.
 TRIAL_SEED = 1
-#: Minimum number of rays in a picture for which a trial saves time.
+#: Minimum rays in a picture for which a trial saves time.
 MIN_RAYS = 1 << 21
 #: Maximum fraction of uncached samples for which the cache is used.
 MAX_UNCACHED = 0.5
 #: Pattern of spot lights with an image; other spot lights have a uniform spectrum.
 SPOT_PICTURE = re.compile(r"texture = (?!UniformSpectrum)")
-#: Maximum number of lamps: a cache point has 32 bits, one per lamp and `shading.COMPUTED`.
+#: Maximum lamps: a cache point has 32 bits, one per lamp and `shading.COMPUTED`.
 MAX_LAMPS = 31
 #: Mitsuba's classes of lamps whose irradiance is almost linear between points.
 LAMPS = ("PointLight", "SpotLight", "DirectionalEmitter")
@@ -79,7 +79,7 @@ class CacheTrial:
     """A trial of the cache: tiles spread over an image, rendered with and without the cache."""
 
     source: RaySource
-    #: Number of samples per pixel of the complete render.
+    #: Samples per pixel of the complete render.
     all_samples: int
 
     @property
@@ -119,7 +119,7 @@ class CacheTrial:
             yield index, dr.opaque(mi.UInt32, int(first))
 
     def psnr(self, trials: Sequence[Trial]) -> float | None:
-        """Return the minimum PSNR of the parts of the image, dB; None if most samples are uncached."""
+        """Return the image parts' minimum PSNR, dB; None if most samples are uncached."""
         cached, own, uncached = zip(*trials, strict=True)
         if np.mean(uncached) > MAX_UNCACHED:
             return None

@@ -18,11 +18,11 @@ from lippmann.rendering.sampling import TILE_PX, colours_of
 CHUNK_SAMPLES = {"llvm": 1 << 22, "cuda": 1 << 25}
 #: Approximate number of pixels in a band, keyed by device.
 BAND_PIXELS = {"llvm": 1 << 20, "cuda": 1 << 25}
-#: Approximate maximum number of rays in a band (ten seconds), keyed by device.
+#: Approximate maximum rays in a band (ten seconds), keyed by device.
 BAND_RAYS = {"llvm": 1 << 26, "cuda": 1 << 31}
-#: Number of pixels above which `lippmann render` keeps bands in files.
+#: Pixels above which `lippmann render` keeps bands in files.
 KEPT_PIXELS = 1 << 25
-#: Number of rays above which `lippmann render` keeps bands in files.
+#: Rays above which `lippmann render` keeps bands in files.
 KEPT_RAYS = 1 << 27
 #: Additional memory of a render with the irradiance cache, MB.
 CACHE_MEMORY_MB = 250.0

@@ -40,7 +40,7 @@ def pixels_identity(
 
 
 def pixel_versions() -> dict[str, str]:
-    """Return the versions of packages that determine pixels; Lippmann's includes `code_digest`."""
+    """Return the versions of packages that affect pixels; Lippmann's includes `code_digest`."""
     others = {name: importlib.metadata.version(name) for name in PIXEL_LIBRARIES}
     return {"lippmann": __version__ + code_digest(Path(__file__).parents[1]), **others}
 

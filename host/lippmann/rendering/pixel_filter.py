@@ -15,7 +15,7 @@ from lippmann.optics.backend import DrJitBackend
 from lippmann.optics.sample_points import points_in_pixel
 from lippmann.rendering.sampling import RaySource, Seeds
 
-#: Maximum samples of a filtered pixel. With more samples, a filter is not needed.
+#: Maximum samples of a filtered pixel. More samples need no filter.
 MAX_SAMPLES = 4
 #: Distance from a pixel's edge where weights begin to fall, in sample spacings.
 SOFTNESS = 0.5
@@ -36,7 +36,7 @@ def is_filter_allowed(samples: int, colours: int) -> bool:
 
 
 def noise_fraction(samples: int, colours: int) -> float:
-    """Return the approximate fraction of the noise that remains after the filter."""
+    """Return the approximate fraction of the noise that the filter leaves."""
     # With s = `softness`, the weights' mean square is 1 - 2 s / 3 along each axis.
     return 1.0 - 2.0 * softness(samples) / 3.0 if is_filter_allowed(samples, colours) else 1.0
 

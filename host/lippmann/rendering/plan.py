@@ -103,7 +103,7 @@ class ScenePlan(Plan):
     #: Result of `digest_of`; "" if only this process renders and keeps no bands.
     digest: str
     placement: Placement
-    #: The renderer from planning, which the next `start` in this process returns.
+    #: Planning's renderer, which the next `start` in this process returns.
     planned_by: list[Renderer] = field(default_factory=list, init=False)
 
     @property
@@ -241,7 +241,7 @@ def place_scene(scene: Scene, display: Display, arrange: Arrange | None = None) 
 
 def report_and_choose_model(scene: Scene, display: Display, options: RenderOptions) -> Model:
     """Warn of a picture's problems; choose and log the lens model. Raises errors of `resolve_model`."""
-    # The trial view takes time, so it is rendered only at log level INFO.
+    # The trial view takes time, so it is rendered only at level INFO.
     warn_of_unused_parts(scene, options.settings)
     if logger.isEnabledFor(logging.INFO):
         warn_of_view(scene, display, options.settings, options.engine)

@@ -51,9 +51,9 @@ class Rendered:
     #: Processor time of all rendering threads, excluding compilation, s.
     cpu_seconds: float
     prepare_seconds: float
-    #: Number of rays, including rays that did not reach the scene.
+    #: Number of rays, including those that did not reach the scene.
     samples_traced: int
-    #: Percentages of rays lost, one for each reason in `Lines.lost`.
+    #: Percentages of lost rays, one for each mask in `Lines.lost`.
     lost_percent: tuple[float, ...] = ()
     shading: Shading = "each"
 
@@ -114,7 +114,7 @@ class Renderer:
         self._pose = Pose.of(scene.placement)
         self._colours = source.colours
         self._source, self._filtered = source, is_filtered(source, settings.samples)
-        #: Number of rays per pixel.
+        #: Rays per pixel.
         self.rays = settings.samples * self._colours
         self.bands = bands or bands_of(self._width, self._height, self.rays)
         rows = self._height if in_memory else max(len(rows) for rows in self.bands)
@@ -124,7 +124,7 @@ class Renderer:
         self.cache_report: str | None = None
         if settings.shading != "each":
             self.cache_report = self._choose_cache(scene, settings, rows, integrator)
-        #: Time spent on the choice of the cache and in all calls of `prepare`, s.
+        #: Time of the choice of the cache and of all calls of `prepare`, s.
         self.prepare_seconds = time.perf_counter() - started
         self.shading = self.settings.shading
         #: The values chosen for "auto" options, as metadata.
@@ -162,7 +162,7 @@ class Renderer:
         return f"no irradiance cache: {why}" if is_reported else None
 
     def _try_cache(self, program: CachedProgram) -> tuple[bool, str]:
-        """Render a trial with and without the cache; return whether to use the cache, and a line for the log."""
+        """Render a trial with and without the cache; return whether to use it, and a line for the log."""
         trial = CacheTrial(self._source, self._samples)
         # The seeds are two variables: a shared one would cause another recording.
         seeds = Seeds(*(dr.opaque(mi.UInt32, value) for value in (self._seed, self._pass)))

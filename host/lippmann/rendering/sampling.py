@@ -38,7 +38,7 @@ class Lines(NamedTuple):
     direction: tuple[Jit, Jit, Jit]
     #: Mask of the rays that leave the lenslets.
     active: Jit
-    #: Masks of lost rays, one mask for each reason for a loss.
+    #: Masks of lost rays, one for each reason.
     lost: tuple[Jit, ...] = ()
 
 
@@ -65,7 +65,7 @@ class RaySource:
 
     @property
     def colours(self) -> int:
-        """Number of colours that are sampled separately: 3 with sub-pixels, otherwise 1."""
+        """Number of separately sampled colours: 3 with sub-pixels, else 1."""
         return 1 if self.layout is None else 3
 
 
@@ -167,7 +167,7 @@ def colours_of(panel: Panel) -> int:
 
 
 def pixel_of(first_tile: Jit, place: Jit, width: int, height: int) -> Point:
-    """Convert pixel indices from tile order to image order; tell which pixels are inside."""
+    """Convert pixel indices from tile to image order; tell which pixels are inside."""
     tiles_across = -(-width // TILE_PX)
     tile = first_tile + place // (TILE_PX * TILE_PX)
     bits = place & (TILE_PX * TILE_PX - 1)

@@ -72,7 +72,7 @@ class Recorded:
 
 
 class _References:
-    """Holds the references of a frozen function, which would keep them until garbage collection."""
+    """Holds a frozen function's references, which it would keep until garbage collection."""
 
     def __init__(self, function: Callable[..., Jit], scene: Scene) -> None:
         self.function, self.scene = function, scene
@@ -107,7 +107,7 @@ class IrradianceCache:
         self.lattices, self.points = lay_lattices(scene.mitsuba, spacing, max_points)
         # Irradiance (red, green, blue) and lamp mask of each point, once computed.
         self._light = dr.empty(mi.Float, 4 * 2 * self.points)
-        # Lamp masks, 0 for points not yet computed, and marks of points to compute.
+        # Lamp masks, 0 until computed, and marks of points to compute.
         self._lamps = dr.zeros(mi.UInt32, 2 * self.points)
         self._marks = dr.zeros(mi.UInt8, 2 * self.points)
         emitters = list(scene.mitsuba.emitters())
@@ -207,7 +207,7 @@ Follow = Callable[..., tuple[Jit, ...]]
 BLACK = 0
 #: Fate of a sample whose light is in the cache.
 CACHED = 1
-#: Fate of a sample whose light the integrator computes.
+#: Fate of a sample that the integrator computes.
 UNCACHED = 2
 
 

@@ -52,7 +52,7 @@ class Sink(Protocol):
 
 
 class RenderTimes(NamedTuple):
-    """The cost of a render: times of rendering and compilation in s, numbers of rays and bands."""
+    """A render's cost: times of rendering and compilation in s, numbers of rays and bands."""
 
     seconds: float
     prepare_seconds: float
@@ -71,11 +71,11 @@ def render_into(sink: Sink, executor: Executor = render_here, progress: Progress
     """Render missing bands; `progress` gets (rows done, all rows). Raises errors of executor and sink."""
     total = sum(len(band.rows) for band in sink.bands)
     report = RowProgress(progress, total)
-    rays, prepare_seconds = 0, 0.0
+    rays, prepare_s = 0, 0.0
     try:
         missing = sink.missing_bands()
         report.add(total - sum(len(band.rows) for band in missing))
-        planning_seconds = missing[0].plan.prepare_seconds if missing else 0.0
+        planning_s = missing[0].plan.prepare_seconds if missing else 0.0
         is_black = len(missing) == len(sink.bands)
         started = time.perf_counter()
         for rendered in executor(missing, report):
@@ -84,15 +84,15 @@ def render_into(sink: Sink, executor: Executor = render_here, progress: Progress
             rows = len(rendered.band.rows)
             report.add(rows)
             rays += rows * rendered.band.plan.display.panel.width_px * rendered.band.plan.rays
-            prepare_seconds += rendered.prepare_seconds
+            prepare_s += rendered.prepare_seconds
     except BaseException:
         sink.stop(report.done)
         raise
-    seconds = time.perf_counter() - started - prepare_seconds
+    seconds = time.perf_counter() - started - prepare_s
     if is_black:
         warn_user("the whole picture is black: the scene may be out of view, unlit or all black")
-    prepare_seconds += planning_seconds
-    return RenderTimes(seconds, prepare_seconds, rays, len(sink.bands), len(sink.bands) - len(missing))
+    prepare_s += planning_s
+    return RenderTimes(seconds, prepare_s, rays, len(sink.bands), len(sink.bands) - len(missing))
 
 
 def bands_of_plan(plan: Plan) -> list[Band]:
@@ -200,13 +200,13 @@ class KeptBands:
         self.remove()
 
     def image(self, times: RenderTimes) -> IntegralImage:
-        """Return the picture with its render times; the bands stay in the folder."""
+        """Return the picture with its render times; the bands stay."""
         radiance = np.concatenate([self[band.rows.start : band.rows.stop] for band in self.bands])
         self.release()
         return IntegralImage(radiance, self.plan.display, self.metadata, times.measured(keeps_bands=True))
 
     def release(self) -> None:
-        """Unlock the folder for other commands, and remove it if it is empty."""
+        """Unlock the folder for other commands, and remove it if empty."""
         with contextlib.suppress(OSError):
             self.folder.rmdir()
         self._lock.close()

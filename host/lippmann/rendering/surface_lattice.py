@@ -27,7 +27,7 @@ MIN_STEPS = 1
 MIN_SPHERE_STEPS = 32
 #: Maximum lattice steps on a shape, for float32 positions accurate to 0.001 steps.
 MAX_STEPS = 1 << 14
-#: Maximum number of lattice points, each for both sides of its surface.
+#: Maximum lattice points, each for both sides of its surface.
 MAX_POINTS = 1 << 22
 
 
@@ -39,9 +39,9 @@ class Lattices:
     of_shape: Jit
     #: Index of each lattice's first point.
     first: Jit
-    #: Number of steps along the longest row of each lattice.
+    #: Steps along the longest row of each lattice.
     steps: Jit
-    #: Number of steps from each lattice's first row to its last.
+    #: Steps from each lattice's first row to its last.
     row_steps: Jit
     shape: Jit
     triangle: Jit
@@ -58,7 +58,7 @@ TWO = 2
 FAN = 4
 #: Bits in `Lattices.kind` for a slender triangle's apex: at corner 1, at corner 2.
 APEX_1, APEX_2 = 8, 16
-#: Kind bits of lattices whose rows all have the same number of points.
+#: Kind bits of lattices whose rows have equally many points.
 EVEN = SPHERE | FAN
 
 
@@ -138,7 +138,7 @@ def on_octahedron(direction: Jit) -> Point:
 
 
 def from_octahedron(u: Jit, v: Jit) -> Jit:
-    """Map a point of the unit square to a direction, as the inverse of `on_octahedron`."""
+    """Map a point of the unit square to a direction: the inverse of `on_octahedron`."""
     x, y = 2.0 * u - 1.0, 2.0 * v - 1.0
     z = 1.0 - dr.abs(x) - dr.abs(y)
     return dr.normalize(mi.Vector3f(*_folded(x, y, z < 0.0), z))
@@ -215,7 +215,7 @@ def _points(steps: Jit, row_steps: Jit, kind: Jit) -> Jit:
 
 
 def _lay_shape(shape: Jit, spacing: float) -> dict[str, Jit] | None:
-    """Return a shape's lattices, keyed as in `Lattices`; None for an unsuitable or too large shape."""
+    """Return a shape's lattices, keyed as in `Lattices`; None if unsuitable or too large."""
     if shape.is_mesh():
         points = np.array(shape.vertex_positions_buffer(), np.float64).reshape(-1, 3)
         faces = np.array(shape.faces_buffer()).reshape(-1, 3)

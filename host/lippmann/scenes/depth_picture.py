@@ -19,7 +19,7 @@ from lippmann.scenes.meshes import write_surface
 from lippmann.scenes.mitsuba_xml import new_scene, plugin, to_world, value, write
 from lippmann.scenes.quilts_and_views import Views, read_light
 
-#: Maximum number of depth pixels, and maximum size of the TOML file in bytes.
+#: Maximum depth pixels, and maximum bytes of the TOML file.
 MAX_PIXELS, MAX_BYTES = 1 << 23, 1 << 28
 
 

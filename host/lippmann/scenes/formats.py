@@ -47,7 +47,7 @@ def usual_rotation(path: Path) -> tuple[float, float, float]:
 
 @contextmanager
 def as_mitsuba(path: Path, scene_from_display: Floats, notes: list[str]) -> Iterator[Path]:
-    """Yield the path of the Mitsuba scene to which a scene is converted, or raise InputError."""
+    """Yield the path of a scene, converted to Mitsuba, or raise InputError."""
     # `scene_from_display` (3, 3) rotates added lights; `notes` gets lines for the user.
     kind = kind_of(path)
     if kind == "mitsuba":

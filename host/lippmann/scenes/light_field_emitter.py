@@ -1,9 +1,9 @@
 """Defines the emitter `light_field`: a surface that shows each eye a different picture and lights nothing.
 
 Each view is the surface's picture for one eye. A point's radiance is its colour in the
-view from the position where the line of sight meets the plane of the eyes. The colour
-is interpolated linearly between the two or four nearest eyes, and constant beyond the
-outermost eye.
+view from the position where the line of sight meets the plane of the eyes. Between the
+two or four nearest eyes, the colour is interpolated linearly. Beyond the outermost eye,
+it is constant.
 """
 
 from __future__ import annotations

@@ -37,9 +37,9 @@ if TYPE_CHECKING:
 #: A mesh's `visual` in trimesh: colours or a texture, without a common interface.
 Visual = Any
 SUFFIXES = (".glb", ".gltf", ".obj", ".ply", ".stl")
-#: Maximum size of a file in bytes, and maximum number of face corners in a scene.
+#: Maximum bytes of a file, and maximum face corners in a scene.
 MAX_BYTES, MAX_CORNERS = 1 << 30, 100_000_000
-#: Maximum number of a texture's pixels, and number of its rows processed at once.
+#: Maximum pixels of a texture, and rows of it processed at once.
 MAX_PIXELS, PART_ROWS = 1 << 25, 256
 PLAIN = (0.6, 0.6, 0.6)
 #: glTF's default value of metallic and roughness.
@@ -59,10 +59,10 @@ LEFT_OUT = (
 )
 #: Pattern of options before an MTL file's texture name, such as -s 1 1 1 or -clamp on.
 MTL_OPTIONS = re.compile(r"^(?:-\w+(?:\s+(?:on|off|[rgbml]|[-+.\deE]+))+\s+)+")
-#: Allowed suffixes of files to which a mesh refers; no other files are read.
+#: Allowed suffixes of files to which a mesh refers; no others are read.
 BUFFER_SUFFIXES = (".bin", ".mtl")
 IMAGE_SUFFIXES = (".png", ".jpg", ".jpeg", ".tif", ".tiff", ".bmp", ".tga", ".gif", ".webp", ".dds", ".jp2", ".ppm")
-#: Words in trimesh's messages about textures and materials that it ignores.
+#: Words in trimesh's messages about ignored textures and materials.
 LOSSES = ("image", "materials from")
 REMEDY = "export it again, or as .glb"
 #: For each default light, its direction in the display's frame, and its fraction of the
@@ -74,8 +74,8 @@ LIGHTS = (((0.0, 0.0, 1.0), 0.35), ((-0.5, 0.7, 1.0), 0.5), ((0.8, -0.3, 0.5), 0
 def write_scene(path: Path, folder: Path, scene_from_display: Floats, notes: list[str]) -> Path:
     """Write a mesh file's scene into an empty folder; return the scene's path, or raise InputError.
 
-    `scene_from_display` (3, 3) rotates the lights; `notes` gets lines on features that
-    are not shown.
+    `scene_from_display` (3, 3) rotates the lights; `notes` gets lines on omitted
+    features.
     """
     scene = new_scene()
     for direction, fraction in LIGHTS:
@@ -297,7 +297,7 @@ def _vertex_colours(mesh: Trimesh, linear: bool) -> Floats | None:
 
 
 def _wide_colours(mesh: Trimesh) -> npt.NDArray[np.number] | None:
-    """Return a PLY's colours (N, 3) if they have more than 8 bits, which trimesh would truncate; else None."""
+    """Return a PLY's colours (N, 3) of more than 8 bits, which trimesh would truncate, or None."""
     raw = mesh.metadata.get("_ply_raw", {}).get("vertex", {}).get("data")
     try:
         columns = [np.asarray(raw[name]).ravel() for name in ("red", "green", "blue")]

@@ -36,7 +36,7 @@ def to_world(parent: Element, step: str, **numbers: float) -> None:
 
 
 def write(scene: Element, path: Path) -> Path:
-    """Write a scene to a file; return the file's path."""
+    """Write a scene to a file; return its path."""
     indent(scene)
     ElementTree(scene).write(path, encoding="utf-8")
     return path

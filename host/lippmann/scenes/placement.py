@@ -84,7 +84,7 @@ class Placement:
         return np.asarray(np.linalg.inv(self.display_from_scene), np.float64)
 
     def keeping_depths(self, before: Placement) -> Placement:
-        """Return this placement; it takes missing depths from `before`, moved with the scene."""
+        """Return this placement with missing depths from `before`, moved with the scene."""
         # If this placement tilts the scene, the bounding box replaces missing depths.
         step = self.display_from_scene @ before.scene_from_display
         if np.abs(step[2, :2]).max() > 1e-9 * step[2, 2]:

@@ -146,7 +146,7 @@ def read_light(path: Path, count: int = 1) -> tuple[Radiance, dict[str, str]]:
 
     Raises InputError if `count` such pictures are too large.
     """
-    # The size is checked before memory for the pixels is allocated.
+    # Check the size before memory for pixels is allocated.
     if path.suffix.lower() in (".png", *LINEAR_SUFFIXES):
         with StoredRows(path) as rows:
             _check_size(path, count * rows.shape[0] * rows.shape[1])

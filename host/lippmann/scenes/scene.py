@@ -47,7 +47,7 @@ class Move:
 
 @dataclass(frozen=True)
 class Part:
-    """A part of a scene: all lights, and the shapes whose id matches, or does not match, a pattern (`*`, `?`)."""
+    """A part of a scene: all lights, and the shapes whose id does or does not match a pattern (`*`, `?`)."""
 
     shapes: str
     matching: bool = True
@@ -60,7 +60,7 @@ class Scene:
     path: Path
     mitsuba: mts.Scene
     placement: Placement
-    #: The file's own integrator; if it is None, Mitsuba adds one.
+    #: The file's own integrator; if None, Mitsuba adds one.
     integrator: str | None = None
     #: Whether the file has its own camera; if not, Mitsuba adds one.
     has_camera: bool = False
@@ -131,7 +131,7 @@ def _check_files(path: Path) -> None:
 def parsed(
     path: Path, scene_from_display: Matrix | None = None, notes: list[str] | None = None
 ) -> Iterator[tuple[mts.parser.ParserConfig, mts.parser.ParserState]]:
-    """Parse a scene; yield configuration and state of Mitsuba's parser, or raise InputError."""
+    """Parse a scene; yield the configuration and state of Mitsuba's parser, or raise InputError."""
     # `as_mitsuba` uses `scene_from_display` and `notes` to convert other formats.
     register_light_field()
     before = mi.file_resolver()
@@ -156,7 +156,7 @@ def parsed(
 
 
 def without_places(error: Exception) -> str:
-    """Return Mitsuba's error message on one line, without positions in Mitsuba's source."""
+    """Return Mitsuba's error message on one line, without positions in its source."""
     return re.sub(r"\[\w+\.cpp:\d+\] *", "", " ".join(str(error).split())) or type(error).__name__
 
 
@@ -298,7 +298,7 @@ def bounds_of(scene: mts.Scene) -> Box:
 
 
 def _closed(scene: mts.Scene, low: Matrix, high: Matrix) -> bool:
-    # A ray outwards from each of the box's six faces must hit a surface.
+    # A ray outwards from each face of the box must hit a surface.
     middle, half = (low + high) / 2, (high - low) / 2
     outwards = np.concatenate([np.eye(3), -np.eye(3)])
     starts = middle + (half + 1e-3 * half.max()) * outwards

@@ -27,8 +27,7 @@ UNCHECKED = ("--x-assign", "fast", "--x-initial", "fast", "--noassert")
 #: Verilator options for a netlist: short C++ functions compile fast.
 NETLIST = ("--output-split-cfuncs", "1000")
 
-#: Environment variables: the folder for coverage data, and a switch for toggle
-#: coverage.
+#: Environment variables: folder for coverage data, switch for toggle coverage.
 COVERAGE, TOGGLES = "LIPPMANN_COVERAGE", "LIPPMANN_TOGGLES"
 
 #: C++ include lines that every model needs.

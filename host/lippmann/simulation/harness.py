@@ -37,7 +37,7 @@ class RayHarness:
     def __init__(self, build: Build, flags: Sequence[str] = FAST) -> None:
         self._trace = ctypes.CDLL(str(ray_library(build, flags))).lippmann_trace
         self._trace.restype, self._trace.argtypes = _NUMBER, [_NUMBER, *[_POINTER] * 6, *_PAUSES]
-        #: Number of clock cycles of the last trace.
+        #: Clock cycles of the last trace.
         self.clocks = 0
 
     def trace(
@@ -85,7 +85,7 @@ class SceneHarness:
         draw.argtypes = [_POINTER, _NUMBER, _NUMBER, *[_POINTER] * 3, *_PAUSES, ctypes.c_int, _NUMBER, _POINTER]
         self._model = library.lippmann_scene_new()
         self._loaded: dict[int, bytes] = {}
-        #: Number of clock cycles of the last frame.
+        #: Clock cycles of the last frame.
         self.clocks = 0
 
     def __del__(self) -> None:

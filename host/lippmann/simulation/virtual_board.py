@@ -164,7 +164,7 @@ class BoardOptions(TypedDict, total=False):
     #: Type of port: a Unix socket for this user, TCP on loopback for programs with the
     #: token, or a pty. The default is TCP if `tcp_port` is set, else a Unix socket.
     port: Port | None
-    #: Number of the TCP port; 0 selects a free port.
+    #: TCP port; 0 selects a free port.
     tcp_port: int | None
     #: Baud rate of a bit line (UART); `None` selects a byte line.
     baud: int | None
@@ -172,7 +172,7 @@ class BoardOptions(TypedDict, total=False):
     host_baud: int | None
     #: Clock of the board, Hz; `None` selects `usual_clock`.
     clock_hz: int | None
-    #: Number of fraction bits of the optics (F of `board_build`).
+    #: Fraction bits of the optics (F of `board_build`).
     fraction_bits: int | None
     #: An existing folder to which the board writes shown frames.
     capture: Path | None
