@@ -31,11 +31,11 @@ myst_heading_anchors = 4
 
 smartquotes_action = "qe"  # convert quotes and ellipses, but keep -- of options
 
+numpydoc_show_class_members = False  # autodoc lists the class members
 autodoc_default_options = {"members": True}
 autodoc_member_order = "bysource"
 autodoc_typehints = "signature"
 autosummary_generate = False  # do not generate numpydoc's pages of members
-numpydoc_show_class_members = False  # autodoc lists the class members
 
 html_theme = "furo"
 html_title = f"Lippmann {release}"

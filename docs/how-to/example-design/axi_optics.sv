@@ -29,7 +29,7 @@ module axi_optics #(
   input  logic [3:0]   s_axil_wstrb,
   output logic         s_axil_bvalid,
   input  logic         s_axil_bready,
-  output logic [1:0]   s_axil_bresp,    // SLVERR: the register or access does not exist
+  output logic [1:0]   s_axil_bresp,    // SLVERR: no such register, or access not possible
   input  logic         s_axil_arvalid,
   output logic         s_axil_arready,
   input  logic [8:0]   s_axil_araddr,   // bytes
