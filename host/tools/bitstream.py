@@ -202,7 +202,7 @@ def check_board(board: FpgaBoard) -> None:
     if not any(math.isclose(mhz, board.oscillator_mhz, rel_tol=1e-6) for mhz in clocks.values()):
         there = ", ".join(f"{clock} is {mhz:g} MHz" for clock, mhz in clocks.items())
         what = f"{board.oscillator_mhz:g} MHz, and {there or 'no pin file has a FREQUENCY PORT'}"
-        raise input_error(f"{where}: oscillator_mhz", what, "give one oscillator clock in both files")
+        raise input_error(f"{where}: oscillator_mhz", what, "give the same oscillator clock in board file and pin file")
     if board.fpga.device not in DEVICES:
         what = f"'{board.fpga.device}' is not a device of nextpnr"
         raise input_error(f"{where}: fpga.device", what, f"choose from {', '.join(DEVICES)}")

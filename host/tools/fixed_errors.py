@@ -248,7 +248,7 @@ def too_slanted(display: Display, build: Build, words: Words) -> ray_sets.Bools:
     centre = np.stack(lattice.centre(i, j), axis=1)
     if build.converge:
         aim = centre
-    # For a ray on the boundary, either fate is correct.
+    # On the boundary, the twin may trace a ray or report it as missed.
     limit = (2.0 - np.ldexp(1.0, 2 - build.fraction_bits)) * np.array([array.pitches_mm[0], array.row_pitch_mm])
     apart = centre - start
     beyond = np.abs(apart - np.outer(apart[:, 1], (array.shear, 0.0))) >= limit

@@ -49,7 +49,7 @@ REFERENCE = "path"
 TRIANGLES, LIGHTS = 20_000, 2
 #: Repeats in `tools.bench render`; distance, mm, of its perspective camera, whose field of view covers the display.
 ROUNDS, CAMERA_MM = 3, 600.0
-#: Displays and samples per pixel: of renders in a separate process, and of measured stages on a CPU and on a GPU.
+#: Pairs of a display and samples per pixel: renders in a separate process; stages on a CPU, and on a GPU.
 SEPARATE = (("paper-square", 4), ("paper-hex", 4), ("uhd-4k", 1), ("uhd-8k", 1))
 CPU_RENDERS = (("paper-square", 4), ("uhd-4k", 1))
 GPU_RENDERS = (*CPU_RENDERS, ("uhd-4k", 16))

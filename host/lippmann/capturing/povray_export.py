@@ -92,7 +92,7 @@ def write_folder(scene: Scene, view: View, folder: Path) -> Exported:
 
 
 def export_display(scene: Scene, display: Display, model: Model, folder: Path) -> Exported:
-    """Write the scene, and a camera with a ray per display pixel, traced by the golden engine.
+    """Write the scene, and a camera whose rays are the golden engine's exit rays, one per pixel.
 
     POV-Ray traces rays from in front of the scene to the display. Raises InputError for
     sub-pixels, too many pixels, and scene parts that POV-Ray cannot express.
