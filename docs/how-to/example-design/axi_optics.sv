@@ -10,7 +10,7 @@
 ///
 /// The subordinate has the 512 bytes of docs/generated/registers.md. The headers of the two stream
 /// adapters define the bits of tdata. While the register field `source` is `stream`, the block
-/// traces the rays of s_axis; while it is `raster`, the block makes the rays itself and s_axis waits.
+/// traces the rays of s_axis; while it is `raster`, the block makes the rays, and s_axis waits.
 ///
 /// For Wishbone, replace lipp_axil_to_apb by lipp_wishbone_to_apb.
 module axi_optics #(
