@@ -44,7 +44,7 @@ class Outline:
     size_px: float
     numbers: Floats
     origin: Floats
-    #: Fraction of camera pixels that see the lenslet in whose outline they lie.
+    #: Fraction of camera pixels whose decoded lenslet is the map's lenslet.
     agree: float = 1.0
 
     def cells(self, photo_px: Values) -> Floats:
@@ -152,7 +152,7 @@ class Lenslets:
     #: Derivatives (N, 2, 2) of panel points by cell position, mm per pitch, and mean.
     moves: Floats
     spread: Floats
-    #: Fraction of camera pixels that see the lenslet in whose outline they lie.
+    #: Fraction of camera pixels whose decoded lenslet is the map's lenslet.
     agree: float
     modulation: float
     readings: Readings | None = None

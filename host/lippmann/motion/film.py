@@ -58,7 +58,7 @@ class MotionPath:
     motion: Annotated[Motion | None, key("interpolation between keys", default="the film's")] = None
 
     def at(self, frame: int) -> Placement:
-        """Return the motion from rest to a frame number, in the display's coordinates."""
+        """Return the motion from the rest position to a frame's, in the display's coordinates."""
         frames = np.array([key.frame for key in self.keys], np.float64)
         numbers = np.array([(*key.offset_mm, *key.rotation_deg, key.scale) for key in self.keys])
         x, y, z, about_x, about_y, about_z, scale = interpolate(frames, numbers, self.motion, frame).tolist()
