@@ -184,7 +184,7 @@ def reasons(top: Path, path: Path = HOLES, toggles: bool = False) -> dict[str, s
 def check_reasons(files: Iterable[str], why: Mapping[str, str], name: str) -> None:
     """Raise InputError if files with lines or bits that tests do not reach have no reason."""
     if unexplained := ", ".join(file for file in files if file not in why):
-        raise input_error(str(HOLES), f"has no reason for the holes in {unexplained}", f"add a table [[{name}]] or a test")
+        raise input_error(str(HOLES), f"has no reason for holes in {unexplained}", f"add a table [[{name}]] or a test")
 
 
 def measure(folder: Path, jobs: int, toggles: bool) -> None:

@@ -175,7 +175,7 @@ def test_what_the_rtl_refuses_is_no_build(parameters, says):
         ({"pixel_pitch": 0.3}, False, r"register x_from_u: 0.3 is outside its range \[-0.25, 0.25\)"),
         ({"grid": "hex", "pixel_pitch": 0.22}, False,
          r"register y_from_v: 0.254034 is outside its range \[-0.25, 0.25\); give rows .* more than 4 pixels apart"),
-        ({"thickness": 9.01}, False, r"register depth: a thickness of 6.01 radii is not below 6"),
+        ({"thickness": 9.01}, False, r"register depth: a thickness of 6.01 radii is outside its range \[0, 6\)"),
         ({"thickness": 0.5, "gap": 0.0}, True,
          r"register.* slope_x and slope_y: a ray's slope is up to [\d.]+, outside the range \[0, 1.732\)"),
         ({"radius": 0.75, "thickness": 3.1, "gap": 3.0, "side": "viewer"}, False,

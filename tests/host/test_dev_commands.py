@@ -261,5 +261,5 @@ def test_each_file_whose_bits_stand_still_has_a_reason():
     why = reasons(repository(), toggles=True)
     still = list(why)
     assert [file for file in still if not (repository() / file).is_file()] == []
-    with pytest.raises(InputError, match=f"has no reason for the holes in {still[0]}; add a table"):
+    with pytest.raises(InputError, match=f"has no reason for holes in {still[0]}; add a table"):
         check_reasons(still, {file: text for file, text in why.items() if file != still[0]}, "still")

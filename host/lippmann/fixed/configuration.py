@@ -376,4 +376,4 @@ def _check_lens(display: Display, build: Build) -> None:
     limit = 4.0 if build.viewer else 6.0
     if array.thickness_mm >= limit * array.radius_mm:
         thickness = f"a thickness of {array.thickness_mm / array.radius_mm:.3g} radii"
-        raise InputError(f"register depth: {thickness} is not below {limit:g}; {_TOO_THICK}")
+        raise InputError(f"register depth: {thickness} is outside its range [0, {limit:g}); {_TOO_THICK}")
