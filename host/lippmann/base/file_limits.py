@@ -84,8 +84,8 @@ def load_arrays(
             return arrays, set(members)
     except InputError:
         raise
-    except Exception as error:  # broken files raise many errors.
-        # These errors mean too large, encrypted, or compressed by an unknown method.
+    except Exception as error:  # broken files raise errors of many classes
+        # These mean too large, encrypted, or compressed by an unknown method.
         if isinstance(error, MemoryError | NotImplementedError | RuntimeError):
             error = ValueError(str(error) or "it is too large")
         usual = ValueError | OSError | KeyError | EOFError | TypeError | zipfile.BadZipFile | zlib.error

@@ -42,7 +42,7 @@ LINEAR_SUFFIXES = (".exr", ".tif", ".tiff")
 #: Suffixes of images with panel values.
 ENCODED_SUFFIXES = (".png",)
 SUFFIXES = LINEAR_SUFFIXES + ENCODED_SUFFIXES
-#: Maximum length of a file name, bytes; its temporary name may have 255.
+#: Maximum bytes of a file name; file systems allow its temporary name 255.
 MAX_NAME_BYTES = 220
 HALF_MAX = 65504.0
 #: Maximum channels of an image: three colours and alpha.

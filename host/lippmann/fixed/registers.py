@@ -26,8 +26,8 @@ from lippmann.fixed.words import Ints
 class Field:
     """A register's bits `low` to `low + width - 1`; `reset` is None if the hardware drives the value.
 
-    `fraction` is the number of fraction bits, or a formula with the build's F. `names`
-    lists the allowed values and their names, unless all values are allowed.
+    `fraction` is the number of fraction bits, or a formula with the build's F. `names`,
+    unless empty, lists the allowed values and their names.
     """
 
     low: int

@@ -175,7 +175,7 @@ def trace_to_panel(
 ) -> Hits:
     """Trace rays from the world, (N, 3) origins in mm and (N, 3) unit directions, to the panel.
 
-    A ray has missed if |dz| is below `FLATTEST`, or if it meets the array beyond
+    A ray has missed if dz is above -`FLATTEST`, or if it meets the array beyond
     `FARTHEST_LENSLETS`. Raises `trace`'s errors, and InputError for directions not of
     length 1.
     """

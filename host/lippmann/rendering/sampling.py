@@ -166,7 +166,7 @@ def colours_of(panel: Panel) -> int:
     return 1 if layout_of(panel.subpixels) is None else 3
 
 
-def pixel_of(first_tile: Jit, place: Jit, width: int, height: int) -> Point:
+def pixel_of(first_tile: Jit, place: Jit, width: int, height: int) -> tuple[Jit, Jit]:
     """Convert pixel indices from tile to image order; tell which pixels are inside."""
     tiles_across = -(-width // TILE_PX)
     tile = first_tile + place // (TILE_PX * TILE_PX)

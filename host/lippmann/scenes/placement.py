@@ -85,7 +85,7 @@ class Placement:
 
     def keeping_depths(self, before: Placement) -> Placement:
         """Return this placement with missing depths from `before`, moved with the scene."""
-        # If this placement tilts the scene, the bounding box replaces missing depths.
+        # If the scene tilts after `before`, the bounding box replaces missing depths.
         step = self.display_from_scene @ before.scene_from_display
         if np.abs(step[2, :2]).max() > 1e-9 * step[2, 2]:
             return self
