@@ -158,7 +158,7 @@ def toggles_page(origin: Mapping[str, str], rtl: list[dict[str, Any]], why: Mapp
     """Return the page of toggle coverage; `why` has the reasons, keyed by file."""
     rows = [{**row, "still": row["toggles"] - row["toggled"], "why": why.get(row["file"], "")} for row in rtl]
     least = sorted((row for row in rows if row["still"]), key=lambda row: -row["still"])
-    plot = _draw_most("toggles", "toggles that no bench sees", {row["file"]: row["still"] for row in least})
+    plot = _draw_most("toggles", "toggles that no quick test sees", {row["file"]: row["still"] for row in least})
     context = {"least": least, "share": share(rtl, "toggled", "toggles"), "toggles": sum(row["toggles"] for row in rtl)}
     columns = ("file", "toggles", "toggled", "still")
     table = [{name: row[name] for name in columns} for row in rows]

@@ -93,9 +93,9 @@ def measure(variant: Named, display: Display, rays_of: str, chunks: Iterator[Wor
 
     `refused` rays were not compared. The errors of direction (microradian; `weighted`: times min(1, 2 cos theta_t)) and
     exit point (nm) are those of rays that leave through the same lenslet in both engines; `status_differs` and
-    `lenslet_differs` count the others. The twin reports a miss for `lost` rays, which would meet more domes than the
-    build tries. `edge_nm` is the largest distance of differing rays except lost ones from the edge where golden's fate
-    changes to the twin's. `kept` is whether errors are within the configuration's promise (None: it has no promise).
+    `lenslet_differs` count differing rays. The twin reports a miss for `lost` rays, which would meet more domes than
+    the build tries. `edge_nm` is the largest distance of differing rays except lost ones from the edge where golden's
+    fate changes to the twin's. `kept`: whether errors are within the configuration's promise (None: it has no promise).
     """
     parts = [_chunk(variant.build, display, words) for words in chunks]
     row = {key: (max if key in MAXIMA else sum)(part[key] for part in parts) for key in parts[0]}

@@ -173,7 +173,7 @@ module lipp_dispatcher #(
     endcase
   end
 
-  // ---- check if the request, which is stable two clocks before state Judge, is legal ----
+  // ---- check if the request, which is stable from two clocks before state Judge, is legal ----
   logic no_block;  // 1: the requested slot or block does not exist
   logic no_tile, version, no_block_q, no_tile_q, version_q;
   // slot_in_use_q: the slot to load is on the panel or selected for it. Only a WRITE can select a

@@ -94,7 +94,7 @@ module lipp_sdram_controller
   if (PadClocks < 0) begin : gen_pads
     $fatal(1, "lipp_sdram_controller: PadClocks must be 0 or more");
   end
-  // The counters suffice for three pending refreshes, and for a tRFC of 30 clocks.
+  // The counters allow three refreshes after the longest transaction, and a tRFC of 30 clocks.
   if (Interval < Longest / 2 || Rfc > 30) begin : gen_clock
     $fatal(1, "lipp_sdram_controller: ClockHz must be about 35 MHz to 400 MHz");
   end

@@ -29,8 +29,8 @@
 /// Rounding errors do not set beyond_o. A downward ray starts in the plane of the domes' vertices
 /// (zc = 1) with dz = -dz_i. For a downward ray, the products with dz_i are truncated before they
 /// are subtracted. A downward ray that misses the sphere continues for half a radius from its point
-/// nearest to the centre. `lipp_cell_step` leads a ray that missed a sphere to the dome that the
-/// ray meets next. The latency is meet_dome_latency(F) clocks.
+/// nearest to the centre. From the end of this half radius, `lipp_cell_step` leads to the dome that
+/// the ray meets next. The latency is meet_dome_latency(F) clocks.
 module lipp_meet_dome #(
   parameter int F = 23,
   parameter bit CrossCells = 1'b0,  // 1: cross terms use multiplier cells
