@@ -131,7 +131,7 @@ NO_TEXT = (b"\xff\xfe\x00\x01", b"u,v\n\0\n")
             for code in (-1, 8)
         ),
         ("rays.mem", "12_ab // a ray\nxyz\n", "0\n", "rays.mem:2: 'xyz' is not hexadecimal; give one hexadecimal line"),
-        ("rays.mem", "\n" + "f" * 40, "0\n", "rays.mem:2: exceeds the 141 bits of a ray; shorten it"),
+        ("rays.mem", "\n" + "f" * 40, "0\n", "rays.mem:2: exceeds the 141 bits of a ray; clear the high bits"),
         ("rays.mem", "0\n", "0\n0\n", "rays.mem: has no rays, or not as many as the input file"),
         ("rays.mem", "", "", "rays.mem: has no rays, or not as many as the input file"),
         *(("rays.csv", content, None, "rays.csv: is not text") for content in NO_TEXT),

@@ -72,7 +72,7 @@ class Verdict:
 
 
 def judge_folder(folder: Path) -> Verdict:
-    """Evaluate a folder's photographs of 1-white and 2-dark from the eye's position."""
+    """Evaluate a folder's photographs of 1-white and 2-dark, taken from the eye's position."""
     if not folder.is_dir():
         raise input_error(folder, "the folder does not exist", "give the photographs' folder")
     paths = []

@@ -278,7 +278,7 @@ def _surrounded(table: Floats, places: Indices, least: Floats | float) -> Bools:
 def are_complete(index: Indices, counts: Indices, neighbours: float) -> Bools:
     """Return a mask (N,) of lenslets with about as many pixels as their largest neighbour.
 
-    On each side is a lenslet with at least `neighbours` times the largest neighbour's pixels.
+    On all four sides is a lenslet with at least `neighbours` times the largest neighbour's pixels.
     """
     table, places = _table(index, counts)
     i, j = places

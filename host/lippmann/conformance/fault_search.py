@@ -30,9 +30,9 @@ from lippmann.conformance.tracer_faults import (
 from lippmann.display.description import Display
 from lippmann.optics.rays import Floats
 
-#: Number of wrong rays for trials of known faults, and for fits of parameters.
+#: Wrong rays for trials of known faults, and for fits of parameters.
 SAMPLE, FIT_SAMPLE = 1500, 300
-#: Number of wrong rays on which pairs of faults are tried first.
+#: Wrong rays on which pairs of faults are tried first.
 FEW = 90
 #: In wrong arrays: maximum distance from a fault's rays, divided by that from golden
 #: rays. In any array: maximum excess of the fault's distance over golden's.

@@ -81,7 +81,7 @@ def judge(foreign: ForeignRays, bounds: Bounds = USUAL, two_faults: bool = True)
 
     Numbers are compared with golden rays within `bounds`, words with the twin bit by
     bit. `two_faults` allows a search for a pair of faults if no single fault explains
-    the rays. This search takes ten seconds.
+    the rays. This search takes about ten seconds.
     """
     if foreign.words is None:
         comparison = compare(foreign, bounds, every=False)

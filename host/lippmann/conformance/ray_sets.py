@@ -208,7 +208,7 @@ def words_of_lines(lines: Sequence[str], widths: Sequence[int], where: Callable[
         if bits < 0:
             raise input_error(where(ray), f"'{text[:20]}' is not hexadecimal", "give one hexadecimal line per ray")
         if bits >> total:
-            remedy = "shorten it (see vectors.json), or give another --fraction-bits"
+            remedy = "clear the high bits (see vectors.json), or change --fraction-bits"
             raise input_error(where(ray), f"exceeds the {total} bits of a ray", remedy)
         rays.append(bits)
     remaining_bits, words = np.array(rays, object), []

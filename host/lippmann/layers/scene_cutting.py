@@ -247,7 +247,7 @@ class Area:
         return np.array([[a, 0.0, -a * self.x0], [0.0, d, -d * self.y1]])
 
     def cells(self, mask: Bools, margin: float) -> Area:
-        """Return the area of a mask's true cells, a margin and a cell on each side."""
+        """Return the area of a mask's true cells, plus a margin and a cell on each side."""
         rows, columns = np.flatnonzero(mask.any(axis=1)), np.flatnonzero(mask.any(axis=0))
         across, down = self.size[0] / mask.shape[1], self.size[1] / mask.shape[0]
         return Area(
