@@ -23,7 +23,7 @@ from lippmann.conformance.pages import Page
 from lippmann.conformance.plots import COLOURS, Plot, finish_picture, make_axes
 from lippmann.display.description import Display, Grid
 from lippmann.engines import trace
-from lippmann.fixed import ray_pipeline
+from lippmann.fixed import ray_pipeline, ray_start
 from lippmann.fixed.build import Build
 from lippmann.fixed.configuration import Configuration, configuration
 from lippmann.fixed.conversion import pixels_of_words
@@ -273,8 +273,8 @@ def _leave_flat(
     return nx + path * dx, ny + path * dy, index * dx, index * dy, dz
 
 
-#: The steps' functions, keyed by their names in `ray_pipeline`: the twin's, and float64 functions.
-TWIN: Steps = dict(vars(ray_pipeline))
+#: The steps' functions, keyed by name: the twin's, and float64 functions.
+TWIN: Steps = vars(ray_start) | vars(ray_pipeline)
 FLOAT: Steps = {name: globals()[f"_{name}"] for name in ("pixel_to_lattice", "shear", "blend", *_ADDED)}
 
 
