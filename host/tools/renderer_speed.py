@@ -374,7 +374,7 @@ def measure_stages(scenes: Path, seed: int) -> Iterator[dict[str, Any]]:
         yield {"what": _label(name, samples), "gpu": gpu, **within, **process}
 
 
-#: Axis labels of sizes, where they differ from the name in the rows.
+#: Axis labels of the varied sizes, where they differ from the column's name.
 GROWTH = {"triangles": "primitives (triangles)", "samples": "samples a pixel"}
 
 

@@ -152,7 +152,7 @@ def _reach_exact(b: Backend, system: System, ray: Ray) -> Landing:
 
 
 def _out_of_glass(b: Backend, system: System, ray: Ray, plane: float | None, upward: bool = True) -> Exit:
-    """Trace rays in glass through a dome; if `plane` is set, find their lenslets at this height."""
+    """Trace rays in glass through a dome; if `plane` is set, find their lenslets at z = `plane`."""
     start = (0.0, 0.0)
     if plane is not None:
         ray, start = _relocated(b, system, transported(ray, plane))

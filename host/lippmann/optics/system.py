@@ -167,7 +167,7 @@ class System:
         if self.convergence.share == 0.0:
             return i, j, qx, qy
         cx, cy = self.lattice.centre(i, j)
-        return i, j, x - cx, y - cy  # inverting q would magnify q's rounding error by 1 / (1 - s)
+        return i, j, x - cx, y - cy  # from q, the rounding error would be 1 / (1 - s) times as large
 
     def through_mount(self, b: Backend, status: Arr, passed: Point, own: Point | None = None) -> Arr:
         """Return `status`; BLOCKED if lenslet `own` is absent, or `passed` is absent for a ray not MISSED."""

@@ -127,7 +127,7 @@ def render_on_cluster(
     `local_workers`. Workers render on `device` ("auto", "llvm" or "cuda"). Raises
     InputError if no scheduler or worker answers, or a worker has another scene or
     version. Raises DeviceError if the scheduler or all local workers are lost, or if a
-    band crashes workers. Raises MissingLibraryError if Dask or Lippmann is missing.
+    band crashes workers. Raises MissingLibraryError if a library is missing.
     """
     if not bands:
         return
