@@ -94,8 +94,8 @@ def render(
     """Render the integral image of a scene for a display; the logger "lippmann" reports what "auto" chose.
 
     Raises InputError for an invalid file or value, and for an image that exceeds the
-    memory limit. Raises DeviceError if the scheduler or all workers are lost. Raises
-    MissingLibraryError if Mitsuba, Dask or a tool of the engine is missing.
+    memory limit. Raises DeviceError if the scheduler or all local workers are lost.
+    Raises MissingLibraryError if Mitsuba, Dask or a tool of the engine is missing.
 
     Parameters
     ----------

@@ -44,7 +44,7 @@ def write_video(
 
         ffmpeg = imageio_ffmpeg.get_ffmpeg_exe()
     except (ImportError, RuntimeError) as error:
-        raise MissingLibraryError(f"ffmpeg is missing ({error}); {to_install()}") from None
+        raise MissingLibraryError(f"ffmpeg is missing ({error}); {to_install('render')}") from None
     rate = Fraction(frames_per_second).limit_denominator(1000)
     source = ["-f", "rawvideo", "-pix_fmt", "rgb24", "-s", f"{width_px}x{height_px}", "-r", str(rate), "-i", "-"]
     if path.suffix.lower() in LOSSLESS_SUFFIXES:

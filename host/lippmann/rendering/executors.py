@@ -141,7 +141,7 @@ def render_on_cluster(
         ) from None
     except (OSError, CancelledError) as error:  # Dask has lost the scheduler
         what = f"the scheduler is lost ({type(error).__name__})"
-        remedy = "start it and run the command again: finished bands are kept"
+        remedy = "start it, then render again; stored bands are kept"
         raise device_error(address, what, remedy) from None
     finally:
         client.close()
@@ -154,6 +154,7 @@ def _distribute(client: Client, device: str, bands: Sequence[Band], where: str, 
     running: dict[BandFuture, Band] = {}
     alone = time.monotonic()
     heartbeats: dict[str, tuple[float, float]] = {}
+    patience_s = STOPPED_WORKER_S
     while True:
         threads = sum(client.nthreads().values())
         room = max(1, AHEAD * threads) - len(running)
@@ -164,16 +165,20 @@ def _distribute(client: Client, device: str, bands: Sequence[Band], where: str, 
         finished: set[BandFuture] = set()
         with contextlib.suppress(TimeoutError):
             finished = wait(list(running), timeout=1.0, return_when="FIRST_COMPLETED").done
+        _give_up_stopped_workers(client, heartbeats, where)
         for future in finished:
-            band = running.pop(future)
+            band = running[future]
             try:
-                radiance, choices = future.result()
+                radiance, choices = future.result(timeout=patience_s)
+            except TimeoutError:  # a stopped worker may hold the band; a slow line needs more time
+                patience_s *= 2.0
+                break
             except KilledWorker:
                 cause = f"they may lack memory: {'see their logs' if remedy else 'use fewer workers'}"
                 raise device_error(where, f"{band} crashed several workers", cause) from None
+            del running[future]
             future.release()
             yield RenderedBand(band, radiance, choices)
-        _give_up_stopped_workers(client, heartbeats, where)
         if threads:
             alone = time.monotonic()
         elif not remedy and time.monotonic() - alone > STOPPED_WORKER_S:
@@ -213,7 +218,7 @@ def local_workers(count: int) -> Iterator[tuple[str, Security]]:
 
         security = Security.temporary()
     except ImportError as error:
-        raise missing_library(error) from None
+        raise missing_library(error, "cluster") from None
     no_pages = {f"distributed.{one}.http.routes": list[str]() for one in ("scheduler", "worker")}
     with starting_python(), dask.config.set(no_pages):
         with interrupts.blocked_in_children():

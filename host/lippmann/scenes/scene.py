@@ -17,7 +17,7 @@ import numpy as np
 
 from lippmann.base.file_limits import check_xml
 from lippmann.base.variant import dr, mi
-from lippmann.errors import InputError, check_type, input_error, likely_file, path_of
+from lippmann.errors import InputError, check_type, input_error, likely_file, missing_library, path_of
 from lippmann.scenes.formats import FORMATS, SUFFIXES, as_mitsuba, kind_of
 from lippmann.scenes.light_field_emitter import register_light_field
 from lippmann.scenes.meshes import check_faces
@@ -146,6 +146,8 @@ def parsed(
             yield config, mi.parser.parse_file(config, str(file))
     except InputError:
         raise
+    except ImportError as error:
+        raise missing_library(error) from None
     except OSError as error:
         what = f"names {error.filename}, which cannot be read ({error.strerror})"
         raise input_error(path, what, "mend the scene file") from None
