@@ -395,7 +395,7 @@ WRONG = [
     (lambda _: lp.LayerStack(3), r"layers must be a list of lippmann\.Layer, not '3'"),
     (lambda _: lp.load_layers(FISH).moved(scale="x"), "scale x is out of range"),
     (lambda _: lp.load_layers(FISH).moved(offset_mm=(1,)), r"offset_mm has shape \(1,\); give \(x, y, z\) in mm"),
-    (lambda _: lp.load_layers(FISH).moved(2.0, "x"), "offset_mm is not an array of numbers"),
+    (lambda _: lp.load_layers(FISH).moved(2.0, "x"), "offset_mm has an entry that is not a number; give"),
     (lambda _: lp.load_setup(SETUP).resized("x"), "size 'x' is not a whole number"),
     (lambda _: lp.capture("ball.xml", SETUP, rotate="x"), "rotate must be True or False, not 'x'"),
     (lambda _: lp.Board.open("loop://", baud="x"), "the baud rate x is not positive"),

@@ -172,8 +172,9 @@ def test_a_lost_scheduler_ends_the_film(mi, place, cluster, monkeypatch, refusal
     assert {path.suffix for path in (place / "shared").iterdir()} == {".exr"}
 
 
-def test_a_stopped_worker_is_given_up_and_told(mi, place, cluster, monkeypatch, caplog):
-    """Dask waits five minutes for a process that is stopped and keeps its connections."""
+@pytest.mark.parametrize("holds_bands", [False, True])
+def test_a_stopped_worker_is_given_up_and_told(mi, place, cluster, monkeypatch, caplog, holds_bands):
+    """Dask waits five minutes for a process that is stopped and keeps its connections, or its finished bands."""
     monkeypatch.setattr(executors, "STOPPED_WORKER_S", 3.0)
     monkeypatch.setitem(memory_estimate.BAND_PIXELS, "llvm", 1)
     caplog.set_level("INFO", "lippmann")
@@ -182,9 +183,16 @@ def test_a_stopped_worker_is_given_up_and_told(mi, place, cluster, monkeypatch, 
     stopped, _ = cluster.worker(), cluster.worker()
     with distributed.Client(cluster.address) as client:
         client.wait_for_workers(2)
-    stopped.send_signal(signal.SIGSTOP)
+    halted = []
+
+    def stop(rows, total=0):
+        if rows and not halted:
+            time.sleep(4.0 * holds_bands)  # the worker finishes the bands that it has
+            halted.append(stopped.send_signal(signal.SIGSTOP))
+
+    stop(not holds_bands)
     sink, began = MemorySink(plan), time.monotonic()
-    render_into(sink, choose_executor(scheduler=cluster.address, device="llvm"))
+    render_into(sink, choose_executor(scheduler=cluster.address, device="llvm"), stop)
     assert time.monotonic() - began < PATIENCE_S
     np.testing.assert_array_equal(sink.radiance, render_picture(plan).radiance)
     assert any("has not answered for 3 s; others render its bands" in line for line in caplog.messages)

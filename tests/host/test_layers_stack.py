@@ -57,7 +57,7 @@ def test_opacity_has_256_steps_without_one_half_lost():
         ({"depth_mm": -math.inf}, "depth_mm -inf is out of range; give -1e.06 to 1e.06, or inf for a sky"),
         ({"matrix": np.eye(3)}, r"matrix has shape \(3, 3\); give \(2, 3\)"),
         ({"matrix": np.full((2, 3), np.nan)}, "matrix contains a value that is not finite"),
-        ({"matrix": "one"}, "matrix is not an array of numbers"),
+        ({"matrix": "one"}, "matrix has an entry that is not a number; give"),
         ({"brightness": 1.01}, "brightness 1.01 is out of range; give 0 to 1"),
         ({"visible": 1}, "visible must be True or False, not '1'"),
     ],

@@ -185,7 +185,10 @@ def test_slots_are_chosen_by_what_they_hold_and_what_is_shown(model):
     ("depths", "says"),
     [
         ((0.0, 600.0), "600 mm is not in front of the eyes .*; give less than 600"),
-        ((0.0,) * 5, "5 layers do not fit the board, which draws 4; cut the scene again with lippmann layers --count"),
+        (
+            (0.0,) * 5,
+            "5 layers do not fit the board, which draws 4; cut the scene again with lippmann layers --count 4",
+        ),
     ],
 )
 def test_stacks_that_cannot_be_drawn_are_refused_by_every_write(model, depths, says):

@@ -241,7 +241,7 @@ def test_the_command_turns_a_scene_by_itself(place, capfd):
     ]) == 0  # fmt: skip
     out, error = capfd.readouterr()
     told = json.loads(out)
-    assert told["frames"] > 1
+    assert told["frames"] > 3
     assert told["samples"] == 8
     assert told["first_s"] < 5.0
     assert told["block"] == 1
@@ -331,7 +331,7 @@ def test_space_stops_a_film_and_full_stops_step_it(reel):
 
 def test_the_command_plays_a_film(reel, capfd, refusal_of):
     common = ["live", "f.toml", "--display", "d.toml", "--device", "llvm"]
-    assert run([*common, "--seconds", "2", "--samples", "4", "--json"]) == 0
+    assert run([*common, "--seconds", "4", "--samples", "4", "--json"]) == 0
     told = json.loads(capfd.readouterr().out)
     assert told["frames"] > 3
     assert told["samples"] == 4

@@ -537,7 +537,8 @@ def test_a_face_names_vertices_that_are_there(tmp_path, mi, form, sides):
         if right:
             check_faces(tmp_path / "a.ply")
         else:
-            refused(tmp_path / "a.xml", ("a.ply", f"a face uses vertex {last}, but the file has 4 (from 0); export"))
+            what = f"a face uses vertex {last}, but the file has 4 (from 0); export it again"
+            refused(tmp_path / "a.xml", ("a.ply", what))
     head = (tmp_path / "a.ply").read_bytes().partition(b"element face")[0]
     (tmp_path / "a.ply").write_bytes(head + b"element face -1\nend_header\n" + bytes(100))
     refused(tmp_path / "a.xml", ("a.ply", "negative count"))

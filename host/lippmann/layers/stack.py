@@ -194,7 +194,7 @@ def _array(
         # Conversion to bytes would lose fractions or high bits.
         array = np.asarray(values, None if kind is np.uint8 else kind)
     except (TypeError, ValueError, OverflowError):
-        raise InputError(f"{name} is not an array of numbers; give numbers") from None
+        raise InputError(f"{name} has an entry that is not a number; give {form}") from None
     if array.dtype != kind:
         raise InputError(f"{name} has type {array.dtype}; give uint8")
     sides = zip(shape, array.shape, strict=False)
