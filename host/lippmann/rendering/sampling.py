@@ -18,7 +18,7 @@ from lippmann.fixed.words import PIXEL_FRACTION
 from lippmann.optics.backend import DrJitBackend, Point
 from lippmann.optics.lattice import Lattice
 from lippmann.optics.rays import Engine, Model, gets_through
-from lippmann.optics.sample_points import HASH_ROUNDS, points_in_pixel, points_in_square, square_to_cell
+from lippmann.optics.sample_points import GOLDEN_STEP, HASH_ROUNDS, points_in_pixel, points_in_square, square_to_cell
 from lippmann.optics.system import System
 from lippmann.optics.trace import rays_from_pixels
 from lippmann.scenes.placement import Placement
@@ -280,8 +280,8 @@ def sampler_of(seeds: Seeds, pixel: Jit, sample: Jit) -> Jit:
     """Return a random sampler for integrators, seeded with pixel and sample indices (UInt32)."""
     # The random numbers do not depend on chunks, bands, workers or colours.
     sampler = _sampler_class(mi.variant())(mi.Properties())
-    first, second = mi.sample_tea_32(pixel, seeds.image + seeds.number, HASH_ROUNDS)
-    state, stream = mi.sample_tea_32(first ^ sample, second, HASH_ROUNDS)
+    key = seeds.image + seeds.number + sample * GOLDEN_STEP
+    state, stream = mi.sample_tea_32(pixel, key, HASH_ROUNDS)
     sampler.numbers = mi.PCG32(initstate=mi.UInt64(state), initseq=mi.UInt64(stream))
     return sampler
 
