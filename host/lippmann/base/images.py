@@ -378,7 +378,7 @@ class StoredRows:
     def _read(self, first: int, last: int) -> Radiance:
         """Read the rows `first` to `last` - 1; reuse rows that the previous call read."""
         if self._closed:
-            raise ValueError(f"{self._path} is closed")
+            raise ValueError(f"{self._path} is closed; open it again")
         cached = self._rows[:0]
         if first >= self._first:
             cached = self._rows[first - self._first :][: last - first]

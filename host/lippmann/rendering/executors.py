@@ -184,7 +184,7 @@ def _distribute(client: Client, device: str, bands: Sequence[Band], where: str, 
         elif not remedy and time.monotonic() - alone > STOPPED_WORKER_S:
             raise device_error(where, "no worker is left", "run the command again")
         elif remedy and time.monotonic() - alone > ALONE_S:
-            logger.info("%s: no worker is left; waiting for a worker%s", where, remedy)
+            logger.warning("%s: no worker is left; waiting for a worker%s", where, remedy)
             alone = float("inf")
 
 
@@ -205,7 +205,7 @@ def _give_up_stopped_workers(client: Client, heartbeats: dict[str, tuple[float, 
             client.run_on_scheduler(remove)
             del heartbeats[address]
             message = "worker %s has not answered for %.0f s; others render its bands"
-            logger.info(f"%s: {message}", where, address, STOPPED_WORKER_S)
+            logger.warning(f"%s: {message}", where, address, STOPPED_WORKER_S)
 
 
 @contextlib.contextmanager
