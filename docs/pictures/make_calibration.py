@@ -14,7 +14,7 @@ from make_pictures import SCENES, picture, row
 #: Errors of the display as built, and positions of the camera in mm, both as in docs/how-to/calibrate.md.
 BUILT = {"rotation_deg": 0.3, "pitch_scale": 1.002, "gap_mm": 0.2}
 PLACES = "0,0,80", "35,12,90", "-30,-10,115"
-#: File pattern of the photograph in the picture, and the eye whose views are drawn.
+#: Glob pattern of the photograph in the picture, and the eye whose views are drawn.
 SHOWN, EYE = "position-1/*-phase-x-0.png", Eye((0.0, 0.0, 600.0))
 WIDTH_PX = 320
 

@@ -19,7 +19,7 @@
 ///
 ///   OpClaim  waits until no apply is pending. StatusOk permits a write to the optics registers.
 ///   OpTrace  traces the rays of the stream. After done_o with StatusOk, nine words per exit ray
-///            follow as a stream. The source is the raster again before the last ray's words.
+///            follow as a stream. Before the last ray's words, the raster is the source again.
 ///   OpSign   starts a frame whose rays are signed. OpSign returns StatusBusy if the frame has
 ///            started, otherwise StatusOptics.
 ///   OpResult returns StatusOk when all rays of the last OpSign are signed, otherwise StatusBusy or

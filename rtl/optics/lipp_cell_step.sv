@@ -13,7 +13,7 @@
 /// On the square grid, di is the sign of q0 if q0 is outside, else 0; dj likewise follows from q1:
 ///
 ///   q0 = nx - s ny
-///   q1 = ny            (compared with py / (2 R), where py is the distance of rows).
+///   q1 = ny            (compared with py / (2 R), where py is the distance between rows).
 ///
 /// On the hexagonal grid, the step (di, dj) crosses the side of the cell with the largest |q|,
 /// where |q| is ~q for q < 0. The step is (1, 0) for q0, (0, 1) for q1, (-1, 1) for q2, and the
@@ -30,7 +30,7 @@
 ///   q0   = ((nx << 3) - (ny s >> F-3) + 4) >> 3
 ///   q1   = ((ny m >> F-2) + (nx << 2) + (n ny << 3) + 4) >> 3,  h = n 2^(F+1) + m.
 ///
-/// The distances, H and h have F + 1 fraction bits, and s has F. The latency is
+/// The words q, H and h have F + 1 fraction bits, and s has F. The latency is
 /// cell_step_latency(Grid, F, Shear) clocks.
 module lipp_cell_step #(
   parameter int F = 23,

@@ -7,8 +7,8 @@
 /// pixel; the pixel may lie under a neighbouring lenslet. Input x is measured from the lenslet's
 /// centre C to the point where the line from the pixel to the eye crosses the aperture plane. Let D
 /// be the distance from the panel to the aperture plane, E the eye's distance from that plane, s =
-/// D / (D + E), and A the point in front of the eye. The pixel's point from the lenslet's centre is
-/// (x + (C - A) s) / (1 - s). The module computes the pixel's point times (1 - s). In the formulas
+/// D / (D + E), and A the panel point in front of the eye. The pixel's point from the lenslet's
+/// centre is (x + (C - A) s) / (1 - s). The module computes (1 - s) times this point. In formulas,
 /// all words are integers, and a b >> k is the product of `lipp_multiplier` truncated by k bits:
 ///
 ///   t_x  = (x << 2) + (16 C_x s >> 14) + o_x + 2,   x' = t_x >> 2,   y' likewise.

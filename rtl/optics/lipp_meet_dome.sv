@@ -68,7 +68,7 @@ module lipp_meet_dome #(
     $fatal(1, "lipp_meet_dome: F must be 14 to 23");
   end
 
-  // ---- compute b, the distance to V from the point of the ray nearest to the centre ----
+  // ---- compute b, the distance to V from the ray's point nearest to the centre ----
   localparam int DotDrop = F - 1 - Guard;  // truncated bits, in addition to the E or 3 E bits of d
   localparam int Wd = Wf + W - DotDrop;
   logic signed [Wd-1:0] bx, by, bz, bz_late, bxy_q, b_sum_q;

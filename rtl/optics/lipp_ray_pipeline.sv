@@ -124,7 +124,7 @@ module lipp_ray_pipeline #(
 
   // ---- trace the ray through the lenslet ----
   localparam int Early = extent_latency() - 1;  // latency of lipp_extent minus 1
-  logic signed [IndexBits-1:0] early_i, early_j, out_i, out_j;  // early_i precedes out_i by Early
+  logic signed [IndexBits-1:0] early_i, early_j, out_i, out_j;  // early: Early clocks before out
   logic signed [Wf-1:0] out_x, out_y, out_z;
   logic signed [W-1:0] out_dx, out_dy, out_dz;
   logic out_missed, out_beyond, out_reflected, out_crosstalk;

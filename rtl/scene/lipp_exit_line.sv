@@ -70,7 +70,7 @@ module lipp_exit_line #(
     .Wa(F + 6), .Wb(F + 6), .Drop(F + 2), .Square(1'b1)
   ) i_inverse (.clk_i, .a_i(root_word), .b_i(root_word), .p_o(inverse));
 
-  // This delay matches the latency of r. Registers dx_q, dy_q shorten the delay to one ring buffer.
+  // This delay matches the latency of r. With registers dx_q, dy_q one ring buffer suffices.
   logic signed [W-1:0] dx_q, dy_q, dx_late, dy_late;
   always_ff @(posedge clk_i) {dx_q, dy_q} <= {dx_i, dy_i};
   lipp_delay #(.Width(2 * W), .Cycles(InverseLatency - 1), .Block(1'b0)) i_direction (

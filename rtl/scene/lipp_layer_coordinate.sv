@@ -75,7 +75,7 @@ module lipp_layer_coordinate #(
   lipp_row_multiplier #(.Wa(Wx), .Wb(Wl), .Drop(F)) i_step_y (
     .clk_i, .a_i(depth), .b_i(slope_y_i), .p_o(step_y)
   );
-  // For a sky, x and y are set to 0 after this delay, so that all layers can share one delay.
+  // For a sky layer, x and y are set to 0 after this delay, so that all layers can share one delay.
   lipp_delay #(.Width(2 * Wx), .Cycles(DepthLatency)) i_position (
     .clk_i, .d_i({x_i, y_i}), .q_o({x_late, y_late})
   );

@@ -52,7 +52,7 @@ package lipp_scene_pkg;
   localparam scene_build_t FourLayers =
       '{layers: 4'd4, slots: 4'd5, width_bits: 4'd8, height: 11'd192, default: '0};
 
-  /// Look of a layer: the fields of the register `look`.
+  /// Appearance of a layer: the fields of the register `look`.
   typedef struct packed {
     logic [14:0] unused_high;
     logic [8:0]  brightness;  // brightness factor in units of 1/256, up to 256

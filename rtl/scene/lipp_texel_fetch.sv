@@ -96,7 +96,7 @@ module lipp_texel_fetch #(
         column_q <= column;
         row_q <= row;
         hidden_q <= hidden_i[k];
-        // A negative coordinate, read as unsigned, is also found outside the texture.
+        // Compared as unsigned, a negative coordinate is also outside the texture.
         inside_q <= !hidden_q && column_q[WholeBits-1:WidthBits] == '0
             && row_q < WholeBits'(Height);
         at_q[k] <= AddressBits'({row_q, column_q[WidthBits-1:0]});
@@ -110,8 +110,8 @@ module lipp_texel_fetch #(
         s_i[k][CoordinateFraction-1:0], t_i[k][CoordinateFraction-1:0], row_q[WholeBits-1]
       };
     end else begin : gen_bilinear
-      // Element [0] is half the column (or row) of the taps with an even column (or row), and
-      // element [1] is half of the odd column (or row).
+      // The taps read two columns and two rows. Element [0] is half the even column (or row), and
+      // element [1] is half the odd column (or row), rounded down.
       logic [1:0][WholeBits-2:0] column_q, row_q;
       logic [1:0] column_in_q, row_in_q, column_in, row_in;
       logic [CoordinateFraction:0] f_q, g_q, f_late, g_late;
