@@ -157,7 +157,7 @@ def test_a_busy_board_says_what_runs():
         board.abort()
         board.write(0x200, [1])
         model.runs, model.stream = SIGN_RUNS, True
-        with pytest.raises(DeviceError, match=r"refuses TRACE while a signature \(100 rays so far\) runs"):
+        with pytest.raises(DeviceError, match=r"refuses TRACE while a SIGN request \(100 rays so far\) runs"):
             trace()
         model.epoch = 5
         board.hello()

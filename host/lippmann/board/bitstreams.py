@@ -46,7 +46,7 @@ REMEDY = "give a file that make bitstream wrote"
 
 @dataclass(frozen=True)
 class BitFile:
-    """Header of a bitstream; if `make bitstream` wrote no text, only `idcode` is set."""
+    """Header of a bitstream; only `idcode` is set if `make bitstream` did not write it."""
 
     idcode: int
     board: str
@@ -60,7 +60,7 @@ class BitFile:
         return DEVICES.get(self.idcode, f"0x{self.idcode:08x}")
 
 
-#: Placeholder for the digest in the header text.
+#: Placeholder for the SHA-256 in the header text.
 NO_DIGEST = b"0" * 64
 #: Header text that `make bitstream` writes. A file that contains one of `WORDS`, but
 #: not the complete text, is damaged.
@@ -71,7 +71,7 @@ WORDS = (b"Lippmann", b"identity=", b"sha256=")
 
 
 def comment(board: str, display: str, identity: str, design: str, seed: int) -> str:
-    """Return the header text for a new bitstream, with zeros in place of the digest."""
+    """Return the header text for a new bitstream, with zeros in place of its SHA-256."""
     text = f"Lippmann board={board} display={display} identity={identity} design={design} seed={seed}"
     return f"{text} sha256={NO_DIGEST.decode()}"
 
@@ -258,7 +258,7 @@ def _failure(board: FpgaBoard, output: str, code: int, again: str) -> DeviceErro
             if re.search(words, line.lower()):
                 return device_error(board.name, f"{what} ({line})", remedy)
     wrong = [line for line in lines if any(word in line.lower() for word in ("error", "fail", "unable", *NOT_FOUND))]
-    causes = [line for line in wrong if "std::exception" not in line]  # std::exception names no cause
+    causes = [line for line in wrong if "std::exception" not in line]  # this line names no cause
     why = (causes or wrong or lines or [f"exit code {code}"])[-1]
     if any(word in output.lower() for word in NOT_FOUND):
         return no_board_error(board.name, f"openFPGALoader finds no board ({why})", CONNECT)

@@ -122,7 +122,7 @@ class Board(Session):
 
         The panel keeps its frame until the new frame is complete and its CRC-32 is correct.
         While the board draws a scene, the frame is stored but not shown (LippmannWarning).
-        `progress` reports tiles.
+        `progress` counts tiles.
 
         Raises the errors of `image_frame`, and DeviceError when the board does not
         answer, shows a test pattern, or refuses the frame.
@@ -135,7 +135,7 @@ class Board(Session):
     ) -> Sent:
         """Render a plan and show the image; complete tiles are sent after each rendered band.
 
-        `progress` reports rows. Raises the errors of `show` and `executor`; after an
+        `progress` counts rows. Raises the errors of `show` and `executor`; after an
         error, the panel keeps its frame.
         """
         if not hasattr(plan, "bands"):
@@ -202,7 +202,7 @@ class Board(Session):
 
 @dataclass(frozen=True)
 class Check:
-    """Result of `check_rays`: number of rays, and the CRC-32 of the board's and the twin's words."""
+    """Result of `check_rays`: number of rays, and the CRC-32 of the board's and of the twin's rays."""
 
     rays: int
     board_crc: int
@@ -219,7 +219,7 @@ def check_rays(board: Board, display: Display, columns: tuple[int, int], rows: t
 
     `columns` and `rows` give the region's first and last pixel, counted from the
     panel's top left. Raises InputError for a region outside the panel, and for a
-    display that the optics do not support.
+    display that the board does not support.
     """
     panel = display.panel
     frame = Raster(*panel.size_px, columns, rows)

@@ -158,7 +158,7 @@ class SceneBoard:
         return self.crcs(slot) == list(map(zlib.crc32, _cut(content)))
 
     def free_slots(self, contents: Sequence[bytes]) -> list[int]:
-        """Return a slot for each content: one that has it already, or a writable slot.
+        """Return a slot for each texture: one that already contains it, or a writable slot.
 
         Raises DeviceError if too few slots are available.
         """
@@ -192,7 +192,7 @@ class SceneBoard:
         return self._write_layers(self._scene_words(display, stack, slots))
 
     def prepare(self, display: Display, stack: LayerStack, slots: Sequence[int] | None = None) -> None:
-        """Write optics, lattice, background and layers while no scene is shown.
+        """Write optics, lattice, background and layers; no scene may be shown.
 
         Raises the errors of `set_stack`.
         """
@@ -239,7 +239,7 @@ class SceneBoard:
             time.sleep(QUERY_S)
 
     def status(self) -> SceneStatus:
-        """Return the status of the scene, and its counts of frames and underflows."""
+        """Return the scene's status, with counts of frames and underflows."""
         register = REGISTERS["scene.status"]
         word, frames, underflows = self.board.read(register.address, 3)
         value = register.values(word)

@@ -33,11 +33,11 @@ class Played:
 def load_textures(
     scene: SceneBoard, display: Display, film: LayerFilm, progress: Progress | None = None, where: str = "film"
 ) -> tuple[Loaded, list[int]]:
-    """Load a film's textures and the panel's transfer curve; return the counts and each layer's slot.
+    """Load a film's textures and the panel's transfer curve; return transfer counts and each layer's slot.
 
     A shown scene stays on the panel unless it uses another transfer curve. `progress`
     counts blocks. `where` names the film in messages. Raises InputError, before it
-    sends anything, for layers that do not fit the build and for motion beyond a
+    sends anything, for layers that do not fit the board and for motion beyond a
     register's range. Raises DeviceError when too few slots are free, and the errors of
     `SceneBoard.load`.
     """
@@ -72,11 +72,11 @@ def play_film(
 ) -> Played:
     """Play a film `repeat` times (0: endlessly); the last frame stays on the panel.
 
-    `slots` are the slots that `load_textures` returned. Frames are written at the
-    film's speed; with `every_frame`, each frame is written when the panel shows the
-    previous frame. `progress` counts frames, unless the film is endless. `played`
-    receives the counts, also after Ctrl-C. Raises DeviceError when the board refuses a
-    write, the panel does not change, or no scene is shown at the end.
+    `slots` comes from `load_textures`. Frames are written at the film's speed; with
+    `every_frame`, each frame is written when the panel shows the previous frame.
+    `progress` counts frames, unless the film is endless. `played` receives the counts,
+    also after Ctrl-C. Raises DeviceError when the board refuses a write, the panel does
+    not change, or no scene is shown at the end.
     """
     played = Played() if played is None else played
     line = scene.board.line

@@ -147,7 +147,7 @@ def _check_identity(name: str, identity: str | None, target: Hello | Target, for
     panel_identity = f"{target.identity:016x}"
     if identity != panel_identity and not force:
         what = f"was rendered for display {identity}" if identity else "names no display"
-        remedy = "render it for this display, or accept it with --force (force=True in Python)"
+        remedy = "render it for the panel's display, or accept it with --force (force=True in Python)"
         raise input_error(name, f"{what}, but the panel belongs to display {panel_identity}", remedy)
 
 
@@ -159,7 +159,7 @@ def _tones_in(name: str, metadata: Mapping[str, str], encoded: bool) -> Tones:
     """Return curve and bits in metadata. Lippmann 0.1 wrote the curve only to PNG files, and no bits."""
     bits = metadata.get("bits")
     if bits is not None and (len(bits) > 2 or not bits.isdecimal() or not 1 <= int(bits) <= 16):
-        raise input_error(name, f"'{bits[:20]}' is not a panel's number of bits", "render it again")
+        raise input_error(name, f"the number of bits in its metadata is '{bits[:20]}', not 1 to 16", "render it again")
     return Tones(metadata.get("transfer") if encoded or bits else None, None if bits is None else int(bits))
 
 

@@ -81,7 +81,7 @@ def _busy(url: str, name: str, runs: int, rays: int) -> DeviceError:
     if runs == SLOT_SHOWN:
         what = f"the board refuses {name}: the slot is shown, or a written layer is about to show it"
         return device_error(url, what, "load another slot, or hide the layer first")
-    by = "a frame that a register write started" if runs == FRAME_RUNS else f"a signature ({rays} rays so far)"
+    by = "a frame that a register write started" if runs == FRAME_RUNS else f"a SIGN request ({rays} rays so far)"
     remedy = "wait, or end it with lippmann board abort"
     if runs == FRAME_RUNS:
         # A board has no pixel stream, so a frame whose source is the stream never ends.

@@ -54,6 +54,6 @@ def capturing(display: Display, scene: SceneBuild | None = None) -> Iterator[Cap
 
 
 def frames_differ(frames: Sequence[Pixels], expected: Sequence[Pixels]) -> int:
-    """Count differing pixels of two lists of frames (height, width, 3); all pixels of a missing frame count."""
+    """Count differing pixels of two lists of frames (height, width, 3); a missing frame differs in all pixels."""
     counts = [int((one != other).any(axis=2).sum()) for one, other in zip(frames, expected, strict=False)]
     return sum(counts) + sum(one.size // 3 for one in (*frames[len(counts) :], *expected[len(counts) :]))

@@ -39,7 +39,7 @@ GAP = {"gap": 1e-4}
 #: Coefficients (mm) of the array's height above its mean, and their steps. The height
 #: is a polynomial of coordinates in units of the panel's half width and half height.
 BOW = {"tilt_x": 1e-4, "tilt_y": 1e-4, "bow_xx": 1e-4, "bow_yy": 1e-4, "bow_xy": 1e-4}
-#: Degrees of the slope polynomial that models how blur moves lenslet seams.
+#: Degrees of the polynomial in the slope that models how blur moves lenslet seams.
 SEAMS = range(3, 10)
 LENS = {"focal": 1e-2, "middle_x": 1e-2, "middle_y": 1e-2, "k1": 1e-5, "k2": 1e-5}
 POSE = {"turn_x": 1e-6, "turn_y": 1e-6, "turn_z": 1e-6, "place_x": 1e-2, "place_y": 1e-2, "place_z": 1e-2}
@@ -77,8 +77,8 @@ def projected(points_mm: Floats, lens: Floats, turn: Floats, place_mm: Floats) -
 class SmoothErrors:
     """Model of errors that vary smoothly over the array: distortion, aberrations and seam shifts.
 
-    The model of each residual column e (two of panel points, two of the photograph),
-    scaled to scatter 1, is
+    Residuals have four columns: two of panel points, two of photograph points. The
+    model of each column e, scaled to scatter 1, is
 
         e = n + t B m, n and m normal with deviation 1,
 
@@ -121,7 +121,7 @@ def spread_out(places: Floats) -> Floats:
 
 
 class Rays(NamedTuple):
-    """Outline middles (N, 3), mm, panel points (N, 2), mm, and seam polynomial terms (N, 2, M) of rays."""
+    """Outline middles (N, 3) and panel points (N, 2) of rays, mm, and seam polynomial terms (N, 2, M)."""
 
     middles: Floats
     points: Floats
@@ -208,7 +208,7 @@ class Problem:
         return Rays(np.column_stack([centres + outline, z]), centres + point, seam_terms)
 
     def aside(self, x: Floats, k: int, middles: Floats) -> Floats:
-        """Return offsets (N, 2), pitches, from traced `middles` (N, 3) to measured ones."""
+        """Return offsets (N, 2), pitches, of measured cells from traced `middles` (N, 3)."""
         return np.asarray((self.views[k].cell_px - projected(middles, *self.pose(x, k))) @ self.views[k].steps)
 
     def predict(self, x: Floats, k: int, rays: Rays | None = None) -> tuple[Floats, Floats]:
@@ -384,9 +384,9 @@ def _minimise(problem: Problem, x: Floats, weights: Weights, robust: bool) -> Fl
 def _smooth(problem: Problem, weights: Weights, k: int) -> SmoothErrors:
     places, view, (panel, photo) = problem.places[k][weights.inliers[k]], problem.views[k], weights.scatter[k]
     across = float(np.sqrt(np.prod(np.std(view.photo_px, axis=0)) / max(1e-9, float(np.prod(places.std(axis=0))))))
-    # Both minimums were measured on simulated photographs.
+    # In simulations, smooth errors are at least 0.001 panel pixels and 0.0003 pitches.
     least = np.repeat([0.001 / panel, 0.0003 * across / photo], 2)
-    # The first tuple is the ratio of smooth to independent scatter per residual column.
+    # The tuple is the minimum ratio of smooth to independent scatter per residual column.
     return SmoothErrors.of(places, np.maximum((0.12, 0.12, 0.2, 0.2), least))
 
 

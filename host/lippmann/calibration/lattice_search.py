@@ -76,7 +76,7 @@ def steps_of(display: Display) -> Floats:
 def find_lattice(name: str, points_mm: Floats, display: Display) -> SeenLattice:
     """Find the lattice of points (N, 2), mm; raise InputError if it is not near the nominal one."""
     nominal = steps_of(display)
-    # The lattice is magnified by 1 + D / distance; distances exceed 1.5 panel widths.
+    # The lattice is magnified by 1 + D / distance; cameras are over 1.5 panel widths away.
     growth = min(0.5, display.aperture_distance_mm / (1.5 * display.panel.width_mm))
     pitch = display.array.coarsest_mm
     best: tuple[float, SeenLattice] | None = None

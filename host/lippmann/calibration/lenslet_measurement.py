@@ -124,7 +124,7 @@ NEIGHBOURS = 0.8
 
 @dataclass(frozen=True)
 class Readings:
-    """Panel points (M, 2), positions (M, 2) in the cell, pitches; sorted by lenslet, `group` (M,)."""
+    """Panel points (M, 2), px, and cell positions (M, 2), pitches, in order of the lenslet `group` (M,)."""
 
     panel_px: npt.NDArray[np.float32]
     local: npt.NDArray[np.float32]
@@ -149,10 +149,10 @@ class Lenslets:
     cell_px: Floats
     #: Derivative (2, 2) of the cell position, pitches, by photograph pixel.
     steps: Floats
-    #: Derivatives (N, 2, 2) of panel points by cell position, mm per pitch, and mean.
+    #: Derivatives (N, 2, 2) of panel points by cell position, mm per pitch, and their mean.
     moves: Floats
     spread: Floats
-    #: Fraction of camera pixels whose decoded lenslet is the map's lenslet.
+    #: Value of `Outline.agree`.
     agree: float
     modulation: float
     readings: Readings | None = None
@@ -161,7 +161,7 @@ class Lenslets:
 def _match_pixels(
     decoded: Decoded, lattice: SeenLattice, points_mm: Floats, grid: Grid
 ) -> tuple[Outline, Indices, Bools]:
-    """Return the map, the lenslet (i, j) that each pixel sees, and a mask of pixels in its outline.
+    """Return the map, each pixel's lenslet (i, j), and a mask of pixels in that lenslet's outline.
 
     Through the lenslet at l, a pixel at q sees the panel point l + B (q - l), in
     lattice steps. B is 0 if lenslets focus on the panel. Each iteration improves B.
@@ -278,7 +278,7 @@ def _surrounded(table: Floats, places: Indices, least: Floats | float) -> Bools:
 def are_complete(index: Indices, counts: Indices, neighbours: float) -> Bools:
     """Return a mask (N,) of lenslets with about as many pixels as their largest neighbour.
 
-    On all four sides is a lenslet with at least `neighbours` times the largest neighbour's pixels.
+    On each side, one of the next two lenslets has at least `neighbours` times the largest neighbour's pixels.
     """
     table, places = _table(index, counts)
     i, j = places

@@ -40,7 +40,7 @@ DEGREES = range(1, 12)
 #: Number of rays across the inner cell, and of slope directions: a prime number, so that
 #: no symmetry repeats a direction.
 ACROSS, DIRECTIONS = 13, 17
-#: Points on the edge of a lenslet's outline.
+#: Number of points on a lenslet's outline.
 EDGE_POINTS = 96
 
 
@@ -55,7 +55,7 @@ def outline_mm(display: Display) -> float:
 
 @dataclass(frozen=True)
 class LensProjection:
-    """Coefficients a (`fixed`), b (`per_gap`), c (`aside`) of the module's formulas; `steepest` divides the slopes."""
+    """Coefficients a (`fixed`), b (`per_gap`), c (`aside`) of the module's formulas for slopes / `steepest`."""
 
     fixed: Floats
     per_gap: Floats

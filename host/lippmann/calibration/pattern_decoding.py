@@ -21,7 +21,7 @@ from lippmann.errors import input_error
 from lippmann.optics.rays import Floats
 from lippmann.optics.system import PanelFrame
 
-#: Camera pixels on which the photographs are checked.
+#: Number of camera pixels on which photographs are checked.
 SAMPLES, SEED = 8000, 1908
 
 
@@ -53,8 +53,8 @@ def decode_position(
 ) -> Decoded:
     """Decode a camera position's photographs; `pitch_px` is the lenslet pitch in panel pixels.
 
-    Raises InputError, which names photograph and remedy, for wrong patterns, size,
-    order or exposure, for blur, a moved camera, or a panel partly out of view.
+    Raises InputError for wrong patterns, size, order or exposure, for blur, a moved
+    camera, or a panel partly out of view.
     """
 
     def read(pattern: Pattern) -> Photograph:

@@ -91,7 +91,7 @@ def _position(folder: Path, patterns: PatternSet) -> Position:
         raise input_error(folder, f"the photograph of {absent[0]} is missing{more}", f"add {absent[0]}.jpg")
     if unknown:
         what = f"no pattern has the name of {photos[unknown[0]].name}"
-        remedy = f"draw the patterns again: this panel has {len(stems)}, the last is {stems[-1]}"
+        remedy = f"draw the patterns again: this panel has {len(stems)} patterns, the last is {stems[-1]}"
         raise input_error(folder, what, remedy)
     return Position(folder.name, tuple(photos[stem] for stem in stems))
 

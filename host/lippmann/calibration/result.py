@@ -23,7 +23,7 @@ from lippmann.optics.rays import Floats
 #: Maximum uncertainty of a determined parameter: rotation in degrees, gap relative to
 #: the aperture distance D, radius relative to itself, others relative to the pitch.
 OPEN = {"pitch_x": 2e-4, "pitch_y": 2e-4, "gap": 0.02, "offset": 0.02, "rotation": 0.01, "radius": 0.02}
-#: Camera positions that suffice to determine all parameters.
+#: Number of camera positions that suffice to determine all parameters.
 ENOUGH_POSITIONS = 3
 #: Number of columns of `Calibration.field`.
 FIELD_COLUMNS = 8

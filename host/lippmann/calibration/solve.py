@@ -44,7 +44,7 @@ class Radius(NamedTuple):
 
 
 def radius_of(display: Display, solution: Solution) -> Radius:
-    """Return the lenslet radius that explains the measured movements.
+    """Return the lenslet radius that explains the panel points' movement over a cell.
 
     Raises InputError if no radius fits.
     """
@@ -93,8 +93,8 @@ def calibrate(
 
     `bow` also fits the array's tilts and curvatures; `radius` also fits the lenslets' radius.
 
-    Raises InputError, which names photograph and remedy, for unusable photographs, and
-    ContradictionError if photographs contradict each other or the display file.
+    Raises InputError for unusable photographs, and ContradictionError if photographs
+    contradict each other or the display file.
     """
     patterns = pattern_set(folder, nominal)
     pitch_px = nominal.array.coarsest_mm / min(nominal.panel.pitches_mm)
@@ -178,7 +178,7 @@ def _fit_radius(problem: Problem, solution: Solution) -> tuple[Problem, Solution
 
 
 def trace_again(solution: Solution, problem: Problem) -> Problem:
-    """Trace the fitted display's rays; return `problem` if this display is impossible."""
+    """Return the problem with the fitted display's rays, or `problem` if that display is impossible."""
     try:
         built = display_of(problem.display, solution)
     except ContradictionError:
@@ -213,7 +213,7 @@ def _check_zoom(solution: Solution) -> None:
     if not sure:
         return
     views = [view.name for view in problem.views]
-    # If all zooms relative to the first position have one sign, that position is wrong.
+    # If all zooms relative to the first position have the same sign, report the first.
     first = len(sure) == len(zooms) > 1 and len({zooms[name] > 0.0 for name in sure}) == 1
     worst = max(sure, key=lambda name: abs(zooms[name]))
     odd, zoom = (views[0], -zooms[worst]) if first else (views[list(zooms).index(worst) + 1], zooms[worst])
@@ -224,7 +224,7 @@ def _check_zoom(solution: Solution) -> None:
 
 
 def _bow_warnings(solution: Solution, is_fitted: bool) -> tuple[str, ...]:
-    # Report coefficients above 6 standard deviations.
+    # Warn only if a coefficient exceeds 6 standard deviations.
     if not any(abs(solution.value(name)) > 6.0 * solution.deviation(name) for name in BOW):
         return ()
     height = solution.value("bow_xx") + solution.value("bow_yy")

@@ -61,7 +61,7 @@ class Movement:
 
     factors: Floats  # Shape (slope monomials, cell monomials, 2).
     slope: Floats  # Mean slope, subtracted from slopes.
-    inner: Floats  # Points (M, 2) distributed over the inner cell.
+    inner: Floats  # Points (M, 2) in the inner cell.
 
     def _own(self, slopes: Floats) -> Floats:
         return np.asarray(np.tensordot(_powers(slopes - self.slope, SLOPE), self.factors, axes=1))
@@ -187,7 +187,7 @@ def blur_of(readings: Readings, moved: Moved, count: int) -> Blur:
             parts.append(error)
         return np.concatenate(parts)
 
-    # The fit starts at a = 0.02 pitches and c = 0.03 pixels.
+    # Start at a = 0.02 pitches and c = 0.03 pixels.
     a, c = least_squares(off, (0.02, 0.03), bounds=(0.0, 0.3), diff_step=0.02, xtol=1e-2, ftol=1e-4, max_nfev=12).x
     return float(a), float(c)
 
