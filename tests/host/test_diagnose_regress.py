@@ -484,7 +484,7 @@ def test_right_words(case, judge_words):
     ("name", "fault", "said"),
     [
         # The last rounding of the direction left out: floor(x) for floor(x + 1/2).
-        ("guarded", lambda x: x >> 3, "truncation for rounding (downward): dx, dy, dz"),
+        ("guarded", lambda x: x >> 3, "truncation instead of rounding (downward): dx, dy, dz"),
         ("saturate", wrapped, "a word wrapped where it should saturate: dz"),
     ],
 )
@@ -527,7 +527,7 @@ SLIPS = {
     "x and y swapped": (lambda out: out._replace(x=out.y, y=out.x), "dome", "words swapped: x, y"),
     "dx and dy swapped": (lambda out: out._replace(dx=out.dy, dy=out.dx), "exit", "words swapped: dx, dy"),
     "status code": (lambda out: out._replace(status=np.where(out.status == 0, 4, out.status)), "status", "4 for 0"),
-    "truncated": (lambda out: out._replace(dx=out.dx - np.sign(out.dx)), "exit", "for rounding (towards zero): dx"),
+    "truncated": (lambda out: out._replace(dx=out.dx - np.sign(out.dx)), "exit", "of rounding (towards zero): dx"),
     "rounded otherwise": (lambda out: out._replace(dy=out.dy + by_turns(out.dy, 2, -1)), "exit", "another rounding"),
     "golden's rounding": (lambda out: out._replace(dy=out.dy + by_turns(out.dy, 20, -12)), "exit", "golden can tell"),
     "one clock late": (lambda out: FixedRays(*(np.roll(word, 1) for word in out)), "exit", "late by 1"),
@@ -659,7 +659,7 @@ def test_the_page_tells_the_verdict(added, tmp_path, capsys):
     page = (tmp_path / "page/errors.md").read_text()
     assert "# Errors of 300 rays" in page
     if added:
-        assert "In the first, mine, 300 of 300 rays are wrong, from step exit; a constant added" in page
+        assert "In the first, mine, 300 of 300 rays are wrong. The first wrong step is exit: a constant added" in page
         assert "| exit | direction | 300 | 100 | microradian |" in page
     else:
         assert "**All rays are correct**, in 1 set." in page

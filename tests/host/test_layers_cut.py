@@ -362,7 +362,7 @@ def test_bad_pictures_are_one_line(place, refusal_of, find, put, message):
 @pytest.mark.parametrize(
     ("words", "message"),
     [
-        ("layers book --scale 2", "positions are fixed"),
+        ("layers book --scale 2", "has fixed layers"),
         ("layers cards.xml --slot 64", "'64' is not WIDTHxHEIGHT"),
         ("layers cards.xml --slot 60x64", "choose 32, 64, 128"),
         ("layers book --count 3", "its 2 pictures make 2 layers, not 3; "),

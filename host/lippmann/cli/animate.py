@@ -41,7 +41,7 @@ def command(
     film_path: Name = argument("FILM"),
     display: Display = DISPLAY,
     output: Folder = FOLDER,
-    scale: float = option("Scale about the display's centre.", 1.0, click.FloatRange(*SCALE_RANGE)),
+    scale: float = option("Scale of the film about the display's centre.", 1.0, click.FloatRange(*SCALE_RANGE)),
     fit: bool = option("Fit the film into the display's depth range."),
     options: RenderOptions = RENDERING,
     video: Name | None = option("Also write a lossless video of the panel's frames.", metavar="FILE.mkv"),

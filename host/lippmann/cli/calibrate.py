@@ -118,7 +118,7 @@ def shoot_command(
         if simulated is None or place is None:
             raise InputError("a simulated camera needs both --simulated BUILT.toml and --from X,Y,Z")
         _check_same_panel(simulated, display)
-        # All positions use one focal length, because zoom and distance look alike.
+        # Positions share a focal length, because `solve` cannot tell zoom from distance.
         focal_px, height = focal * width, round(width * 0.75)
         eye = Camera(place, (0.0, 0.0, 0.0), 0.0, width, height, focal_px, pupil_mm=1.0, blur_px=0.5)
         with own_variant(device), tempfile.TemporaryDirectory() as folder:

@@ -33,7 +33,7 @@ def command(
         "Depth range z of the scene, mm.  [default: the display's depth range]", kind=vector("FAR,NEAR")
     ),
     scene: Path | None = option("Scene (.xml); also choose its layers for a board that draws scenes."),
-    tolerance_db: float = option("Minimum PSNR of the layers' view at any eye position, dB.", TOLERANCE_DB),
+    tolerance_db: float = option("Minimum PSNR of the layers' view at every eye position, dB.", TOLERANCE_DB),
     slot: tuple[tuple[int, int], ...] = option(
         f"Slot size to try; can be repeated.  [default: {', '.join(f'{w}x{h}' for w, h in SLOTS)}]",
         SLOTS,

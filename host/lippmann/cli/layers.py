@@ -73,7 +73,7 @@ def command(
     cuts: list[tuple[Cut, list[float]]]
     if is_layers(scene_path, PICTURES_FILE):
         if moved.changes or apart is not None or table:
-            raise InputError(f"{scene_path}: positions are fixed; leave out --apart, --costs and placement options")
+            raise InputError(f"{scene_path}: has fixed layers; leave out --apart, --costs and placement options")
         cut, names = cut_pictures(scene_path, display, slot)
         if count not in (None, len(names)):
             what = f"its {len(names)} pictures make {len(names)} layers, not {count}"

@@ -44,9 +44,9 @@ def command(
 ) -> int:
     """Check the rays of another ray tracer or RTL design.
 
-    Numbers are compared with the engine golden; the tolerances include the rounding of
-    the inputs to float32. Words must equal the words of the RTL's integer twin. The
-    command names the first wrong step of the computation.
+    Decimal numbers are compared with the engine golden; the tolerances include the
+    rounding of the inputs to float32. Fixed-point words must equal those of the RTL's
+    integer twin. The command names the first wrong step of the computation.
 
     Exit code 0: all rays are correct; 4: some rays are wrong.
 

@@ -69,7 +69,7 @@ class Comparison:
         return [name for name, wrong in self.wrong_by.items() if wrong.any()]
 
     def far(self, name: str, values: Floats, other: Arrays) -> Floats:
-        """Return the `distance` of values from `other[name]`; 0 for rays without a value."""
+        """Return the `distance` of values from `other[name]`; 0 for values that are not compared."""
         return np.where(self.alone & (name != "status"), 0.0, distance(name, values, other[name]))
 
     def wrong_in(self, name: str, values: Floats) -> Bools:

@@ -1,4 +1,4 @@
-"""Count the rays of a set that meet each coverage point, a numerically hard case."""
+"""Count the rays of a set at each coverage point (a numerically hard case)."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from lippmann.optics.model_choice import in_cells_mm
 from lippmann.optics.rays import Floats, Status, gets_through
 
 Arrays = Mapping[str, Floats]
-#: Maximum cosine of a ray to a face's normal: of a grazing ray, and near total reflection.
+#: Maximum cosine between ray and face normal: of a grazing ray, and near total reflection.
 GRAZING, FLAT = 0.05, 1e-3
 #: Maximum radius of a steep dome, minimum radius of a flat dome, in half diagonals of the cell.
 STEEP, NEARLY_FLAT = 1.05, 100.0
@@ -50,7 +50,7 @@ POINTS = {
     "grazing-exit": "A ray leaves the last face at less than 3 degrees to the face.",
     "onset-of-total-reflection": "A ray leaves the last face at less than 0.06 degrees to the face.",
     "far-cell": "A ray leaves through a lenslet at least two steps from the pixel's lenslet.",
-    # Fate.
+    # Status.
     "ok": "A ray leaves through its own lenslet.",
     "missed": "A ray meets no dome.",
     "internal-reflection": "A ray is totally reflected.",

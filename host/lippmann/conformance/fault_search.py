@@ -30,12 +30,12 @@ from lippmann.conformance.tracer_faults import (
 from lippmann.display.description import Display
 from lippmann.optics.rays import Floats
 
-#: Wrong rays for trials of known faults, and for fits of parameters.
+#: Maximum number of wrong rays in trials of known faults, and in fits of parameters.
 SAMPLE, FIT_SAMPLE = 1500, 300
-#: Wrong rays on which pairs of faults are tried first.
+#: Maximum number of wrong rays in the first trial of a pair of faults.
 FEW = 90
-#: In wrong arrays: maximum distance from a fault's rays, divided by that from golden
-#: rays. In any array: maximum excess of the fault's distance over golden's.
+#: Tested rays must be nearer to a fault's rays than to golden rays: maximum ratio of
+#: these distances in wrong arrays, and maximum of their difference in any array.
 NEARER, SAME = 0.5, 1e-9
 #: Minimum fraction of rays that a fault must match, and minimum number of rays, for a diagnosis.
 EXPLAINED, MANY = 0.97, 8
@@ -174,8 +174,8 @@ def fitted(inputs: PanelRays, values: Arrays) -> Iterator[Variant]:
 
 
 def fitted_together(inputs: PanelRays, values: Arrays) -> Iterator[tuple[Variant, ...]]:
-    """Yield pairs of faults in parameters fitted together; omit unchanged parameters."""
-    from scipy.optimize import least_squares  # slow, and correct rays need no fit
+    """Fit each pair of display parameters; yield the faults of the changed parameters."""
+    from scipy.optimize import least_squares  # slow import; only wrong rays need it
 
     numbers = _numbers(inputs.display)
     for names in combinations(numbers, 2):
@@ -261,7 +261,7 @@ def _fit_number(name: str, value: float, inputs: PanelRays, direction: Floats) -
 
 
 def pairs(inputs: PanelRays, fields: Arrays, apart: Callable[[Variant], float]) -> Iterator[Variant]:
-    """Yield combinations of two faults, the most likely first, sorted by distance `apart`."""
+    """Yield pairs of faults, the likeliest first; `apart` measures a fault's distance from the rays."""
     ranked = sorted(variants(inputs.display), key=apart)
     numbers = list(fitted(inputs, fields))
     yield from (both(one, other) for one, other in combinations(ranked, 2))
@@ -269,7 +269,7 @@ def pairs(inputs: PanelRays, fields: Arrays, apart: Callable[[Variant], float]) 
     units = list(fitted(inputs, fields | {"direction": unit_vectors(fields["direction"])}))
     yield from (both(one, number) for one in ranked if one.bend is not None for number in units)
     yield from (both(*numbers) for numbers in fitted_together(inputs, fields))
-    # Fit a second fault after the 12 nearest, all fitted, and all output faults.
+    # First apply a near or fitted input fault, or an output fault; then fit a second.
     changes = [one for one in (*ranked[:12], *numbers) if one.change is not None]
     for one in (*changes, *(one for one in ranked if one.bend is not None)):
         with suppress(*NO_RAYS, KeyError):

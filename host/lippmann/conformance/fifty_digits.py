@@ -195,7 +195,7 @@ def _slopes(rays: PanelRays | WorldRays, true: Rays | Hits, name: str, value: Di
 
 
 class Condition(NamedTuple):
-    """Change (N,) of each ray, summed over one ulp of each input and of the result."""
+    """Sum (N,) of a ray's changes when each input, and the result, changes by one ulp."""
 
     #: Change of the ray's direction, radians; for rays from the world, `shift_mm` / pitch.
     turn: Floats

@@ -81,10 +81,10 @@ def choose_samples(spread_px: Pair, tolerance: float) -> int | None:
 
 @cache
 def gap(samples: int, sides: Pair) -> float:
-    """Return the maximum distance of a point in a rectangle to the nearest sample, for both orders of axes.
+    """Return the maximum distance in a rectangle to the nearest sample; also try samples with swapped axes.
 
-    The maximum is at a Voronoi cell's corner. Reflected samples clip cells at the
-    sides.
+    The maximum is at a Voronoi cell's corner. Samples reflected at the sides clip the
+    cells there.
     """
     if samples == 1:
         return 0.5 * math.hypot(*sides)

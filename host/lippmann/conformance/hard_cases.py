@@ -55,7 +55,7 @@ def _of_displays(displays: Callable[[Display], Mapping[str, Display]]) -> Genera
     @wraps(displays)
     def make(display: Display, random: Random, count: int) -> Sets:
         variants, case = displays(display), displays.__name__.replace("_", "-")
-        each = count if len(variants) <= 10 else max(4, count // 3)  # more variants, fewer rays each
+        each = count if len(variants) <= 10 else max(4, count // 3)  # many variants get fewer rays
         for variant, other in variants.items():
             pixels = random_pixels(other, random, each)
             yield PanelRays(f"{case}/{variant}", other, pixels, random_aims(other, random, each))
@@ -64,7 +64,7 @@ def _of_displays(displays: Callable[[Display], Mapping[str, Display]]) -> Genera
 
 
 def hard_sets(display: Display, name: str = "all", seed: int = 0, count: int = 24) -> Sets:
-    """Yield the sets, of about `count` rays each, of the case `name` or, for "all", of all cases.
+    """Yield the sets of the case `name` (or of "all" cases), with about `count` rays each.
 
     Raises InputError for an unknown case.
     """
@@ -107,7 +107,7 @@ def _near_onset(name: str, display: Display, pixels: Floats, aims: Floats) -> Pa
 
 @_case
 def chief_ray(display: Display, random: Random, count: int) -> Sets:
-    """Test rays from the point behind a lenslet's vertex through the vertex: they are not refracted."""
+    """Test chief rays from the centres of elemental images; for an eye at infinity they are not refracted."""
     lenslets = random.integers(-3, 4, (count, 2))
     at = pixels_from_cells(display, lenslets, np.zeros((count, 2)))
     yield PanelRays("chief-ray", display, np.concatenate([at, _nudged(at, random)]), None)
@@ -121,7 +121,7 @@ def cell_edges(display: Display, random: Random, count: int) -> Sets:
 
 @_case
 def cell_corners(display: Display, random: Random, count: int) -> Sets:
-    """Test pixels and aperture points within a few ulps of the corners of cells."""
+    """Test pixels and aperture points within a few ulps of cell corners."""
     corners = corners_mm(display.array)
     points = corners[random.integers(0, len(corners), 2 * count)]
     yield from _on_border("cell-corners", display, random, points, (-1, 3))
@@ -177,7 +177,7 @@ def _flips(
 
 @_case
 def total_reflection(display: Display, random: Random, count: int) -> Sets:
-    """Test rays with aims within 64 ulps of total reflection, in steep, high-index lenslets."""
+    """Test aperture points within 64 ulps of total reflection, in steep, high-index lenslets."""
     dense = changed(steep(display), index=1.9)
     pixels, aims, _ = _flips(dense, random, max(2, count // 4), Status.INTERNAL_REFLECTION)
     yield _near_onset("total-reflection", dense, pixels, aims)
@@ -199,9 +199,9 @@ def grazing_exit(display: Display, random: Random, count: int) -> Sets:
 
 @_case
 def far_cells(display: Display, random: Random, count: int) -> Sets:
-    """Test rays aimed up to 1.4 pitches from their lenslet's centre that leave a steep dome two steps away.
+    """Test rays aimed up to 1.4 pitches from their lenslet's centre that leave a steep dome two lenslets away.
 
-    If the domes face the viewer, the set is empty: two steps would need larger aims.
+    If the domes face the viewer, the set is empty: this would need farther aperture points.
     """
     far = changed(steep(display), gap_mm=1.5 * display.array.coarsest_mm)
     many = 400 * count
@@ -243,7 +243,7 @@ def losses(display: Display, random: Random, count: int) -> Sets:
         aims = random_aims(extreme, random, many, reach)
         rays = PanelRays(f"losses/{name}", extreme, pixels, aims)
         status = rays.trace().status
-        if name == "ends":  # only rays whose own lenslet exists
+        if name == "ends":  # use only rays whose own lenslet exists
             there = Lattice.of(extreme.array).present(NumpyBackend(), *rays.steps()["home"].T)
             status = np.where(there, status, len(Status))
         yield rays.select(np.concatenate([np.flatnonzero(status == int(one))[:count] for one in Status]))

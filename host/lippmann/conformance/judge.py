@@ -79,9 +79,9 @@ class Verdict:
 def judge(foreign: ForeignRays, bounds: Bounds = USUAL, two_faults: bool = True) -> Verdict:
     """Check rays under test, and diagnose wrong rays.
 
-    Numbers are compared with golden rays within `bounds`, words with the twin bit by
-    bit. `two_faults` allows a search for a pair of faults if no single fault explains
-    the rays. This search takes about ten seconds.
+    Decimal numbers may differ from golden rays within `bounds`; fixed-point words must
+    equal the twin's. `two_faults` allows a search for a pair of faults if no single
+    fault explains the rays. This search takes about ten seconds.
     """
     if foreign.words is None:
         comparison = compare(foreign, bounds, every=False)

@@ -57,7 +57,7 @@ class Page:
         """Return the page as Markdown; `form` selects Markdown or HTML for plots and tables."""
         origin = {key: html.escape(str(value), quote=False) for key, value in self.origin.items()}
         names = {
-            "repeat_origin": False,  # whether each plot and table repeats the origin
+            "repeat_origin": False,  # True: each plot and table repeats the origin
             **self.context,
             "macros": f"{form}.jinja",
             "plots": {plot.name: plot.png for plot in self.plots},

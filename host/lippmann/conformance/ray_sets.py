@@ -243,7 +243,7 @@ class FixedCase:
 
     @property
     def register_lines(self) -> list[tuple[str, str]]:
-        """Hexadecimal line in `registers.mem`, and name, of each register."""
+        """Line in `registers.mem` (hexadecimal) and name of each register."""
         mask, digits = (1 << REGISTER_BITS) - 1, REGISTER_BITS // 4
         return [(f"{word & mask:0{digits}x}", name) for name, word in asdict(self.registers).items()]
 

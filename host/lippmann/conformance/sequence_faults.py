@@ -1,4 +1,4 @@
-"""Faults of the order of rays: late or early outputs, and registers of an earlier configuration."""
+"""Faults in the order of rays: late or early outputs, and registers of an earlier configuration."""
 
 from __future__ import annotations
 

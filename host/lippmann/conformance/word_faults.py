@@ -13,7 +13,7 @@ from lippmann.conformance.sequence_faults import directions_in_array, find_delay
 from lippmann.fixed.build import Build
 from lippmann.fixed.ray_pipeline import FixedRays
 
-#: Maximum difference from the twin's words that another rounding explains, in ulps.
+#: Maximum difference from the twin's words that another rounding rule explains, in ulps.
 ROUNDING_WORDS = 8
 #: Names of words that encode real numbers.
 REALS = ("x", "y", "z", "dx", "dy", "dz")
@@ -70,7 +70,7 @@ def find_word_fault(words: FixedRays, twin: FixedRays) -> Finding | None:
 
 
 def find_rounding(words: FixedRays, twin: FixedRays, build: Build) -> str | None:
-    """Find words that wrapped, were truncated, or were rounded otherwise."""
+    """Find words that wrapped, were truncated, or were rounded by another rule."""
     expected = np.stack([getattr(twin, name) for name in REALS])
     apart = np.stack([getattr(words, name) for name in REALS]) - expected
 
@@ -85,7 +85,7 @@ def find_rounding(words: FixedRays, twin: FixedRays, build: Build) -> str | None
         return None
     off = apart != 0
     if float(apart[off].mean()) < -0.9:
-        return f"truncation for rounding (downward): {names(off)}"
+        return f"truncation instead of rounding (downward): {names(off)}"
     if float((apart * -np.sign(expected))[off].mean()) > 0.9:
-        return f"truncation for rounding (towards zero): {names(off)}"
+        return f"truncation instead of rounding (towards zero): {names(off)}"
     return f"another rounding, at most {int(np.abs(apart).max())} units of the last place: {names(off)}"
