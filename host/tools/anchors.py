@@ -33,7 +33,7 @@ Cell = dict[str, Any]
 def anchor(netlist: Path, options: flow.Command, seed: int, output: Path) -> int:
     """Write the netlist with positions for the cells of its fastest clock; return the number of these cells.
 
-    `options` are nextpnr's options for the chip and its pins. The log and the cells' netlist are written too.
+    `options` are nextpnr's options for the chip and its pins. Also writes the separate run's netlist and log.
     """
     content = json.loads(netlist.read_text())
     name, module = _top(content)
@@ -60,7 +60,7 @@ def anchor(netlist: Path, options: flow.Command, seed: int, output: Path) -> int
 
 
 def fastest(cells: Mapping[str, Cell]) -> set[str]:
-    """Return the cells of the PLL's fastest clock (if equal: with the fewest cells), and the logic before them."""
+    """Return the cells of the PLL's fastest clock (in a tie: the one with fewest cells), and the logic before them."""
     plls = [cell for cell in cells.values() if cell["type"] == "EHXPLLL"]
     if len(plls) != 1:
         raise LippmannError(f"the netlist has {len(plls)} PLLs; make all clocks with one PLL")
@@ -84,7 +84,7 @@ def fastest(cells: Mapping[str, Cell]) -> set[str]:
 
 
 def _cut(module: Mapping[str, Any], part: set[str]) -> dict[str, Any]:
-    """Return the module with only the cells `part`, their drivers (with no inputs except clocks), and their pads."""
+    """Return a module of the cells `part`, the cells that drive them (with clock inputs only), and their pads."""
     cells: Mapping[str, Cell] = module["cells"]
     drivers = _drivers(cells)
     selected = {name: cells[name] for name in part}

@@ -75,7 +75,7 @@ RowFunction = Callable[[Path, int], Iterable[Row]]
 def measurement(page: str = "measured", packages: tuple[str, ...] = ON_DEVICE) -> Callable[[Measure], click.Command]:
     """Return a decorator that makes a sub-command from a measuring function, with its name, docstring and options.
 
-    `--report` writes `page`. The origin lists the versions of `packages`, and the device if Dr.Jit is in them.
+    Its `--report` writes `page`.md. The figures' origin has the versions of `packages`, and the device if Dr.Jit is one.
     """
     needs_device = "drjit" in packages
     report_option = option(f"Also write {page}.md and its files into this folder.", None, metavar="FOLDER")

@@ -43,8 +43,8 @@ SEEDS = "1,2,3,4,5,6,7,8"
 PATIENCE_MIN = 240
 #: Number of 16-bit SDRAM words per pair of pixels, and per row of the SDRAM.
 PAIR_WORDS, ROW_WORDS = 3, 512
-#: Maximum fraction of the memory's clocks that panel and refreshes take in a line; fraction for refreshes alone; memory
-#: clocks per word of the panel, including the clocks that open and close rows.
+#: Maximum fraction of the SDRAM's clocks in a video line for panel and refreshes; the refreshes' fraction; SDRAM clocks
+#: per word of the panel, including the clocks that open and close SDRAM rows.
 MAX_SHARE, REFRESH_SHARE, WORD_CLOCKS = 0.9, 0.01, 1.06
 #: Relative error of a clock constraint: nextpnr rounds the period to picoseconds.
 ROUNDING = 0.002
@@ -54,7 +54,7 @@ ROUNDING = 0.002
 SLOW_MHZ = 40.0
 #: Minimum number of shift clocks from a registered symbol to its copy (rtl/video/lipp_tmds_serialiser.sv).
 SYMBOL_CLOCKS = 2
-#: Clock roles, keyed by the net's name in the top module, or by its source's port without `_o`. Others: oscillator.
+#: Clock roles, keyed by the net's name in the top module, or by its driving port's without `_o`. Others: oscillator.
 CLOCK_NETS = {
     "clk": "system", "system_clk": "system", "mem_clk": "memory", "memory_clk": "memory", "shift_clk": "shift",
 }  # fmt: skip
@@ -175,7 +175,7 @@ def plan(board: FpgaBoard, display: Display, layers: int = 4, bilinear: bool = F
     try:
         step_of(board.baud, round(pll.clocks_mhz["system"] * 1_000_000))
     except InputError as error:
-        raise InputError(f"{where} on {board.name}: {error}, by baud in {board.folder / FILE}") from None
+        raise InputError(f"{where} on {board.name}: {error}, with the key baud of {board.folder / FILE}") from None
     return Plan(board, display, scene, build, pll)
 
 
@@ -386,7 +386,7 @@ def main(
     boards: tuple[str, ...] = option("Folder of a board in rtl/board/.", ("ulx3s",), flag="--board", **REPEATED),
     displays: tuple[str, ...] = option("Display file.", (VGA,), flag="--display", **REPEATED),
     seeds: tuple[str, ...] = option(
-        "List of nextpnr's seeds: once, or once per board and display.", (SEEDS,), **REPEATED
+        "List of nextpnr's seeds; give one list, or one per bitstream.", (SEEDS,), **REPEATED
     ),
     patience: int = option("Time limit of each seed, minutes.", PATIENCE_MIN, click.IntRange(1, 1440)),
     layers: int = option("Number of layers that the board draws.", 4, click.IntRange(0, 8)),
@@ -408,7 +408,7 @@ def main(
     plans = [plan(fpga_board(board), load_display(path), layers, bilinear) for board in boards for path in displays]
     names = [design.name for design in plans]
     if double := next((name for name in names if names.count(name) > 1), None):
-        raise input_error("--display", f"two bitstreams would be {double}.bit", "give each display a different name")
+        raise input_error("--display", f"two bitstreams would be named {double}.bit", "give each display another name")
     if len(numbers) not in (1, len(plans)):
         what = f"is given {len(numbers)} times for {len(plans)} bitstreams"
         raise input_error("--seeds", what, "give --seeds once, or once for each bitstream")

@@ -59,14 +59,14 @@ LENSLET_PX = (14.0, 24.0)
 ROTATION_DEG, PITCH, GAP = 5.0, 0.01, 0.2
 #: Standard deviations of the pitches' ratio and of the shear of the random displays.
 RATIO, SHEAR = 3e-4, 5e-4
-#: Cameras: distance in panel widths; the first camera's maximum angle to the axis, the others' range, degrees.
+#: Cameras: range of distances, panel widths; angle to the axis, degrees: first camera's maximum, others' range.
 DISTANCE = (2.5, 5.0)
 NEAR_AXIS_DEG, ASIDE_DEG = 5.0, (8.0, 18.0)
 #: Default number of camera positions.
 POSITIONS = 3
 #: Swept quantities: camera positions, phase pictures per direction, and factor on the noise.
 SWEPT = {"positions": (1, 2, 3, 4), "steps": (3, 4, 8, 16), "noise": (1, 2, 4, 8)}
-#: Disturbances of displays calibrated with --bow: an array bowed by 30 um, dust, and arbitrary camera pixels.
+#: Disturbances of displays calibrated with --bow: an array bowed by 30 um, dust, and camera pixels of arbitrary value.
 BOWED = Disturbances(bow_mm=0.03, hidden_lenslets=0.02, outliers=0.1)
 #: The 8K display: number of lenslets, width of its photographs, pixels; errors (degrees, fractions of pitch and gap).
 LENSLETS, LARGE_PHOTO_PX = 100_000, 4000
@@ -166,7 +166,7 @@ def _sensor(rng: np.random.Generator) -> Sensor:
 
 
 class Judgement(NamedTuple):
-    """Errors of a calibrated display; `..._px` are those of lenslet centres, `gap_percent` that of the distance D."""
+    """Errors of a calibrated display: `..._px` of lenslet centres, `gap_percent` of `aperture_distance_mm`."""
 
     rms_px: float
     worst_px: float

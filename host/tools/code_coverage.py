@@ -80,7 +80,7 @@ class Counted:
 def read_rtl(files: Iterable[Path], top: Path) -> dict[str, Counted]:
     """Add up Verilator's coverage files; return the counts of the files in rtl/, keyed by the path from the top."""
     counts: dict[bytes, int] = defaultdict(int)
-    # Add up equal points, because files of toggles take gigabytes.
+    # Add up the counts of equal points first, because files of toggles take gigabytes.
     for file in files:
         for text in file.read_bytes().splitlines():
             if text.startswith(b"C "):

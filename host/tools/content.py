@@ -140,7 +140,7 @@ def write_views(
 
 
 def write_depth_picture(scene: Scene, display: Display, folder: Path, width: int = 960, seed: int = 0) -> Path:
-    """Write an on-axis eye's view of a scene and the view's depths; return the file that names the two files."""
+    """Write an on-axis eye's view of a scene, and the view's depths; return picture.toml, which names both."""
     from PIL import Image
 
     eye = (0.0, 0.0, viewing_distance(display))

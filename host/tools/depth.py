@@ -40,8 +40,8 @@ SETUPS = ("fig8a", "fig8b", "fig8c", "fig8d")
 EYE_DISTANCE_MM = 600.0
 #: x of the eyes, mm: near the axis, so that rays pass the middle of the imaging lens; then as far as viewers move.
 EYES_MM, WIDE_EYES_MM = np.linspace(-5.0, 5.0, 9), np.linspace(-30.0, 30.0, 9)
-#: Size of the displayed strip, lenslets; pixels across a lenslet: an integer, so that rotation is exact, and larger
-#: than the paper's, with which a small move of the eye would shift the view by a pixel or two.
+#: Size of the displayed strip, lenslets; pixels across a lenslet: an integer, so that elemental images rotate
+#: exactly, and larger than the paper's, with which a small move of the eye would shift the view by a pixel or two.
 STRIP, PIXELS = (25, 1), 240
 #: Depth, mm, of the plane where rays to all marks start; with one plane, one compiled program renders all marks.
 NEAR_MM = 100.0
@@ -60,13 +60,13 @@ WIDE: Look = ("pinhole", WIDE_EYES_MM)
 
 
 def judged(row: dict[str, Any]) -> dict[str, Any]:
-    """Add columns: errors, per cent, of the first and third eye; `kept` (the first error is within `SHARE`)."""
+    """Add columns: errors, per cent, of the first and third eye; `kept` (the first eye's error is within `SHARE`)."""
     error, wide = (100.0 * (row[key] / row["theory_mm"] - 1.0) for key in ("centres_mm", "wide_mm"))
     return {**row, "error_percent": error, "wide_error_percent": wide, "kept": abs(error) <= 100.0 * SHARE}
 
 
 def mark_scene(setup: Setup, z_mm: float) -> Scene:
-    """Return a scene of a soft mark that faces the lens on the axis, at a depth below NEAR_MM in the object's frame."""
+    """Return a scene of a soft mark that faces the lens on the axis, at z = `z_mm` < NEAR_MM in the object's frame."""
     mi = mitsuba()
     x = (np.arange(MARK_TEXELS) + 0.5) * (2.0 / MARK_TEXELS) - 1.0
     profile = np.exp(-0.5 * (MARK_SIGMAS * x) ** 2).astype(np.float32)

@@ -94,8 +94,8 @@ def measure(variant: Named, display: Display, rays_of: str, chunks: Iterator[Wor
     `refused` rays were not compared. The errors of direction (microradian; `weighted`: times min(1, 2 cos theta_t)) and
     exit point (nm) are those of rays that leave through the same lenslet in both engines; `status_differs` and
     `lenslet_differs` count differing rays. The twin reports a miss for `lost` rays, which would meet more domes than
-    the build tries. `edge_nm` is the largest distance of differing rays except lost ones from the edge where golden's
-    fate changes to the twin's. `kept`: whether errors are within the configuration's promise (None: it has no promise).
+    the build tries. `edge_nm` is the largest distance of a differing ray, except lost ones, to the edge where golden's
+    fate (see `fates`) becomes the twin's. `kept`: whether errors are as the configuration promises (None: no promise).
     """
     parts = [_chunk(variant.build, display, words) for words in chunks]
     row = {key: (max if key in MAXIMA else sum)(part[key] for part in parts) for key in parts[0]}
@@ -204,7 +204,7 @@ def wide_words(display: Display, build: Build, seed: int, count: int) -> Words:
 
 
 def boundary_words(display: Display, build: Build, seed: int, count: int) -> Words:
-    """Find changes of golden's fate by bisection; return pairs of rays around them, whose aims are one unit apart."""
+    """Find by bisection aims at which golden's `fates` change; return pairs of rays whose aims are one unit apart."""
     random = np.random.default_rng(seed)
     reach = 3 << (build.fraction_bits - 1)
     u, v = random_pixels(display, random, count)
@@ -285,7 +285,7 @@ def golden_start(display: Display, pixel: Floats) -> Ints:
 def edge_distance_nm(
     display: Display, build: Build, words: Words, twin: Rays, stated: float, model: Model | None = None
 ) -> Floats:
-    """Return the distances (N,), nm, of rays from the edge where golden's fate changes to the twin's.
+    """Return the distances (N,), nm, of rays from the edge where golden's fate (see `fates`) becomes the twin's.
 
     Each ray is moved on the panel, at the aperture, or both, in eight directions, until golden's fate equals the
     twin's. The edge is a cell's edge or the critical angle. A ray for which the twin reports a miss, which golden

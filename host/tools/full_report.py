@@ -58,7 +58,7 @@ class Plan(engine_report.Plan):
     reference_samples: int = 1024
     #: Configurations for which the error of each step is measured.
     budget: tuple[str, ...] = SIMULATED
-    #: Panel width of growth measurements (except growth with pixels); repeats of each memory peak.
+    #: Panel width, px, of growth measurements (except growth with pixels); number of runs for each memory peak.
     growth_px: int = 800
     memory_rounds: int = 3
     #: Sizes in the growth measurements.

@@ -228,7 +228,7 @@ class Netlist:
             raise LippmannError(f"the netlist has a loop of logic at {loop}; break the loop with a register") from None
 
     def collect(self, value: Callable[[Source], Bit | None]) -> dict[Bit, frozenset[Bit | None]]:
-        """Return the set of `value(source)` for the sources before each bit, keyed by bit."""
+        """Return a set for each bit: `value(source)` of every source of the logic before the bit."""
         values: dict[Bit, frozenset[Bit | None]] = {}
         for bit in self._order:
             inner, sources = self.before(bit)
@@ -297,7 +297,7 @@ def read_netlist(path: Path, top: str | None = None) -> Netlist:
         tops = [name for name in names if name == top or (top is None and "top" in marks[name])]
         tops = names if top is None and len(names) == 1 else tops
         if len(tops) != 1:
-            raise input_error(str(path), f"the netlist has {', '.join(names) or 'no module'}", "choose with --top")
+            raise input_error(str(path), f"its modules with cells: {', '.join(names) or 'none'}", "choose with --top")
         return Netlist(modules[tops[0]])
     except (AttributeError, IndexError, KeyError, TypeError, ValueError):
         raise input_error(str(path), "this is not a netlist of yosys", "write it with synth_ecp5 -json") from None

@@ -39,8 +39,8 @@ Row = dict[str, Any]
 #: In each comparison of formulas: number of rays, radii of the domes in mm, and number formats.
 RAYS, RADII = 400, (1.5, 1e3, 1e6)
 FORMATS: tuple[Any, ...] = (np.float64, np.float32)
-#: Golden's error bound in units of a ray's condition. Width of the band along an edge in which either fate is correct,
-#: in units in the last place of one input (of float32 for the fast engine).
+#: Golden's error bound in units of a ray's condition. Width of the band at an edge in which a ray may have the result
+#: of either side, in units in the last place of one input (of float32 for the fast engine).
 GOLDEN_UNITS, EDGE_ULPS = 4.0, 4
 #: Ratio of float32's unit in the last place to float64's.
 FLOAT32_ULP = 1 << 29
@@ -73,10 +73,10 @@ def measure_cases(scenes: Path, seed: int, device: str) -> tuple[list[Row], list
 def measure_engines(rays: PanelRays | WorldRays, engines: Sequence[Engine], device: str = "llvm") -> list[Row]:
     """Measure golden or fast, or both, on a set of rays; return one row per engine.
 
-    `through` rays pass the array in the engine and in the true result. `status_differs` counts rays of another fate;
-    `outside_band` counts those whose fate an input change of `EDGE_ULPS` does not explain. `worst` is the largest error
-    in `unit` over the `conditioned` rays; `condition` is the largest rotation if each input changes by one unit in its
-    last place.
+    `through` rays pass the array in the engine and in the true result. `status_differs` counts rays whose status or
+    lenslet is wrong; `outside_band` counts those that an input change of `EDGE_ULPS` does not explain. `worst` is the
+    largest error in `unit` over the `conditioned` rays; `condition` is the largest rotation of a ray if each input
+    changes by one unit in its last place.
     """
     true = truth(rays)
     unit = fifty_digits.condition(rays, true)
@@ -228,7 +228,7 @@ def _flat(random: np.random.Generator) -> Iterator[Row]:
 
 
 def _panel(random: np.random.Generator) -> Row:
-    """Compare a pixel's lens-local position on a 700 mm panel: in float64, rounded to float32; and all in float32."""
+    """Compare pixels' lens-local positions on a 700 mm panel: in float64, rounded at the end; in float32 throughout."""
     pitch, pixel = 0.5, 0.1
     u = random.integers(0, 7000, RAYS) + 0.5
 

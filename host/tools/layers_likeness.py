@@ -73,8 +73,8 @@ def measure_scene(
     """Measure a streamed frame of a scene, then its layers for each number of layers and filter.
 
     `parts` (default: only the scene) contains the scene that is cut by depths, and a separate layer. `drawn` is
-    "streamed" or a filter. `line_bytes` is the first picture's size; `frame_bytes` is the size of each further picture,
-    in which a layer moves. `lippmann.layers.layer_costs.row_of` describes the other columns; they are None for a
+    "streamed" or a filter. The first picture takes `line_bytes` on the line; each further picture, in which a layer
+    moves, takes `frame_bytes`. `lippmann.layers.layer_costs.row_of` describes the other columns; they are None for a
     streamed frame if they do not apply.
     """
     settings = Settings(TEXEL_SAMPLES, seed=seed) if settings is None else settings

@@ -125,7 +125,7 @@ class Scratch:
         """Run tests with a fault, stage by stage; return "caught by" the first test that catches it, or "survived".
 
         A test catches the fault if it fails with the fault (twice in the stages `far`) and passes without the fault.
-        Other tests that fail are left out from then on.
+        A test that fails otherwise is left out from then on.
         """
         with self.faulty(fault) as text:
             for tests, twice in [*((stage, False) for stage in near), *((stage, True) for stage in far)]:
@@ -222,7 +222,7 @@ def report_faults(
 def try_faults(
     faults: Iterator[Fault], count: int, fate: Callable[[Fault], str], same: Same
 ) -> list[tuple[Fault, str]]:
-    """Try faults until `count` are not "refused"; return faults and fates; survivors in `same` get "no fault"."""
+    """Try faults until `count` are not "refused"; return faults and fates ("no fault": a survivor in `same`)."""
     rows: list[tuple[Fault, str]] = []
     for fault in faults:
         if len(rows) == count:

@@ -465,7 +465,7 @@ def main(
     board: str | None = option("Board of a bitstream, such as ulx3s.  [default: the virtual board]", None),
     memory: virtual_board.Memory | None = option("Frame memory of the virtual board.  [default: sdram]", None),
     path: str = option("Display file.", "scenes/displays/vga-square.toml", flag="--display"),
-    size: tuple[int, int] | None = option("Other size of the panel, pixels.", None, click.IntRange(8), nargs=2),
+    size: tuple[int, int] | None = option("Panel size, px.  [default: display's]", None, click.IntRange(8), nargs=2),
     layers: int = option("Number of layers that the bitstream draws.", 4, click.IntRange(0, 8)),
 ) -> None:
     """Synthesise a board, simulate its netlist and its RTL, and compare replies and pixels.

@@ -1,8 +1,8 @@
 """Compares Lippmann's and POV-Ray's pictures and times of one scene through the same optics (`tools.bench peers`).
 
-The pictures have one ray per pixel, through its centre. The times are for a scene with five lights, anti-aliased by
-POV-Ray with threshold 0.3, and by Lippmann to the same noise: the rms difference from a picture of many samples, in
-8-bit sRGB levels.
+The pictures have one ray per pixel, through its centre. The times are for a scene with five lights. POV-Ray
+anti-aliases it with threshold 0.3; Lippmann renders it with no more noise. Noise is the rms difference from a picture
+of many samples, in 8-bit sRGB levels.
 """
 
 from __future__ import annotations
@@ -72,7 +72,7 @@ def shifted(source: RaySource, shift_px: tuple[float, float]) -> RaySource:
     mi = mitsuba()
     import drjit as dr
 
-    # The shifts are opaque, because each literal would compile a new program.
+    # Make the shifts opaque to Dr.Jit, because each literal would compile a new program.
     du, dv = (dr.opaque(mi.Float, shift) for shift in shift_px)
 
     def lines(b: Any, u: Any, v: Any, square: Any) -> Lines:

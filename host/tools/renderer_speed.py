@@ -47,7 +47,7 @@ INTEGRATORS = ("lights", "direct", "path")
 REFERENCE = "path"
 #: Number of triangles in scenes with varied lights; number of lights in scenes with varied triangles.
 TRIANGLES, LIGHTS = 20_000, 2
-#: Repeats in `tools.bench render`; distance, mm, of its perspective camera, whose field of view covers the display.
+#: Number of rounds of timings; distance, mm, of a perspective camera whose field of view covers the display.
 ROUNDS, CAMERA_MM = 3, 600.0
 #: Pairs of a display and samples per pixel: renders in a separate process; stages on a CPU, and on a GPU.
 SEPARATE = (("paper-square", 4), ("paper-hex", 4), ("uhd-4k", 1), ("uhd-8k", 1))
@@ -351,7 +351,7 @@ def register_stages() -> None:
 
 
 def stages(scene: Scene, display: Display, settings: Settings) -> dict[str, float]:
-    """Time renders with one more stage each, in turn, after compilation; `shared` uses the irradiance cache."""
+    """Time renders that stop after each of `STAGES`, in turn, after compilation; `shared` uses the irradiance cache."""
     register_stages()
     each = replace(settings, shading="each")
     works = {stage: timed(scene, display, replace(each, integrator=integrator)) for stage, integrator in STAGES.items()}
@@ -374,7 +374,7 @@ def measure_stages(scenes: Path, seed: int) -> Iterator[dict[str, Any]]:
         yield {"what": _label(name, samples), "gpu": gpu, **within, **process}
 
 
-#: Axis labels of the varied sizes, where they differ from the column's name.
+#: Axis labels of the varied sizes, where they differ from the name in the column `with`.
 GROWTH = {"triangles": "primitives (triangles)", "samples": "samples a pixel"}
 
 

@@ -134,7 +134,7 @@ def likeness(scenes: Path, seed: int) -> Iterator[dict[str, Any]]:
 
 
 def error_map(scenes: Path, seed: int) -> tuple[list[Radiance], list[str]]:
-    """Return two views of the fish (each ray's own light; irradiance cache), their difference, and captions."""
+    """Return two views of the fish (light per ray, and from the irradiance cache), their difference, and captions."""
     drawn, display = _drawn_scene(scenes, SCENES[0], seed, ("each", "shared"))
     views = [_view(one.radiance, display) for one in drawn]
     difference = np.abs(views[1] - views[0]) * np.float32(MAP_GAIN)
@@ -188,7 +188,7 @@ def samples_saved(scenes: Path, seed: int) -> Iterator[dict[str, Any]]:
 
 
 def samples_needed(true: Field, guess: Field, samples: float, least: float, power: float) -> float:
-    """Return the mean number of samples, distributed by `guess`, for the error of uniform `samples`."""
+    """Return the mean samples per pixel at which a distribution by `guess` has the error of uniform `samples`."""
     target, share = true.mean() / samples**power, guess ** (1.0 / (1.0 + power))
 
     def numbers(factor: float) -> Field:
@@ -202,7 +202,7 @@ def samples_needed(true: Field, guess: Field, samples: float, least: float, powe
     low, high = 0.0, 1.0
     while error(high) > target:
         high *= 2.0
-        # The guess is 0 at noisy pixels: only uniform samples help.
+        # A noisy pixel with a guess of 0 gets only `least` samples: use uniform samples.
         if high > 1e12:
             return samples
     for _ in range(60):

@@ -29,7 +29,7 @@ Mask = npt.NDArray[np.bool_]
 
 
 def smooth_part(scene_path: Path, eye: tuple[float, float, float], window: Window) -> Mask:
-    """Return which pixels show only the object "smooth" of the placement file, at least two pixels from its edge."""
+    """Return which pixels show only the placement file's object "smooth", two or more pixels from its edge."""
     objects = tomllib.loads(scene_path.with_suffix(".toml").read_text()).get("object", [])
     mask = np.zeros((window.height_px, window.width_px), np.bool_)
     for smooth in (entry for entry in objects if entry["name"] == "smooth"):

@@ -51,7 +51,7 @@ def refused(capsys, *arguments):
         ("ulx3s_lcd", (1920, 1080), "148.5 MHz for the system, ulx3s_lcd has 80 at most"),
         ("ulx3s", (16, 16384), "give a panel of at most 16383 x 16383"),
         ("ulx3s", (480, 272), "display '480x272' on ulx3s: 3000000 baud is not possible with a clock of "),
-        ("ulx3s_lcd", (480, 272), f" baud, by baud in {TOP}/rtl/board/ulx3s_lcd/board.toml"),
+        ("ulx3s_lcd", (480, 272), f" baud, with the key baud of {TOP}/rtl/board/ulx3s_lcd/board.toml"),
     ],
 )
 def test_a_display_that_the_board_cannot_show(board, size, said, tmp_path, capsys):
@@ -85,7 +85,7 @@ def test_other_bad_input(tmp_path, capsys):
     assert "nothing is drawn" in refused(capsys, "--layers", "0", "--bilinear")
     assert "no such file" in refused(capsys, "--display", tmp_path / "none.toml")
     vga = TOP / "scenes/displays/vga-square.toml"
-    assert "two bitstreams would be ulx3s-vga-square.bit" in refused(capsys, "--display", vga, "--display", vga)
+    assert "two bitstreams would be named ulx3s-vga-square.bit" in refused(capsys, "--display", vga, "--display", vga)
 
 
 @pytest.fixture
