@@ -76,7 +76,7 @@ module lipp_dispatcher #(
   output logic              stale_o,  // pulse: a request was refused as outdated (StatusStale)
   output logic              tile_bad_o,
   input  logic              table_busy_i,  // 1: reset is clearing the tile table
-  output logic              table_front_o,   // 1: table_crc_i is of the front buffer
+  output logic              table_front_o,   // 1: table_crc_i belongs to the front buffer
   output logic [15:0]       table_at_o,
   input  logic [31:0]       table_crc_i,     // entry at table_at_o, within 3 clocks
 

@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 `default_nettype none
 
-/// Step 3 of the ray trace (near-eye displays): measures the pixel from its lenslet's centre.
+/// Step 3 of the ray trace (near-eye displays): computes the pixel's point relative to its
+/// lenslet's centre.
 ///
 /// On a display for a near eye, a pixel belongs to the lenslet through which the eye sees the
 /// pixel; the pixel may lie under a neighbouring lenslet. Input x is measured from the lenslet's

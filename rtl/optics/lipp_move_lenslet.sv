@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 `default_nettype none
 
-/// Step 5 of the ray trace: measures the ray's start V from the next dome, (di, dj) lenslets away.
+/// Step 5 of the ray trace: computes the ray's start V relative to the next dome, which is (di, dj)
+/// lenslets away.
 ///
 /// The new coordinates are
 ///
