@@ -27,7 +27,7 @@ def main(arguments: list[str] | None = None) -> None:
 
 
 def program() -> None:
-    """Run `main`, then exit without unloading the libraries, which takes time."""
+    """Run `main`, then exit without the slow unloading of libraries."""
     try:
         main()
     except SystemExit as end:

@@ -217,7 +217,7 @@ def capture(
     check_progress(progress)
     built = setup if isinstance(setup, Setup) else load_setup(setup)
     if aperture is not None and not isinstance(built.pickup, Pickup):
-        raise InputError("aperture applies only to a [pickup], as a camera has a pinhole; leave it out")
+        raise InputError("aperture applies only to a [pickup] (a camera has a pinhole); leave it out")
     if rotate is not None:
         check_flags(rotate=rotate)
     rotated = not built.concave if rotate is None else rotate

@@ -43,7 +43,7 @@ class InputError(LippmannError):
 
 
 class MissingLibraryError(LippmannError):
-    """A library, a program or memory is missing on this machine."""
+    """A library or a program is missing on this machine or a worker."""
 
     exit_code = 3
 

@@ -150,7 +150,7 @@ def test_aims_that_the_words_do_not_promise_to_hold_are_refused(grid):
     [
         ({"grid": "oct"}, 'Build: grid: "oct" is not valid; choose from "hex", "square"'),
         ({"model": "thin"}, 'model: "thin" is not valid; choose from "exact", "paraxial", "pinhole"'),
-        ({"model": "paraxial", "viewer": True}, "viewer requires model exact; leave viewer out of a paraxial build"),
+        ({"model": "paraxial", "viewer": True}, "viewer needs model exact; leave viewer out of paraxial builds"),
         ({"fraction_bits": 24}, "fraction_bits: 24 is not valid; give a whole number from 14 to 23"),
         ({"max_cell_steps": 5, "aims": True}, "max_cell_steps: 5 is not valid; give a whole number from 0 to 4"),
         ({"max_cell_steps": 1}, "max_cell_steps must be 0 in a build whose rays"),

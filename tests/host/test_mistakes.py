@@ -149,7 +149,7 @@ COMMANDS = [
     (f"{OBSERVE} --focus inf", "--focus", "finite"),
     (f"{OBSERVE} --offset-error 1,inf", "--offset-error", "finite"),
     (f"{OBSERVE} --pupil -1", "pupil -1 mm is negative", ""),
-    (f"{OBSERVE} --gap-error -100", "gap_mm", "negative; raise its error by"),
+    (f"{OBSERVE} --gap-error -100", "gap_mm", "negative; raise the gap error by"),
     (f"{OBSERVE} --pitch-scale 0", "pitch_scale", ""),
     (f"{OBSERVE} --sheet s.png", "--sheet", "--sweep"),
     (f"{OBSERVE} --width 0", "--width", ""),

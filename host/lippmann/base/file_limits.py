@@ -57,7 +57,7 @@ def check_expanded(where: str, what: str, needed_bytes: int, remedy: str) -> Non
 def load_arrays(
     path: Path, names: Collection[str] | None, remedy: str, bytes_a_ray: int = 0
 ) -> tuple[dict[str, Numbers], set[str]]:
-    """Return a dict of the arrays `names` of an .npz file, and the names of all its arrays.
+    """Return a dict of the arrays `names` of an .npz file, and all array names of the file.
 
     If `names` is None, the file is an .npy file, and its array gets the name "".
     `bytes_a_ray` is the memory that the caller needs per row (ray), bytes. Raises
@@ -85,7 +85,7 @@ def load_arrays(
     except InputError:
         raise
     except Exception as error:  # broken files raise errors of many classes
-        # These mean too large, encrypted, or compressed by an unknown method.
+        # These errors mean: too large, encrypted, or compressed by an unknown method.
         if isinstance(error, MemoryError | NotImplementedError | RuntimeError):
             error = ValueError(str(error) or "it is too large")
         usual = ValueError | OSError | KeyError | EOFError | TypeError | zipfile.BadZipFile | zlib.error
@@ -145,7 +145,7 @@ def png_is_complete(path: Path) -> bool:
 
 
 def lines_of(text: str) -> Iterator[str]:
-    """Yield the lines of a text one after the other, without building a list."""
+    """Yield the lines of a text without building a list."""
     return (line[0].rstrip("\r\n") for line in re.finditer(r"[^\n]*\n|[^\n]+", text))
 
 

@@ -62,9 +62,9 @@ def full_screen(size: tuple[int, int], monitor: int) -> Iterator[Callable[..., P
     """Provide a function that shows an image (height, width, 3) uint8 on the monitor `monitor` (from 0).
 
     The function takes the image and a duration in s, and returns the screen's pixels.
-    The duration `None` ends with Escape or q. Raises InputError for a missing monitor
-    and for another image size, because scaled pixels would not match the lenslets.
-    Raises DeviceError if there is no desktop or no full screen.
+    The duration `None` ends with Escape or q. Raises InputError for a missing monitor,
+    and for a `size` other than the monitor's: scaled pixels would not match the
+    lenslets. Raises DeviceError if there is no desktop or no full screen.
     """
     check_monitor(monitors(), monitor, size)
     with desktop("a full screen") as pygame:

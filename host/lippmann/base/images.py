@@ -42,7 +42,7 @@ LINEAR_SUFFIXES = (".exr", ".tif", ".tiff")
 #: Suffixes of images with panel values.
 ENCODED_SUFFIXES = (".png",)
 SUFFIXES = LINEAR_SUFFIXES + ENCODED_SUFFIXES
-#: Maximum bytes of a file name; file systems allow its temporary name 255.
+#: Maximum bytes of a file name; its temporary name may have 255 bytes.
 MAX_NAME_BYTES = 220
 HALF_MAX = 65504.0
 #: Maximum channels of an image: three colours and alpha.
@@ -65,7 +65,7 @@ Accept = Callable[[Mapping[str, str]], None]
 
 
 class Picture(NamedTuple):
-    """An image's linear radiance (height, width, 3) float32 and metadata (keys without prefix)."""
+    """An image's linear radiance (height, width, 3) float32 and metadata (keys without `PREFIX`)."""
 
     radiance: Radiance
     metadata: dict[str, str]
@@ -126,7 +126,7 @@ class Rows(Protocol):
 def write_picture(
     path: str | Path, radiance: Rows, metadata: Mapping[str, str], transfer: Transfer = "srgb", bits: int = 8
 ) -> None:
-    """Write an image file of linear radiance (height, width, 3), with metadata (keys without prefix).
+    """Write an image file of linear radiance (height, width, 3), with metadata (keys without `PREFIX`).
 
     EXR (half float) and TIFF (float) files are linear. PNG files contain panel values
     (see `encoded_values`). Raises InputError if the file cannot be written.
@@ -204,7 +204,7 @@ def _file_spec(
     elif suffix == ".exr":
         kind = oiio.HALF
     if suffix in (".tif", ".tiff"):
-        # In TIFF, an entry is a line of ImageDescription; lines that begin with a tab continue it.
+        # In TIFF, ImageDescription has a line for each entry; a leading tab continues the entry.
         lines = [f"{PREFIX}{key}={value}".replace("\n", "\n\t") for key, value in entries.items()]
         settings["ImageDescription"] = "\n".join(lines)
     else:
@@ -429,7 +429,7 @@ def read_numbers(path: Path, max_pixels: int, what: str, remedy: str) -> Numbers
     import cv2
 
     refused = input_error(path, what, remedy)
-    # OpenCV allocates memory for the header's size before it reads the pixels.
+    # OpenCV allocates memory for the size in the header before it reads the pixels.
     if _claimed_size(path, refused) > max_pixels:
         raise input_error(path, f"has more than {max_pixels / 1e6:g} megapixels", "give a smaller image")
     try:

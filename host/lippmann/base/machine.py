@@ -39,7 +39,7 @@ def group_memory_mb(root: Path = Path("/sys/fs/cgroup"), own: Path = Path("/proc
             continue
         names, limit, used, dropped = VERSIONS[1 if controllers else 2]
         for top in (root / name for name in names):
-            # In a container, `path` may be the host's; the group is then `top`.
+            # In a container, `path` may be a path of the host; `top` is then the group.
             group = top / path.lstrip("/")
             for folder in [top] if ".." in group.parts else [group, *group.parents]:
                 if folder.is_relative_to(top):

@@ -21,7 +21,7 @@ GRACE_S = 5.0
 
 @contextlib.contextmanager
 def starting_python() -> Iterator[None]:
-    """Start child Pythons that neither import from the current folder nor warn about semaphores.
+    """Run a block whose child Pythons neither import from the current folder nor warn about semaphores.
 
     Dask's workers do not run the user's script, which may have no `__main__` guard.
     """
@@ -79,7 +79,7 @@ def run_program(
                     break
                 except subprocess.TimeoutExpired:
                     late = until is not None and time.monotonic() > until
-                    # Other threads see signals only in `received`.
+                    # Outside the main thread, `came` stays empty.
                     if came or interrupts.received or late:
                         out, err = _end(process)
                         if late and timeout_s is not None:

@@ -25,7 +25,7 @@ import tomli_w
 from lippmann.base.file_limits import MAX_TOML_BYTES, read_limited
 from lippmann.errors import InputError, check_type, input_error, likely_file, located, reason
 
-#: Maximum parts of a dotted key; the parse time grows with its square.
+#: Maximum parts of a dotted key; the parse time grows quadratically.
 MAX_KEY_PARTS = 32
 #: Maximum bytes of one part of a path, and characters of a whole path.
 MAX_NAME_BYTES, MAX_PATH = 255, 4000
@@ -52,7 +52,7 @@ KINDS = {
     "depth_picture": "depth picture",
 }
 UNITS = r"_(deg|rad|nm|um|mm|cm|m|in|px|percent|cd_m2)$"
-#: For each key, words with which users may wrongly begin its name.
+#: For each key, words with which users may begin a wrong name for it.
 SYNONYMS = {
     "shear": ("skew", "slant"),
     "rotation_deg": ("angle", "tilt", "turn"),
@@ -298,7 +298,7 @@ def toml_text(table: Mapping[str, object], *, one_line: bool = True) -> str:
     text = tomli_w.dumps(table, indent=2)
     if not one_line:
         return text
-    # Only lists have lines that end with a bracket or a comma.
+    # Only lists have lines that end with [ or a comma.
     return re.sub(r",\n *", ", ", re.sub(r"(?<=\[)\n *|,\n *(?=\])", "", text))
 
 
@@ -322,7 +322,7 @@ def _walk(value: Value, node: Schema, name: str) -> Iterator[tuple[str, Value, S
             if inner in node["properties"]:
                 yield from _walk(item, node["properties"][inner], _join(name, inner))
     elif isinstance(value, list):
-        # In a list of lists, the inner lists have a shape, and a schema for each part.
+        # `x-shape` describes the inner lists too; `prefixItems` are their entries' schemas.
         options = node.get("anyOf", ())
         node = next((option for option in options if "a list of [" in option.get("x-shape", "")), node)
         shape = node.get("x-shape", "").partition("a list of ")[2]
@@ -344,7 +344,7 @@ def _hint(top: Schema, table: Schema, keys: Mapping[str, object], unknown: str) 
         part, first = name in unknown.lower() or unknown.lower() in name, name[0] == unknown[:1].lower()
         node = table["properties"][name]
         options = [one for choice in node.get("anyOf", [node]) for one in choice.get("enum", ())]
-        # Users may write a value as a key; texts of 1 or 2 letters match too many.
+        # Users may write a value as a key; 1 or 2 letters would match too many values.
         value = len(unknown) > 2 and any(unknown.lower() in str(one) for one in options)
         return alike + 0.25 * (name in missing) + 0.3 * part + 0.1 * first + 0.6 * value
 

@@ -208,7 +208,7 @@ class Array(Checked):
 
         Lenslet (i, j) is 2 i half steps along the rows from the centre, 2 i + j if
         hexagonal, and 2 j across. Rounding does not exclude a lenslet at the extent's
-        end.
+        edge.
         """
         if self.extent_mm is None:
             return None
@@ -319,7 +319,7 @@ class Display(Checked):
             moved = replace(moved, thickness_mm=max(moved.thickness_mm, moved.sag_mm))
         built_gap_mm = self.gap_mm + errors.gap_mm
         if built_gap_mm < 0.0:
-            remedy = f"raise its error by {-built_gap_mm:g} mm"
+            remedy = f"raise the gap error by {-built_gap_mm:g} mm"
             raise input_error(f"{where}gap_mm", f"{built_gap_mm:g} mm is negative", remedy)
         display = replace(self, array=moved, gap_mm=built_gap_mm)
         _check(display, where)
@@ -411,7 +411,7 @@ def both_pitches(pitch_mm: Pitch) -> Pair:
 
 
 def plain_pitch(pitch_mm: Pitch) -> Pitch:
-    """Replace two equal pitches by one number, so that both forms have one identity."""
+    """Replace two equal pitches by one number, so that both forms have the same identity."""
     return pitch_mm[0] if isinstance(pitch_mm, tuple) and len(set(pitch_mm)) == 1 else pitch_mm
 
 
@@ -495,7 +495,7 @@ def _check_extent(display: Display, where: str) -> None:
         half = 0.5 * (abs(along) * width + abs(across) * height)
         if abs(ax * array.offset_mm[0] + ay * array.offset_mm[1]) > to_edge + half + reach * math.hypot(ax, ay):
             what = f"{size} at offset_mm {list(array.offset_mm)} leaves no lenslet in front of the panel"
-            raise input_error(where, what, "bring array.offset_mm nearer to the panel, or raise extent_mm")
+            raise input_error(where, what, "bring array.offset_mm nearer to 0, or raise extent_mm")
 
 
 def check_array(array: Array, where: str) -> None:

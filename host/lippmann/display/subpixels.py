@@ -75,7 +75,7 @@ class Layout:
             yield colour, u_min, v_min, u_max, v_max
 
     def split_light(self, light: Sequence[Numbers], darkest: Numbers) -> list[Numbers]:
-        """Split a pixel's light: white sub-pixels emit `darkest`, the others the remainder."""
+        """Split a pixel's light: white sub-pixels, if any, emit its minimum `darkest`, others the remainder."""
         if "white" not in (colour for colour, *_ in self.subpixels):
             return list(light)
         return [*(colour - darkest for colour in light), darkest]

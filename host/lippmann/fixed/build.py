@@ -42,7 +42,7 @@ class Build:
             raise InputError("max_cell_steps must be 0 in a build whose rays cannot leave their cell")
         if self.viewer and self.model != "exact":
             raise InputError(
-                f"viewer requires model exact; leave viewer out of a {self.model} build, whose registers set the side"
+                f"viewer needs model exact; leave viewer out of {self.model} builds, whose registers set the plano side"
             )
         if self.aims and self.model == "pinhole":
             raise InputError(

@@ -31,7 +31,7 @@ INDEX_LIMITS = (1.16, 2.2)
 #: the error of an exit point is at most (5 + 1.2 (T/R)^2) R 2^-(F + 1) for radius R and
 #: thickness T (measured): 1/1000 of the pitch for T <= 1.5 R.
 LEAST_HALF = 1 << 12
-#: Values of `extent_i` and `extent_j` for an array without missing lenslets.
+#: Values of `extent_i` and `extent_j` for lenslets everywhere.
 EVERYWHERE = (1 << (words.INDEX_BITS + 1)) - 1, (1 << words.INDEX_BITS) - 1
 #: Maximum lattice steps from a pixel's lenslet to the ray's exit lenslet.
 MAX_ASTRAY = 8
@@ -42,7 +42,7 @@ _TOO_NEAR = f"the panel stands too near for the pitch: {_RAISE_GAP}"
 TOO_STEEP = "the lenslet is too steep: raise array.radius_mm or lower array.pitch_mm"
 _PITCHES_ALIKE = "bring the numbers of array.pitch_mm nearer to each other, or lower array.shear"
 _TOO_THICK = "the substrate is too thick for the curvature: lower array.thickness_mm or raise array.radius_mm"
-_FARTHER = "the eye is too near: raise viewing_distance_mm, take a smaller panel, or bring viewing_axis_mm nearer to it"
+_FARTHER = "the eye is too near: raise viewing_distance_mm, take a smaller panel, or bring viewing_axis_mm nearer to 0"
 _INDEX = f"array.index must be {INDEX_LIMITS[0]} to {INDEX_LIMITS[1]}"
 
 
@@ -113,7 +113,7 @@ def _formats(build: Build) -> dict[str, _Format]:
     near, far, share = f + 2, f + 4, words.share_bits(f)
     strays = exact and (aims or build.viewer or build.converge)
     walks, square, lens = build.max_cell_steps > 0, build.grid == "square", build.model != "pinhole"
-    nearer = "bring array.offset_mm nearer to the panel"
+    nearer = "bring array.offset_mm nearer to 0"
     table = (
         (words.SLOPE_BITS, words.SLOPE_FRACTION, f"give lenslets of more than 4 pixels {_PITCHES}", {
             "x_from_u": True, "x_from_v": True,
@@ -313,9 +313,9 @@ def _check_panel(display: Display) -> None:
     limit = (1 << (words.INDEX_BITS - 1)) - MAX_ASTRAY
     if lenslets >= limit:
         raise InputError(
-            f"registers x_from_u to y_offset place the panel's corner {lenslets:.6g} "
-            f"lenslets from the axis, outside the range (-{limit}, {limit}) of their sum; raise array.pitch_mm, take a "
-            "smaller panel, or bring array.offset_mm nearer to it"
+            f"registers x_from_u to y_offset place the panel's corner {lenslets:.6g} lenslets from the axis, outside "
+            f"the range (-{limit}, {limit}) of a lattice coordinate; raise array.pitch_mm, take a smaller panel, or "
+            "bring array.offset_mm nearer to 0"
         )
 
 
@@ -351,7 +351,7 @@ def _check_reach(display: Display, build: Build, slope: Pair, point: Pair, reach
             f"[0, {math.sqrt(MAX_SLOPE_SQUARE):.3f}) of 60 degrees; {remedy}"
         )
     furthest = (abs(point[0]) * pixel + abs(point[1]) * aim) / array.radius_mm
-    remedy = "raise array.radius_mm, or aim nearer to the centre" if furthest >= MAX_POINT else _FARTHER
+    remedy = "raise array.radius_mm, or aim nearer to the lenslets' centres" if furthest >= MAX_POINT else _FARTHER
     furthest += abs(point[0]) * shift / array.radius_mm
     if furthest >= MAX_POINT:
         raise InputError(

@@ -48,8 +48,8 @@ def draw(
     """Draw a layer stack with an optics build and a scene build; return the pixels (rows, width, 3).
 
     `model` is the lens model, by default the build's. `rows` are the rows to draw, by
-    default all. In `threads` threads, `pipeline` traces rays and `shade` draws them, by
-    default as the twin. Raises InputError if display or stack does not fit a build.
+    default all. `threads` threads call `pipeline` to trace and `shade` to draw rays, by
+    default the twin's. Raises InputError if display or stack does not fit a build.
     """
     panel, f = display.panel, build.fraction_bits
     rows = range(panel.height_px) if rows is None else rows

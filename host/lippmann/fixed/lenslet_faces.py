@@ -147,7 +147,7 @@ def move_lenslet(
 
 
 def enter_flat(ex: Ints, ey: Ints, index_inverse: int, f: int) -> tuple[Ints, Ints, Ints, Bools]:
-    """Refract directions (ex, ey) at the flat face into the glass; mask directions over 60 degrees.
+    """Refract directions (ex, ey) at the flat face into the glass; mark directions over 60 degrees.
 
         t_x  = ((e_x i >> F-2) + 4) >> 3,  t_y likewise
         g    = max((t_x t_x >> F-3+2E) + (t_y t_y >> F-3+2E), 0) >> 2
@@ -178,7 +178,7 @@ def below_quarter(square: Ints, f: int) -> Bools:
 
 
 def cosine_behind(s: Ints, ratio_square: int, f: int) -> tuple[Ints, Ints]:
-    """Return the squared cosine after refraction and the clipped cosine, from the squared sine `s` before."""
+    """Return a refracted ray's squared cosine and clipped cosine; `s` is the squared sine before refraction."""
     far = f + 4
     c = (1 << (f + 3)) - multiplier(s, ratio_square, far, far, f)
     return c, sqrt(np.clip(c, 0, (1 << (f + 3)) - 1), f)

@@ -1,6 +1,6 @@
 """Compiles RTL with Verilator to a program or a library, and caches the result.
 
-The compiler gets Verilator's C++ as one file, which compiles faster and runs faster.
+The compiler gets Verilator's C++ as one file, which compiles and runs faster.
 """
 
 from __future__ import annotations

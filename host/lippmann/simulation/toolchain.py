@@ -161,8 +161,8 @@ def rtl_sources(top: Path) -> list[Path]:
 def needed(text: str, files: Sequence[Path] | Mapping[str, Path]) -> list[Path]:
     """Return the SystemVerilog files that a text names, directly or indirectly, outside comments.
 
-    The names are a mapping's keys, or else the files' stems. The result has the order
-    of `files`.
+    The names are the keys if `files` is a mapping, else the files' stems. The result
+    has the order of `files`.
     """
     by_name = files if isinstance(files, Mapping) else {path.stem: path for path in files}
     match: set[str] = set()

@@ -127,7 +127,7 @@ def check_free(tcp_port: int) -> None:
 
 
 def board_build(display: Display, scene: SceneBuild | None = None, fraction_bits: int | None = None) -> Build:
-    """Return the RTL parameters of a display's optics, with `cross_cells`, which simulates faster.
+    """Return the RTL parameters of a display's optics; `cross_cells` is True for speed.
 
     F is `fraction_bits`, by default 18 for a board that draws nearest texels, else 16.
     """
@@ -161,8 +161,8 @@ def compile_board(display: Display, scene: SceneBuild | None = None) -> Path:
 class BoardOptions(TypedDict, total=False):
     """Options of a virtual board."""
 
-    #: Type of port: a Unix socket for this user, TCP on loopback for programs with the
-    #: token, or a pty. The default is TCP if `tcp_port` is set, else a Unix socket.
+    #: Type of port: a Unix socket for this user, TCP on loopback with an access token,
+    #: or a pty. The default is TCP if `tcp_port` is set, else a Unix socket.
     port: Port | None
     #: TCP port; 0 selects a free port.
     tcp_port: int | None
@@ -251,7 +251,7 @@ def start(display: Display, **options: Unpack[BoardOptions]) -> RunningBoard:
 def _remove_dead_lines(place: Path) -> None:
     """Remove the sockets and tokens of killed boards, which have no listening process.
 
-    The listeners come from /proc: a test connection would disconnect a program.
+    The listeners are read from /proc: a test connection would disconnect a program.
     """
     # List the files before the listeners: a board may start meanwhile.
     there = [*place.glob("board-*.sock"), *place.glob("tcp-*.token")]
