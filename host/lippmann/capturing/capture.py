@@ -19,8 +19,8 @@ a camera, and at z' = (g/D) z, x' = x for a sensor. Rotation inverts the sign of
 is negative for concave lenslets.
 
 If the elemental images converge on an eye at E, u is 1 + g/E times as large, and the
-slope of a lenslet's rays changes by c/E: 1/z'' = (1 + g/E)/z' + 1/E. The rays to a
-sensor change equally: z'' = z' without rotation, 1/z'' = 1/z' + 2/E with rotation.
+slope of a lenslet's rays changes by c/E: 1/z'' = (1 + g/E)/z' + 1/E. With a sensor, the
+captured rays change equally: z'' = z', or 1/z'' = 1/z' + 2/E after rotation.
 
 Rays are traced against the light, in a left-handed frame: x is right and y is up as
 seen by the camera, and z points to the lens. Lenslets and lenses are symmetric, so the
@@ -224,7 +224,7 @@ def rays_from_picture(b: Backend, setup: Setup, u: Arr, v: Arr, aperture: Point 
 
 
 def capture_source(setup: Setup, aperture: Aperture = "chief") -> RaySource:
-    """Return a captured image's ray source (object's frame); `Lines.lost` is for lens and array."""
+    """Return a captured image's ray source (object's frame); `Lines.lost` has masks for lens and array."""
     panel, array = setup.display.panel, setup.array
 
     def lines(b: DrJitBackend, u: Arr, v: Arr, square: Point) -> Lines:

@@ -112,7 +112,7 @@ class Setup:
 
     @property
     def captured(self) -> Display:
-        """The display with the set-up's array. A set-up with a camera does not use the gap."""
+        """The display with the set-up's array. With a camera, `gap_mm` has no effect."""
         behind = self.array.focal_length_mm + self.array.sag_mm
         gap = self.pickup.gap_mm if isinstance(self.pickup, Pickup) else behind
         return replace(self.display, array=self.array, gap_mm=gap)
@@ -193,7 +193,7 @@ class SetupFile:
 
 
 def load_setup(path: str | Path) -> Setup:
-    """Read a set-up file; raise InputError with file, key and remedy for invalid keys."""
+    """Read a set-up file; raise InputError with file, key and remedy."""
     path = path_of(path, "a set-up file")
     keys = toml.read(SetupFile, toml.load(path, "set-up"), str(path))
     where, subject = f"{path}: ", keys.object

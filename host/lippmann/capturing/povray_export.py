@@ -57,7 +57,7 @@ class View:
 def write_folder(scene: Scene, view: View, folder: Path) -> Exported:
     """Write all files, or none, to `folder`, which is created if missing.
 
-    Raises InputError for a scene that POV-Ray cannot express; see also `not_written`.
+    Raises InputError for a scene that POV-Ray cannot express, and errors of `not_written`.
     """
     make_folder(folder.parent)
     name = plain(scene.path.stem)

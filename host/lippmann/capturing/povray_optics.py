@@ -79,7 +79,7 @@ def _plano_convex(pair: LensPair, faces: tuple[Face, ...], origin_mm: float) -> 
 
 
 def array_solids(display: Display, vertex_mm: float, side: float, concave: bool = False) -> str:
-    """Return a display's lenslet as POV-Ray text, and a loop that repeats the lenslet.
+    """Return a display's lenslet as POV-Ray text, and a loop that repeats it.
 
     The lenslets' vertices are in the plane z = `vertex_mm`. The glass is on the +z side
     if `side` is +1, and on the -z side if `side` is -1.

@@ -104,7 +104,7 @@ class Materials:
                 side = self._read_coloured_side(item, "reflectance", "diffuse 1")
             case "conductor":
                 if item.value("material", "Cu") != "none" or item.values("eta", "k"):
-                    raise item.refusal("has a complex index", "set material none and specular_reflectance, no eta or k")
+                    raise item.refusal("has a complex index", "set specular_reflectance, material none; remove eta, k")
                 tint = item.triple("specular_reflectance", WHITE)
                 side = _plain((0.0, 0.0, 0.0), f"diffuse 0 reflection {{ rgb {vector(tint)} }}")
             case "dielectric":
@@ -177,7 +177,7 @@ ELSEWHERE = ("Integrator", "Sensor", "Film", "Sampler")
 SHAPES = ("sphere", "rectangle", "ply", "obj")
 #: Fade distance f of point lights, mm.
 FADE_MM = 1e-3
-#: Fraction of a mesh's size below which two vertices count as one.
+#: Vertices count as one if nearer than this fraction of their mesh's size.
 GRAIN = 1e-6
 
 
@@ -233,7 +233,7 @@ def _shape(item: Item, materials: Materials, placement: Placement, place: int) -
         look += f" interior {{ ior {material.index:.9g} }}"
     if not material.clear:
         return [geometry.replace("@", look)]
-    # In Mitsuba, glass blocks point lights; in POV-Ray, an invisible black copy does.
+    # In Mitsuba, glass blocks point lights. In POV-Ray, its black copy blocks them.
     shadow = geometry.replace("@", block("pigment", "rgb 0") + " no_image no_reflection").split("\n")[-1]
     return [geometry.replace("@", f"{look} no_shadow"), shadow]
 

@@ -33,7 +33,7 @@ class Item:
         self._read: set[str] = set()
 
     def path(self, name: str) -> Path:
-        """Return a property's path, beside the scene file if it exists there, else beside the included file."""
+        """Return a path property, relative to the scene file if it exists there, else to the included file."""
         text = self.value(name, "")
         including_file = Path(str(self.tree.state.files[self._node.file_index]))
         beside_scene = self.tree.path.parent / text

@@ -31,7 +31,7 @@ CLOSE = 4.0
 MARKS = 30.0
 #: Maximum width, pixels, of a close-up that shows its pixels.
 MAX_PIXELS = 150
-#: Eye distances in `draw_zones`, in viewing distances.
+#: Eye distances in `draw_zones`, as multiples of the viewing distance.
 HEIGHTS = np.linspace(0.2, 3.0, 15)
 #: Eyes at each distance in `draw_zones`.
 PLACES = 41

@@ -55,7 +55,7 @@ def image_viewer(image: IntegralImage, window: Window, samples: int, seed: int =
 def eyes_of(
     display: Display, across: int, down: int = 1, cone_deg: float | None = None, distance_mm: float | None = None
 ) -> list[Point3]:
-    """Return eye positions (mm) in equal steps at one distance, row by row from the bottom left position.
+    """Return eye positions (mm) in equal steps at one distance, row by row from the bottom left.
 
     Rows and columns span a cone from the display's middle; the default is the viewing
     zone without crosstalk. The default distance is the viewing distance. Raises

@@ -37,7 +37,7 @@ CHUNK_RAYS = 1 << 21
 STORED_BYTES = 1 << 27
 #: An image of linear light, (height, width, 3).
 Light = npt.NDArray[np.floating]
-#: Function that takes a mask of rays, columns, rows and hits, and returns colours.
+#: Function that returns rays' colours, given their mask, columns, rows and hits.
 LookUp = Callable[[Arr, Arr, Arr, PixelHits], list[Arr]]
 
 
@@ -60,7 +60,7 @@ class Eye:
             raise InputError(f"eye: z {self.position_mm[2]:g} mm is not in front of the display; give z > 0")
         if not 0.0 <= self.pupil_mm <= FARTHEST_EYE_MM:
             what = f"pupil {self.pupil_mm:g} mm is negative or over {FARTHEST_EYE_MM:g} mm"
-            raise InputError(f"eye: {what}; give the pupil's diameter")
+            raise InputError(f"eye: {what}; give the diameter in mm")
         if self.focus_z_mm >= self.position_mm[2]:
             raise InputError("eye: the focus is behind the eye; give a focus depth below the eye's z")
 
@@ -111,7 +111,7 @@ def observe(
 
     `radiance` is linear, (height, width, 3). Only the visible parts of an image on disk
     (`StoredRows`) are read. The view covers the window, with `samples` rays per pixel.
-    If `crosstalk` is false, rays that end in a neighbour's cell see black. Raises
+    If `crosstalk` is false, rays that end in another lenslet's cell see black. Raises
     InputError if the image does not have the panel's size, the model is unknown, or
     `samples` is out of range.
     """
@@ -154,14 +154,14 @@ def observe(
 def _emitted_light(b: DrJitBackend, panel: Panel, look_up: LookUp, hits: PixelHits, visible: Arr) -> list[Arr]:
     column = mi.UInt32(dr.clip(dr.floor(hits.u), 0, panel.width_px - 1))
     row = mi.UInt32(dr.clip(dr.floor(hits.v), 0, panel.height_px - 1))
-    # The look-up may evaluate the hits; then the code below need not trace again.
+    # Look up first: if this evaluates the hits, the code below does not trace again.
     colour = look_up(visible, column, row, hits)
     if panel.black:
         colour = [dr.select(visible, panel.black + (1.0 - panel.black) * c, 0.0) for c in colour]
     layout = layout_of(panel.subpixels)
     if layout is None:
         return colour
-    # A sub-pixel is smaller and so brighter than its pixel. White emits all colours.
+    # A sub-pixel is smaller than its pixel, so it is brighter. White emits all colours.
     parts = layout.split_light(colour, dr.minimum(colour[0], dr.minimum(colour[1], colour[2])))
     colour = [mi.Float(0.0)] * 3
     for k, gain, inside in layout.emitters(b, hits.u, hits.v):
@@ -181,7 +181,7 @@ def _light_in_memory(radiance: Light) -> LookUp:
 
 
 def _light_on_disk(radiance: StoredRows, visible: Arr, column: Arr, row: Arr, hits: PixelHits) -> list[Arr]:
-    """Look up the rays' colours in an image on disk; read only parts that a ray sees."""
+    """Look up the rays' colours in an image on disk."""
     dr.eval(visible, column, row, hits.u, hits.v, hits.status)
     _, width, _ = radiance.shape
     rows = max(1, STORED_BYTES // (12 * width))

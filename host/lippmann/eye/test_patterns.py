@@ -120,7 +120,7 @@ def checker(at: Pixels) -> Values:
 
 
 def ramp(at: Pixels) -> Values:
-    """Return grey levels: the column modulo 256, in 255ths."""
+    """Return grey levels: (column modulo 256) / 255."""
     return (at.column % 256)[..., None] / 255.0
 
 
@@ -179,9 +179,9 @@ def draw(
     """Return a test pattern for a display.
 
     The pattern "white-for-eye" needs an `eye`. `lens` is the lenslet (i, j) of
-    "single-lens", by default (0, 0). With `fraction_bits`, the pattern is computed in a
-    board's words, not in float64. Raises InputError for an option of another pattern,
-    and for a display that does not fit a board's registers.
+    "single-lens", by default (0, 0). With `fraction_bits`, the pattern is computed in
+    fixed point, as in a board. Raises InputError for an option of another pattern, and
+    for a display that does not fit a board's registers.
     """
     check_choice("pattern", kind, get_args(Kind))
     if eye is None and kind == "white-for-eye":

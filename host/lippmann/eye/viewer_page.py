@@ -1,6 +1,6 @@
 """Assembles the viewer page, a single text with everything that the browser needs.
 
-The files in page_files/ have holes `@@name@@` for values; shaders use `#include`.
+The files in page_files/ have placeholders `@@name@@`; shaders use `#include`.
 """
 
 from __future__ import annotations
@@ -34,11 +34,11 @@ def read(name: str) -> str:
 
 
 def fill_template(name: str, **values: str) -> str:
-    """Return a template, each hole `@@name@@` filled by the value of that name."""
+    """Return a template whose placeholders `@@name@@` are replaced by the values."""
     text = read(name)
     holes = set(HOLE.findall(text))
     if holes != set(values):
-        raise ValueError(f"{name} has the holes {sorted(holes)}, not {sorted(values)}")
+        raise ValueError(f"{name} has the placeholders {sorted(holes)}, not {sorted(values)}")
     return HOLE.sub(lambda hole: values[hole[1]], text)
 
 
@@ -47,7 +47,7 @@ def shader(name: str) -> str:
     return INCLUDE.sub(lambda line: shader(line[1]), read(f"shaders/{name}"))
 
 
-#: Range of the eye's distance, in viewing distances.
+#: Range of the eye's distance, as multiples of the viewing distance.
 DISTANCES = (0.25, 4.0)
 #: Maximum pupil, mm; a wide pupil shows focus clearly.
 PUPIL_MM = 20.0

@@ -113,7 +113,7 @@ def measured_cuts(
 ) -> Iterator[tuple[Cut, list[float]]]:
     """For each number of layers, cut a scene; yield the cut and, if `filter` is set, its views' PSNR.
 
-    `parts` are the scene cut by depth and the one that becomes a layer (`cut_scene`).
+    `parts` are the arguments `scene` and `apart` of `cut_scene`.
     """
     full = [] if filter is None else full_views(scene, display, settings)
     for count in report_each(counts, progress):
@@ -173,7 +173,7 @@ def choose_layers(
     """Choose the cheapest layers of a placed scene that keep a moving eye's views within the tolerance.
 
     Costs are compared by block RAMs, then bytes, then multipliers. Raises InputError if
-    the tolerance is not positive and finite, if no board has one of `slots`, if a layer
+    the tolerance is not positive and finite, if one of `slots` fits no board, if a layer
     exceeds the hardware, or if no eye sees the scene.
     """
     if not 0.0 < tolerance_db < math.inf:

@@ -208,8 +208,8 @@ class LayerPlan(Plan):
     def render(self, number: int, report_rows: Callable[[int], None] | None = None) -> tuple[Radiance, list[int]]:
         """Return a band's radiance (rows, width, 3), and no lost samples.
 
-        The engines "twin" (integer model) and "rtl" (simulated RTL) give the radiance
-        of the panel's bytes. Raises InputError for values outside registers' ranges.
+        The engines "twin" (integer model) and "rtl" (simulated RTL) draw bytes, decoded
+        to radiance. Raises InputError for values outside registers' ranges.
         """
         display, options, rows = self.display, self.options, self.bands[number]
         model = options.model
@@ -243,8 +243,8 @@ def plan_layers(
     """Return the plan of a picture of layers for a display; `where` names the layers in messages.
 
     `fraction_bits` of the optics default to the maximum. Raises InputError for an
-    engine, filter, model or number of samples that layers do not have, and for layers
-    at or behind the eyes.
+    unsupported engine, filter, model or number of samples, and for layers at or behind
+    the eyes.
     """
     check_for_display(stack, display, where)
     check_options(filter, samples)

@@ -117,8 +117,8 @@ def save_layers(path: str | Path, stack: LayerStack, names: Sequence[str] = ()) 
     Pictures that this function wrote for the folder's former layers are removed.
     Other programs' pictures are not replaced.
 
-    Raises InputError for invalid file names, names of other pictures, and if writing
-    fails.
+    Raises InputError for invalid file names, names of other programs' pictures, and if
+    writing fails.
     """
     names = tuple(names) or tuple(f"layer_{place}" for place in range(len(stack.layers)))
     used_names = {name.casefold() for name in names}
@@ -321,7 +321,7 @@ def cut_pictures(path: str | Path, display: Display, slot: Size = SLOT) -> tuple
 
 def _read_picture(path: Path) -> Rgba:
     """Return a picture's premultiplied linear light and its opacity, (height, width, 4)."""
-    with open_png(path, "mend its name in the file", "give a PNG") as picture:
+    with open_png(path, "mend its name in pictures.toml", "give a PNG") as picture:
         width, height = picture.size
         if width * height > MAX_PIXELS:
             remedy = f"give at most {MAX_PIXELS} pixels"

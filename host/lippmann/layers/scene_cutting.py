@@ -81,7 +81,7 @@ class Cut:
     stack: LayerStack
     slabs: tuple[Slab, ...]
     palette_db: tuple[float, ...]
-    #: Index of the layer of objects that move by themselves.
+    #: Index of the layer of separately moving objects.
     apart: int | None = None
 
 
@@ -119,10 +119,10 @@ def cut_scene(
     settings: Settings | None = None,
     apart: Scene | None = None,
 ) -> Cut:
-    """Cut a placed scene into at most `count` layers for a display; few depths give fewer layers.
+    """Cut a placed scene into at most `count` layers for a display; few scene depths give fewer layers.
 
-    `slot` is a layer's maximum size in texels. `apart` is a scene of objects that move
-    by themselves, which becomes one layer at its own depth.
+    `slot` is a layer's maximum size in texels. `apart` is a scene of separately
+    moving objects, which becomes one layer at its own depth.
 
     Raises InputError for counts and sizes out of range, and scenes that no eye sees.
     """
@@ -185,7 +185,7 @@ def _render_slab(
 
     hidden = 0.0
     if before is not None and not math.isinf(depth):
-        # `hidden` is the width that eyes see behind a nearer edge, plus partial texels.
+        # `hidden` is the width, mm, that eyes see behind a nearer edge, plus `EDGE_TEXELS`.
         hidden = reach.aside_mm * (before.depth_mm - depth) / (reach.eye_mm[2] - before.depth_mm)
         hidden += EDGE_TEXELS * texel
 
@@ -220,7 +220,7 @@ def texels_for(area: Area, display: Display, slot: Size) -> Size:
 
 
 def finest_texel(depth_mm: float, display: Display) -> float:
-    """Return neighbouring rays' spacing at a depth (mm, at least a pixel); at infinity, that of their slopes."""
+    """Return the spacing of rays at a depth (mm, at least a pixel); at infinity, the spacing of their slopes."""
     pixel = display.panel.coarsest_mm
     slope = pixel / display.aperture_distance_mm
     return slope if math.isinf(depth_mm) else max(pixel, abs(depth_mm) * slope)
@@ -302,8 +302,8 @@ def peel(scene: Scene, area: Area, eye_mm: Point3, between_mm: Pair, size: Size,
 def seen_depths(scene: Scene, area: Area, eye_mm: Point3, size: Size, settings: Settings) -> tuple[Floats, Floats]:
     """Return the depths (N,) that an eye sees in an area, -infinity for surroundings, and the detail (N,).
 
-    Detail is the squared difference of two neighbouring texels, and counts for the
-    nearer texel, whose surface hides farther surfaces behind its edge.
+    Detail is the squared colour difference of two neighbouring texels. It counts for
+    the nearer texel, whose surface hides farther surfaces behind its edge.
     """
     front, (width, height) = min(scene.depth_range_mm[1], eye_mm[2]), size
     index = dr.arange(mi.UInt32, width * height)
@@ -322,7 +322,7 @@ def seen_depths(scene: Scene, area: Area, eye_mm: Point3, size: Size, settings: 
 
 
 def _lines(area: Area, eye_mm: Point3, size: Size, texel: Arr, sample: Arr, settings: Settings) -> Lines:
-    # Lines run from samples in texels to an eye; for a sky, through the origin.
+    # Lines run from points in texels to an eye. For a sky, lines start at the origin.
     columns = dr.opaque(mi.UInt32, size[0])
     places = area.x0, area.y1, area.size[0] / size[0], area.size[1] / size[1]
     x0, y1, across, down = (dr.opaque(mi.Float, value) for value in places)

@@ -2,7 +2,7 @@
 
 The engines golden, twin and rtl draw the bytes that a board stores. Pillow chooses a
 picture's initial palette. Lloyd's algorithm then moves each colour to the mean of its
-texels. Colours are compared by opacity, and by opacity times the root of light.
+texels. Colours are compared by opacity, and by opacity times light's square root.
 """
 
 from __future__ import annotations
@@ -226,8 +226,8 @@ def rgba_of(light: Floats, opacity: Floats) -> Bytes:
 def quantise(rgba: Bytes) -> tuple[Bytes, Bytes, float]:
     """Quantise a picture (height, width, 4) of palette bytes to 256 colours.
 
-    Returns texels, palette, and the PSNR in dB. Colour 0 is transparent, and fills the
-    rest of a slot. A picture with at most 255 visible colours keeps them all.
+    Returns texels, palette, and the PSNR in dB. Colour 0 is transparent, and pads
+    pictures to their slots. A picture with at most 255 visible colours keeps them all.
     Opaque texels stay opaque.
     """
     height, width = rgba.shape[:2]
@@ -252,7 +252,7 @@ def _perceived(rgba: Bytes) -> Floats:
 
 
 def nearest(rgba: Bytes, palette: Bytes) -> np.ndarray:
-    """Return the index of the palette colour nearest to each colour, opaque for opaque colours."""
+    """Return the index of each colour's nearest palette colour: an opaque one if the colour is opaque."""
     from scipy.spatial import KDTree  # scipy loads slowly
 
     place = KDTree(_perceived(palette)).query(_perceived(rgba))[1]

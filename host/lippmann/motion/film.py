@@ -46,7 +46,7 @@ class Key:
 @documented
 @dataclass(frozen=True)
 class MotionPath:
-    """The keys of an object's path. The object rests before the first key and after the last key.
+    """The keys of an object's path. The object stands still before the first and after the last key.
 
     "smooth" interpolates each component by cubics that never go beyond a key (Fritsch
     and Butland, "A method for constructing local monotone piecewise cubic
@@ -58,7 +58,7 @@ class MotionPath:
     motion: Annotated[Motion | None, key("interpolation between keys", default="the film's")] = None
 
     def at(self, frame: int) -> Placement:
-        """Return the motion from the rest position to a frame's, in the display's coordinates."""
+        """Return the motion from the rest position to that at a frame, in the display's coordinates."""
         frames = np.array([key.frame for key in self.keys], np.float64)
         numbers = np.array([(*key.offset_mm, *key.rotation_deg, key.scale) for key in self.keys])
         x, y, z, about_x, about_y, about_z, scale = interpolate(frames, numbers, self.motion, frame).tolist()
@@ -105,7 +105,7 @@ class Film(FilmFile):
 
     @property
     def key_frames(self) -> list[int]:
-        """The first frame, the last, and those of all keys, which bound all motion."""
+        """The first, the last and all keys' frames, where each motion component has its extremes."""
         paths = [*self.object, self.world] if self.world is not None else self.object
         return sorted({0, self.frames - 1, *(one.frame for path in paths for one in path.keys)})
 
@@ -138,7 +138,7 @@ def load_film(path: str | Path) -> Film:
     near, far = film.near_mm, film.far_mm
     if near is not None and far is not None and near <= far:
         what = f"near_mm {near:g} is not in front of far_mm {far:g}"
-        raise input_error(path, what, "raise it: +z is towards the eye")
+        raise input_error(path, what, "raise near_mm: +z is towards the eye")
     world = film.world and _with_motion(film.world, film, f"{path}: world")
     moving = tuple(_with_motion(one, film, f"{path}: object[{place}]") for place, one in enumerate(film.object))
     return replace(film, scene=(path.parent / film.scene).absolute(), object=moving, world=world)

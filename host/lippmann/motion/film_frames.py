@@ -33,7 +33,7 @@ logger = logging.getLogger("lippmann")
 
 @dataclass(frozen=True, eq=False)
 class FramePlan(ScenePlan):
-    """The plan of a film's frame. All frames have one seed: pixels at rest do not change."""
+    """The plan of a film's frame. All frames have the same seed, so that pixels at rest do not change."""
 
     film: Film
     frame: int
@@ -88,7 +88,7 @@ def plan_film(film: Film, display: Display, options: RenderOptions, scale: float
     film_placement = None if scale == 1.0 else Placement(scale or 1.0)
     if scale is None:
         film_placement = _fit_film(film, at_rest, display)
-        # The depths in the film file are for the original size.
+        # The depths in the film file are for the unscaled film.
         film = replace(film, near_mm=None, far_mm=None)
     panel = display.panel
     bands = tuple(bands_of(*panel.size_px, options.settings.samples * colours_of(panel)))

@@ -30,7 +30,7 @@ from lippmann.rendering.sampling import RaySource, Window, display_source
 from lippmann.scenes.placement import Matrix, Placement
 from lippmann.scenes.scene import Scene
 
-#: Bits of the float32 numbers 0 and 1. As integers, bits of positive floats keep the order.
+#: Bits of the float32 numbers 0 and 1. Positive floats and their bits have the same order.
 ZERO, ONE = 0, 0x3F800000
 
 
@@ -46,7 +46,7 @@ def least_radiance(panel: Panel, bits: int) -> Radiance:
 
 
 def values_of(bits: int) -> npt.NDArray[np.uint8]:
-    """Return the 8-bit values (levels,) of a panel's levels, for up to 8 bits."""
+    """Return the 8-bit values (levels,) of the levels of a panel with at most 8 bits."""
     return encoded_values(np.linspace(0.0, 1.0, 1 << bits), "linear", bits).astype(np.uint8)
 
 
@@ -75,7 +75,7 @@ class Encoder:
 
 #: Render time of a moving picture, s, above which a block of pixels gets one ray.
 QUICK_S = 0.06
-#: Timed pictures; the fastest one counts.
+#: Timed pictures; the fastest one sets `block`.
 TRIALS = 3
 MAX_BLOCK = 8
 #: Samples per pixel of each pass while the scene is at rest.
@@ -223,7 +223,7 @@ VIEW_SAMPLES = (1, 8)
 
 @dataclass(frozen=True)
 class EyeView:
-    """The view of an eye, which the second window shows."""
+    """An eye's view, which the second window shows."""
 
     display: Display
     eye: Eye

@@ -65,7 +65,7 @@ class Hand:
         return (self.yaw_deg, self.pitch_deg, self.scale, *self.shift_mm.tolist())
 
     def placement(self) -> Placement:
-        """Return the moved scene's placement; any motion removes near and far depths."""
+        """Return the moved scene's placement, without near and far depths after a motion."""
         if (self.yaw_deg, self.pitch_deg, self.scale) == (0.0, 0.0, 1.0) and not self.shift_mm.any():
             return self.base
         turns = (self.pitch_deg, 0.0, 0.0), (0.0, self.yaw_deg, 0.0)

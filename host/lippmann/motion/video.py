@@ -62,7 +62,7 @@ def write_video(
                 assert encoder.stdin is not None
                 for frame in frames:
                     encoder.stdin.write(np.ascontiguousarray(frame).data)
-        except BrokenPipeError:  # ffmpeg has ended; its message is too long to show
+        except BrokenPipeError:  # ffmpeg has ended; -v quiet hides its message
             raise not_written(path, "ffmpeg stopped", partial) from None
         if encoder.returncode:
             raise not_written(path, "ffmpeg stopped", partial)

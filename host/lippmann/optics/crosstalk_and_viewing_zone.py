@@ -31,11 +31,11 @@ TOO_FAR = f"eye: is farther away than {FARTHEST_EYE_MM:g} mm; give its position 
 SHARE_RAYS = 1 << 13
 #: Lenslets tested for crosstalk, across and down the panel.
 LENSLETS = (5, 3)
-#: Tested points: fraction of the way to a cell's rim, fraction of the rim's height.
+#: Tested points: distance from a cell's centre and height, as fractions of the rim's.
 POINTS = ((0.6, 0.0), (0.95, 0.0), (0.95, 1.0), (0.99, 0.0), (0.99, 1.0))
-#: Search for a zone's end: range in paraxial half widths, and bisections.
+#: Search for a zone's end: range in paraxial half widths, number of bisections.
 FARTHEST, BISECTIONS = 2.0, 11
-#: Search for a better display: factor on a length, maximum steps.
+#: Search for a better display: factor on a length per step, maximum steps.
 FACTOR, STEPS = 1.1, 24
 #: Minimum width of a better display's zone, as a fraction of one lenslet's zone.
 WORTH = 0.25
@@ -104,7 +104,7 @@ def sees_all(display: Display, eyes_mm: Floats) -> Bools:
     cell = np.concatenate(list(rings))
     points = (np.pad(centres, ((0, 0), (0, 0), (0, 1)))[:, :, None] + cell).reshape(len(eyes_mm), -1, 3)
     x, y = panel.pitches_mm
-    # Enlarge the panel by larger pixels: the number of pixels is limited.
+    # Enlarge the panel with larger pixels, because their number is limited.
     wide = replace(panel, pixel_pitch_mm=(4.0 * x, 4.0 * y))
     status = _statuses(replace(display, panel=wide), eyes_mm, points)
     mostly = (status == Status.OK).mean(axis=1) >= 0.5

@@ -58,7 +58,7 @@ def mirrored(ray: Ray) -> Ray:
 def refract_flat(b: Backend, ray: Ray, ratio: float) -> tuple[Ray, Arr]:
     """Refract rays at the planes z = constant through the rays' points; `ratio` is n1 / n2.
 
-    Return rays and their squared cosine behind the face (reflected rays: at most 0).
+    Return rays and their squared cosine behind the face (at most 0 if reflected).
     """
     kx, ky = ray.dx * ratio, ray.dy * ratio
     k = b.sqrt(kx * kx + ky * ky)
@@ -166,7 +166,7 @@ def meet(b: Backend, dome: Dome, ray: Ray, upward: bool) -> Crossing:
 
 
 def refract_dome(b: Backend, dome: Dome, ray: Ray, cosine: Arr, ratio: float, upward: bool) -> tuple[Ray, Arr]:
-    """Refract rays at the dome on which their points are; return the same results as `refract_flat`.
+    """Refract rays at the dome on which their points are; return rays and squared cosines.
 
     Snell's law in vector form is d' = r d + (cos t - r cos i) N, with r = n1/n2, the
     normal N, and cos^2 t = 1 - r^2 (1 - cos^2 i).

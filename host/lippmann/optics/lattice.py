@@ -55,7 +55,7 @@ class Lattice:
 
     @property
     def stepped(self) -> bool:
-        """Whether walls separate domes, as cells' sides are not midway between centres."""
+        """Whether walls separate domes, because cells' sides are not midway between centres."""
         px, py = self.pitches_mm
         return bool(self.shear != 0.0 or (self.grid == "hex" and px != py))
 
@@ -124,7 +124,7 @@ class Lattice:
             s = u - 0.5 * t
             i, j = b.floor(s), b.floor(t)
             s, t = s - i, t - j
-            # q0 uses u, not s + t/2, so that pixels on a vertical edge get one lenslet.
+            # q0 uses u, not s + t/2: pixels on a vertical edge must get the same lenslet.
             q0, q1 = u - (i + 0.5 * j), 0.5 * s + t
             near = (q0 < 0.5) & (q1 < 0.5)
             far = (q0 >= 1.0) & (q1 >= 1.0)

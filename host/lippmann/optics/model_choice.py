@@ -64,7 +64,7 @@ def check_tolerance(tolerance: object) -> None:
 def choose_model(
     display: Display, depth_range_mm: Pair, aperture: str = "chief", tolerance: float = TOLERANCE
 ) -> Choice:
-    """Choose the cheapest model whose error is within a tolerance, in pixels of the reconstructed view.
+    """Choose the cheapest model whose error is within a tolerance in reconstructed pixels.
 
     `depth_range_mm` has the scene's far and near z; `aperture` is "chief" or "full".
     Raises InputError for an invalid tolerance.

@@ -128,7 +128,7 @@ def _leave_exact(b: Backend, system: System, x: Arr, y: Arr, aperture: Point | N
             exit_ = _out_of_glass(b, system, mirrored(ray), 0.0, upward=False)
             exit_ = exit_._replace(ray=mirrored(exit_.ray))
         else:
-            # An aimed ray may leave its cell below the rims' plane.
+            # An oblique ray may leave its cell below the rims' plane.
             exit_ = _out_of_glass(b, system, ray, -system.dome.sag_mm if strays else None)
     else:
         exit_ = _downward(b, system, Ray(near_x, near_y, zero, dx, dy, -dz), strays)

@@ -61,8 +61,8 @@ def points_in_square(pixel: Arr, sample: Arr, seed: Arr, stream: int = 1) -> Poi
     """Return points (s, t) in the unit square of a cell or pupil, for pixel and sample indices.
 
     The points are the R2 sequence, shifted modulo 1 by a hash of pixel and seed. Stream
-    0 is independent of stream 1 and serves an eye's view, as in
-    viewer/shaders/sampling.glsl.
+    0 is independent of stream 1 and serves an eye's view, as in the viewer page's
+    sampling.glsl.
     """
     # Rounding must not move a point to 1, which belongs to the next cell.
     below_one = 1.0 - 2.0**-24

@@ -170,7 +170,7 @@ class System:
         return i, j, x - cx, y - cy  # from q, the rounding error would be 1 / (1 - s) times as large
 
     def through_mount(self, b: Backend, status: Arr, passed: Point, own: Point | None = None) -> Arr:
-        """Return `status`; BLOCKED if lenslet `own` is absent, or `passed` is absent for a ray not MISSED."""
+        """Return `status`, or BLOCKED if lenslet `own` is absent, or if `passed` is and the ray is not MISSED."""
         if self.lattice.half_steps is None:
             return status
         there = self.lattice.present(b, *passed) | (status == int(Status.MISSED))
