@@ -73,7 +73,7 @@ CLEAR = block("pigment", "rgbt <1, 1, 1, 1>")
 
 
 class Materials:
-    """Converts each material once, and copies the image textures to the export folder."""
+    """Converts each material once, and copies image textures to the export folder."""
 
     def __init__(self, folder: Path) -> None:
         self.folder = folder
@@ -209,7 +209,7 @@ def _light(item: Item, placement: Placement) -> str:
 
 
 def _shape(item: Item, materials: Materials, placement: Placement, place: int) -> list[str]:
-    """Return a shape's POV-Ray objects, and add its textures to `materials`; the index `place` makes names unique."""
+    """Return a shape's POV-Ray objects, and add its textures to `materials`; `place` makes names unique."""
     if item.plugin not in SHAPES:
         raise item.refusal(REFUSED, f"use {', '.join(SHAPES)}")
     material = None

@@ -23,7 +23,7 @@ from lippmann.optics.system import System
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-#: Colours of Okabe and Ito, distinct for all kinds of colour vision.
+#: Colours of Okabe and Ito, for all kinds of colour vision.
 GLASS, LENSLET, IMAGE, RAY = "#56b4e9", "#0072b2", "#d55e00", "#e69f00"
 #: Width of a close-up, lenslets.
 CLOSE = 4.0

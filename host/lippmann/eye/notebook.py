@@ -50,5 +50,5 @@ class Sweep:
         write_animation(path, [view.radiance for view in self.views])
 
     def show(self, seconds: float | None = None) -> None:
-        """Show the views, forwards then backwards, in a notebook or in a window (see `View.show`)."""
+        """Show the views, forwards then backwards, in a notebook or a window (see `View.show`)."""
         show_pictures(self, [*self.views, *self.views[-2:0:-1]], seconds, FRAME_MS / 1000.0)

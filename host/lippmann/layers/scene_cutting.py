@@ -142,7 +142,7 @@ def cut_scene(
             continue
         area, colour, opacity = view
         entries.append((*layer_of(area, colour, opacity), slab, part is apart))
-        # The background continues the last layer with the layer's mean colour.
+        # The background continues the last layer with its mean colour.
         background = (opacity[..., None] * colour).sum(axis=(0, 1)) / max(opacity.sum(), 1e-9)
     if not entries:
         raise InputError(f"{scene.path}: all layers are empty; place the scene with --fit")

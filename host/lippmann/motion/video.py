@@ -57,7 +57,7 @@ def write_video(
         place = f"file:{partial}"  # else a colon would mean a protocol, and a dash an option
         command = [ffmpeg, "-y", "-v", "quiet", *source, *codec, place]
         try:
-            # ffmpeg has its own process group, so that Ctrl-C does not end ffmpeg.
+            # ffmpeg has its own process group, so that Ctrl-C does not end it.
             with subprocess.Popen(command, stdin=subprocess.PIPE, process_group=0) as encoder:
                 assert encoder.stdin is not None
                 for frame in frames:

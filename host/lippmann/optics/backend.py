@@ -23,7 +23,7 @@ Trace = Callable[..., State]
 
 
 class Backend:
-    """An interface to an array library; all arrays have equal lengths."""
+    """An interface to an array library."""
 
     #: Convert arrays to the engine's floating-point format, to float64 and to integers.
     real: Operation

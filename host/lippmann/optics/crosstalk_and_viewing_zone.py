@@ -22,9 +22,9 @@ from lippmann.optics.sample_points import R2_STEPS
 from lippmann.optics.system import System
 from lippmann.optics.trace import trace_to_panel
 
-#: Eye distance, mm, assumed for a display without a viewing distance.
+#: Eye distance, mm, for a display without a viewing distance.
 VIEWING_DISTANCE_MM = 600.0
-#: Maximum coordinate of an eye, mm: a thousand kilometres.
+#: Maximum coordinate of an eye, mm.
 FARTHEST_EYE_MM = 1e9
 TOO_FAR = f"eye: is farther away than {FARTHEST_EYE_MM:g} mm; give its position in mm, such as 0,0,600"
 #: Rays that measure an eye's crosstalk.

@@ -137,7 +137,7 @@ def pixels_from_cells(display: Display, lenslets: npt.ArrayLike, local_mm: Float
 
 
 def on_panel(display: Display, pixels: Floats) -> Floats:
-    """Return those of the pixel coordinates (N, 2) that are on the panel."""
+    """Return the pixel coordinates (N, 2) that are on the panel."""
     return pixels[((pixels >= 0.0) & (pixels < panel_size(display))).all(axis=1)]
 
 
@@ -150,7 +150,7 @@ def corners_mm(array: Array) -> Floats:
 
 
 def model_error_px(display: Display, truth: Rays, rays: Rays, depth_range_mm: Pair) -> float:
-    """Return the maximum distance of `rays` from `truth` over depths, in pixels of the reconstructed view.
+    """Return the maximum distance of `rays` from `truth` over depths, in reconstructed pixels.
 
     The distance is infinite if a ray's status or lenslet differs.
     """
