@@ -36,7 +36,7 @@ from lippmann.errors import input_error, path_of, whole_number
 from lippmann.optics.rays import Floats
 from lippmann.scenes.placement import ORIGIN, Placement, Scale, Triple
 
-#: Minimum number of pixels per lenslet in a camera's picture.
+#: Minimum pixels per lenslet in a camera's picture.
 MIN_ELEMENTAL_PX = 2.0
 
 

@@ -31,9 +31,9 @@ from lippmann.optics.trace import PixelHits, pixels_from_rays
 from lippmann.rendering.integral_image import Showable
 from lippmann.rendering.sampling import Window
 
-#: Maximum number of rays traced at once.
+#: Maximum rays traced at once.
 CHUNK_RAYS = 1 << 21
-#: Maximum number of bytes read at once from an image on disk.
+#: Maximum bytes read at once from an image on disk.
 STORED_BYTES = 1 << 27
 #: An image of linear light, (height, width, 3).
 Light = npt.NDArray[np.floating]

@@ -11,7 +11,7 @@ from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from lippmann.errors import input_error
 
 LOOPBACK = "127.0.0.1"
-#: Maximum number of simultaneous requests.
+#: Maximum simultaneous requests.
 MAX_REQUESTS = 8
 #: Time after which a silent connection ends, s.
 SILENCE_S = 10.0

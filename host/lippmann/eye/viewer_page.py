@@ -1,4 +1,4 @@
-"""Assembles the viewer page, a single text with everything that the browser needs.
+"""Assembles the viewer page, one text with everything that the browser needs.
 
 The files in page_files/ have placeholders `@@name@@`; shaders use `#include`.
 """
@@ -162,7 +162,7 @@ SCRIPTS = (
 SHADERS = ("full.vert", "glance.frag", "view.frag", "show.frag")
 #: Maximum side of a panel tile, pixels; every WebGL 2 accepts such a texture.
 TILE_PX = 2048
-#: Maximum number of pixels of all frames; their textures take 1 GB.
+#: Maximum pixels of all frames; their textures take 1 GB.
 MAX_PX = 1 << 28
 FRAMES_PER_SECOND = 12.0
 #: Focus range in units of the depth drawing, whose edge is at 110 units.

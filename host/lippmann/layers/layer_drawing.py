@@ -84,7 +84,7 @@ def draw_golden(
 
 
 def scene_build_of(stack: LayerStack, filter: Filter, samples: int) -> SceneBuild:
-    """Return the smallest build that draws a stack; refuse a layer that is too large for all builds."""
+    """Return the smallest build that draws a stack; refuse a layer too large for all builds."""
     widest = max(MIN_ROW, *(layer.width for layer in stack.layers))
     width = 1 << (widest - 1).bit_length()
     step = max(2, BLOCK_BYTES // width)

@@ -44,7 +44,7 @@ NAME = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_-]{0,63}")
 GAMMA = 50_000
 #: A layer with fewer texels across or down causes a warning.
 FEW_TEXELS = 4
-#: Maximum number of pixels of a picture.
+#: Maximum pixels of a picture.
 MAX_PIXELS = 1 << 25
 #: Rows of a picture decoded at once, to limit memory.
 ROWS = 256

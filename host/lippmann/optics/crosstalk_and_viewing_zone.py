@@ -128,7 +128,7 @@ def zones(display: Display, distances_mm: Sequence[float]) -> list[Zone | None]:
 
 
 def half_width(display: Display) -> float:
-    """Return half the paraxial width of a single lenslet's zone, divided by the distance z."""
+    """Return half the paraxial width of one lenslet's zone, divided by the distance z."""
     return 0.5 * (1.0 + display.convergence) * display.array.coarsest_mm / display.aperture_distance_mm
 
 

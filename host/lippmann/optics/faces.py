@@ -73,7 +73,7 @@ def _redirect(b: Backend, ray: Ray, direction: State, square: Arr) -> tuple[Ray,
     return Ray(*ray[:3], *(b.where(square <= 0.0, old, new) for old, new in pairs)), square
 
 
-#: Maximum number of cells that a ray visits before it counts as missed.
+#: Maximum cells that a ray visits before it counts as missed.
 MAX_CELLS = 16
 
 

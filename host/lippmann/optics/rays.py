@@ -15,7 +15,7 @@ from lippmann.optics.backend import Arr
 
 Model = Literal["pinhole", "thin", "paraxial", "exact"]
 Engine = Literal["golden", "fast", "twin", "rtl"]
-#: The models, from the cheapest to the most expensive.
+#: The models, cheapest first.
 MODELS: tuple[Model, ...] = get_args(Model)
 ENGINES: tuple[Engine, ...] = get_args(Engine)
 
