@@ -29,7 +29,7 @@ MEASUREMENTS = {
     "trace": ("ray_speed:measure_trace", "rays per second of golden and fast for each lens model, and fast's error"),
     "render": ("renderer_speed:measure", "the renderer's time, rate and memory, and its rate against Mitsuba's camera"),
     "stages": ("renderer_speed:measure_stages", "the time of each stage of a render, and of the complete process"),
-    "live": ("motion_speed:measure_live", "pictures per second of a rotating scene; time until a still one is fine"),
+    "live": ("motion_speed:measure_live", "pictures per second of a rotating scene; time to refine a still picture"),
     "animate": ("motion_speed:measure_animate", "the time of a film with two workers against one process"),
     "observe": ("view_likeness:measure", "PSNR of views through the lenslets against perspective renders"),
     "rtl": ("ray_speed:measure_rtl", "rays and pixels per second of the simulated RTL"),
@@ -39,11 +39,11 @@ MEASUREMENTS = {
     "hard": ("hard_case_errors:hard", "every engine's errors on the hard cases"),
     "layers": ("layers_likeness:layers", "the eye's view of drawn layers against the full render"),
     "content": ("content:content", "the eye's view of content from other tools"),
-    "shading": ("shading_speed:shading", "time and error of light shared between rays"),
+    "shading": ("shading_speed:shading", "time and error of shading methods"),
     "calibration": ("calibration_accuracy:calibration", "errors of calibrations of random displays"),
     "view": ("view_speed:measure", "viewer pages in Chromium: time until the first view, frames per second"),
     "seed": ("seed:seed", "the founding paper's benchmark by Lippmann and POV-Ray"),
-    "peers": ("peers:peers", "time and picture against POV-Ray"),
+    "peers": ("peers:peers", "pictures and times against POV-Ray's"),
 }
 
 
@@ -75,7 +75,7 @@ RowFunction = Callable[[Path, int], Iterable[Row]]
 def measurement(page: str = "measured", packages: tuple[str, ...] = ON_DEVICE) -> Callable[[Measure], click.Command]:
     """Return a decorator that makes a sub-command from a measuring function, with its name, docstring and options.
 
-    Its `--report` writes `page`.md. The figures' origin has the versions of `packages`, and the device if Dr.Jit is one.
+    Its `--report` writes `page`.md. The origin of figures has versions of `packages`, and the device if Dr.Jit is one.
     """
     needs_device = "drjit" in packages
     report_option = option(f"Also write {page}.md and its files into this folder.", None, metavar="FOLDER")

@@ -301,7 +301,7 @@ def measure_one(folder: Path, seed: int, disturbances: Disturbances, solids: boo
 
 
 def largest(folder: Path, scenes: Path, seed: int) -> Iterator[dict[str, Any]]:
-    """Calibrate the 8K display in a new process; its row also has `megapixels`, `photographs` and `peak_mb`."""
+    """Calibrate the 8K display in a new process; yield its row with `megapixels`, `photographs` and `peak_mb`."""
     nominal, rng = load_display(scenes / "displays/uhd-8k.toml"), np.random.default_rng((seed, 0x8))
     pitch = math.sqrt(nominal.panel.width_mm * nominal.panel.height_mm / LENSLETS)
     nominal = replace(nominal, array=replace(nominal.array, pitch_mm=pitch))

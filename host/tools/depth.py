@@ -126,7 +126,7 @@ def measure(folder: Path, seed: int) -> Iterator[dict[str, Any]]:
 
 
 def fish_views(folder: Path, seed: int) -> tuple[list[Radiance], list[str]]:
-    """Return two eyes' views of the fish in every set-up (and in the first set-up without rotation), and captions."""
+    """Return two eyes' views of the fish in every set-up (in the first one also without rotation), and captions."""
     path = folder / "fish/fish.xml"
     views, captions = [], []
     for name, rotated in (*((name, True) for name in SETUPS), ("fig8a", False)):

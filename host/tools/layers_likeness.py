@@ -136,10 +136,10 @@ def hole_percent(
 ) -> float:
     """Return the percentage of pixels that show a hole, over the views of a moving eye.
 
-    A pixel shows a hole if light comes from behind the first k layers, although every ray of the scene in the pixel and
-    its surroundings meets a surface of the first k slabs. The surroundings extend as far as layers displace surfaces in
-    the eye's view, plus one pixel. With a separate layer, whose slab overlaps others, only light from behind all layers
-    shows a hole.
+    A pixel shows a hole if light comes from behind the first k layers, although every ray through the pixel and
+    its surroundings meets a surface in the scene's first k slabs. The surroundings extend as far as layers displace
+    surfaces in the eye's view, plus one pixel. With a separate layer, whose slab overlaps others, only light from
+    behind all layers shows a hole.
     """
     reach, window = reach_of(display), whole_window(display)
     half = 0.5 * window.width_mm, 0.5 * window.height_mm

@@ -99,7 +99,7 @@ def compare(
 
     `surroundings` is the result of `around` for our picture. A difference is the maximum over the colours, in 8-bit
     sRGB levels. `differing` is the fraction of pixels above THRESHOLD. Fractions of the differing pixels are:
-    `displaced`, if both values are within the other picture's values up to a pixel away; `outlines`, if POV-Ray's value
+    `displaced`, if each value is in the range of the other picture's up to a pixel away; `outlines`, if POV-Ray's value
     is in the range of ours up to 0.1 px away; `near_outlines`, 0.5 px; `seams`, within a pixel of a lenslet's edge, or
     with a lost ray. `unexplained` is the fraction of all pixels that differ for none of these reasons.
     """

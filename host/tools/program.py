@@ -10,7 +10,7 @@ import click
 from lippmann.cli import run
 from lippmann.cli.frame import JSON, make_command, option
 
-#: Option --report: of programs that write documentation pages, and pages for maintainers.
+#: Option --report of programs that write documentation pages; the same option for pages for maintainers.
 REPORT: Any = option("Folder for the page.", "docs/generated/reports")
 MAINTAINERS_REPORT: Any = option("Folder for the page.", "build/reports")
 

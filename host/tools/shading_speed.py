@@ -75,7 +75,7 @@ class Decoupled(CachedProgram):
         return dr.gather(mi.Color3f, light, first, cached)
 
 
-#: The shading methods, each with its option `shading` and its program.
+#: The shading methods, each with its setting `shading` and its class.
 WAYS: dict[str, tuple[Shading, type[CachedProgram]]] = {
     "each": ("each", CachedProgram),
     "decoupled": ("shared", Decoupled),
