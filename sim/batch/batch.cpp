@@ -50,8 +50,8 @@ void clock(Vtop& top) {
 // arrays of the words i, j, x, y, z, dx, dy, dz, status. `config` contains the bits of
 // optics_config_t, least significant word first. In each clock the input pauses with a probability
 // of idle / 256, and the output with a probability of stall / 256. Returns the number of clocks
-// from the first offered ray to the last exit ray, or -1 if no ray arrives. The library exports
-// only this function (-fvisibility=hidden), so that the compiler can inline the model.
+// from the first offered ray to the last exit ray, or -1 if no ray leaves for too long. The library
+// exports only this function (-fvisibility=hidden), so that the compiler can inline the model.
 extern "C" __attribute__((visibility("default"))) int64_t lippmann_trace(
     int64_t count, const int64_t* u, const int64_t* v, const int64_t* a, const int64_t* b,
     const uint32_t* config, int64_t* out, uint64_t seed, uint32_t idle, uint32_t stall) {

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/// Checks at the ports of `lipp_config_bank` that a copy is made only when no module uses it.
+/// Checks at the ports of `lipp_config_bank` that config_o changes only when no module uses it.
 ///
 /// The active copy changes only while busy_o is high, and only if no module used the copy two
 /// clocks before the change. The new value is config_i of the previous clock. Output busy_o is high

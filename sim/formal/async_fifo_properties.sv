@@ -96,7 +96,7 @@ module async_fifo_properties #(
 
   always @* begin
     if (rst_ni) begin
-      // The word at the output is the last word read, with the index read - 1.
+      // The word at the output is the last word that was read; its index is `read` - 1.
       in_order: assert(!out_valid || C'(read - 1) != watch || out_data == watched_q);
       room: assert(inside <= Places && (!in_ready || inside < Places));
       one_bit: assert(!past_valid_q || ((written_change & (written_change - 1)) == 0

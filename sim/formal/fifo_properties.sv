@@ -56,7 +56,7 @@ module fifo_properties #(
     .clk_i, .rst_ni, .write_i, .data_i, .valid_o(valid), .ready_i, .data_o(data)
   );
 
-  // The watched word is a word written to the address that memory_1w1r_kept stores.
+  // The watched word is written to the address whose word memory_1w1r_kept stores.
   wire [C-1:0] count, ahead;
   wire [3:0] wrote;
   wire watching;

@@ -98,7 +98,7 @@ module flow_control_properties #(
       leaves_q <= leaves_q + leave;
     end
   end
-  // Stage s contains the number of rays accepted before the clock in which the stage was filled.
+  // Stage s contains the number of rays accepted more than s + 1 clocks ago: its ray's index.
   reg [Latency*Index-1:0] before_q;
   always @(posedge clk_i or negedge rst_ni) begin
     if (!rst_ni) before_q <= 0;
@@ -130,7 +130,7 @@ module flow_control_properties #(
 
   if (Order) begin : gen_order
     wire [Index-1:0] before = watch - leaves_q;  // number of rays that leave before the watched ray
-    wire [Latency-1:0] follows;  // bit s: stage s receives its count plus marks[s]
+    wire [Latency-1:0] follows;  // bit s: the next count of stage s is its count plus marks[s]
     for (genvar s = 0; s < Latency; s = s + 1) begin : gen_stage
       wire [Index-1:0] entry = s == 0 ? accepted_q : before_q[(s == 0 ? 0 : s-1)*Index +: Index];
       assign follows[s] = entry == before_q[s*Index +: Index] + marks[s];

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 /// Proves that memory_1w1r_kept can replace `lipp_memory_1w1r` in larger proofs.
 ///
-/// The word read at an address is the word last written there, as it was two clocks before.
+/// Two clocks after a read begins, it returns the word last written at its address before it began.
 module memory_1w1r_properties #(
   parameter int Width = 2,
   parameter int AddressBits = 3  // log2 of the number of words; the code below lists 2^3 words

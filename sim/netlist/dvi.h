@@ -38,8 +38,8 @@ inline uint16_t encoded(unsigned byte, int count) {
 }
 
 // Decodes the symbols of one channel, and counts the ones and zeros that were sent. At each
-// difference of ones and zeros, only one symbol of a byte is legal: another bit 8 gives more
-// transitions, and another bit 9 increases the difference between ones and zeros.
+// difference of ones and zeros, only one symbol of a byte is legal: an inverted bit 8 gives
+// more transitions, and an inverted bit 9 increases the difference between ones and zeros.
 class Channel {
  public:
   Channel() {

@@ -82,11 +82,12 @@ module MULT18X18D #(
 endmodule
 
 /// Model of the block memory cell of 512 x 36, 1024 x 18, 2048 x 9, 4096 x 4, 8192 x 2 or 16384 x 1
-/// bits. Port A writes and port B reads. The address of a word is AD[13:5], AD[13:4], AD[13:3],
-/// AD[13:2], AD[13:1] or AD[13:0]. The write enables of the 9-bit bytes are ADA[1:0] for words of
-/// 18 bits, and ADA[3:0] for words of 36 bits. Words of 36 bits are written through DIA (the lower
-/// half) and DIB, and read through DOA and DOB. ECP5 does not define the value that port B reads
-/// while port A writes the same word; the model returns the complement of the word.
+/// bits. In the order of these sizes, the address of a word is AD[13:5], AD[13:4], AD[13:3],
+/// AD[13:2], AD[13:1] or AD[13:0]. Port A writes and port B reads. The write enables of the 9-bit
+/// bytes are ADA[1:0] for words of 18 bits, and ADA[3:0] for words of 36 bits. Words of 36 bits are
+/// written through DIA (the lower half) and DIB, and read through DOA and DOB. ECP5 does not define
+/// the value that port B reads while port A writes the same word; the model returns the complement
+/// of the word.
 module DP16KD #(
   parameter DATA_WIDTH_A = 18,
   parameter DATA_WIDTH_B = 18,

@@ -191,9 +191,9 @@ class Board {
     top_.ftdi_txd = uart_.wire();
   }
 
-  // Applies the word that the SDRAM drove in the clock before its last edge, because the word needs
-  // that time to reach the FPGA (rtl/board/ulx3s/lipp_ulx3s_memory.sv). Bytes that the SDRAM does
-  // not drive are random.
+  // Applies the word that the SDRAM drove in the clock before the SDRAM's last edge, because the word
+  // needs that time to reach the FPGA (rtl/board/ulx3s/lipp_ulx3s_memory.sv). Bytes that the SDRAM
+  // does not drive are random.
   void before_memory() {
     noise_ = noise_ * 1664525u + 1013904223u;
     const uint16_t driven = (on_way_ & 1 ? 0x00ff : 0) | (on_way_ & 2 ? 0xff00 : 0);

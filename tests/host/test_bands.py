@@ -548,7 +548,7 @@ def test_what_a_folder_for_bands_says(place, mi, caplog):
     options = {"samples": 1, "model": "exact", "placement": Placement(), "device": "llvm", "kept": folder}
     with pytest.warns(LippmannWarning, match="kept: has 1 other files or folders, which stay there"):
         lippmann.render(place / "three.xml", place / "small.toml", **options)
-    assert "a picture of a single band is kept only when complete" in caplog.text
+    assert "the picture is one band, so it is kept only when complete" in caplog.text
     assert (folder / "mine.txt").exists()
     lock = sinks.FolderLock(folder, "")
     with pytest.raises(InputError, match=r"is in use by another command.*or give another folder as kept"):

@@ -134,7 +134,7 @@ COMMANDS = [
     (f"{RENDER} --rotate 1,2", "--rotate", "X,Y,Z"),
     (f"{RENDER} --offset 1,2,nan", "--offset", "finite"),
     (f"{RENDER} --depth inf", "not finite", "give"),
-    (f"{RENDER} --near -5 --far 5", "near_mm -5 is not in front of far_mm 5", "raise it"),
+    (f"{RENDER} --near -5 --far 5", "near_mm -5 is not in front of far_mm 5", "raise near_mm"),
     (f"{RENDER} --integrator wizard", "integrator 'wizard'", "choose lights"),
     (f"{RENDER} --integrator ptracer", "integrator 'ptracer'", "choose lights"),
     (f"{RENDER} --seed -1", "--seed", ""),

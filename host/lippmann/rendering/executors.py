@@ -125,9 +125,9 @@ def render_on_cluster(
 
     `address` is the scheduler's, such as tcp://127.0.0.1:8786; `security` is from
     `local_workers`. Workers render on `device` ("auto", "llvm" or "cuda"). Raises
-    InputError if no scheduler or worker answers, or a worker has another scene or
-    version. Raises DeviceError if the scheduler or all local workers are lost, or if a
-    band crashes workers. Raises MissingLibraryError if a library is missing.
+    InputError if no scheduler or worker answers, or a worker's scene or versions differ,
+    DeviceError if the scheduler or all local workers are lost, or a band crashes workers,
+    MissingLibraryError if Dask is missing, or a worker lacks a module.
     """
     if not bands:
         return
@@ -170,7 +170,7 @@ def _distribute(client: Client, device: str, bands: Sequence[Band], where: str, 
             band = running[future]
             try:
                 radiance, choices = future.result(timeout=patience_s)
-            except TimeoutError:  # a stopped worker may hold the band; a slow line needs more time
+            except TimeoutError:  # the worker may have stopped; if the network is slow, wait longer
                 patience_s *= 2.0
                 break
             except KilledWorker:

@@ -51,7 +51,7 @@ class Showable:
 
 
 def show_pictures(widget: object, pictures: Sequence[Showable], seconds: float | None, frame_s: float = LOOK_S) -> None:
-    """Show `widget` in a notebook, or its pictures in a window; if there is no desktop, print a line."""
+    """Show `widget` in a notebook, or its pictures in a window; without a desktop, print a warning."""
     ipython = sys.modules.get("IPython")
     if ipython is not None and hasattr(ipython.get_ipython(), "kernel"):
         import_module("IPython.display").display(widget)
@@ -138,7 +138,7 @@ class IntegralImage(Showable):
             A display file, or a display from `load_display`.
         force
             Accept an image for another display, or for an unknown display. The image
-            keeps the identity in its file.
+            keeps the display's name and identity in its file.
         stored
             Leave the pixels in the file. `observe` reads only the rows that it needs.
 

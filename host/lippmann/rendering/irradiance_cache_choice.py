@@ -29,8 +29,8 @@ RAYS_A_POINT = 4
 MIN_LAMPS = 2
 #: Number of image parts per axis that a trial compares.
 TRIAL_PARTS = 4
-#: Rays per colour in a trial. 2^18 rays would need another recording if a
-#: texture has 2^18 values.
+#: Rays per colour in a trial: not 2^18, because Dr.Jit records again if a texture has
+#: as many values.
 TRIAL_RAYS = 28 * 28 * 256
 #: Maximum samples per pixel in a trial.
 TRIAL_SAMPLES = 4
@@ -40,7 +40,7 @@ TRIAL_SEED = 1
 MIN_RAYS = 1 << 21
 #: Maximum fraction of uncached samples for which the cache is used.
 MAX_UNCACHED = 0.5
-#: Pattern of spot lights with an image; other spot lights have a uniform spectrum.
+#: Pattern of a spot light with an image: its texture is not a uniform spectrum.
 SPOT_PICTURE = re.compile(r"texture = (?!UniformSpectrum)")
 #: Maximum lamps: a cache point has 32 bits, one per lamp and `shading.COMPUTED`.
 MAX_LAMPS = 31
@@ -107,7 +107,7 @@ class CacheTrial:
         # All tiles are rendered at once if the sample indices fit into 31 bits.
         together = (tiles.max() + 1) * rays < 1 << 31
         for first, chunk in [(0, tiles)] if together else [(tile, np.zeros(1, np.int64)) for tile in tiles]:
-            # A numpy array has another alignment, and would cause a new recording.
+            # Create indices by Dr.Jit: numpy's alignment would cause a new recording.
             lane = dr.arange(mi.UInt32, len(chunk) * TILE_PX * TILE_PX * colours * samples)
             group = lane // samples
             pixel = group // colours
@@ -132,7 +132,7 @@ class CacheTrial:
         """Return whether the cache reaches `CACHE_DB` in all image parts, and a line for the log."""
         decibels = self.psnr(trials)
         if decibels is None:
-            return False, "no irradiance cache: most rays meet surfaces that are not diffuse, or too large"
+            return False, "no irradiance cache: most rays meet surfaces that are too large or not diffuse"
         is_used = decibels >= CACHE_DB
         likeness = f"PSNR {math.floor(10 * decibels) / 10} dB" if math.isfinite(decibels) else "no difference"
         part = min(1.0, len(self._tiles()) / math.prod(self._tile_grid))

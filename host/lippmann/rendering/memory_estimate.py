@@ -18,7 +18,7 @@ from lippmann.rendering.sampling import TILE_PX, colours_of
 CHUNK_SAMPLES = {"llvm": 1 << 22, "cuda": 1 << 25}
 #: Approximate number of pixels in a band, keyed by device.
 BAND_PIXELS = {"llvm": 1 << 20, "cuda": 1 << 25}
-#: Approximate maximum rays in a band (ten seconds), keyed by device.
+#: Approximate maximum rays in a band, for ten seconds of rendering, keyed by device.
 BAND_RAYS = {"llvm": 1 << 26, "cuda": 1 << 31}
 #: Pixels above which `lippmann render` keeps bands in files.
 KEPT_PIXELS = 1 << 25
@@ -45,7 +45,7 @@ def memory_mb(width_px: int, height_px: int, shading: Shading, samples: int, col
     # Radiance is in memory three times: planes, image, and a capture's rotated image.
     needed = BASE_MEMORY_MB + 3.0 * width_px * height_px * 3 * 4 / 1e6
     if is_filter_allowed(samples, colours):
-        # Count the filter's memory for "llvm", because a GPU has its own memory.
+        # Use a band for "llvm": for "cuda", the filter is in the GPU's memory.
         band = len(bands_of(width_px, height_px, samples, "llvm")[0])
         needed += BYTES_A_PIXEL * band * width_px / 1e6
     needed += max(0, TILE_PX * TILE_PX * samples * colours - CHUNK_SAMPLES["llvm"]) * RAY_BYTES / 1e6

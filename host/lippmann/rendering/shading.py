@@ -51,7 +51,7 @@ class Recorded:
 
         frozen: Jit = dr.freeze(call, state_fn=lambda *_: references.scene.mitsuba)
         self._function, self._frozen = function, frozen
-        # Create both arrays now, so that the second call can replay the first.
+        # Create the arrays of lamps and shapes now, so that the second call is a replay.
         self._parts = lamps, _ = scene.mitsuba.emitters(), scene.mitsuba.shapes()
         self._recordable = current_device() != "cuda" or not any(PICTURE_LAMP.search(str(lamp)) for lamp in lamps)
         weakref.finalize(self, references.release, frozen)
@@ -72,7 +72,7 @@ class Recorded:
 
 
 class _References:
-    """Holds a frozen function's references, which it would keep until garbage collection."""
+    """Holds the references of a frozen function, to free them without garbage collection."""
 
     def __init__(self, function: Callable[..., Jit], scene: Scene) -> None:
         self.function, self.scene = function, scene
@@ -203,11 +203,11 @@ def _light_at(
 
 #: Function that follows rays; it gets sample indices, a sampler, rays, a mask, ...
 Follow = Callable[..., tuple[Jit, ...]]
-#: Fate of a sample that is black.
+#: Value of `fate` for a sample that is black.
 BLACK = 0
-#: Fate of a sample whose light is in the cache.
+#: Value of `fate` for a sample whose light is in the cache.
 CACHED = 1
-#: Fate of a sample that the integrator computes.
+#: Value of `fate` for a sample that the integrator computes.
 UNCACHED = 2
 
 
@@ -291,7 +291,7 @@ def _colour_of_each(scene: Scene, source: RaySource, samples: int, integrator: J
 
 
 def _first_diffuse(scene: Scene, max_depth: int) -> Follow:
-    """Return a `Follow` to a diffuse surface; it returns a factor for irradiance / pi, a position, a fate."""
+    """Return a `Follow` to a diffuse surface; it returns a factor for irradiance / pi, a position, `fate`."""
     mirror_only = mi.BSDFContext()
     mirror_only.type_mask = mi.BSDFFlags.Delta
 
@@ -346,7 +346,7 @@ def _first_diffuse(scene: Scene, max_depth: int) -> Follow:
 
 
 def means_of(colour: Jit, colours: int, samples: int) -> list[Jit]:
-    """Return each pixel's mean colours, as planes; 3 `colours` are sampled separately."""
+    """Return each pixel's mean colours, as planes; if `colours` is 3, each has its own samples."""
 
     def mean(values: Jit) -> Jit:
         return values if samples == 1 else dr.block_reduce(dr.ReduceOp.Add, values, samples) * (1.0 / samples)

@@ -222,7 +222,7 @@ class KeptBands:
         return self.folder / f"{self.plan.identity}-{self.plan.bands[number].start:05d}.npy"
 
     def _read(self, number: int, warn: bool = False) -> Radiance | None:
-        # A band's header must equal numpy's. A band's checksum is compared only once.
+        # A band must have the header that numpy writes. Its checksum is compared only once.
         shape = (len(self.plan.bands[number]), *self.shape[1:])
         header = io.BytesIO()
         np.lib.format.write_array_header_1_0(header, {"descr": "<f4", "fortran_order": False, "shape": shape})
@@ -261,7 +261,7 @@ def render_picture(
     else:
         sink = KeptBands(path, plan, "give another folder as kept")
         if len(plan.bands) == 1:
-            logger.info("%s: a picture of a single band is kept only when complete", path)
+            logger.info("%s: the picture is one band, so it is kept only when complete", path)
     return sink.image(render_into(sink, executor, progress))
 
 

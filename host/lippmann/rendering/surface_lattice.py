@@ -162,7 +162,7 @@ def place_of(lattices: Lattices, point: Jit) -> Place:
     )
     even = (kind & EVEN) != 0
     place -= dr.gather(mi.UInt32, lattices.first, lattice)
-    # Row j of a triangle is the largest with j (steps + 1) - j (j - 1) / 2 <= place.
+    # A triangle's row is the largest j with j (steps + 1) - j (j - 1) / 2 <= place.
     half = mi.Float64(steps) + 1.5
     row = mi.UInt32(dr.floor(half - dr.sqrt(dr.maximum(half * half - 2.0 * mi.Float64(place), 0.0))))
     row = dr.select(_points_before(row, steps) > place, row - 1, row)

@@ -51,7 +51,7 @@ def is_depth_picture(path: Path) -> bool:
 
 
 def write_scene(path: Path, folder: Path, notes: list[str]) -> Path:
-    """Write a scene of the picture into a folder; return its path. `notes` gets a line on filled holes."""
+    """Write a scene of the picture into a folder; return its path. `notes` gets a line if depths are missing."""
     form = toml.read(DepthPictureFile, toml.load(path, "depth picture"), str(path)).depth_picture
     for name in ("colour", "depth"):
         file = path.parent / getattr(form, name)

@@ -144,7 +144,7 @@ def _load(path: Path, notes: list[str]) -> trimesh.Scene:
             raise input_error(path, f"cannot be read as {kind[1:]} ({reason})", REMEDY) from None
     if losses:
         remedy = "add the file, or remove its name from the mesh"
-        raise input_error(path, f"lacks a texture or material that can be read ({_brief(losses[0])})", remedy)
+        raise input_error(path, f"names a texture or material that cannot be read ({_brief(losses[0])})", remedy)
     return loaded
 
 
@@ -194,7 +194,7 @@ def _check_gltf(path: Path, kind: str, data: bytes, notes: list[str]) -> None:
     except (ValueError, TypeError, AttributeError, KeyError, IndexError, OverflowError, RecursionError, struct.error):
         raise input_error(path, f"is not a complete {kind[1:]} file", "export it again") from None
     if sum(counts) > MAX_CORNERS or min(counts, default=0) < 0:
-        raise input_error(path, f"has more than {MAX_CORNERS} numbered vertices", "reduce it in a mesh editor")
+        raise input_error(path, f"has over {MAX_CORNERS} accessor elements, or a negative count", "reduce the mesh")
     for name in required:
         if not name.startswith(MATERIALS):
             raise input_error(path, f"requires {name}", "export it without compression and extensions")

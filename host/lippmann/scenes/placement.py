@@ -55,7 +55,7 @@ class Placement:
         near, far = self.near_mm, self.far_mm
         if near is not None and far is not None and near <= far:
             what = f"near_mm {near:g} is not in front of far_mm {far:g}"
-            raise input_error("placement", what, "raise it: +z is towards the eye")
+            raise input_error("placement", what, "raise near_mm: +z is towards the eye")
 
     def __str__(self) -> str:
         rotate, offset = (
@@ -96,7 +96,7 @@ class Placement:
         return replace(self, near_mm=near, far_mm=far)
 
     def then(self, other: Placement) -> Placement:
-        """Return the placement that applies this one, then `other`, also to the depths."""
+        """Return the placement that applies this one, then `other`; `other` also moves the depths."""
         placed = Placement.of(other.display_from_scene @ self.display_from_scene, self.scale * other.scale)
         return placed.keeping_depths(self)
 
@@ -188,7 +188,7 @@ def fitting(low: Matrix, high: Matrix, display: Display) -> Placement:
     scale = min([*scales, (near - far) / z] if z > 0.0 else scales)
     if not SCALE_RANGE[0] <= scale <= SCALE_RANGE[1]:
         sides = " x ".join(f"{side:.3g}" for side in (x, y, z))
-        raise InputError(f"a scene of {sides} units would need a scale of {scale:.3g}; scale the scene's file")
+        raise InputError(f"a scene of {sides} units needs the scale {scale:.3g}, not 1e-9 to 1e9; scale its file")
     offset = -0.5 * scale * (low + high)
     return Placement(scale, offset_mm=(float(offset[0]), float(offset[1]), float(offset[2]) + middle))
 

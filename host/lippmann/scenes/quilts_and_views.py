@@ -131,7 +131,7 @@ def _steps(path: Path, places: Floats) -> tuple[list[float], npt.NDArray[np.intp
     number = np.abs(places[:, None] - lines).argmin(axis=1)
     step = float(np.diff(lines).min()) if len(lines) > 1 else math.inf
     if np.abs(places - lines[number]).max() > GRID_TOLERANCE * step:
-        raise input_error(path, "has eyes that form no row or grid", "put eyes in equal rows")
+        raise input_error(path, "has eyes that form no row or grid", "align the eyes in rows and columns")
     return lines.tolist(), number
 
 
@@ -227,6 +227,6 @@ def read_quilt(path: Path) -> Views:
             size = (float(eyes["window_mm"][0]), float(eyes["window_mm"][1]))
             (first_x, y, distance), last_x = map(float, eyes["first_mm"]), float(eyes["last_mm"][0])
         except (ValueError, TypeError, KeyError, IndexError):
-            raise input_error(path, "its metadata about eyes is invalid", "export it again") from None
+            raise input_error(path, f"has invalid metadata '{EYES_KEY}'", "export it again") from None
     x = np.linspace(first_x, last_x, rows * columns).tolist()
     return Views(np.ascontiguousarray(views, np.float16), x, [y], distance, size)

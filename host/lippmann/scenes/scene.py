@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 
 #: A bounding box: the corners with the lowest and the highest x, y, z, (3,) each.
 Box = tuple[Matrix, Matrix]
-#: Minimum size of surroundings on each axis, divided by that of all other shapes.
+#: Minimum size of surroundings on each axis, divided by the size of all other shapes.
 SURROUNDS = 3.0
 #: Box around most splats: percentiles, relative margin, a splat's extent in sigmas.
 STRAY_PERCENT, STRAY_REACH, SIGMAS = (5.0, 95.0), 0.25, 3.0
@@ -93,7 +93,7 @@ class Scene:
         return placed_box(self.bounds, placement)
 
     def placed(self, placement: Placement) -> Scene:
-        """Return the scene, newly placed; its box replaces missing depths. Raises InputError for an infinite box."""
+        """Return the scene, placed anew; its box replaces missing depths. Raises InputError for an infinite box."""
         check_type("placement", placement, Placement, "a lippmann.Placement")
         near, far = placement.near_mm, placement.far_mm
         if near is None or far is None:
