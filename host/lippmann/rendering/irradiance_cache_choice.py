@@ -76,7 +76,7 @@ def max_points(settings: Settings, rays: int) -> int:
 
 @dataclass(frozen=True)
 class CacheTrial:
-    """A trial of the cache: tiles spread over an image, rendered with and without the cache."""
+    """Tiles spread over an image, rendered with and without the cache."""
 
     source: RaySource
     #: Samples per pixel of the complete render.

@@ -1,9 +1,9 @@
-"""Defines the integrator `lights`, which adds all lights' light at each hit.
+"""Defines the integrator `lights`, which samples all lights at each hit.
 
 At each hit *every* emitter gets a shadow ray, and the smooth part of the BSDF reflects
 the emitter's light. Rays continue by mirror reflection and refraction, up to
-`max_depth`. Area lights and environments get one random sample each, point lights
-cause no noise. Light between diffuse surfaces is ignored, unlike in Mitsuba's `path`.
+`max_depth`. Area lights and environments get one random sample each. Light between
+diffuse surfaces is ignored, unlike in Mitsuba's `path`.
 """
 
 from __future__ import annotations

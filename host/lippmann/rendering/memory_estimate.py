@@ -18,7 +18,7 @@ from lippmann.rendering.sampling import TILE_PX, colours_of
 CHUNK_SAMPLES = {"llvm": 1 << 22, "cuda": 1 << 25}
 #: Approximate number of pixels in a band, keyed by device.
 BAND_PIXELS = {"llvm": 1 << 20, "cuda": 1 << 25}
-#: Approximate maximum rays in a band, for ten seconds of rendering, keyed by device.
+#: Approximate maximum rays in a band (10 s of rendering), keyed by device.
 BAND_RAYS = {"llvm": 1 << 26, "cuda": 1 << 31}
 #: Pixels above which `lippmann render` keeps bands in files.
 KEPT_PIXELS = 1 << 25

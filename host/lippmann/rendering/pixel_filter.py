@@ -52,7 +52,7 @@ def is_filtered(source: RaySource, samples: int) -> bool:
 
 
 class PixelFilter:
-    """Filters a band with weighted sums of samples, for each pixel and its neighbours."""
+    """Filters a band: sums weighted samples for each pixel and its neighbours."""
 
     def __init__(self, source: RaySource, samples: int, rows: range) -> None:
         assert source.owner is not None

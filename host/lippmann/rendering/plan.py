@@ -230,7 +230,7 @@ def _device_name(variant: str) -> str:
 
 
 def place_scene(scene: Scene, display: Display, arrange: Arrange | None = None) -> Scene:
-    """Place a scene for a display as `arrange` says, by default as `scene.usual` says."""
+    """Place a scene for a display by `arrange`, by default `scene.usual`."""
     arrange = scene.usual if arrange is None else arrange
     if arrange is None:
         return scene
@@ -261,7 +261,7 @@ class Job:
         """Return a plan, usable in any process if `portable`. Raises errors of `arranged` and `Renderer`."""
         # Other processes and kept bands identify the scene by its files.
         scene = place_scene(self.scene, self.display, self.arrange)
-        path = scene.path.absolute()  # not resolve(): files beside a link are read, not beside its target
+        path = scene.path.absolute()  # not resolve(): files are beside a link, not its target
         if portable and not path.exists():
             raise InputError("workers and kept bands need a scene file, not a scene in memory; give one")
         # The model is chosen, so the tolerance must not change the plan's identity.

@@ -203,11 +203,11 @@ def _light_at(
 
 #: Function that follows rays; it gets sample indices, a sampler, rays, a mask, ...
 Follow = Callable[..., tuple[Jit, ...]]
-#: Value of `fate` for a sample that is black.
+#: `fate` of a black sample.
 BLACK = 0
-#: Value of `fate` for a sample whose light is in the cache.
+#: `fate` of a sample whose light is in the cache.
 CACHED = 1
-#: Value of `fate` for a sample that the integrator computes.
+#: `fate` of a sample that the integrator computes.
 UNCACHED = 2
 
 

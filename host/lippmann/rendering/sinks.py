@@ -275,7 +275,7 @@ def _check_disk_space(folder: Path, plan: Plan, remedy: str) -> None:
 
 
 def bands_folder(path: Path) -> Path:
-    """Return the folder for the kept bands of a picture's file."""
+    """Return the folder for a picture file's bands."""
     return path.with_name(f"{path.name}.bands")
 
 

@@ -1,4 +1,4 @@
-"""Converts eyes' views of a window, in a folder or quilt, to a Mitsuba scene that shows them.
+"""Converts eyes' views of a window, in a folder or quilt, to a Mitsuba scene.
 
 The eyes are in a row or a grid in front of the window. A point in the window's plane is
 at the same pixel position in all views.
