@@ -81,7 +81,7 @@ def cli() -> None:
 
 
 def run(arguments: list[str], command: click.Command = cli, name: str | None = "lippmann") -> int:
-    """Run a command under a program name (None: the command's); return the exit code."""
+    """Run a command under a program name (None: the command's own); return the exit code."""
     if sys.stdout is None:
         print("lippmann: stdout is closed; open it, or redirect it to /dev/null", file=sys.stderr)
         return MissingLibraryError.exit_code

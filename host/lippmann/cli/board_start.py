@@ -63,7 +63,7 @@ def start_command(
     tcp_port: int | None = option("TCP port on loopback; 0 selects a free port.", kind=click.IntRange(0, 65535)),
     baud: int | None = option("Simulate a UART with this baud rate.  [default: no UART]", kind=click.IntRange(1)),
     fraction_bits: int | None = option(
-        "Fraction bits of RTL words.  [default: 16; 18 for nearest texels]", kind=FRACTION_BITS
+        "Fraction bits of RTL words.  [default: 16; 18 for scenes without --bilinear]", kind=FRACTION_BITS
     ),
     capture: Folder | None = option("Folder for a PNG of each new frame; created if missing."),
     ready: Path | None = option("JSON file for the board's URL; the file exists while the board runs."),

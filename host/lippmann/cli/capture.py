@@ -41,7 +41,7 @@ def command(
     ),
     size: int | None = option("Width of the image, pixels, for the same panel size.  [default: the display's]"),
     display_out: Path | None = option("Also write the display file (.toml) for the image."),
-    aperture: Aperture | None = option("Rays of a pickup: full lenslet, or chief rays.  [default: full]"),
+    aperture: Aperture | None = option("Rays of a pickup: over the full lenslet, or chief rays.  [default: full]"),
     settings: Settings = SETTINGS,
     seed: int = SEED,
     device: str = DEVICE,

@@ -3,8 +3,8 @@
 An option takes its type and flag from the parameter: `scene_path` becomes --scene,
 `wait_s` --wait, `output` -o. Flags and optional values need no default. A default that
 is a function or class is a group: `scene: Scene = _scene` adds the options of `_scene`,
-and `scene` receives the result of `_scene`. A group's parameter that has no default
-receives the command's value of the same name.
+and `scene` receives the result of `_scene`. A group's parameter without a default
+takes its value from the command's parameter of the same name.
 """
 
 from __future__ import annotations

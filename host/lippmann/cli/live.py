@@ -61,8 +61,8 @@ def command(
 
     Drag to rotate; drag with the right button to shift; scroll to scale. Arrow keys
     rotate, or shift with the Shift key. PageUp moves the scene nearer, + and - scale, r
-    resets, q or Escape ends. While the scene rests, samples are added. Space stops a
-    film; comma and full stop step through its frames.
+    resets, q or Escape ends. While the scene rests, the picture gains samples. Space
+    stops a film; comma and full stop step through its frames.
 
     Example: lippmann live scenes/fish/fish.xml --display scenes/displays/vga-square.toml --eye 0,0,600
     """

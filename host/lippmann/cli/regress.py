@@ -91,7 +91,7 @@ class _Output:
             self.maps = ErrorMaps()
 
     def judge(self, foreign: ForeignRays, bounds: Bounds, two_faults: bool = True) -> Verdict:
-        """Check a set of rays, and add its errors to the error maps."""
+        """Check a ray set; add its errors to the error maps."""
         verdict = judge(foreign, bounds, two_faults)
         if self.maps is not None:
             self.maps.add(foreign, bounds)

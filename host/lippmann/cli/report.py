@@ -101,7 +101,7 @@ def write_report(
 
 
 def comparison_lines(comparison: Comparison) -> list[str]:
-    """Return the lines that describe the comparison with the earlier run."""
+    """Describe the comparison with the earlier run, as lines of text."""
     then = f"the run of {comparison.before.get('date')}"
     if not comparison.before:
         return ["no earlier run to compare with"]

@@ -40,7 +40,7 @@ def command(
         multiple=True,
         metavar="X,Y,Z PICTURE",
     ),
-    scene_path: Path | None = option("Also show direct views of this scene, from a grid of eyes.", metavar="SCENE"),
+    scene_path: Path | None = option("Also show this scene's direct views from a grid of eyes.", metavar="SCENE"),
     moved: Moved = MOVED,
     frames_per_second: float = option("Frame rate of a film.", FRAMES_PER_SECOND, finite(0.1)),
     title: str | None = option("Heading of the page.  [default: the image's name]"),

@@ -67,7 +67,7 @@ BEYOND_WORDS = {
 
 
 def points_met(inputs: PanelRays, rays: Arrays) -> dict[str, Bools]:
-    """Return masks (N,) of the rays at each coverage point, keyed by point; `rays` are the golden rays."""
+    """Return masks (N,) of the rays at each coverage point; `rays` are the golden rays."""
     display, aims = inputs.display, inputs.aims
     array, panel = display.array, display.panel
     on_edge, on_corner = _border(inputs, in_cells_mm(display, inputs.pixels))

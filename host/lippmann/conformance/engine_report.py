@@ -143,7 +143,7 @@ def random_rays(display: Display, aperture: Aperture, count: int, seed: int) -> 
 def in_turn(works: Mapping[Name, Rate], rounds: int) -> dict[Name, list[float]]:
     """Call the functions alternately; return `rounds` rates of each.
 
-    With this order, other programs slow all functions equally.
+    In this order, other programs slow all functions equally.
     """
     results = [{name: work() for name, work in works.items()} for _ in range(rounds)]
     return {name: [times[name] for times in results] for name in works}
@@ -246,7 +246,7 @@ def measure_rays(
 
 
 def middle(display: Display, most_px: int) -> Display:
-    """Return the display with its panel cropped to the centre, at most `most_px` pixels per side."""
+    """Crop a display's panel to its centre, at most `most_px` pixels per side."""
     panel = display.panel
     width, height = min(panel.width_px, most_px), min(panel.height_px, most_px)
     return replace(display, panel=replace(panel, width_px=width, height_px=height))
@@ -275,7 +275,7 @@ class Pictures:
 
 
 def engines_for(display: Display) -> list[Engine]:
-    """Return the engines for a display; warn of a display that does not fit the words of twin and RTL."""
+    """Return the engines for a display; warn if it does not fit the words of twin and RTL."""
     try:
         random_rays(display, "chief", 1, 0).trace("twin")
     except InputError as error:

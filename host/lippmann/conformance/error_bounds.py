@@ -1,4 +1,4 @@
-"""Error bounds of tested rays: declares and reads a bounds file, and finds each ray's bounds."""
+"""Error bounds of tested rays: read a bounds file, find each ray's bounds."""
 
 from __future__ import annotations
 

@@ -30,12 +30,12 @@ from lippmann.conformance.tracer_faults import (
 from lippmann.display.description import Display
 from lippmann.optics.rays import Floats
 
-#: Maximum number of wrong rays in trials of known faults, and in fits of parameters.
+#: Maximum number of wrong rays in trials of known faults, and in fits.
 SAMPLE, FIT_SAMPLE = 1500, 300
 #: Maximum number of wrong rays in the first trial of a pair of faults.
 FEW = 90
-#: Tested rays must be nearer to a fault's rays than to golden rays: maximum ratio of
-#: these distances in wrong arrays, and maximum of their difference in any array.
+#: Compare tested rays' distances from a fault's rays and from golden rays: maximum
+#: ratio in a wrong array, and maximum difference in any array.
 NEARER, SAME = 0.5, 1e-9
 #: Minimum fraction of rays that a fault must match, and minimum number of rays, for a diagnosis.
 EXPLAINED, MANY = 0.97, 8
@@ -240,8 +240,8 @@ def _fit_number(name: str, value: float, inputs: PanelRays, direction: Floats) -
             return math.inf
         return float(np.median(np.linalg.norm(rays.direction - direction, axis=1)))
 
-    # On a large panel, a `LOOKED` step moves the corner by several lenslets. A step
-    # of `near` (range 2 %) moves the panel's corner by 1/4 pitch.
+    # A change in `LOOKED` moves a large panel's corner by several lenslets. The changes
+    # in `near`, up to 2 %, move the corner in steps of 1/4 pitch.
     panel = inputs.display.panel
     step = 0.25 * inputs.display.array.finest_mm / (0.5 * math.hypot(panel.width_mm, panel.height_mm))
     near = step * np.arange(-int(0.02 / step), int(0.02 / step) + 1, dtype=np.float64)
@@ -261,7 +261,7 @@ def _fit_number(name: str, value: float, inputs: PanelRays, direction: Floats) -
 
 
 def pairs(inputs: PanelRays, fields: Arrays, apart: Callable[[Variant], float]) -> Iterator[Variant]:
-    """Yield pairs of faults, the likeliest first; `apart` measures a fault's distance from the rays."""
+    """Yield pairs of faults, the likeliest first; `apart` returns a fault's distance from the rays."""
     ranked = sorted(variants(inputs.display), key=apart)
     numbers = list(fitted(inputs, fields))
     yield from (both(one, other) for one, other in combinations(ranked, 2))

@@ -131,7 +131,7 @@ def _system(rays: PanelRays | WorldRays, n: SimpleNamespace) -> System:
 
 
 def true_rays(rays: PanelRays, **moved: Digits) -> Rays:
-    """Trace rays from the panel with 50 digits; `moved` replaces some of the `exact_inputs`."""
+    """Trace rays from the panel with 50 digits; `moved` replaces some `exact_inputs`."""
     n = SimpleNamespace(**exact_inputs(rays) | moved)
     points = None if rays.aperture is None else (n.a, n.b)
     out = rays_from_pixels(FiftyDigits(), _system(rays, n), n.u, n.v, points, rays.model)

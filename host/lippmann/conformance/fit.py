@@ -45,7 +45,7 @@ MOST_SAMPLES = 1024
 TRIED_SAMPLES = sorted({round(MOST_SAMPLES ** (k / 142)) for k in range(143)})
 #: Scale of the cell in which test rays start; outside, rounding may change the lenslet.
 INSIDE = 0.97
-#: Rays in the second test of an RTL build. Fraction of the tested rounding
+#: Number of rays in an RTL build's second test. Fraction of the tested rounding
 #: error that is added for other rays.
 SPREAD_RAYS, ROUNDING_MARGIN = 200_000, 0.05
 

@@ -42,7 +42,7 @@ Sets = Iterator[PanelRays | WorldRays]
 Generator = Callable[[Display, Random, int], Sets]
 
 
-#: Generator functions of all cases, keyed by name; each docstring describes a case.
+#: Generators of all cases, keyed by name; each docstring describes a case.
 CASES: dict[str, Generator] = {}
 
 
@@ -86,7 +86,7 @@ def changed(display: Display, *, gap_mm: float | None = None, **array: Any) -> D
 
 
 def without_eye(display: Display) -> Display:
-    """Return the display without a viewing distance, as for an infinitely distant eye."""
+    """Return the display for an eye at infinity."""
     return replace(display, viewing_distance_mm=None, viewing_axis_mm=(0.0, 0.0))
 
 
@@ -229,7 +229,7 @@ def fates(display: Display, random: Random, count: int) -> Sets:
 
 @_case
 def losses(display: Display, random: Random, count: int) -> Sets:
-    """Test rays that a dome, a wall or the array's end stops, far from a change of status."""
+    """Test random rays of each status, at domes, walls or array ends that stop rays."""
     array, panel = display.array, display.panel
     domes = changed(display, radius_mm=1.02 * array.half_diagonal_mm, index=1.25, thickness_mm=0.0, gap_mm=0.0)
     walls = changed(domes, shear=1.0, radius_mm=1.02 * replace(array, shear=1.0).half_diagonal_mm)
@@ -304,7 +304,7 @@ def indices(display: Display) -> dict[str, Display]:
 
 @_of_displays
 def f_numbers(display: Display) -> dict[str, Display]:
-    """Test focal lengths of 0.6 to 50 pitches with the panel in focus; the shortest needs an index of 2.2."""
+    """Test focal lengths of 0.6 to 50 pitches with the panel in focus; the shortest needs an index near 2."""
     array, displays = display.array, {}
     for number in (0.6, 0.8, 1.0, 2.0, 10.0, 50.0):
         focal = number * array.coarsest_mm
@@ -317,7 +317,7 @@ def f_numbers(display: Display) -> dict[str, Display]:
 
 @_of_displays
 def gaps(display: Display) -> dict[str, Display]:
-    """Test panels in contact with the array, almost in contact, and within rounding errors of the focus."""
+    """Test panels in contact with the array, almost in contact, and within 10^-6 of the focal distance."""
     array = display.array
     focus = array.focal_length_mm - (array.thickness_mm / array.index if array.plano_side == "panel" else 0.0)
     focus = focus if focus > 0.0 else array.focal_length_mm

@@ -98,7 +98,7 @@ class Page:
 
 
 def stamped(png: bytes, origin: Mapping[str, str]) -> bytes:
-    """Return a PNG image with the origin of its values added as text chunks."""
+    """Return a PNG image with the origin of its values in text chunks."""
     texts, out = PngInfo(), io.BytesIO()
     for key, value in origin.items():
         texts.add_text(f"lippmann:{key}", value)

@@ -119,14 +119,14 @@ def unit_vectors(vectors: Floats) -> Floats:
 
 def random_sizes(random: Random, low: float, high: float, count: int) -> Floats:
     """Return random numbers (count, 1) of all magnitudes from `low` to `high`."""
-    # Use binary exponents, because the last bit of a power depends on the machine.
+    # Use binary exponents: the last bit of a power depends on the machine.
     (_, first), (_, last) = math.frexp(low), math.frexp(high)
     sizes = np.ldexp(random.uniform(0.5, 1.0, (count, 1)), random.integers(first, last + 1, (count, 1)))
     return np.clip(sizes, low, high)
 
 
 def edge_points(display: Display, random: Random, count: int, vertices: float = 0.0) -> Floats:
-    """Return random points (count, 2), mm, on a cell's edges; the fraction `vertices` of them is at corners."""
+    """Return random points (count, 2), mm, on a cell's edges, the fraction `vertices` at corners."""
     corners = corners_mm(display.array)
     side, along = random.integers(0, len(corners), count), random.random((count, 1))
     along = np.maximum(along - vertices, 0.0) / (1.0 - vertices)

@@ -24,7 +24,7 @@ def directions_in_array(compared: Comparison) -> tuple[Floats, Floats]:
 
 
 def find_delay(right: Callable[[int], Bools]) -> Finding | None:
-    """Find outputs that come some rays late or early; `right(lag)` marks the rays that match at a delay."""
+    """Find late or early outputs; `right(lag)` marks the rays that match at a delay."""
     # Nearly equal rays may match at any delay; a true delay matches more rays than no delay.
     own = right(0).mean()
     for lag in LAGS:
@@ -35,7 +35,7 @@ def find_delay(right: Callable[[int], Bools]) -> Finding | None:
 
 
 def find_late_component(compared: Comparison) -> Finding | None:
-    """Find a component of the directions that comes some rays late or early."""
+    """Find a late or early component of the directions."""
     if compared.wrong_arrays != ["direction"] or len(compared.edge) < 2 * MANY:
         return None
     directions, expected = directions_in_array(compared)
@@ -52,7 +52,7 @@ def find_late_component(compared: Comparison) -> Finding | None:
 
 
 def find_stale_register(compared: Comparison) -> Finding | None:
-    """Find successive rays that a design traced with the registers of an earlier configuration."""
+    """Find successive rays traced with the registers of an earlier configuration."""
     run = np.flatnonzero(compared.wrong)
     first, last = int(run[0]), int(run[-1])
     if len(run) < MANY or last + 1 - first >= len(compared.edge) or len(run) < 0.5 * (last + 1 - first):

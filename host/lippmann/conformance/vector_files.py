@@ -169,8 +169,8 @@ def read_foreign(
 ) -> ForeignRays:
     """Read rays from `.npz` (of `lippmann trace`), `.csv` (like `words.csv`) or `.mem` (like `expected.mem`).
 
-    `inputs` is the `.mem` file of the input rays, by default `inputs.mem` in the same
-    folder as `path`. Raises InputError for an invalid file.
+    `inputs` is the `.mem` file of the input rays, by default `inputs.mem` in
+    `path`'s folder. Raises InputError for an invalid file.
     """
     if not path.is_file():
         raise input_error(path, not_there(path), "give a .npz, .csv or .mem file of rays")

@@ -13,7 +13,7 @@ from lippmann.conformance.sequence_faults import directions_in_array, find_delay
 from lippmann.fixed.build import Build
 from lippmann.fixed.ray_pipeline import FixedRays
 
-#: Maximum difference from the twin's words that another rounding rule explains, in ulps.
+#: Maximum difference from the twin's words due to another rounding rule, in ulps.
 ROUNDING_WORDS = 8
 #: Names of words that encode real numbers.
 REALS = ("x", "y", "z", "dx", "dy", "dz")
