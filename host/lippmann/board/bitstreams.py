@@ -46,7 +46,7 @@ REMEDY = "give a file that make bitstream wrote"
 
 @dataclass(frozen=True)
 class BitFile:
-    """Header of a bitstream; only `idcode` is set if `make bitstream` did not write it."""
+    """Header of a bitstream; only `idcode` is set if `make bitstream` did not write the file."""
 
     idcode: int
     board: str
@@ -221,8 +221,8 @@ def board_of(path: Path, file: BitFile, name: str | None) -> FpgaBoard:
 def program(path: Path, name: str | None = None, serial: str | None = None, flash: bool = False) -> FpgaBoard:
     """Load a bitstream into a board's FPGA or flash memory; return the board.
 
-    `name` names the board if the bitstream names none. `serial` is the serial number of
-    the USB adapter; None means the only board. Raises InputError for an unsuitable
+    `name` is the board's name if the bitstream has none. `serial` is the serial number
+    of the USB adapter; None means the only board. Raises InputError for an unsuitable
     file, MissingLibraryError if openFPGALoader cannot run, and DeviceError unless
     exactly one board is connected and the load succeeds.
     """

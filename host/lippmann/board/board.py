@@ -184,7 +184,7 @@ class Board(Session):
         # The first frame may have begun before this call, so wait for two frames.
         while (self.word("frames") - first) & 0xFFFFFFFF < 2:
             if time.monotonic() > until:
-                raise self.error("the board scans out no frame", "check the board's clock and the cable")
+                raise self.error("the board scans out no frame", "check the board's clock and cable")
             time.sleep(QUERY_S)
         return self.word("shown_crc")
 

@@ -235,7 +235,7 @@ class SceneBoard:
         while (status := self.status()).waits or scene not in (None, status.is_shown):
             if time.monotonic() > until:
                 what = "the panel does not change to the " + ("stored frame" if scene is False else "scene")
-                raise self.board.error(what, "check the board's clock and the cable")
+                raise self.board.error(what, "check the board's clock and cable")
             time.sleep(QUERY_S)
 
     def status(self) -> SceneStatus:

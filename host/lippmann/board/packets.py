@@ -11,7 +11,7 @@ from cobs import cobs  # type: ignore[import-untyped]  # the package comes witho
 
 #: Protocol versions, in the order in which this host tries them.
 VERSIONS = (2, 3, 1)
-#: First protocol version with ABORT and RESET, and version with drawn scenes.
+#: First protocol versions with ABORT and RESET, and with drawn scenes.
 RESET_VERSION, SCENE_VERSION = 2, 3
 #: Maximum length of a packet with its CRC before COBS encoding, bytes.
 MAX_PACKET = 3200

@@ -156,7 +156,7 @@ def _tones_of(panel: Panel) -> Tones:
 
 
 def _tones_in(name: str, metadata: Mapping[str, str], encoded: bool) -> Tones:
-    """Return curve and bits in metadata. Lippmann 0.1 wrote the curve only to PNG files, and no bits."""
+    """Return curve and bits in a file's metadata. Lippmann 0.1 wrote no bits, and the curve only to PNG files."""
     bits = metadata.get("bits")
     if bits is not None and (len(bits) > 2 or not bits.isdecimal() or not 1 <= int(bits) <= 16):
         raise input_error(name, f"the number of bits in its metadata is '{bits[:20]}', not 1 to 16", "render it again")

@@ -84,7 +84,7 @@ def _busy(url: str, name: str, runs: int, rays: int) -> DeviceError:
     by = "a frame that a register write started" if runs == FRAME_RUNS else f"a SIGN request ({rays} rays so far)"
     remedy = "wait, or end it with lippmann board abort"
     if runs == FRAME_RUNS:
-        # A board has no pixel stream, so a frame whose source is the stream never ends.
+        # A frame from the pixel stream never ends, because a board has no such stream.
         remedy += " (the only remedy if the frame's source is the stream)"
     return device_error(url, f"the board refuses {name} while {by} runs", remedy)
 

@@ -86,7 +86,7 @@ class Session:
 
     def __init__(self, line: Line, patience_s: float = PATIENCE_S) -> None:
         self.line, self.patience_s = line, patience_s
-        # A random first sequence number matches no late reply to another program.
+        # A random first sequence number rarely matches a late reply to another program.
         self._seq = secrets.randbits(16)
         self._round_trip = RoundTrip()
         self.info = self.hello()

@@ -35,7 +35,7 @@ TILE_REPLY = struct.Struct("<H")
 @documented
 @dataclass
 class Sent:
-    """Counts of a frame's transfer, and the indices of sent (`known`) and arrived tiles."""
+    """Counts of a frame's transfer, and indices of sent tiles (`known`) and of arrived tiles."""
 
     crc: Annotated[int, key("CRC-32 of the frame, confirmed by the board")] = 0
     epoch: Annotated[int, key("epoch of the board in which it shows this frame")] = 0

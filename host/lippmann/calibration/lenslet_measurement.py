@@ -133,7 +133,7 @@ class Readings:
 
 @dataclass(frozen=True)
 class Lenslets:
-    """Measurements of the N lenslets (i, j) of one position, `index` (N, 2).
+    """Measurements of N lenslets (i, j), `index` (N, 2), from one camera position.
 
     `photo_px` (N, 2) are the lenslets' middles in the photograph. `panel_mm` (N, 2) are
     the panel points seen through the inner cells, known to +- `half_px` (N, 2) pixels.
