@@ -203,7 +203,7 @@ def choose_adapter(board: FpgaBoard, adapters: list[Adapter] | None, serial: str
 
 
 def board_of(path: Path, file: BitFile, name: str | None) -> FpgaBoard:
-    """Return the board that a bitstream names, or else the board `name`.
+    """Return the board that a bitstream names, or the board `name`.
 
     Raises InputError if the bitstream is for another board or FPGA.
     """

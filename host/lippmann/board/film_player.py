@@ -51,7 +51,7 @@ def load_textures(
         stack, numbers = film.at(frame)
         with located(f"{where}: frame {frame}"):
             scene_words(display, stack, scene.build, numbers, [film.names[number] for number in numbers])
-    scene.wait()  # an ended scene's slots become free when the panel no longer shows the scene
+    scene.wait()  # an ended scene's slots become free when the panel no longer shows it
     slots = scene.free_slots(contents)
     loaded = scene.load(dict(zip(slots, contents, strict=True)), progress)
     curve = build_curve_table(display).tobytes()

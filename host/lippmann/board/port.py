@@ -105,7 +105,7 @@ def token_of(url: str) -> bytes:
         return tokens[0].encode()[:MAX_TOKEN] + b"\n"
     if host in ("127.0.0.1", "localhost") and hasattr(os, "getuid"):  # Windows has no virtual boards
         with contextlib.suppress(OSError), (private_path() / f"tcp-{port}.token").open("rb") as stream:
-            # A file that belongs to another user is not this user's token.
+            # Another user's file is not this user's token.
             if os.fstat(stream.fileno()).st_uid == os.getuid():
                 return stream.read(MAX_TOKEN)
     return b""
@@ -187,7 +187,7 @@ def port_info(url: str) -> ListPortInfo | None:
 
 
 def port_trouble(url: str) -> DeviceError | InputError | None:
-    """Try to open a port; return the error, or None if the port can be opened."""
+    """Try to open a port; return the error, or None if the port opens."""
     try:
         open_port(url).close()
     except (DeviceError, InputError) as error:

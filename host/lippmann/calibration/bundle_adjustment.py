@@ -232,7 +232,7 @@ class Problem:
         return np.column_stack([(panel - view.panel_mm) / self.display.panel.pitches_mm, photo - view.photo_px])
 
     def priors(self, x: Floats) -> Floats:
-        """Return how far x is from the priors, in the priors' standard deviations."""
+        """Return the deviation of x from the priors, in standard deviations."""
         display, size = self.display, np.array(self.views[0].shape[::-1])
         depth, longer = display.aperture_distance_mm, float(size.max())
         focal, *middle = self.part(x, "lens")[:3]

@@ -43,7 +43,7 @@ class Photograph(NamedTuple):
 
 
 def pattern_set(folder: Path, display: Display) -> PatternSet:
-    """Return the patterns of a folder's `patterns.toml`, or else the display's default patterns."""
+    """Return the patterns of a folder's `patterns.toml`, or the display's default patterns."""
     own = folder / FILE
     if own.exists() and not own.is_file():
         raise input_error(own, not_there(own), "replace it by the file that lippmann calibrate patterns wrote")

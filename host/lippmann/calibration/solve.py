@@ -52,7 +52,7 @@ def radius_of(display: Display, solution: Solution) -> Radius:
     radii = np.array([_of_position(display, solution, k, view) for k, view in enumerate(views)])
     value = float(radii.mean())
     scatter = float(radii.std(ddof=1)) / np.sqrt(len(radii)) if len(radii) > 1 else 0.02 * value
-    # Blur and aberrations add an error of 0.3 %, as measured on simulated photographs.
+    # In simulations, blur and aberrations add an error of 0.3 %.
     return Radius(value, float(np.hypot(scatter, 0.003 * value)))
 
 
