@@ -135,7 +135,7 @@ class Sdram {
   struct Bank {
     bool open = false;
     uint16_t row = 0;
-    // Times of the last ACTIVE, PRECHARGE and WRITE. A was_ flag is false until its time is set.
+    // Times of the last ACTIVE, PRECHARGE and WRITE; a flag was_... is true if its time is valid.
     uint64_t active = 0, precharge = 0, write = 0;
     bool was_active = false, was_precharged = false, was_written = false;
   };

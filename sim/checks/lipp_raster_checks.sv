@@ -2,7 +2,8 @@
 /// Checks the handshake and the marks of the rays at the output of `lipp_raster`.
 ///
 /// An offered ray is stable until it is accepted or aborted. Exactly the first ray of a frame is
-/// marked as first. Output running_o is high until the last ray of the frame.
+/// marked as first. Output running_o is high from the offer of the first ray of a frame until the
+/// last ray is accepted.
 module lipp_raster_checks #(
   parameter int F = 23
 ) (

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/// Proves that `lipp_draw_frame` shows each pixel at its position or as a counted black pixel, with
+/// Proves that `lipp_draw_frame` shows each pixel, or a counted black pixel, at its position, with
 /// any timing of video and software, and with any optics and scene that keep the order of the rays.
 ///
 /// The model of optics and scene outputs a pixel for every 2^SamplesBits rays, at any time. The

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/// Proves in two parts that `lipp_flow_control` works around any pipeline, with indices as data.
+/// Proves in two parts that `lipp_flow_control` is correct for any pipeline; the data are ray indices.
 ///
 /// The first proof (Order = 0) shows the assertions of flow_control_checks, which count rays. A
 /// binary tree counts the rays in the pipeline, so that the induction is short at any Latency. Each

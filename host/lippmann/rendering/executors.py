@@ -198,7 +198,7 @@ def _give_up_stopped_workers(client: Client, heartbeats: dict[str, tuple[float, 
         elif now - since > STOPPED_WORKER_S:
 
             async def remove(dask_scheduler: Scheduler | None = None, address: str = address) -> None:
-                # Dask sends this function as code: the scheduler needs no Lippmann.
+                # Dask sends this function's code, so the scheduler needs no Lippmann.
                 assert dask_scheduler is not None
                 await dask_scheduler.remove_worker(address, stimulus_id="lippmann-stopped-worker")
 

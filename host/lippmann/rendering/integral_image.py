@@ -74,8 +74,8 @@ class IntegralImage(Showable):
     display
         The display for which the image was made.
     metadata
-        Display, identity, the panel's transfer curve and bits, model, samples, seed,
-        versions, ...
+        The display's name and identity, the panel's transfer curve and bits, model,
+        samples, seed, versions, ...
     measured
         Figures of the render, such as `seconds`, or of a capture; not saved.
     """

@@ -84,7 +84,7 @@ class CacheTrial:
 
     @property
     def samples(self) -> int:
-        """Number of samples per pixel in the trial, which takes them evenly from the render's."""
+        """Number of samples per pixel in the trial: an even selection of the render's samples."""
         return min(self.all_samples, TRIAL_SAMPLES)
 
     @property

@@ -62,7 +62,7 @@ class Plan(ABC):
 
     display: Display
     options: RenderOptions
-    #: The rows of each band, whatever the devices of workers.
+    #: The rows of each band; they do not depend on workers' devices.
     bands: tuple[range, ...]
 
     @property

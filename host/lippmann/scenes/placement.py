@@ -85,7 +85,7 @@ class Placement:
 
     def keeping_depths(self, before: Placement) -> Placement:
         """Return this placement with missing depths from `before`, moved with the scene."""
-        # If the scene tilts after `before`, the bounding box replaces missing depths.
+        # After a tilt, missing depths stay None: the bounding box replaces them.
         step = self.display_from_scene @ before.scene_from_display
         if np.abs(step[2, :2]).max() > 1e-9 * step[2, 2]:
             return self
@@ -177,7 +177,7 @@ def arranged(scene: Scene, display: Display, arrange: Arrange) -> Scene:
 
 def fitting(low: Matrix, high: Matrix, display: Display) -> Placement:
     """Return the placement that fits a box (mm) into a display's depth range, or raise InputError."""
-    # An eye in front of the panel's centre sees the whole front of the box.
+    # An eye in front of the panel's centre must see all of the box's front.
     panel, eye = display.panel, viewing_distance(display)
     far, near = display_properties(display).depth_range_mm
     middle = 0.5 * (far + near)

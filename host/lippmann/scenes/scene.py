@@ -66,7 +66,7 @@ class Scene:
     has_camera: bool = False
     #: The default arrangement (`usual_arrange`), if the scene has no placement.
     usual: Arrange | None = None
-    #: Lines for the user from the reader of the file.
+    #: Messages for the user about the file's conversion.
     notes: tuple[str, ...] = ()
 
     @cached_property

@@ -39,7 +39,7 @@ def write_scene(path: Path, folder: Path) -> Path:
 
 
 def write_table(path: Path, table: npt.NDArray[np.void]) -> None:
-    """Write a PLY file of splats; the table's columns have the names of properties."""
+    """Write a PLY file of splats; a column of the table is a property."""
     import plyfile
 
     plyfile.PlyData([plyfile.PlyElement.describe(table, "vertex")], byte_order="<").write(str(path))
