@@ -143,7 +143,7 @@ class Check:
         place = name.rpartition(".")[0]
         registers = [*filter(None, map(self.net.register, bits))]
         if len(registers) != len(bits) or len(bits) < 2:
-            self._is_wrong(f"{name}: {len(registers)} registers of {len(bits)} bits; a synchroniser needs two or more")
+            self._is_wrong(f"{name}: {len(registers)} of its {len(bits)} bits are registers; two or more are needed")
             return None
         clocks = {register.clock for register in registers}
         if len(clocks) != 1:
@@ -361,7 +361,7 @@ class Check:
         """Refuse clocks that are outputs of logic."""
         for one in self.net.sampled():
             if isinstance(one.clock, int) and self.net.before(one.clock)[0]:
-                self._is_wrong(f"the clock {self.net.name(one.clock)} of {one.pin.cell} is made by logic")
+                self._is_wrong(f"clock {self.net.name(one.clock)} of {one.pin.cell} is made by logic; use an enable")
 
 
 def _pointer(row: Row) -> tuple[str, str, int] | None:

@@ -28,7 +28,7 @@ COMBINATIONAL: Mapping[str, Mapping[str, tuple[str, ...]]] = {
 }
 #: Cell types that buffer a clock, with their input and output.
 CLOCK_BUFFERS = {"DCCA": ("CLKI", "CLKO")}
-#: Cell types whose outputs are clocks, with those outputs that are levels instead.
+#: Cell types that output clocks, each with those of its outputs that are levels.
 CLOCK_SOURCES = {"EHXPLLL": {"LOCK", "INTLOCK", "REFCLK"}, "OSCG": set[str]()}
 #: Cell types at the chip's pins, with their port at the pin.
 PINS = {"BB": "B", "TRELLIS_IO": "B", "IB": "I", "OB": "O", "OBZ": "O"}

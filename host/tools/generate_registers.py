@@ -32,7 +32,7 @@ class _Map(NamedTuple):
     """An address map of registers.rdl, and the files that are made from it."""
 
     name: str
-    # The map, or its part, that becomes SystemVerilog.
+    # Name of the map that becomes SystemVerilog: this map, or a part of it.
     rtl_map: str
     data: str  # file in DATA
     # Name of the file in PAGES, and of its template.

@@ -169,7 +169,7 @@ class Scratch:
 
     def run(self, arguments: Sequence[str], jobs: int) -> tuple[int, str]:
         """Run quick tests in the copy; return pytest's exit code (-1 after a time-out) and output."""
-        # Use a file, because thousands of tests may execute a line.
+        # Pass the arguments in a file: they may be thousands of tests.
         (self.folder / "arguments").write_text("\n".join(arguments))
         command = [
             sys.executable, "-m", "pytest", "-q", "-m", "not full", "--tb=no",

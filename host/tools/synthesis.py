@@ -57,7 +57,7 @@ class Design:
 
     @property
     def name(self) -> str:
-        """The name: `block`, `board` and panel, or `scene` and filter, then the configuration's name."""
+        """The design's name, such as board-1280x720-nearest-compact-square."""
         parts = [] if self.panel is None else ["x".join(map(str, self.panel))]
         parts += [] if self.scene is None else ["bilinear" if self.scene.bilinear else "nearest"]
         return "-".join([*self.top.split("_")[1:], *parts, self.variant.name]).removeprefix("top-")
@@ -76,8 +76,8 @@ class Design:
         return build | dict(zip(names, numbers, strict=True)) | scene
 
 
-#: Panels and configurations of the boards that are placed. The configurations are placed as blocks too, once with
-#: rtl/bus and once alone.
+#: Panels and configurations of the boards that are placed. The configurations are placed as blocks too: alone,
+#: with AXI and with Wishbone.
 PANELS = ((640, 480), (1280, 720))
 WHOLE = [CONFIGURATIONS[name] for name in ("compact-square", "widest-square")]
 BOARDS = [Design(variant, "probe_board", panel) for panel in PANELS for variant in WHOLE]
