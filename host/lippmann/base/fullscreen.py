@@ -135,7 +135,7 @@ def desktop(request: str) -> Iterator[ModuleType]:
     try:
         driver = pygame.display.get_driver()
         if driver in BLIND_DRIVERS and driver not in os.environ.get("SDL_VIDEODRIVER", "").split(","):
-            raise DeviceError(f"there is no desktop (SDL uses the driver '{driver}', which shows nothing); {remedy}")
+            raise DeviceError(f"there is no desktop (SDL's driver '{driver}' shows nothing); {remedy}")
         yield pygame
     except pygame.error as error:
         raise DeviceError(f"the desktop refuses {request} ({error}); {remedy}") from None

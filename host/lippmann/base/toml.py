@@ -294,7 +294,7 @@ def _is_finite(value: object) -> bool:
 
 
 def toml_text(table: Mapping[str, object], *, one_line: bool = True) -> str:
-    """Return a table as TOML text; if `one_line` is False, each list entry is on its own line."""
+    """Return a table as TOML text; if `one_line` is False, each list entry has its own line."""
     text = tomli_w.dumps(table, indent=2)
     if not one_line:
         return text

@@ -46,7 +46,7 @@ class Build:
             )
         if self.aims and self.model == "pinhole":
             raise InputError(
-                "aims requires aperture points, which a pinhole build lacks; leave aims out, or choose another model"
+                "aims needs aperture points, which a pinhole build lacks; leave aims out, or choose another model"
             )
 
     @classmethod

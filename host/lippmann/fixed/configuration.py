@@ -314,8 +314,7 @@ def _check_panel(display: Display) -> None:
     if lenslets >= limit:
         raise InputError(
             f"registers x_from_u to y_offset place the panel's corner {lenslets:.6g} lenslets from the axis, outside "
-            f"the range (-{limit}, {limit}) of a lattice coordinate; raise array.pitch_mm, take a smaller panel, or "
-            "bring array.offset_mm nearer to 0"
+            f"the range [0, {limit}); raise array.pitch_mm, take a smaller panel, or bring array.offset_mm nearer to 0"
         )
 
 

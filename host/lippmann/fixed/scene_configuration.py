@@ -109,7 +109,7 @@ def layer_words(display: Display, layer: Layer, number: int | str, slot: int) ->
         finer = "the texture is too small, or sheared too far: give it fewer texels, or make it larger"
         words[register] = nearest_word(value, 32, COEFFICIENT_FRACTION, f"{name} {register}", finer, share, unit)
     for register, value in zip(("s0", "t0"), zero.tolist(), strict=True):
-        centre = "the texture is too far beside the display for its size: bring it nearer to the display's centre"
+        centre = "the texture is too far from the display's centre for its size: bring it nearer"
         words[register] = nearest_word(value, 32, TEXEL_FRACTION, f"{name} {register}", centre, unit=" texels")
     if not layer.sky:
         _check_reach(layer, linear, zero, number, radius)

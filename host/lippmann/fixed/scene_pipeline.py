@@ -184,7 +184,7 @@ def texel_fetch(s: Ints, t: Ints, hidden: Bools, slot: Bytes | None, build: Scen
     `slot` is the content of the layer's slot (`slot_bytes`), or None. Bilinear builds
     read four texels, each into tap 2 * (row & 1) + (column & 1). With f = s & 255 and g
     = t & 255, the weights are (256 - f) (256 - g), f (256 - g), (256 - f) g and f g.
-    Hidden rays, and texels outside the texture, have the weight 0 and the colour 0.
+    Hidden rays, and texels outside the texture, have weight 0 and colour 0.
     """
     i, j = s >> 8, t >> 8
     if not build.bilinear:

@@ -44,7 +44,7 @@ Memory = Literal["block", "sdram"]
 CLOCK_HZ = 148_500_000
 #: Clock of the SDRAM, Hz, as on a ULX3S at 1280 x 720.
 MEMORY_HZ = 125_000_000
-#: Frame rate of a board with SDRAM, and its minimum clock for 3 Mbaud, Hz.
+#: Frame rate, and minimum clock for 3 Mbaud, of a board with SDRAM, Hz.
 FRAMES_HZ, SLOWEST_HZ = 60, 24_000_000
 #: Maximum width and height of a panel, px: a limit of lipp_board.sv's video counters.
 MAX_SIDE_PX = 16383
