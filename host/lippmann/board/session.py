@@ -198,7 +198,7 @@ class Session:
         version, echo, *others = HELLO_REPLY.unpack(self.checked(Kind.HELLO, status, body, HELLO_REPLY.size))
         hello = Hello(version, *others)
         if version != spoken:
-            raise self.error(f"the board has protocol version {version}, but this host has {spoken}", UPDATE)
+            raise self.error(f"the board replies in protocol version {version}, but {spoken} was requested", UPDATE)
         if echo != nonce:
             raise self.error("the reply belongs to another HELLO", "check that no other program uses this line")
         if hello.tile != TILE or hello.max_packet < MAX_PACKET or not 1 <= hello.grid.count <= 1 << 16:

@@ -194,7 +194,7 @@ def _middles(display: Display, slopes: Floats, height_mm: float, distance_mm: fl
 
 
 def _movement(across: Floats, landed: Floats) -> tuple[Floats, Floats, Floats]:
-    """Return the panel points' median, derivative by cell position and mean offset, in lattice steps."""
+    """Return median, derivative by cell position and mean offset of panel points, in lattice steps."""
     if len(across) < 3:
         return np.zeros(2), np.zeros((2, 2)), np.zeros(2)
     centre = np.asarray(np.median(landed, axis=0))
