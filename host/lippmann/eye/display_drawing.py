@@ -29,7 +29,7 @@ GLASS, LENSLET, IMAGE, RAY = "#56b4e9", "#0072b2", "#d55e00", "#e69f00"
 CLOSE = 4.0
 #: Lenslet marks across the drawn panel.
 MARKS = 30.0
-#: Maximum width, pixels, of a close-up that shows its pixels.
+#: Maximum width, pixels, of a close-up in which pixels are drawn.
 MAX_PIXELS = 150
 #: Eye distances in `draw_zones`, as multiples of the viewing distance.
 HEIGHTS = np.linspace(0.2, 3.0, 15)
@@ -45,7 +45,7 @@ def _drawing(path: Path, down: int, across: int, size: tuple[float, float]) -> I
     from matplotlib import rc_context
     from matplotlib.figure import Figure
 
-    # Keep text as text, and write equal SVGs for equal displays.
+    # Write text as characters, not as outlines, and equal SVGs for equal displays.
     with rc_context({"svg.fonttype": "none", "svg.hashsalt": "lippmann", "font.size": 9}):
         figure = Figure(figsize=size, layout="constrained")
         yield figure.subplots(down, across, squeeze=False)

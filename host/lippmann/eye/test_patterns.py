@@ -37,7 +37,7 @@ Kind = Literal["lens-centres", "cells", "view-numbers", "single-lens", "white-fo
 ON_BOARD: tuple[Kind, ...] = ("single-lens", "lens-centres", "view-numbers", "checker", "ramp")
 #: Side of the checker's tiles, pixels, also in a board.
 TILE = 32
-#: Half width, pixels, of a pixel that holds a lenslet's centre: 1/2 plus rounding.
+#: Half the width, pixels, of a pixel that holds a lenslet's centre, plus rounding error.
 IN_PIXEL = 17 / 32
 #: Panel values from 0 to 1 in an array that broadcasts to (rows, columns, 3).
 Values = npt.NDArray[np.generic]
@@ -151,7 +151,7 @@ PATTERNS: dict[Kind, Callable[[Pixels], Values]] = {
 def white_for_eye(display: Display, eye: Eye) -> Values:
     """Return 1 for pixels that an eye sees through their own lenslets, else 0, (height, width)."""
     panel, b, system = display.panel, DrJitBackend(current_device()), System.of(display)
-    # A lenslet spreads its rays on the panel: trace one for each half pixel of the spread.
+    # A lenslet spreads its rays on the panel: trace one ray per half pixel of the spread.
     spread = abs(1.0 - display.aperture_distance_mm / display.array.focal_length_mm)
     samples = min(2 + int(np.ceil(2.0 * spread)), 8) ** 2
     window = Window(panel.width_mm, panel.height_mm, *panel.size_px)

@@ -48,7 +48,7 @@ class Cost:
     layers: int
     #: Bytes of texels and palettes, which the host sends once.
     load_bytes: int
-    #: Block RAMs (DP16KD) for the panel's curve, one slot per layer, and a spare slot.
+    #: Block RAMs (DP16KD) for the transfer curve, one slot per layer, and a spare slot.
     block_rams: int
     #: Multipliers (MULT18X18D). Logic computes the cross terms of wide products.
     multipliers: int

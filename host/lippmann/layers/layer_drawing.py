@@ -2,7 +2,7 @@
 
 A pixel's exit ray meets the plane of each layer. The texels that the ray meets are
 composited from front to back in linear light. Then the pixel's samples are averaged,
-and the panel's curve is applied once. Rays that do not leave the lenslets are black.
+and the panel's transfer curve is applied. Rays that stay in the lenslets are black.
 """
 
 from __future__ import annotations

@@ -341,7 +341,7 @@ def _read_picture(path: Path) -> Rgba:
 def _crop_to_reach(light: Rgba, reach: Reach, depth_mm: float, centre: Pair, width: float | None) -> tuple[Area, Rgba]:
     reached = reach.area(depth_mm)
     rows, columns = light.shape[:2]
-    if width is None:  # large enough to cover the reach
+    if width is None:  # wide enough to cover `reached`
         across = 2.0 * max(abs(side - centre[0]) for side in (reached.x0, reached.x1))
         up = 2.0 * max(abs(side - centre[1]) for side in (reached.y0, reached.y1))
         width = max(across, up * columns / rows)

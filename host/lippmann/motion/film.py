@@ -84,7 +84,7 @@ class Moving(MotionPath):
 
 @dataclass(frozen=True, kw_only=True)
 class FilmFile:
-    """The keys of a film file. Objects that share a shape move it in their order; then `world` moves all shapes."""
+    """The keys of a film file. Objects that share a shape move it in file order; then `world` moves all shapes."""
 
     scene: Annotated[Path, key("a Mitsuba scene; its path is relative to the film file")]
     frames: Annotated[int, key("number of frames, numbered from 0", low=1, high=MAX_FRAMES)]

@@ -90,7 +90,7 @@ class LivePicture:
     def __init__(
         self, scene: Scene, display: Display, model: Model, settings: Settings, block: int | None = None
     ) -> None:
-        """Compile the programs. If `block` is None, measured speed sets it. Raises errors of `Renderer`."""
+        """Compile the renderers. If `block` is None, measured speed sets it. Raises errors of `Renderer`."""
         self._scene = scene
         self._panel = display.panel
         self._encoder = Encoder(display.panel)

@@ -186,7 +186,7 @@ def beats_in_lenslets(display: Display, distance_mm: float = math.inf) -> Pair:
     apart. Pixel columns of pitch p have the frequency k = (1/p, 0); their phase
     advances by k . a cycles along a lattice vector a. The eye sees the longest wave
     whose frequency f satisfies f . a = k . a modulo 1 for both lattice vectors. The
-    distance from k to the reciprocal lattice is the length of f, its inverse the period.
+    length of f is k's distance from the reciprocal lattice; the period is its inverse.
     """
     lattice, frame = System.of(display).lattice, PanelFrame.of(display)
     pitch_mm = lattice.pitches_mm[0]

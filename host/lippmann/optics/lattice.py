@@ -166,7 +166,7 @@ class Lattice:
 
 
 def number_lenslets(index: Indices) -> tuple[Indices, Indices]:
-    """Return the distinct lenslets (M, 2), ascending, and each lenslet's index there (N,)."""
+    """Return the distinct lenslets (M, 2), ascending, and each given lenslet's index in them (N,)."""
     low = index.min(axis=0)
     span = int(np.ptp(index[:, 1])) + 1
     flat = (index[:, 0] - low[0]) * span + (index[:, 1] - low[1])
