@@ -279,8 +279,8 @@ class Board {
     if (top_.pixel_o) screen_.clock(top_.de_o, top_.vsync_o == LIPPMANN_VSYNC, top_.rgb_o);
   }
 
-  // Returns true if one end of the byte link pauses in this clock. In turns of about 2000 clocks,
-  // both ends pause at random, in three of four clocks, or not at all.
+  // Returns true if one end of the byte link pauses in this clock. Phases of about 2000 clocks
+  // alternate: in one, each end pauses at random in three of four clocks; in the other, none pauses.
   bool paused() {
     if (options_.stalls == 0) return false;
     random_ ^= random_ << 13;

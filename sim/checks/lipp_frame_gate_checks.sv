@@ -43,7 +43,7 @@ module lipp_frame_gate_checks #(
   reg applies_q;         // 1: a change was requested and has not taken effect
   reg starts_q;          // 1: a frame was requested and has not begun
   reg due_next_q;        // 1: a change must take effect before the requested frame
-  reg change_due_q;      // 1: a change must take effect before the begun frame's rays
+  reg change_due_q;      // 1: a change must take effect before the current frame's rays
   reg walks_q;           // 1: the frame of the raster has begun and not ended
   reg [1:0] begun_q;     // clocks since the clock after begin_o, counted up to 3
   reg past_valid_q;      // 1: the registers below hold values of the previous clock
@@ -67,7 +67,7 @@ module lipp_frame_gate_checks #(
       if (begin_o) begun_q <= 0;
       else if (begun_q < 3) begun_q <= begun_q + 1;
       past_valid_q <= 1;
-      // 1: the design could have decided in this clock to make a change.
+      // 1: no frame is open after this clock, so a pending change must be made in the next clock.
       waited_q <= applies_q && !take_o && (abort_i || (accept ? last : !within_q));
     end
   end

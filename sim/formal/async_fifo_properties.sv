@@ -106,7 +106,7 @@ module async_fifo_properties #(
           && binary(\i_fifo.written_next_q ) == C'(written + 1)
           && binary(\i_fifo.read_gray_q ) == read
           && binary(\i_fifo.read_next_q ) == C'(read + 1));
-      // The reader never sees more words, and the writer never more free entries, than there are.
+      // The reader never sees more words than there are, nor the writer more free entries.
       inside_written: assert(C'(written2 - read) <= C'(written1 - read)
           && C'(written1 - read) <= inside);
       inside_read: assert(C'(written - read2) <= Places - in_ready

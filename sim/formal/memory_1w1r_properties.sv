@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 /// Proves that memory_1w1r_kept can replace `lipp_memory_1w1r` in larger proofs.
 ///
-/// Two clocks after a read begins, it returns the word last written at its address before it began.
+/// A read takes two clocks and returns the word last written at its address before the read began.
 module memory_1w1r_properties #(
   parameter int Width = 2,
   parameter int AddressBits = 3  // log2 of the number of words; the code below lists 2^3 words
@@ -34,7 +34,7 @@ module memory_1w1r_properties #(
 
   (* anyconst *) reg [AddressBits-1:0] watched_at;
   reg written_q = 0;
-  reg [2:1] read_watched_q = 0;  // bit k: a read of the kept word began k clocks ago
+  reg [2:1] read_watched_q = 0;  // bit k: a read of the watched word began k clocks ago
   reg [Width-1:0] watched_word_q, watched_word_q2, watched_word_q3;
   always @(posedge clk_i) begin
     if (write_i && write_at_i == watched_at) begin

@@ -2,7 +2,7 @@
 /// Proves that all rays inside `lipp_ray_stream` use the same optics: `lipp_config_bank` makes a
 /// copy of the optics only while `lipp_flow_control` is idle.
 ///
-/// A model replaces `lipp_flow_control` and the pipeline of any latency. The model accepts no ray
+/// A model replaces `lipp_flow_control` and the pipeline, at any latency. The model accepts no ray
 /// after hold, contains rays that leave at any time, and raises idle at any time after the last ray
 /// has left. `lipp_flow_control` is proved to behave like this model.
 module ray_stream_properties #(

@@ -125,9 +125,9 @@ def render_on_cluster(
 
     `address` is the scheduler's, such as tcp://127.0.0.1:8786; `security` is from
     `local_workers`. Workers render on `device` ("auto", "llvm" or "cuda"). Raises
-    InputError if no scheduler or worker answers, or a worker's scene or versions differ,
-    DeviceError if the scheduler or all local workers are lost, or a band crashes workers,
-    MissingLibraryError if Dask is missing, or a worker lacks a module.
+    InputError if no scheduler or worker answers, or a worker's scene or versions
+    differ. Raises DeviceError if the scheduler or all local workers are lost, or a band
+    crashes workers. Raises MissingLibraryError if Dask or a worker's module is missing.
     """
     if not bands:
         return

@@ -28,7 +28,7 @@ def has_splats(scene: Jit) -> bool:
 
 def needs_chance(scene: Jit) -> bool:
     """Tell whether `lights` may use random numbers for a scene, which cause noise."""
-    # Delta lights cause no noise, unless a surface transmits, or scatters and mirrors.
+    # Delta lights cause no noise, unless a surface transmits, or both scatters and mirrors.
     if not all(map(_is_delta, scene.emitters())):
         return True
     for surface in scene.shapes():

@@ -261,7 +261,7 @@ class Job:
         """Return a plan, usable in any process if `portable`. Raises errors of `arranged` and `Renderer`."""
         # Other processes and kept bands identify the scene by its files.
         scene = place_scene(self.scene, self.display, self.arrange)
-        path = scene.path.absolute()  # not resolve(): files are beside a link, not its target
+        path = scene.path.absolute()  # resolve() would lose the files beside a link
         if portable and not path.exists():
             raise InputError("workers and kept bands need a scene file, not a scene in memory; give one")
         # The model is chosen, so the tolerance must not change the plan's identity.

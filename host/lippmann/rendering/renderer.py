@@ -2,8 +2,8 @@
 
 **One pass renders both sides of the display.** A viewer sees a panel pixel along the
 pixel's refracted ray. The renderer traces each ray *towards* the display, from in front
-of the nearest object. The first surface on a ray hides all others, in front of the
-display (real image) or behind it (virtual image).
+of the nearest object. The first surface on a ray, in front of the display (real image)
+or behind it (virtual image), hides all others.
 """
 
 from __future__ import annotations

@@ -96,7 +96,7 @@ class Placement:
         return replace(self, near_mm=near, far_mm=far)
 
     def then(self, other: Placement) -> Placement:
-        """Return this placement, followed by `other`, which also moves the depths."""
+        """Return this placement combined with a later one, `other`, which also moves the depths."""
         placed = Placement.of(other.display_from_scene @ self.display_from_scene, self.scale * other.scale)
         return placed.keeping_depths(self)
 
