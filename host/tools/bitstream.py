@@ -218,9 +218,9 @@ def check_board(board: FpgaBoard) -> None:
 def place(
     design: Plan, seeds: Sequence[int], every: bool = False, patience_min: int = PATIENCE_MIN
 ) -> list[dict[str, Any]]:
-    """Synthesise a design, then place and route seeds until one meets every clock; return the rows of these seeds.
+    """Synthesise a design, then place and route with each seed until one meets every clock; return the seeds' rows.
 
-    With `every`, all seeds are routed. A row's `missed` is empty if all clocks are met. Seeds are stopped after
+    With `every`, all seeds are tried. A row's `missed` is empty if all clocks are met. A seed's run is stopped after
     `patience_min`. Results are cached.
     """
     folder = _work_folder(design)
@@ -248,7 +248,7 @@ def _work_folder(design: Plan) -> Path:
 
 
 def _route(design: Plan, netlist: Path, written: int, seed: int, patience_min: int) -> dict[str, Any]:
-    """Place and route a seed; return `seconds`, and `stopped_min` if it was stopped. A missed clock raises no error."""
+    """Place and route with a seed; return `seconds`, and `stopped_min` if stopped. A missed clock raises no error."""
     fpga, folder = design.board.fpga, netlist.parent
     configuration, record = folder / f"seed-{seed}.config", folder / f"seed-{seed}.log"
     configuration.unlink(missing_ok=True)

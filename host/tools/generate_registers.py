@@ -51,7 +51,7 @@ _Entry = dict[str, Any]
 
 
 def generate(top: Path, into: Path) -> list[Path]:
-    """Write all files of the definition in `top` into `into`; return the paths; raise InputError if it is invalid."""
+    """Write the files of registers.rdl (in `top`) into `into`; return paths; raise InputError if it is invalid."""
     try:
         from peakrdl_regblock.udps import ALL_UDPS  # type: ignore[import-untyped]
         from systemrdl.compiler import RDLCompiler

@@ -37,7 +37,7 @@ SIMULATED_HZ = 300_000
 
 
 def measure_lines(scenes: Path, seed: int) -> Iterator[dict[str, Any]]:
-    """Send a frame of noise over each line; yield the fraction of time for pixels, and the overhead."""
+    """Send a frame of noise over each line; yield the fraction of time for pixels, and the overhead per byte."""
     for baud, clock_hz, size in LINES:
         panel = _display(scenes, *size)
         image = _noise(*size, seed)

@@ -240,7 +240,7 @@ def _memory(device: str, scene: Path, displays: Sequence[Display], rounds: int) 
 def separately(
     device: str, scene: Path, display: Path, samples: int, keys: Sequence[str] = RENDER_KEYS
 ) -> dict[str, Any]:
-    """Render with the exact model in a new process; return the results `keys`. Raises LippmannError on failure."""
+    """Render (exact model) in a new process; return results named by `keys`; raise LippmannError on failure."""
     with TemporaryDirectory() as folder:
         words = ["render", str(scene), "--display", str(display), "--model", "exact", "--samples", str(samples)]
         words += ["--device", device, "-o", f"{folder}/out.exr", "--json"]
