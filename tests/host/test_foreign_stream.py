@@ -510,19 +510,19 @@ def test_bad_streams(tracer):
     assert changed in said(b"numbers decimal exact", b"numbers decimal thin")
     assert changed in said(b"# value gap 0.7", b"# value gap 0.8")
     assert changed in said(b"gap_mm = 0.7", b"gap_mm = 0.8")
-    assert "chief-ray has no note of numbers" in said(b"# numbers decimal exact\n", b"")
+    assert "chief-ray has no # numbers line" in said(b"# numbers decimal exact\n", b"")
     assert "begins another stream" in said(answers[-20:], answers[-20:] + answers)
     assert "ends a stream without a set" in said(answers[answers.index(b"# set") :], b"# end 0 " + b"0" * 64)
-    assert "has 8 numbers behind its question" in said(ray, ray.rsplit(None, 1)[0] + b"\n")
+    assert "has 8 numbers after its question" in said(ray, ray.rsplit(None, 1)[0] + b"\n")
     assert "not finite" in said(ray, b" ".join([*words[:-1], b"nan"]) + b"\n")
-    assert "is no number" in said(ray, b" ".join([*words[:-1], b"x"]) + b"\n")
-    assert "is no number" in said(ray, b" ".join([*words[:-1], b"1_0"]) + b"\n")
-    assert "no integer" in said(ray, b" ".join([*words[:6], b"0.5", *words[7:]]) + b"\n")
-    assert "its status alone, and is not lost" in said(ray, b" ".join(words[:6]) + b"\n")
+    assert "is not a number" in said(ray, b" ".join([*words[:-1], b"x"]) + b"\n")
+    assert "is not a number" in said(ray, b" ".join([*words[:-1], b"1_0"]) + b"\n")
+    assert "not an integer" in said(ray, b" ".join([*words[:6], b"0.5", *words[7:]]) + b"\n")
+    assert "only a status, which is not that of a lost ray" in said(ray, b" ".join(words[:6]) + b"\n")
     assert "is not text" in said(ray, b"\xff" + ray)
     assert "more than 4096 bytes" in said(ray, ray.rstrip() + b" " * 5000 + b"\n")
-    assert "is no note of numbers" in said(b"# numbers decimal exact", b"# numbers decimal perfect")
-    assert "is no number of rays and hash" in said(b"# rays 48", b"# rays 999999999")
+    assert "is not a valid # numbers line" in said(b"# numbers decimal exact", b"# numbers decimal perfect")
+    assert "is not a valid # rays line" in said(b"# rays 48", b"# rays 999999999")
     assert "is not the name of a set" in said(b"# set chief-ray", b"# set \x1b[2J")
     assert "sets are missing" in said(answers[answers.index(b"# set random") : answers.index(b"# end")], b"")
     # What a simulator says before and after is passed over.
@@ -542,7 +542,7 @@ def test_words_that_are_too_long_and_notes_that_are_wrong():
         (lines[first].rstrip()[:-1] + b"\n", "hexadecimal digits; give leading zeros too"),
         (lines[first].rstrip()[:-1] + b"g\n", "hexadecimal digits"),
         (lines[first].rstrip()[:-2] + b"_0\n", "hexadecimal digits"),
-        (lines[first].rsplit(None, 1)[0] + b"\n", "has 0 words behind its question"),
+        (lines[first].rsplit(None, 1)[0] + b"\n", "has 0 words after its question"),
     ):
         with pytest.raises(InputError, match=said):
             verdicts(answers.replace(lines[first], new, 1))

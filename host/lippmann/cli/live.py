@@ -125,7 +125,7 @@ def _check_panels(
     if window is not None and monitor is not None:
         raise InputError("--monitor excludes --window and --no-window; leave one out")
     if window is False and (port is None or eye is not None):
-        raise InputError("--no-window needs a board and no eye; give --port, and leave out --eye")
+        raise InputError("--no-window uses only a board; give --port, and leave out --eye")
     if window is not False:
         check_screens(display.panel.size_px, monitor)
 

@@ -75,7 +75,7 @@ def fit(display: Display, depth_range_mm: Pair, tolerance: float = TOLERANCE) ->
 
 def choose_samples(spread_px: Pair, tolerance: float) -> int | None:
     """Return the smallest of TRIED_SAMPLES whose `gap` is within tolerance, or None."""
-    # The gap is not monotonic, because an added sample moves all samples.
+    # `gap` is not monotonic, because an added sample moves all samples.
     return next((samples for samples in TRIED_SAMPLES if gap(samples, spread_px) <= tolerance), None)
 
 

@@ -196,7 +196,7 @@ class StreamReader:
             if not raw.startswith(b"#"):
                 if now is None:
                     self._refuse("has a ray before the first set")
-                where = f"beyond its {len(now.lines)}" if now.lines else "before its number"
+                where = f"beyond its {len(now.lines)}" if now.lines else "before its # rays line"
                 self._refuse(f"the set {now.name} has a ray {where}")
             kind, _, text = self._text(raw)[1:].strip().partition(" ")
             if kind in ("set", "end"):
@@ -237,7 +237,7 @@ class StreamReader:
         for raw in self._lines:
             first = FIRST.fullmatch(raw[:MAX_LINE].decode("utf-8", "replace").strip())
             if first and int(first[1]) != VERSION:
-                self._refuse(f"has version {first[1]}, not {VERSION}", "use one version of lippmann for both commands")
+                self._refuse(f"has version {first[1]}, not {VERSION}", "run both commands with the same version")
             if first:
                 return
         what = f"none of its {self.number} lines is # {NAME} {VERSION}" if self.number else "is empty"
@@ -255,7 +255,7 @@ class StreamReader:
         elif kind == "numbers":
             numbers = NUMBERS.fullmatch(words)
             if numbers is None:
-                self._refuse("is no note of numbers")
+                self._refuse("is not a valid # numbers line")
             bits = numbers[3]
             if bits is not None and bits not in map(str, FRACTIONS):
                 self._refuse(f"has no word length {bits[:9]}", f"give F = {FRACTIONS[0]} to {FRACTIONS[-1]}")
@@ -270,16 +270,16 @@ class StreamReader:
             self._refuse("sets are missing, or are of another stream")
         for raw in self._lines:
             if raw.startswith(f"# {NAME} ".encode()):
-                self._refuse("begins another stream", "judge each stream by a command of its own")
+                self._refuse("begins another stream", "check each stream with its own command")
 
     # ---- the rays of a set ----
 
     def _read_set(self, now: _Set, numbers: str) -> ForeignRays:
         rays = RAYS.fullmatch(numbers)
         if rays is None or not 0 < int(rays[1]) <= MAX_RAYS or now.lines:
-            self._refuse("is no number of rays and hash")
+            self._refuse("is not a valid # rays line")
         if now.model is None:
-            self._refuse(f"the set {now.name} has no note of numbers")
+            self._refuse(f"the set {now.name} has no # numbers line")
         now.first = self.number + 1
         while len(now.lines) < int(rays[1]):
             raw = self._read_line(now)
@@ -313,18 +313,18 @@ class StreamReader:
         words, refuse = self._columns(now, n), partial(self._refuse, number=now.first + n)
         answered = len(words) - ASKED
         if answered not in (ANSWERED, LOST):
-            refuse(f"has {answered} numbers behind its question", REMEDY)
+            refuse(f"has {answered} numbers after its question", REMEDY)
         try:
             # Refuse underscores, because Python reads 1_0 as 10.
             row = [float(word.replace("_", "?")) for word in words[1:]]
         except ValueError:
-            refuse("has a word that is no number", REMEDY)
+            refuse("has a word that is not a number", REMEDY)
         if not all(map(math.isfinite, row)):
-            refuse("has a number that is not finite", "give the status alone for a ray that is lost")
+            refuse("has a number that is not finite", "give only the status for a lost ray")
         if any(abs(one) > MAX_INTEGER or one % 1.0 for one in row[ASKED - 1 : ASKED + 2]):
-            refuse("has a status or lenslet that is no integer, or too large", REMEDY)
+            refuse("has a status or lenslet index that is too large or not an integer", REMEDY)
         if answered == LOST and row[-1] not in (Status.MISSED, Status.INTERNAL_REFLECTION, Status.BLOCKED):
-            refuse("has its status alone, and is not lost", REMEDY)
+            refuse("has only a status, which is not that of a lost ray", REMEDY)
         return row + [math.nan] * (ANSWERED - answered)
 
     def _columns(self, now: _Set, n: int) -> list[str]:
@@ -338,7 +338,7 @@ class StreamReader:
         rows = [self._columns(now, n) for n in range(len(now.lines))]
         for n, row in enumerate(rows):
             if len(row) != 3:
-                what = f"has {len(row) - 2} words behind its question"
+                what = f"has {len(row) - 2} words after its question"
                 self._refuse(what, "append the bits of a line of expected.mem", now.first + n)
         columns: dict[str, Ints] = {}
         for place, names in enumerate((INPUTS, OUTPUTS), 1):
