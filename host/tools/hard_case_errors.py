@@ -187,7 +187,7 @@ def measure_formulas(seed: int) -> list[Row]:
 
 
 def _dome(random: np.random.Generator) -> Iterator[Row]:
-    """Compare formulas for the point where a ray from 2 mm below meets a dome: perpendicular foot, and quadratic."""
+    """Compare formulas for the point where a ray from 2 mm below a dome meets it: perpendicular foot, and quadratic."""
 
     def height(b: Any, ray: Ray, R: Any) -> Values:
         return np.asarray(meet(b, Dome(Lattice("square", 4.0), R, 0.1), ray, upward=True).ray.z)

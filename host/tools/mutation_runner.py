@@ -125,7 +125,7 @@ class Scratch:
         """Run tests with a fault, stage by stage; return "caught by" the first test that catches it, or "survived".
 
         A test catches the fault if it fails with the fault (twice in the stages `far`) and passes without the fault.
-        A test that fails otherwise is left out from then on.
+        A test that fails but does not catch the fault is left out from then on.
         """
         with self.faulty(fault) as text:
             for tests, twice in [*((stage, False) for stage in near), *((stage, True) for stage in far)]:
