@@ -21,7 +21,7 @@ from lippmann.scenes.scene import Scene
 
 #: Radiance (pixels, 3) with and without the cache, and fraction of uncached samples.
 Trial = tuple[Radiance, Radiance, float]
-#: Minimum PSNR in dB of a trial for shading "auto".
+#: Minimum PSNR of a trial, dB, with which shading "auto" uses the cache.
 CACHE_DB = 45.0
 #: Minimum rays per point of the cache for shading "auto".
 RAYS_A_POINT = 4

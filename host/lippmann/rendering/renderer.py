@@ -164,7 +164,7 @@ class Renderer:
     def _try_cache(self, program: CachedProgram) -> tuple[bool, str]:
         """Render a trial with and without the cache; return whether to use it, and a line for the log."""
         trial = CacheTrial(self._source, self._samples)
-        # The seeds are two variables: a shared one would cause another recording.
+        # The seeds are two variables: one for both would cause another recording.
         seeds = Seeds(*(dr.opaque(mi.UInt32, value) for value in (self._seed, self._pass)))
         return trial.judge([program.trial(*chunk, seeds, self._pose, trial.samples) for chunk in trial.chunks()])
 

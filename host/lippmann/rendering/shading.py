@@ -124,7 +124,7 @@ class IrradianceCache:
 
     def at(self, place: Place) -> Jit:
         """Compute the irradiance / pi at positions, without the cache."""
-        # Use two variables, as in `between`: a shared one would cause another recording.
+        # Use two variables, as in `between`: one for both would cause another recording.
         tested, visible = (dr.opaque(mi.UInt32, 0, dr.width(place.lattice)) for _ in range(2))
         light, _ = self._light_at(place, tested, visible, self.lattices)
         return light

@@ -84,7 +84,7 @@ def corners(lattices: Lattices, place: Place) -> tuple[list[Jit], list[Jit]]:
     last = dr.select(even, mi.Int32(steps) - 1, mi.Int32(steps) - 1 - j)
     i = dr.clip(mi.Int32(dr.floor(along)), 0, last)
     a, b = along - mi.Float(i), up - mi.Float(j)
-    # The last cell in each row of a triangle's lattice is half a cell.
+    # Each row of a triangle's lattice ends with half a cell.
     upper = (a + b > 1.0) & (even | (i < last))
     one = dr.select(upper, 1, 0)
     corner = mi.UInt32(i + one), mi.UInt32(j + one)
