@@ -33,7 +33,7 @@ module pulse_sync_properties (
   end
   wire [1:0] late = accepted_q - received_q;
 
-  // These registers carry the level to the other clock and back; at most two neighbours differ.
+  // These registers carry the level to the other clock and back; at most one adjacent pair differs.
   (* hierconn *) wire \i_sync.level_q ;
   (* hierconn *) wire \i_sync.there_q ;
   (* hierconn *) wire [1:0] \i_sync.i_there.stage_q ;
