@@ -27,8 +27,10 @@ module lipp_ring #(
   localparam logic [PlaceBits-1:0] Last = PlaceBits'(Cycles - 2);
 
   logic [Width-1:0] places[1 << PlaceBits];
-  logic [PlaceBits-1:0] at_q;
-  initial at_q = '0;  // some simulators start registers as unknown
+  // Some simulators start a register without reset or initial value as unknown.
+  /* verilator lint_off PROCASSINIT */
+  logic [PlaceBits-1:0] at_q = '0;
+  /* verilator lint_on PROCASSINIT */
 
   always_ff @(posedge clk_i) begin
     at_q <= at_q == Last ? '0 : at_q + 1'b1;

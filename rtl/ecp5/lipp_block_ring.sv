@@ -25,8 +25,11 @@ module lipp_block_ring #(
     $fatal(1, "lipp_block_ring: Width must be 1 or more and Cycles 5 or more");
   end
 
-  logic [PlaceBits-1:0] write_at_q, read_at_q;
-  initial write_at_q = '0;  // some simulators start registers as unknown
+  // Some simulators start a register without reset or initial value as unknown.
+  /* verilator lint_off PROCASSINIT */
+  logic [PlaceBits-1:0] write_at_q = '0;
+  /* verilator lint_on PROCASSINIT */
+  logic [PlaceBits-1:0] read_at_q;
   always_ff @(posedge clk_i) write_at_q <= write_at_q + 1'b1;
   always_ff @(posedge clk_i) read_at_q <= write_at_q - PlaceBits'(Cycles - 4);
 

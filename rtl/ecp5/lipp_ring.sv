@@ -26,8 +26,11 @@ module lipp_ring #(
   end
 
   (* ram_style = "distributed" *) logic [Width-1:0] places[Places];
-  logic [PlaceBits-1:0] write_at_q, read_at_q;
-  initial write_at_q = '0;  // some simulators start registers as unknown
+  // Some simulators start a register without reset or initial value as unknown.
+  /* verilator lint_off PROCASSINIT */
+  logic [PlaceBits-1:0] write_at_q = '0;
+  /* verilator lint_on PROCASSINIT */
+  logic [PlaceBits-1:0] read_at_q;
 
   always_ff @(posedge clk_i) write_at_q <= write_at_q + 1'b1;
   always_ff @(posedge clk_i) read_at_q <= write_at_q - PlaceBits'(Cycles - 2);

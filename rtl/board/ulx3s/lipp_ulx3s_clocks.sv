@@ -43,11 +43,12 @@ module lipp_ulx3s_clocks #(
   );
 
   // These registers have no reset: the FPGA's configuration sets their initial values.
-  (* async_reg = "true", keep = "true" *) logic [1:0] locked_q;
-  logic was_locked_q, lost_q;
+  /* verilator lint_off PROCASSINIT */
+  (* async_reg = "true", keep = "true" *) logic [1:0] locked_q = '0;
+  logic was_locked_q = 1'b0, lost_q = 1'b0;
   // counts clocks with lock, because the lock signal of a PLL may toggle at first
-  logic [7:0] steady_q;
-  initial {locked_q, was_locked_q, lost_q, steady_q} = '0;
+  logic [7:0] steady_q = '0;
+  /* verilator lint_on PROCASSINIT */
   always_ff @(posedge clk_i) begin
     locked_q <= {locked_q[0], locked_o};
     steady_q <= locked_q[1] ? steady_q + 1'b1 : '0;
