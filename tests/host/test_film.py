@@ -203,7 +203,7 @@ def test_depths_reach_as_far_as_shapes_move(place, mi):
         (FILM + "[world]\nkeys = []\n", "world.keys: is empty; give at least 1: write each of them as [[world.keys]]"),
         (FILM + "[world]\n", "world.keys: the key is missing; add it"),
         (FILM + "[world]\nkeys = [{ frame = 5 }]\n", "[0].frame: 5 is beyond the film's last frame; give at most 4"),
-        (FILM + "[world]\nkeys = [{ frame = 3 }, { frame = 3 }]\n", "does not come after 3; give one key per frame"),
+        (FILM + "[world]\nkeys = [{ frame = 3 }, { frame = 3 }]\n", "does not come after 3; sort the keys, at most"),
         (FILM + "[world]\nkeys = [{ frame = 0, scale = 0 }]\n", "world.keys[0].scale"),
         (FILM + "[world]\nkeys = [{ frame = 0, offset = [0] }]\n", "[0].offset: unknown key; did you mean offset_mm?"),
         (FILM + "[[object]]\nkeys = [{ frame = 0 }]\n", "object[0].shapes"),

@@ -108,8 +108,8 @@ def placement_before(setup: Setup, path: Path, setup_path: str | Path | None = N
 def capture(scene: Scene, setup: Setup, settings: Settings, rotate: bool, progress: Progress | None = None) -> Rendered:
     """Render the image that a set-up captures; `placement_before` has placed the scene.
 
-    Only a set-up with a sensor uses `settings.aperture`. `rotate` means that elemental
-    images are rotated. `lost_percent` are the percentages of rays that lens and array
+    Only a set-up with a sensor uses `settings.aperture`. `rotate` rotates elemental
+    images. The result's `lost_percent` has the percentages of rays that lens and array
     block. Raises InputError like `check_placement`, and if all rays are blocked.
     """
     check_placement(scene, setup)

@@ -104,7 +104,8 @@ class Materials:
                 side = self._read_coloured_side(item, "reflectance", "diffuse 1")
             case "conductor":
                 if item.value("material", "Cu") != "none" or item.values("eta", "k"):
-                    raise item.refusal("has a complex index", "set specular_reflectance, material none; remove eta, k")
+                    remedy = 'set material to "none", remove eta and k, and set specular_reflectance'
+                    raise item.refusal("has a complex index", remedy)
                 tint = item.triple("specular_reflectance", WHITE)
                 side = _plain((0.0, 0.0, 0.0), f"diffuse 0 reflection {{ rgb {vector(tint)} }}")
             case "dielectric":

@@ -131,9 +131,9 @@ def row_of(cut: Cut, views_db: Sequence[float], slot: Size, filter: Filter) -> R
 TOLERANCE_DB = 25.0
 #: Default sizes of slots, texels across and down.
 SLOTS = ((64, 48), (128, 96), (256, 192), (512, 384))
-#: Block RAMs of an ECP5-85, less those of the rest of the design.
+#: Block RAMs of an ECP5-85, minus those of the rest of the design.
 BLOCK_RAMS = 208 - 47
-#: Multipliers of an ECP5-85, less those of the optics (43 in the build compact-square)
+#: Multipliers of an ECP5-85, minus those of the optics (43 in the build compact-square)
 #: and of the test patterns (14).
 MULTIPLIERS = 156 - 57
 

@@ -152,7 +152,7 @@ def check_frames(key_frames: Sequence[int], frames: int, where: str) -> None:
         if frame >= frames:
             raise input_error(key_name, f"{frame} is beyond the film's last frame", f"give at most {frames - 1}")
         if frame <= before:
-            raise input_error(key_name, f"{frame} does not come after {before}", "give one key per frame, in order")
+            raise input_error(key_name, f"{frame} does not come after {before}", "sort the keys, at most one per frame")
         before = frame
 
 

@@ -1,4 +1,4 @@
-"""Computes the crosstalk that eyes see, and the zone without crosstalk, with exact rays.
+"""Computes the crosstalk that eyes see, and the zone without crosstalk, by the model `exact`.
 
 At the distance z, the paraxial zone is as wide as a cell's image, (1 + k) p z / D,
 minus |1 - z/E| panel widths (pitch p, k = D/E, D and E as in `system`). Bisection finds

@@ -143,7 +143,7 @@ def on_panel(display: Display, pixels: Floats) -> Floats:
 
 def corners_mm(array: Array) -> Floats:
     """Return a cell's corners, counter-clockwise, (4, 2) or (6, 2) mm from its centre."""
-    # Keep this rounding, because docs/reference/stream.md quotes the rays.
+    # Keep this rounding: docs/reference/stream.md quotes rays that depend on it.
     angles = np.radians([45, 135, 225, 315] if array.grid == "square" else [30, 90, 150, 210, 270, 330])
     x, y = (pitch / math.sqrt(2.0 if array.grid == "square" else 3.0) for pitch in array.pitches_mm)
     return np.stack(Lattice.of(array).sheared(x * np.cos(angles), y * np.sin(angles)), axis=1)

@@ -191,7 +191,7 @@ def _through_dome(b: Backend, system: System, crossing: Crossing, ratio: float, 
 
 
 def _relocated(b: Backend, system: System, ray: Ray) -> tuple[Ray, Point]:
-    """Make rays local to the lenslets whose cells contain their points; also return the steps."""
+    """Make rays local to the lenslets whose cells contain their points; also return these lenslets (i, j)."""
     i, j, x, y = system.lattice.locate(b, ray.x, ray.y)
     return ray._replace(x=x, y=y), (i, j)
 

@@ -22,7 +22,7 @@ def pixel_steps(samples: int) -> tuple[tuple[int, int], tuple[int, int]]:
     """Return the start and the step of a pixel's samples along each axis, in units of 2^-32, modulo 1.
 
     Sample k of N is at 1/2 + c (1/N, (sqrt(5) - 1) / 2) with c = k - (N - 1) / 2.
-    Samples are Hammersley's points with golden steps, not van der Corput's sequence.
+    Samples are Hammersley's points with golden-ratio steps, not van der Corput's.
     """
     across = (1 << 32) // samples & 0xFFFFFFFF
     return (across >> 1, across), ((1 << 31) - (samples - 1) * GOLDEN_STEP // 2 & 0xFFFFFFFF, GOLDEN_STEP)
