@@ -184,7 +184,7 @@ module lipp_ray_access (
           pause_q <= '1;
           state_q <= Settle;
         end
-        Settle: if (pause_q == '0) state_q <= Begun;  // wait: raster checks its window
+        Settle: if (pause_q == '0) state_q <= Begun;  // the raster checks its window
         Begun: if (heard) begin
           {signing_q, sign_refused_q} <= {!refused, refused};
           {status_o, done_o} <= {refused ? StatusOptics : StatusBusy, 1'b1};

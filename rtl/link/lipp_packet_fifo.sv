@@ -41,7 +41,7 @@ module lipp_packet_fifo #(
   end
 
   // The last-byte flags are in a separate memory, because block memories of widths 8 and 1 need no
-  // multiplexers. A word in use is never read in the clock of its write (undefined result).
+  // multiplexers. A word read in the clock of its write is undefined, and is never used.
   (* no_rw_check *) logic [7:0] bytes[1 << AddressBits];
   (* no_rw_check *) logic lasts[1 << AddressBits];
   address_t write_at_q, read_at_q;

@@ -18,13 +18,13 @@
 /// fraction bits. The output ray's unit direction has F + 1 fraction bits. The axes are the
 /// array's; +z is to the viewer.
 ///
-/// The status is a `ray_status_e`. A ray is blocked if the pixel's own lenslet or the lenslet of
-/// the exit does not exist, whatever else happens to the ray. Otherwise the status missed takes
-/// precedence over total internal reflection, blocked and crosstalk, in this order. The origin of a
-/// missed ray is undefined. A ray is also missed if any word of its computation overflows, which
-/// the flag `beyond` reports. All rays are missed if a register contains a value that does not fit
-/// the word that the build uses. A ray that leaves the dome downward is blocked; the intersections
-/// of such a ray with neighbouring domes are not computed.
+/// The status is a `ray_status_e`. If the pixel's own lenslet or the exit lenslet does not exist,
+/// the ray is blocked. Otherwise the status missed takes precedence over total internal reflection,
+/// blocked and crosstalk, in this order. The origin of a missed ray is undefined. A ray is also
+/// missed if any word of its computation overflows, which the flag `beyond` reports. All rays are
+/// missed if a register contains a value that does not fit the word that the build uses. A ray that
+/// leaves the dome downward is blocked; the intersections of such a ray with neighbouring domes are
+/// not computed.
 ///
 /// Build.walk is the number of further domes tried when the ray meets a dome outside that dome's
 /// cell; a ray that needs more domes is missed. Build.converge is for displays for a near eye,
