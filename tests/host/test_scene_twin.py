@@ -340,7 +340,7 @@ def test_names_and_slots_of_layers_that_are_refused():
     with pytest.raises(InputError, match="layer 'weed', register depth: "):
         scene_words(display, stack, SceneBuild(4), names=("fish", "weed"))
     for slots, message in (((0, 5), "layer 1, register look: slot 5 is outside its range, 0 to 4"),
-                           ((2, 2), "registers look: slots 2, 2 repeat; give each layer its own slot")):  # fmt: skip
+                           ((2, 2), "register look: slots 2, 2 repeat; give each layer its own slot")):  # fmt: skip
         with pytest.raises(InputError, match=message):
             scene_words(display, LayerStack((layer(), layer())), SceneBuild(4), slots)
 

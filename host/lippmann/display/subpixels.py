@@ -1,4 +1,4 @@
-"""Describe the sub-pixel that emits a pixel's colour: its own, or the nearest one."""
+"""Describe which sub-pixel emits a pixel's colour: the pixel's own, or the nearest."""
 
 from __future__ import annotations
 

@@ -31,7 +31,7 @@ from lippmann.fixed.words import (
 
 
 class Meeting(NamedTuple):
-    """Intersection with the dome: unit normal N, cosine and squared sine of ray to N, misses, overflows."""
+    """Intersection with the dome: unit normal N, cosine and squared sine of the ray's angle to N, misses, overflows."""
 
     nx: Ints
     ny: Ints

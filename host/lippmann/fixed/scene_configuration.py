@@ -68,7 +68,7 @@ def scene_words(
                 f"layer {title}, register look: slot {slot} is outside its range, 0 to {build.slots_built - 1}"
             )
     if len(set(slots)) < len(slots):
-        raise InputError(f"registers look: slots {', '.join(map(str, slots))} repeat; give each layer its own slot")
+        raise InputError(f"register look: slots {', '.join(map(str, slots))} repeat; give each layer its own slot")
     _check_place(display)
     layers = tuple(layer_words(display, *one) for one in zip(stack.layers, titles, slots, strict=True))
     radius = display.array.radius_mm

@@ -16,7 +16,7 @@ from lippmann.fixed.scene_build import MAX_LAYERS, SceneBuild
 from lippmann.fixed.words import MUL_BITS, Bools, Bytes, Ints, fits, guarded, multiplier, quadratic, wrapped
 from lippmann.optics.rays import Floats, gets_through
 
-#: Fraction bits of a layer's registers s0 and t0, of depth, and of a to d.
+#: Fraction bits of a layer's registers `s0` and `t0`, of `depth`, and of `a` to `d`.
 TEXEL_FRACTION, DEPTH_FRACTION, COEFFICIENT_FRACTION = 16, 20, 24
 #: Register value for a brightness of 1.
 FULL_BRIGHTNESS = 256
@@ -102,7 +102,7 @@ class Lines(NamedTuple):
 def exit_line(rays: FixedRays, xi: int, xj: int, yj: int, f: int) -> Lines:
     """Return the lines along exit rays; `xi`, `xj` and `yj` are the lattice words, 30 fraction bits.
 
-    A ray draws if it leaves the array, dz >= 1/4, and x_o and y_o are in [-2048, 2048).
+    A ray is drawn if it leaves the array, dz >= 1/4, and x_o and y_o are in [-2048, 2048).
 
     q is the reciprocal root of 4 dz:
 
@@ -225,7 +225,7 @@ def texel_blend(colours: Ints, weights: Ints) -> tuple[Ints, Ints]:
 def composite(
     light: Sequence[Ints], opacity: Sequence[Ints], draws: Bools, brightness: Sequence[int], background: Ints
 ) -> Ints:
-    """Composite layers and background (3,) to light (N, 3); 0 for rays that do not draw.
+    """Composite layers and background (3,) to light (N, 3); 0 for rays that are not drawn.
 
     The layers, front to back, have premultiplied light P (N, 3), opacity A (N,) and
     brightness B, at most 256. Light C_0 is 0, and transmittance T_0 is 65536:

@@ -34,7 +34,7 @@ INDEX_BITS = 12
 MUL_BITS = 18
 #: Guard bits that a step keeps until its final rounding.
 GUARD = 3
-#: Units by which rounding errors can exceed the range of a word, and of a square.
+#: Last-bit units by which rounding errors can exceed the range of a word, and of a square.
 SLACK, SQUARE_SLACK = 1 << 6, 1 << 9
 #: Allowed numbers of fraction bits F.
 FRACTIONS = range(14, 24)
