@@ -36,7 +36,7 @@ class Cells(NamedTuple):
     cell: Indices
     #: Pixel coordinates of the elemental images' centres, (cells, 2).
     centre: Floats
-    #: Mask (height * width,) of pixels within a one-pixel step of the cell's edge.
+    #: Mask (height * width,) of pixels that a one-pixel step may move out of their cell.
     rim: Bools
 
 

@@ -238,7 +238,7 @@ def _warnings(display: Display, half_field_deg: float, zone: Zone | None) -> lis
             f"moire: to an eye at {distance:g} mm, pixels and lenslets beat every {moire * px:.3g} mm; change the "
             "pitch of either, or the angle of the array by some degrees"
         )
-    # Stripes align with a square lattice every 90 degrees, a hexagonal one every 30.
+    # Stripes align with a square lattice every 90 degrees, and with a hexagonal one every 30.
     symmetry_deg = 30.0 if array.grid == "hex" else 90.0
     if panel.subpixels != "none" and abs(math.remainder(array.rotation_deg, symmetry_deg)) <= PARALLEL_DEG:
         kind = "stripes" if panel.subpixels in ("rgb", "bgr") else "sub-pixels"

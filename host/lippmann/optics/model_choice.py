@@ -105,7 +105,7 @@ def probe(display: Display, aperture: str, inside: float = INSIDE) -> tuple[Floa
         return pixels, None
     ends = RIM * corners
     along = np.linspace(0.0, 1.0, RIM_POINTS, endpoint=False)[:, None, None]
-    rim = ends + along * (np.roll(ends, 1, axis=0) - ends)  # (places, sides, 2)
+    rim = ends + along * (np.roll(ends, 1, axis=0) - ends)  # shape (places, sides, 2)
     aims = np.concatenate([[[0.0, 0.0]], rim.reshape(-1, 2)])
     return np.repeat(pixels, len(aims), axis=0), np.tile(aims, (len(pixels), 1))
 
