@@ -327,7 +327,7 @@ class Check:
         return None
 
     def _counted_from(self, bit: Bit, clock: Bit) -> str | None:
-        """Return the instance whose `i_turn` a register depends on through registers of one clock, or None."""
+        """Return the serialiser on whose `i_turn` a select register depends through registers of a clock, or None."""
         turns = {row.last: row.place for row in self.firsts.values() if row.place.endswith("i_turn")}
         todo, visited = [bit], {bit}
         while todo:
