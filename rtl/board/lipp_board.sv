@@ -17,8 +17,8 @@
 ///
 /// A push button on the board sets input pattern_i, the number of a test pattern. If pattern_i is
 /// not 0, pattern_i overrides the register that selects the test pattern. Output packet_o pulses
-/// for each received packet. Output error_o pulses for each dropped packet and for each late pixel.
-/// Output shown_o is high while a frame or a scene is on the panel.
+/// for each received packet. Output error_o pulses for each lost byte, dropped packet, late pixel
+/// and lost frame. Output shown_o is high while a frame or a scene is on the panel.
 ///
 /// With ByteLink = 1, a byte stream replaces the UART, for a USB FIFO or a fast simulation. Output
 /// in_ready_o is low until the clock after the registers have left reset, so that no byte is lost.
