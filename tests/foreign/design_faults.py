@@ -147,6 +147,6 @@ DESIGN_FAULTS = {
         ),
         r"axes of offset_mm swapped",
     ),
-    "rotation's sense": DesignFault((("turn = text.atoreal()", "turn = -text.atoreal()"),), r"sense of rotation_deg"),
+    "rotation's sense": DesignFault((("turn = text.atoreal()", "turn = -text.atoreal()"),), r"sign of rotation_deg"),
     "wrong index": DesignFault((("index = text.atoreal()", "index = 1.4585"),), GLASS),
 }

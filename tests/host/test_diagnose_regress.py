@@ -84,7 +84,7 @@ FAULTS = {
     "half pixel": ("panel", "half a pixel"),
     "pixel pitch wrong": ("panel", "panel.pixel_pitch_mm is 0.050025"),
     "missing offset": ("panel", "offset_mm left out"),
-    "rotation sense": ("panel", "sense of rotation_deg"),
+    "rotation sense": ("panel", "sign of rotation_deg"),
     "degrees for radians": ("panel", "taken for radians"),
     "off-by-one lenslet": ("lenslet", "off by one: (+1, +0)"),
     "neighbour's lenslet": ("lenslet", "neighbour's lenslet traced: (+1, +0)"),
@@ -93,7 +93,7 @@ FAULTS = {
     "wrong index": ("first face", "array.index is 1.4585 for 1.52"),
     "another glass": ("first face", "another glass, of the same focal length: array.index is 1.4585 for 1.52"),
     "gap wrong": ("first face", "gap_mm is 0.7125 for 0.7"),
-    "radius for focal length": ("dome", "focal length taken for the radius"),
+    "radius for focal length": ("dome", "focal length for the radius"),
     "normalisation missing": ("exit", "not normalised"),
     "direction sign": ("exit", "sign of the direction's x"),
     "wrong status code": ("status", "1 for 2"),
@@ -186,7 +186,7 @@ SQUARE_UPRIGHT, HEX_UPRIGHT = (changed(display, rotation_deg=0.0) for display in
         (SQUARE, "array", {"offset_mm": (0.31, -0.47)}, ("panel", "array.offset_mm[1] is -0.47 for -0.17")),
         (SQUARE, "array", {"offset_mm": (0.31, 0.03)}, ("panel", "array.offset_mm[1] is 0.03 for -0.17")),
         (SQUARE, "array", {"offset_mm": (0.31, 0.18)}, ("panel", "array.offset_mm[1] is 0.18 for -0.17")),
-        (SQUARE, "array", {"plano_side": "viewer"}, ("first face", "plano_side turned over")),
+        (SQUARE, "array", {"plano_side": "viewer"}, ("first face", "plano_side reversed")),
     ],
 )
 def test_wrong_numbers_are_named_with_their_values(display, part, wrong, found):
@@ -285,8 +285,8 @@ def test_exit_points_of_another_frame():
     along = np.stack([np.cos(turn) * x + np.sin(turn) * y, np.cos(turn) * y - np.sin(turn) * x], axis=1)
     along += SQUARE.array.offset_mm
     for origin, says in (
-        (np.add(rays.origin_mm, (0.0, 0.0, gap + T)), "origin's z from the panel"),
-        (np.column_stack([along, rays.origin_mm[:, 2]]), "exit point left along the array's axes"),
+        (np.add(rays.origin_mm, (0.0, 0.0, gap + T)), "origin's z measured from the panel"),
+        (np.column_stack([along, rays.origin_mm[:, 2]]), "exit point not rotated from the array's axes"),
     ):
         verdict = judged(SQUARE, traced(SQUARE, pixels, aims) | {"origin_mm": origin})
         assert (verdict.stage, verdict.fault) == ("dome", says)

@@ -99,7 +99,7 @@ class _Stream:
                     stuck = len(total.arrived) == arrived
                     if stuck and (was_reset or hello.version < RESET_VERSION):
                         after = ", also after a reset" if was_reset else ""
-                        raise NoBoardError(f"{error} (lost twice, no new tile in between{after})") from None
+                        raise NoBoardError(f"{error} (connection lost twice, no new tile in between{after})") from None
                     arrived = len(total.arrived)
                     log(f"{error}; searching for the board for {self._resume_s:g} s")
                     self.board.close()

@@ -136,27 +136,27 @@ def _number_variants(display: Display) -> Iterator[Variant]:
         ("panel", "offset_mm left out", "array.offset_mm", (0.0, 0.0)),
         ("panel", "sign of offset_mm", "array.offset_mm", (-x, -y)),
         ("panel", "axes of offset_mm swapped", "array.offset_mm", (y, x)),
-        ("panel", "sense of rotation_deg", "array.rotation_deg", -turn),
+        ("panel", "sign of rotation_deg", "array.rotation_deg", -turn),
         ("panel", "rotation_deg left out", "array.rotation_deg", 0.0),
         ("panel", "rotation_deg taken for radians", "array.rotation_deg", math.degrees(turn)),
-        ("panel", "rotation_deg made radians twice", "array.rotation_deg", math.radians(turn)),
+        ("panel", "rotation_deg converted to radians twice", "array.rotation_deg", math.radians(turn)),
         ("lenslet", f"{grid} grid for {array.grid}", "array.grid", grid),
         ("lenslet", "shear left out", "array.shear", 0.0),
         ("lenslet", "sign of the shear", "array.shear", -array.shear),
         ("lenslet", "axes of pitch_mm swapped", "array.pitch_mm", (py, px)),
-        ("lenslet", "pitch of a row for both of pitch_mm", "array.pitch_mm", px),
+        ("lenslet", "first of pitch_mm for both", "array.pitch_mm", px),
         ("status", "extent_mm left out", "array.extent_mm", None),
         ("lenslet", "viewing_distance_mm left out", "viewing_distance_mm", None),
         ("lenslet", "viewing_distance_mm counted from the panel", "viewing_distance_mm", from_panel_mm),
         ("lenslet", "viewing_axis_mm left out", "viewing_axis_mm", (0.0, 0.0)),
         ("lenslet", "sign of viewing_axis_mm", "viewing_axis_mm", (-axis_x, -axis_y)),
-        ("first face", "plano_side turned over", "array.plano_side", plano_side),
+        ("first face", "plano_side reversed", "array.plano_side", plano_side),
         ("first face", "gap_mm left out", "gap_mm", 0.0),
         ("first face", "thickness added to gap_mm", "gap_mm", display.gap_mm + array.thickness_mm),
-        ("dome", "focal length taken for the radius", "array.radius_mm", array.focal_length_mm),
-        ("dome", "radius taken for the focal length", "array.radius_mm", radius_mm * (array.index - 1.0)),
-        ("dome", "diameter taken for the radius", "array.radius_mm", 0.5 * radius_mm),
-        ("dome", "radius taken for the diameter", "array.radius_mm", 2.0 * radius_mm),
+        ("dome", "focal length for the radius", "array.radius_mm", array.focal_length_mm),
+        ("dome", "radius taken as the focal length", "array.radius_mm", radius_mm * (array.index - 1.0)),
+        ("dome", "radius halved", "array.radius_mm", 0.5 * radius_mm),
+        ("dome", "radius doubled", "array.radius_mm", 2.0 * radius_mm),
     ):
         change = partial(with_number, number, value)
         with suppress(*NO_RAYS):
@@ -205,7 +205,7 @@ def _lattice_variants(display: Display) -> Iterator[Variant]:
     yield relabelled("lenslet's axes swapped", lambda ij: ij[:, ::-1], moved=True)
     yield relabelled("lenslet's axes swapped in its number", lambda ij: ij[:, ::-1])
     if array.grid == "hex":
-        yield relabelled("hexagonal rows counted along the row", lambda ij: ij + np.floor(ij[:, 1:] / 2) * (1, 0))
+        yield relabelled("hexagonal lenslets in offset coordinates", lambda ij: ij + np.floor(ij[:, 1:] / 2) * (1, 0))
         yield relabelled("hexagonal rows sheared the other way", lambda ij: ij + ij[:, 1:] * (1, 0))
         # Odd rows move left instead of right; the lenslet indices follow the lattice.
         yield Variant(
@@ -281,7 +281,7 @@ def _aim_variants(display: Display) -> Iterator[Variant]:
     ):
         if distance > 0.0 and abs(distance - D) > 1e-6 * D:
             yield aimed(name, partial(toward, D / distance))
-    yield aimed("direction of the chief ray: sign", partial(toward, -1.0))
+    yield aimed("sign of the chief ray's direction", partial(toward, -1.0))
 
 
 def _exit_variants(display: Display) -> Iterator[Variant]:
@@ -294,7 +294,7 @@ def _exit_variants(display: Display) -> Iterator[Variant]:
         "sign of the direction": lambda d: -d,
         "direction's x and y swapped": lambda d: d[:, [1, 0, 2]],
         "direction not normalised: z is 1": lambda d: d / d[:, 2:],
-        "direction not normalised: index times": lambda d: d * array.index,
+        "direction not normalised: index times too long": lambda d: d * array.index,
         "slopes of the direction doubled": lambda d: unit_vectors(d * (2.0, 2.0, 1.0)),
         "slopes of the direction halved": lambda d: unit_vectors(d * (0.5, 0.5, 1.0)),
     }
@@ -303,7 +303,7 @@ def _exit_variants(display: Display) -> Iterator[Variant]:
     if array.rotation_deg:
         for name in ("sign of the direction's x", "sign of the direction's y", "direction's x and y swapped"):
             yield change_direction(f"{name}, along the array's axes", partial(_along_array, frame, bends[name]))
-        name = "rays left along the array's axes"
+        name = "rays not rotated from the array's axes"
         yield Variant("exit", name, bend=lambda r: {n: turn_back(frame, r[n]) for n in ("direction", "local_mm")})
         offset = np.array([*array.offset_mm, 0.0])
 
@@ -311,10 +311,10 @@ def _exit_variants(display: Display) -> Iterator[Variant]:
             origin_mm = turn_back(frame, rays["origin_mm"] - offset) + offset
             return {"local_mm": turn_back(frame, rays["local_mm"]), "origin_mm": origin_mm}
 
-        yield Variant("dome", "exit point left along the array's axes", bend=turn_points_back)
+        yield Variant("dome", "exit point not rotated from the array's axes", bend=turn_points_back)
     vertices = display.gap_mm + array.thickness_mm if array.plano_side == "panel" else display.gap_mm
     for name, z in (("flat face", array.thickness_mm), ("sphere's centre", array.radius_mm), ("panel", vertices)):
-        yield add_constant("dome", f"origin's z from the {name}", ("local_mm", "origin_mm"), (0.0, 0.0, z))
+        yield add_constant("dome", f"origin's z measured from the {name}", ("local_mm", "origin_mm"), (0.0, 0.0, z))
     yield Variant("dome", "origin without the lenslet's centre", bend=lambda r: {"origin_mm": r["local_mm"]})
 
 
