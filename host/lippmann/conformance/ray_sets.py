@@ -251,8 +251,8 @@ class FixedCase:
 def fixed_words(rays: PanelRays, fraction_bits: int, max_cell_steps: int | None = None) -> tuple[FixedCase | None, str]:
     """Convert rays to words, or None if no ray fits; also return why rays were left out.
 
-    Rays with aims beyond the words' range are left out. If the registers refuse the
-    remaining rays, rays aimed outside their cell are also left out.
+    Rays with aperture points beyond the words' range are left out. If the registers
+    refuse the others, rays with aperture points outside the cell are also left out.
     """
     display, array, aims = rays.display, rays.display.array, rays.aims
     build = Build.of(display, rays.model, fraction_bits, True, max_cell_steps)
