@@ -280,7 +280,8 @@ def sampler_of(seeds: Seeds, pixel: Jit, sample: Jit) -> Jit:
     """Return a random sampler for integrators, seeded with pixel and sample indices (UInt32)."""
     # The random numbers do not depend on chunks, bands, workers or colours.
     sampler = _sampler_class(mi.variant())(mi.Properties())
-    key = seeds.image + seeds.number + sample * GOLDEN_STEP
+    # `sample_points` uses the keys of the first four steps.
+    key = seeds.image + seeds.number + (sample + 4) * GOLDEN_STEP
     state, stream = mi.sample_tea_32(pixel, key, HASH_ROUNDS)
     sampler.numbers = mi.PCG32(initstate=mi.UInt64(state), initseq=mi.UInt64(stream))
     return sampler
