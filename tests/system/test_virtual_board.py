@@ -405,7 +405,7 @@ def test_a_bad_line_never_shows_a_wrong_frame(virtual, fault):
     wait_for(virtual.folder, images[2])
     assert_only(virtual.folder, images)
     # Two frames, each given up after its patience at the latest, and one over a good line.
-    assert time.monotonic() - begun < 90
+    assert time.monotonic() - begun < 300
 
 
 @pytest.mark.parametrize(

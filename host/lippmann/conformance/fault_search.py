@@ -189,7 +189,8 @@ def fitted_together(inputs: PanelRays, values: Arrays) -> Iterator[tuple[Variant
             try:
                 for name, value in zip(names, candidates * unit, strict=True):
                     rays = with_number(name, float(value), rays)
-                return (rays.trace().direction - values["direction"]).ravel()
+                difference = rays.trace().direction - values["direction"]
+                return np.clip(np.nan_to_num(difference), -1e3, 1e3).ravel()  # tested rays may be NaN
             except NO_RAYS:  # a huge residual makes the fit take a smaller step
                 return np.full(values["direction"].size, 1e3)
 
