@@ -143,7 +143,7 @@ class Check:
         place = name.rpartition(".")[0]
         registers = [*filter(None, map(self.net.register, bits))]
         if len(registers) != len(bits) or len(bits) < 2:
-            self._is_wrong(f"{name}: {len(registers)} of its {len(bits)} bits are registers; two or more are needed")
+            self._is_wrong(f"{name}: {len(registers)} of {len(bits)} bits are registers; all must be, and at least two")
             return None
         clocks = {register.clock for register in registers}
         if len(clocks) != 1:

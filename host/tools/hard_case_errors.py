@@ -45,7 +45,7 @@ GOLDEN_UNITS, EDGE_ULPS = 4.0, 4
 #: Ratio of float32's unit in the last place to float64's.
 FLOAT32_ULP = 1 << 29
 #: The fast engine's error bound, microradian, for conditioned rays; the maximum rotation of a conditioned ray by one
-#: float32 rounding at its start, half a pitch from the lenslet's centre; and the bound for rays from the world,
+#: float32 rounding of its start and aperture point, at half a pitch; and the bound for rays from the world,
 #: micrometres on the panel.
 FAST_URAD, CONDITIONED_URAD, FAST_UM = 2.0, 0.5, 2.0
 #: An error above this fraction of a radian, or of the dome's radius, means an overflow.

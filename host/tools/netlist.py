@@ -144,7 +144,7 @@ class Boards:
 
     @classmethod
     def virtual(cls, display: Display, scene: SceneBuild | None, memory: virtual_board.Memory) -> Boards:
-        """Return the virtual board on a byte line; it stores frames in block RAM or in an SDRAM."""
+        """Return the virtual board on a line without a speed limit; it stores frames in block RAM or in an SDRAM."""
         top = f"lipp_board_with_{'sdram' if memory == 'sdram' else 'store'}"
         build = virtual_board.board_build(display, scene)
         parameters = virtual_board.board_parameters(display, build, True, virtual_board.CLOCK_HZ, scene, memory)

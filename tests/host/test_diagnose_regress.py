@@ -93,7 +93,7 @@ FAULTS = {
     "wrong index": ("first face", "array.index is 1.4585 for 1.52"),
     "another glass": ("first face", "another glass, of the same focal length: array.index is 1.4585 for 1.52"),
     "gap wrong": ("first face", "gap_mm is 0.7125 for 0.7"),
-    "radius for focal length": ("dome", "focal length for the radius"),
+    "radius for focal length": ("dome", "focal length taken as the radius"),
     "normalisation missing": ("exit", "not normalised"),
     "direction sign": ("exit", "sign of the direction's x"),
     "wrong status code": ("status", "1 for 2"),

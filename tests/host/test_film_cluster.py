@@ -177,7 +177,7 @@ def test_a_stopped_worker_is_given_up_and_told(mi, place, cluster, monkeypatch, 
     """Dask waits five minutes for a process that is stopped and keeps its connections, or its finished bands."""
     monkeypatch.setattr(executors, "STOPPED_WORKER_S", 3.0)
     monkeypatch.setitem(memory_estimate.BAND_PIXELS, "llvm", 1)
-    caplog.set_level("INFO", "lippmann")
+    caplog.set_level("WARNING", "lippmann")
     (place / "tall.toml").write_text(DISPLAY.replace("= 32", "= 300"))
     plan = Job(load_scene(place / "three.xml", Placement()), load_display(place / "tall.toml")).plan(portable=True)
     stopped, _ = cluster.worker(), cluster.worker()

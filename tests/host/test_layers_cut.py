@@ -260,7 +260,7 @@ def test_the_command_names_what_is_apart(place, capfd):
 
 
 def test_layers_that_no_board_can_draw_are_told(place, capfd):
-    """Depths of a board end at 2048 radii of the lenslets; golden draws farther ones."""
+    """Depths of a board end at 2048 times the lenslets' radius; golden draws farther ones."""
     pictures = (place / "book/pictures.toml").read_text()
     (place / "book/pictures.toml").write_text(pictures.replace("depth_mm = -20", "depth_mm = -900000"))
     assert run(CUT_BOOK) == 0

@@ -153,7 +153,7 @@ def _number_variants(display: Display) -> Iterator[Variant]:
         ("first face", "plano_side reversed", "array.plano_side", plano_side),
         ("first face", "gap_mm left out", "gap_mm", 0.0),
         ("first face", "thickness added to gap_mm", "gap_mm", display.gap_mm + array.thickness_mm),
-        ("dome", "focal length for the radius", "array.radius_mm", array.focal_length_mm),
+        ("dome", "focal length taken as the radius", "array.radius_mm", array.focal_length_mm),
         ("dome", "radius taken as the focal length", "array.radius_mm", radius_mm * (array.index - 1.0)),
         ("dome", "radius halved", "array.radius_mm", 0.5 * radius_mm),
         ("dome", "radius doubled", "array.radius_mm", 2.0 * radius_mm),

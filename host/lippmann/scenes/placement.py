@@ -187,8 +187,8 @@ def fitting(low: Matrix, high: Matrix, display: Display) -> Placement:
     scales = [full * (1.0 - middle / eye) / (side + 0.5 * full * z / eye) for side, full in widths if side + z > 0.0]
     scale = min([*scales, (near - far) / z] if z > 0.0 else scales)
     if not SCALE_RANGE[0] <= scale <= SCALE_RANGE[1]:
-        sides = " x ".join(f"{side:.3g}" for side in (x, y, z))
-        raise InputError(f"a scene of {sides} units needs the scale {scale:.3g}, not 1e-9 to 1e9; scale its file")
+        sides, limits = f"{x:.3g} x {y:.3g} x {z:.3g}", "{:g} to {:g}".format(*SCALE_RANGE)
+        raise InputError(f"a scene of {sides} units needs the scale {scale:.3g}, not {limits}; scale its file")
     offset = -0.5 * scale * (low + high)
     return Placement(scale, offset_mm=(float(offset[0]), float(offset[1]), float(offset[2]) + middle))
 
