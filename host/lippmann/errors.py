@@ -43,7 +43,7 @@ class InputError(LippmannError):
 
 
 class MissingLibraryError(LippmannError):
-    """A library or a program is missing on this machine or a worker."""
+    """A library, program or device is missing on this machine or a worker."""
 
     exit_code = 3
 

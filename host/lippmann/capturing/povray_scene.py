@@ -234,7 +234,7 @@ def _shape(item: Item, materials: Materials, placement: Placement, place: int) -
         look += f" interior {{ ior {material.index:.9g} }}"
     if not material.clear:
         return [geometry.replace("@", look)]
-    # In Mitsuba, glass blocks point lights. In POV-Ray, a black copy of it does.
+    # In Mitsuba, glass blocks point lights; in POV-Ray, its invisible black copy does.
     shadow = geometry.replace("@", block("pigment", "rgb 0") + " no_image no_reflection").split("\n")[-1]
     return [geometry.replace("@", f"{look} no_shadow"), shadow]
 

@@ -205,8 +205,8 @@ def check_command(
 
     if photos is not None:
         verdict = judge_folder(photos)
-        right, dark, worst = (100.0 * x for x in (verdict.right_share, verdict.dark_share, verdict.worst_dark_share))
-        text = f"{right:.1f} % of the panel is right; 2-dark has {dark:.1f} % of the light (95 % quantile {worst:.1f})"
+        right, dark, high = (100.0 * x for x in (verdict.right_share, verdict.dark_share, verdict.worst_dark_share))
+        text = f"{right:.1f} % of the panel is correct; 2-dark has {dark:.1f} % of the light (95 % quantile {high:.1f})"
         emit(asdict(verdict), f"{photos}: {text}", display)
         return 0 if verdict.right else FOUND_WRONG
     if output is None or eye is None:

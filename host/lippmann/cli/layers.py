@@ -55,7 +55,7 @@ def command(
     slot: tuple[int, int] = option("Maximum size of a layer in texels.  [default: 256x192]", SLOT, TEXELS),
     samples: int = option("Samples per texel.", 16, click.IntRange(1, 4096)),
     filter: Filter = option("Texture filter for the printed hardware cost and PSNR.", "nearest"),
-    costs: Path | None = option("Also write a table of the PSNR for 1 to --count layers.", metavar="OUT.csv"),
+    costs: Path | None = option("Also write PSNR and costs for --count and fewer layers.", metavar="OUT.csv"),
     light: Settings = LIGHT,
     moved: Moved = MOVED,
     seed: int = SEED,

@@ -174,7 +174,7 @@ def fitted(inputs: PanelRays, values: Arrays) -> Iterator[Variant]:
 
 
 def fitted_together(inputs: PanelRays, values: Arrays) -> Iterator[tuple[Variant, ...]]:
-    """Fit each pair of display parameters; yield the faults of the changed parameters."""
+    """Fit pairs of display parameters; yield the faults of the changed parameters."""
     from scipy.optimize import least_squares  # slow import; only wrong rays need it
 
     numbers = _numbers(inputs.display)
@@ -191,7 +191,7 @@ def fitted_together(inputs: PanelRays, values: Arrays) -> Iterator[tuple[Variant
                     rays = with_number(name, float(value), rays)
                 difference = rays.trace().direction - values["direction"]
                 return np.clip(np.nan_to_num(difference), -1e3, 1e3).ravel()  # tested rays may be NaN
-            except NO_RAYS:  # a huge residual makes the fit take a smaller step
+            except NO_RAYS:  # a huge residual shortens the fit's step
                 return np.full(values["direction"].size, 1e3)
 
         fit = least_squares(residuals, old / unit, loss="soft_l1", f_scale=1e-4, diff_step=1e-6, max_nfev=25)

@@ -304,7 +304,7 @@ def indices(display: Display) -> dict[str, Display]:
 
 @_of_displays
 def f_numbers(display: Display) -> dict[str, Display]:
-    """Test focal lengths of 0.6 to 50 pitches with the panel in focus; the shortest needs an index near 2."""
+    """Test focal lengths of 0.6 to 50 pitches, panel in focus; the shortest needs index 2.0 (hex) or 2.2 (square)."""
     array, displays = display.array, {}
     for number in (0.6, 0.8, 1.0, 2.0, 10.0, 50.0):
         focal = number * array.coarsest_mm

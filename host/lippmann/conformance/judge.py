@@ -54,7 +54,7 @@ class Verdict:
         count = f"{self.wrong} of {self.rays} rays wrong, the first is {self.first_wrong}"
         array = next((entry.field for entry in self.compared if entry.wrong and entry.stage == self.stage), None)
         step = f"stage: {self.stage}{f' ({array})' if array else ''}"
-        return f"{count}; {step}; {self.fault or 'no single fault explains them'}"
+        return f"{count}; {step}; {self.fault or 'no single fault explains the rays'}"
 
     @property
     def searched(self) -> bool:

@@ -24,7 +24,7 @@ def words_of_pixels(display: Display, pixels: Floats) -> tuple[Ints, Ints]:
         reach = 1 << (PIXEL_BITS - 1 - PIXEL_FRACTION)
         raise InputError(
             f"pixels lie outside [-{reach}, {reach}) from the panel's centre, the range of the fixed-point "
-            "engines; give nearer pixels"
+            "engines; give pixels nearer to it"
         )
     if display.viewing_distance_mm is not None and (np.abs(words) > half * scale).any():
         raise InputError(
@@ -48,7 +48,7 @@ def words_of_aims(display: Display, aperture_mm: Floats, fraction_bits: int) -> 
     x, y = aperture_mm.T
     scaled = np.stack([(x - array.shear * y) / array.pitches_mm[0], y / array.row_pitch_mm], axis=1)
     if (np.abs(scaled) > 1.5).any():
-        raise InputError("aperture points lie more than 1.5 pitches from their lenslet's centre; give nearer points")
+        raise InputError("aperture points lie over 1.5 pitches from their lenslet's centre; give points nearer to it")
     words = np.floor(np.ldexp(scaled, fraction_bits) + 0.5).astype(np.int64)
     return words[:, 0], words[:, 1]
 

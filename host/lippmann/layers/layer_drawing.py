@@ -1,8 +1,8 @@
 """Draws layers in float64, as the golden model of the FPGA's drawing.
 
-A pixel's exit ray meets the plane of each layer. The texels that the ray meets are
-composited from front to back in linear light. Then the pixel's samples are averaged,
-and the panel's transfer curve is applied. Rays that stay in the lenslets are black.
+A pixel's exit ray meets each layer's plane. The texels that it meets are composited
+from front to back in linear light. Then the pixel's samples are averaged, and the
+panel's transfer curve is applied. Rays that do not leave the lenslets are black.
 """
 
 from __future__ import annotations

@@ -23,13 +23,13 @@ Trace = Callable[..., State]
 
 
 class Backend:
-    """An interface to an array library."""
+    """An interface to an array library; all arrays have equal lengths."""
 
     #: Convert arrays to the engine's floating-point format, to float64 and to integers.
     real: Operation
     double: Operation
     integer: Operation
-    #: Rounds x down to an integer, and keeps x's number format.
+    #: Rounds x down to an integer in x's number format.
     floor: Operation
     sqrt: Operation
     absolute: Operation

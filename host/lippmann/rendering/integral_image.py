@@ -44,14 +44,14 @@ class Showable:
     def show(self, seconds: float | None = None) -> None:
         """Show the image below a notebook's cell, or in a window.
 
-        Escape, q, the close button or the end of `seconds` closes the window. If there
-        is no desktop, as on a server, a line on stderr says so.
+        Escape, q, the close button or the end of `seconds` closes the window.
+        Without a desktop, as on a server, a line on stderr says so.
         """
         show_pictures(self, [self], seconds)
 
 
 def show_pictures(widget: object, pictures: Sequence[Showable], seconds: float | None, frame_s: float = LOOK_S) -> None:
-    """Show `widget` in a notebook, or its pictures in a window; without a desktop, print a warning."""
+    """Show `widget` in a notebook, or its pictures in a window; without a desktop, print a line to stderr."""
     ipython = sys.modules.get("IPython")
     if ipython is not None and hasattr(ipython.get_ipython(), "kernel"):
         import_module("IPython.display").display(widget)

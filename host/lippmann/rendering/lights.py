@@ -1,4 +1,4 @@
-"""Defines the integrator `lights`, which samples all lights at each hit.
+"""Defines the integrator `lights`: all lights at each hit, point lights without noise.
 
 At each hit *every* emitter gets a shadow ray, and the smooth part of the BSDF reflects
 the emitter's light. Rays continue by mirror reflection and refraction, up to

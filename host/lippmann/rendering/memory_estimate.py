@@ -68,9 +68,9 @@ def check_memory(width_px: int, height_px: int, settings: Settings, colours: int
 
 def check_memory_mb(needed: float, limit: float | None, what: str, remedy: str) -> None:
     """Raise InputError if `needed` MB exceed `limit`, by default 80 % of the free memory."""
-    limit = 0.8 * free_memory_mb() if limit is None else limit
+    limit = math.floor(0.8 * free_memory_mb()) if limit is None else limit
     if not needed <= limit:
-        raise InputError(f"{what}: needs {math.ceil(needed)} MB, the limit is {limit:.6g} MB; {remedy}")
+        raise InputError(f"{what}: needs {math.ceil(needed)} MB, the limit is {limit:.9g} MB; {remedy}")
 
 
 def check_band_memory(display: Display, bands: Sequence[range], settings: Settings, workers: int = 1) -> None:

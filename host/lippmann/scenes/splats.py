@@ -60,9 +60,9 @@ def _read(path: Path) -> npt.NDArray[np.void]:
     if missing:
         what = "has splats without colours" if set(missing) & set(COLOUR) else "has points that are not splats"
         raise input_error(path, f"{what}: no property {', '.join(missing)}", REMEDY)
-    harmonics = [name for name in (f"f_rest_{k}" for k in range(3 * (DEGREES[-1] + 1) ** 2 - 3)) if name in there]
-    if len(harmonics) + 3 not in [3 * (degree + 1) ** 2 for degree in DEGREES]:
-        raise input_error(path, f"has {len(harmonics)} properties f_rest_*, not 0, 9, 24 or 45", REMEDY)
+    harmonics = [name for k in range(3 * (DEGREES[-1] + 1) ** 2 - 3) if (name := f"f_rest_{k}") in there]
+    if len(harmonics) not in (counts := [3 * degree * (degree + 2) for degree in DEGREES]):
+        raise input_error(path, f"has {len(harmonics)} properties f_rest_*, not one of {counts}", REMEDY)
     names = (*PLACE, *COLOUR, *harmonics, *SHAPE)
     # Mitsuba requires normals, and ignores them.
     table = np.zeros(vertex.count, [(name, "<f4") for name in (*PLACE, *NORMAL, *names[len(PLACE) :])])

@@ -62,7 +62,7 @@ class RayHarness:
         pointers = [*(words.ctypes.data for words in rays), registers.ctypes.data, out.ctypes.data]
         self.clocks = self._trace(len(u), *pointers, seed, *_in_256ths(idle, stall))
         if self.clocks < 0:
-            raise LippmannError("the simulated pipeline stopped before the last ray; run make test")
+            raise LippmannError("the simulated pipeline stopped before the last ray; run make test to find the fault")
         return FixedRays(*out)
 
 
@@ -127,7 +127,7 @@ class SceneHarness:
         )
         if self.clocks < 0:
             why = "stopped before the last pixel" if self.clocks == -1 else "marked a wrong pixel as first or last"
-            raise LippmannError(f"the simulated scene pipeline {why}; run make test")
+            raise LippmannError(f"the simulated scene pipeline {why}; run make test to find the fault")
         return out
 
 
