@@ -3,7 +3,7 @@
 ///
 /// An offered ray is stable until it is accepted or aborted. Exactly the first ray of a frame is
 /// marked as first. Output running_o is high from the offer of the first ray of a frame until the
-/// last ray is accepted.
+/// last ray is accepted or the frame is aborted.
 module lipp_raster_checks #(
   parameter int F = 23
 ) (

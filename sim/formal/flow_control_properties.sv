@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/// Proves in two parts that `lipp_flow_control` is correct with a pipeline of any latency.
+/// Proves in two parts that `lipp_flow_control` is correct around a pipeline of Latency clocks.
 ///
 /// The first proof (Order = 0) shows the assertions of flow_control_checks, which count rays. A
 /// binary tree counts the rays in the pipeline, so that the induction is short at any Latency. Each
