@@ -93,8 +93,8 @@ def calibrate(
 
     `bow` also fits the array's tilts and curvatures, `radius` the lenslets' radius.
 
-    Raises InputError, which names photograph and remedy, for unusable photographs, and
-    ContradictionError if photographs contradict each other or the display file.
+    Raises InputError for unusable photographs, and ContradictionError if photographs
+    contradict each other or the display file.
     """
     patterns = pattern_set(folder, nominal)
     pitch_px = nominal.array.coarsest_mm / min(nominal.panel.pitches_mm)

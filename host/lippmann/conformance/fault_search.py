@@ -175,7 +175,7 @@ def fitted(inputs: PanelRays, values: Arrays) -> Iterator[Variant]:
 
 def fitted_together(inputs: PanelRays, values: Arrays) -> Iterator[tuple[Variant, ...]]:
     """Fit pairs of display parameters; yield the faults of the changed parameters."""
-    from scipy.optimize import least_squares  # slow import; only wrong rays need it
+    from scipy.optimize import least_squares  # slow import
 
     numbers = _numbers(inputs.display)
     for names in combinations(numbers, 2):

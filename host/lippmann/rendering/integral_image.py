@@ -128,7 +128,7 @@ class IntegralImage(Showable):
     def load(
         cls, path: str | Path, display: str | Path | Display, force: bool = False, stored: bool = False
     ) -> IntegralImage:
-        """Read an image that was made for a display. In files from version 0.1, the number of bits is not checked.
+        """Read an image made for a display. In files from version 0.1, the number of bits is not checked.
 
         Parameters
         ----------

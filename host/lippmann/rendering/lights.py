@@ -1,9 +1,9 @@
 """Defines the integrator `lights`: all lights at each hit, point lights without noise.
 
-At each hit *every* emitter gets a shadow ray, and the smooth part of the BSDF reflects
-the emitter's light. Rays continue by mirror reflection and refraction, up to
-`max_depth`. Area lights and environments get one random sample each. Light between
-diffuse surfaces is ignored, unlike in Mitsuba's `path`.
+*Every* emitter gets a shadow ray, and the smooth part of the BSDF reflects its light.
+Rays continue by mirror reflection and refraction, up to `max_depth`. Area lights and
+environments get one random sample each. Light between diffuse surfaces is ignored,
+unlike in Mitsuba's `path`.
 """
 
 from __future__ import annotations

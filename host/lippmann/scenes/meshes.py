@@ -194,8 +194,7 @@ def _check_gltf(path: Path, kind: str, data: bytes, notes: list[str]) -> None:
     except (ValueError, TypeError, AttributeError, KeyError, IndexError, OverflowError, RecursionError, struct.error):
         raise input_error(path, f"is not a complete {kind[1:]} file", "export it again") from None
     if sum(counts) > MAX_CORNERS or min(counts, default=0) < 0:
-        what = f"has over {MAX_CORNERS} accessor elements, or a negative count"
-        raise input_error(path, what, "reduce the mesh, or export it again")
+        raise input_error(path, f"has over {MAX_CORNERS} accessor elements, or a negative count", "reduce or mend it")
     for name in required:
         if not name.startswith(MATERIALS):
             raise input_error(path, f"requires {name}", "export it without compression and extensions")
