@@ -92,7 +92,7 @@ endmodule
   assign over = c_q;
 endmodule
 
-// fault: is read by|bits are registers
+// fault: is read by
 `DESIGN(one_register)
   `ROW(, a_q[0], stage_q[0], stage_q[0] & d_q[0])
 endmodule
