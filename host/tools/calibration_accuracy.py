@@ -384,7 +384,7 @@ def calibration(
     bench: MeasurementRun,
     displays: int = option("Number of random displays; the seeds start at --seed.", 12, click.IntRange(1)),
     solids: int = option("Number of random displays that POV-Ray photographs too.", 0, click.IntRange(0)),
-    bowed: int = option("Number of random displays photographed with disturbances too.", 0, click.IntRange(0)),
+    bowed: int = option("Number of random displays with bow, dust and bad camera pixels.", 0, click.IntRange(0)),
     large: bool = option("Also calibrate an 8K panel behind 100,000 lenslets.", False),
     swept: int = option("Number of random displays in the sweep.", 2, click.IntRange(0), flag="--sweep"),
     width_px: int = option("Width of the random panels, pixels.", 640, click.IntRange(320, 8192), flag="--width"),

@@ -206,8 +206,8 @@ class Array(Checked):
     def half_steps(self) -> tuple[int, int] | None:
         """Maximum half steps from the array's centre to a lenslet; None if there is no extent.
 
-        Lenslet (i, j) is 2 i half steps along the rows from the centre, 2 i + j if
-        hexagonal, and 2 j across. Rounding does not exclude a lenslet at the extent's
+        Lenslet (i, j) is 2 j half steps across the rows from the centre, and 2 i
+        (hexagonal: 2 i + j) along them. Rounding excludes no lenslet at the extent's
         edge.
         """
         if self.extent_mm is None:

@@ -44,7 +44,7 @@ _DEPTHS = "(far, near): depths at pitch D / pixel pitch, where the rays of neigh
 @documented
 @dataclass(frozen=True)
 class DisplayProperties:
-    """The properties of a display. The paper's equations 2 to 4 relate the first five properties."""
+    """The properties of a display. The founding paper's equations 2 to 4 relate the first five."""
 
     radius_mm: float
     sag_mm: float

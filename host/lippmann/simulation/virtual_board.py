@@ -253,7 +253,7 @@ def _remove_dead_lines(place: Path) -> None:
 
     The listeners are read from /proc: a test connection would disconnect a program.
     """
-    # List the files before the listeners: a board may start meanwhile.
+    # List files first: the file of a board that starts now is not dead.
     there = [*place.glob("board-*.sock"), *place.glob("tcp-*.token")]
     live = listening()
     rows = [line.split() for line in Path("/proc/net/tcp").read_text().splitlines()[1:]]
