@@ -94,8 +94,8 @@ def measure(variant: Named, display: Display, rays_of: str, chunks: Iterator[Wor
     `refused` rays were not compared. The errors of direction (microradian; `weighted`: times min(1, 2 cos theta_t)) and
     exit point (nm) are those of rays that leave through the same lenslet in both engines; `status_differs` and
     `lenslet_differs` count differing rays. The twin reports a miss for `lost` rays, which would meet more domes than
-    the build tries. `edge_nm` is the largest distance of a differing ray, except lost ones, to the edge where golden's
-    fate (see `fates`) becomes the twin's. `kept`: whether errors are as the configuration promises (None: no promise).
+    the build tries. `edge_nm` is the largest distance of a differing ray that is not lost to the edge where golden's
+    fate (see `fates`) becomes the twin's. `kept`: whether errors are within the configuration's promise, or None.
     """
     parts = [_chunk(variant.build, display, words) for words in chunks]
     row = {key: (max if key in MAXIMA else sum)(part[key] for part in parts) for key in parts[0]}

@@ -222,7 +222,7 @@ module lipp_dispatcher #(
   logic on_optics, on_scene, draws;
   assign on_optics = is_write && first >= AtOptics && (!Scene || first < AtScene);
   assign on_scene = Scene && is_write && first >= AtScene;
-  // Register `source` is the first writable scene register, so a WRITE that sets it begins with it.
+  // Register `source` is the first writable scene register, so a WRITE of `source` begins here.
   assign draws = on_scene && first == AtDraw && request.odd;
   // update_o rises one clock after state Execute begins, which is before the first register
   // changes. update_o falls after the last register has changed.

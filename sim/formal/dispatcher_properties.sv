@@ -4,10 +4,10 @@
 /// The proof assumes that the modules around the dispatcher answer within Slow clocks, as their
 /// headers state. Otherwise, these modules and the serial line behave arbitrarily. The proof shows
 /// that an event happens within Bound clocks, unless the serial line neither sends nor accepts
-/// bytes. An event is a byte in or out, a bus access, a byte of a tile, the end of a tile, a block
-/// or a frame, or a ray. A request causes a bounded number of events of each kind. The dispatcher
-/// reads the status of the optics at most three times before another event. Bytes of a request are
-/// accepted only when the replies to all earlier requests are at the output.
+/// bytes. An event is a byte in or out, a bus access, a byte of a tile, the end of a tile, of a
+/// block or of a frame, or a ray. A request causes a bounded number of events of each kind. The
+/// dispatcher reads the status of the optics at most three times before another event. Bytes of a
+/// request are accepted only when the replies to all earlier requests are at the output.
 module dispatcher_properties #(
   parameter int Slow = 2,
   parameter int Bound = 31,

@@ -107,7 +107,7 @@ def _remove(path: Path) -> None:
     with interrupts.hold_signals():
         if path.is_dir() and not path.is_symlink():
             shutil.rmtree(path, ignore_errors=True)
-        elif os.path.lexists(path):  # else a read-only file system raises an error
+        elif os.path.lexists(path):  # a read-only file system refuses unlink
             path.unlink(missing_ok=True)
 
 

@@ -192,7 +192,7 @@ class SceneBoard:
         return self._write_layers(self._scene_words(display, stack, slots))
 
     def prepare(self, display: Display, stack: LayerStack, slots: Sequence[int] | None = None) -> None:
-        """Write optics, lattice, background and layers; no scene may be shown.
+        """Write optics, lattice, background and layers; call it only while no scene is shown.
 
         Raises the errors of `set_stack`.
         """

@@ -116,7 +116,7 @@ def _chain(path: Path) -> list[Path]:
 
 
 def _keys(path: Path) -> dict[str, Any]:
-    """Return a file's keys, also inherited keys, with paths relative to the file's folder."""
+    """Return a file's keys, and inherited ones, with paths relative to the file's folder."""
     keys: dict[str, Any] = {}
     for one in reversed(_chain(path)):
         for name, value in load(one, "board").items():

@@ -134,7 +134,7 @@ class PatternSet:
         return half
 
     def point(self, phase: Floats, half: npt.NDArray[np.integer]) -> Singles:
-        """Of the coordinates, px, with this phase (radians), return the nearest to the half periods' middles."""
+        """Return the coordinates, px, of this phase (radians) that are nearest to the half periods' middles."""
         fine = (phase * np.float32(self.period_px / (2.0 * np.pi))).astype(np.float32)
         near = (half.astype(np.float32) + np.float32(0.5)) * np.float32(self.half_px)
         periods = np.round((near - fine) * np.float32(1.0 / self.period_px))

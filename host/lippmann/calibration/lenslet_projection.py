@@ -185,7 +185,7 @@ def _middles(display: Display, slopes: Floats, height_mm: float, distance_mm: fl
             own = (at @ to_steps / grown - centre[:, None] - points @ to_steps @ moves) @ np.linalg.inv(
                 np.eye(2) - moves
             )
-            there = arrives & within(own - shift[:, None], display.array.grid, NEAR)  # whether on this lenslet
+            there = arrives & within(own - shift[:, None], display.array.grid, NEAR)  # ray on this lenslet?
             low, high = np.where(there, half, low), np.where(there, high, half)
         edge = 0.5 * (low + high)
         area = 0.5 * (edge**2).sum(axis=1)

@@ -163,7 +163,7 @@ def photograph_folder(
         values = bench.photograph(projection, panel_light(name, display.panel), sensor, gain, seed, rng)
         written.append(output / name.name)
         with replacing(written[-1]) as partial:
-            # Noise does not repeat, so Huffman coding compresses as well as all of zlib.
+            # Noise does not repeat, so Huffman coding alone gives the same size.
             Image.fromarray(values).save(partial, "PNG", compress_level=1, compress_type=zlib.Z_HUFFMAN_ONLY)
     return written
 

@@ -213,7 +213,7 @@ def _check_zoom(solution: Solution) -> None:
     if not sure:
         return
     views = [view.name for view in problem.views]
-    # If all zooms relative to the first position have the same sign, report the first.
+    # If all zooms relative to the first position are sure, of one sign, report the first.
     first = len(sure) == len(zooms) > 1 and len({zooms[name] > 0.0 for name in sure}) == 1
     worst = max(sure, key=lambda name: abs(zooms[name]))
     odd, zoom = (views[0], -zooms[worst]) if first else (views[list(zooms).index(worst) + 1], zooms[worst])

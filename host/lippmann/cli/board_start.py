@@ -67,7 +67,7 @@ def start_command(
     ),
     capture: Folder | None = option("Folder for a PNG of each new frame; created if missing."),
     ready: Path | None = option("JSON file for the board's URL; the file exists while the board runs."),
-    trace: Path | None = option("Waveform file for the clock cycles --trace-clocks.", metavar="FILE.fst"),
+    trace: Path | None = option("Waveform file of the clock cycles in --trace-clocks.", metavar="FILE.fst"),
     scene: SceneBuild | None = DRAWING,
     memory: virtual_board.Memory = option("Frame memory: block RAM, or SDRAM with a real board's controller.", "block"),
     background: bool = option("Run the board in the background; needs --ready."),

@@ -197,7 +197,7 @@ def check_command(
     the inverse of 1-white. 3-rings shows rings to every eye. Photograph the pictures
     from the eye's position.
 
-    Exit code 0: the calibration is correct; 4: wrong on a part of the panel.
+    Exit code 0: the calibration is correct; 4: it is wrong on over 5 % of the panel.
 
     Example: lippmann calibrate check calibrated.toml --eye 0,0,600 -o out/check
     """

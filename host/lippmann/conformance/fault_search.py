@@ -34,8 +34,8 @@ from lippmann.optics.rays import Floats
 SAMPLE, FIT_SAMPLE = 1500, 300
 #: Maximum number of wrong rays in the first trial of a pair of faults.
 FEW = 90
-#: Compare tested rays' distances from a fault's rays and from golden rays: maximum
-#: ratio in a wrong array, and maximum difference in any array.
+#: Distance of tested rays from a fault's rays against that from golden rays: maximum
+#: ratio in a wrong array, maximum excess in any array.
 NEARER, SAME = 0.5, 1e-9
 #: Minimum fraction of rays that a fault must match, and minimum number of rays, for a diagnosis.
 EXPLAINED, MANY = 0.97, 8
@@ -270,7 +270,7 @@ def pairs(inputs: PanelRays, fields: Arrays, apart: Callable[[Variant], float]) 
     units = list(fitted(inputs, fields | {"direction": unit_vectors(fields["direction"])}))
     yield from (both(one, number) for one in ranked if one.bend is not None for number in units)
     yield from (both(*numbers) for numbers in fitted_together(inputs, fields))
-    # First apply a near or fitted input fault, or an output fault; then fit a second.
+    # First apply one of the 12 nearest or a fitted input fault, or an output fault; then fit a second.
     changes = [one for one in (*ranked[:12], *numbers) if one.change is not None]
     for one in (*changes, *(one for one in ranked if one.bend is not None)):
         with suppress(*NO_RAYS, KeyError):

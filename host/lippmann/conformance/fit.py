@@ -81,7 +81,7 @@ def choose_samples(spread_px: Pair, tolerance: float) -> int | None:
 
 @cache
 def gap(samples: int, sides: Pair) -> float:
-    """Return the maximum distance in a rectangle to the nearest sample; also try samples with swapped axes.
+    """Return the maximum distance in a rectangle to the nearest sample, of both orders of axes the larger.
 
     The maximum is at a Voronoi cell's corner. Samples reflected at the sides clip the
     cells there.

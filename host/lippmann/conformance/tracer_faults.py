@@ -294,7 +294,7 @@ def _exit_variants(display: Display) -> Iterator[Variant]:
         "sign of the direction": lambda d: -d,
         "direction's x and y swapped": lambda d: d[:, [1, 0, 2]],
         "direction not normalised: z is 1": lambda d: d / d[:, 2:],
-        "direction not normalised: index times too long": lambda d: d * array.index,
+        "direction not normalised: length is the index": lambda d: d * array.index,
         "slopes of the direction doubled": lambda d: unit_vectors(d * (2.0, 2.0, 1.0)),
         "slopes of the direction halved": lambda d: unit_vectors(d * (0.5, 0.5, 1.0)),
     }

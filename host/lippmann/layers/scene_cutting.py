@@ -185,7 +185,7 @@ def _render_slab(
 
     hidden = 0.0
     if before is not None and not math.isinf(depth):
-        # `hidden` is the width, mm, that eyes see behind a nearer edge, plus `EDGE_TEXELS`.
+        # `hidden` is the width, mm, that eyes see behind a nearer edge, plus `EDGE_TEXELS` texels.
         hidden = reach.aside_mm * (before.depth_mm - depth) / (reach.eye_mm[2] - before.depth_mm)
         hidden += EDGE_TEXELS * texel
 

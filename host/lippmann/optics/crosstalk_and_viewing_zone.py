@@ -104,7 +104,7 @@ def sees_all(display: Display, eyes_mm: Floats) -> Bools:
     cell = np.concatenate(list(rings))
     points = (np.pad(centres, ((0, 0), (0, 0), (0, 1)))[:, :, None] + cell).reshape(len(eyes_mm), -1, 3)
     x, y = panel.pitches_mm
-    # Enlarge the panel with larger pixels, because their number is limited.
+    # Enlarge the panel with larger pixels, not with more: their number is limited.
     wide = replace(panel, pixel_pitch_mm=(4.0 * x, 4.0 * y))
     status = _statuses(replace(display, panel=wide), eyes_mm, points)
     mostly = (status == Status.OK).mean(axis=1) >= 0.5

@@ -157,7 +157,7 @@ def checked_rays(
     array, panel = display.array, display.panel
     farthest = FARTHEST_LENSLETS * array.finest_mm
     if max(abs(x) for x in array.offset_mm) > farthest:
-        raise InputError(f"array.offset_mm is beyond {farthest:.6g} mm; move the array to the panel's middle")
+        raise InputError(f"array.offset_mm is beyond {farthest:.6g} mm; bring array.offset_mm nearer to 0")
     pixel = columns("pixels", pixels, 2, farthest / panel.coarsest_mm)
     points = None if aperture is None else columns("aperture", aperture, 2, farthest)
     if points is not None and len(points) != len(pixel):
