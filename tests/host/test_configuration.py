@@ -141,7 +141,7 @@ def test_aims_that_the_words_do_not_promise_to_hold_are_refused(grid):
     held = np.concatenate([edge, -edge]) * (1.0 - 1e-12)
     np.testing.assert_allclose(aims_of_words(display, *words_of_aims(display, held, 20), 20), held, atol=1e-6)
     for point in held:
-        with pytest.raises(InputError, match=r"more than 1\.5 pitches from their lenslet's centre"):
+        with pytest.raises(InputError, match=r"over 1\.5 pitches from their lenslet's centre"):
             words_of_aims(display, np.array([[0.0, 0.0], 1.0001 * point]), 20)
 
 

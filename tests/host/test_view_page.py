@@ -143,7 +143,7 @@ def test_templates_refuse_wrong_values():
     assert viewer_page.fill_template(
         "slider.html", **dict.fromkeys(("id", "label", "unit", "low", "high", "step", "value"), "@@id@@")
     )
-    with pytest.raises(ValueError, match="holes"):
+    with pytest.raises(ValueError, match="placeholders"):
         viewer_page.fill_template("slider.html", id="x")
 
 
