@@ -38,7 +38,7 @@ from lippmann.errors import LippmannError
 from tools.gates import Bit, Netlist, Pin, Register, Sampled, read_netlist
 from tools.program import program
 
-#: Maximum number of bits of a FIFO's pointer, because the check tries its complete period.
+#: Maximum bits of a FIFO's pointer, because the check tries its complete period.
 MAX_POINTER_BITS = 14
 #: End of the messages about bits that cross separately.
 _SIDE_BY_SIDE = "they may arrive in different clocks; use a lipp_async_fifo"

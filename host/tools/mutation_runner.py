@@ -37,7 +37,7 @@ TESTED = (
 )  # fmt: skip
 #: Time limits of a test and of a stage of tests, s.
 TEST_S, STAGE_S = 300, 3600
-#: Maximum number of tests that a single process runs.
+#: Maximum tests that a single process runs.
 FEW = 16
 #: Reasons why changes are not faults, keyed by end of the file's path and part of the line.
 Same = Mapping[tuple[str, str], str]

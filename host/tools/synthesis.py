@@ -40,7 +40,7 @@ from tools.report_plots import draw_bar_charts, make_page
 #: Target clock for nextpnr, MHz, which it cannot reach, so that it does not stop early.
 WANTED_MHZ = 200
 DEVICE = ("--85k", "--speed", "6", "--package", "CABGA381", "--lpf-allow-unconstrained", "--timing-allow-fail")
-#: Maximum number of pixels per display for which errors are measured.
+#: Maximum pixels per display for which errors are measured.
 SAMPLE_PIXELS = 2_000_000
 #: Names, in the netlist, of the registers of sim/synth/probe_top.sv and probe.sv.
 PROBE = ("reset_q", "config_q", "ray_q", "apply_q", "valid_q", "ready_q", "in_q", "out_q", "fold_q", "bit_q", "bit_o")

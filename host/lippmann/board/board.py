@@ -39,9 +39,9 @@ SIGN_CLOCKS = 10
 #: Clock cycles per tile of a RESET request, which clears two table entries per tile;
 #: the table's size is rounded up to a power of two.
 RESET_CLOCKS = 8
-#: Maximum number of rays in a TRACE request.
+#: Maximum rays in a TRACE request.
 MAX_RAYS = 64
-#: Maximum number of rays that the twin traces at once.
+#: Maximum rays that the twin traces at once.
 CHUNK_RAYS = 1 << 20
 
 SIGNATURE = struct.Struct("<II")

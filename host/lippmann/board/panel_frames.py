@@ -19,7 +19,7 @@ from lippmann.rendering.integral_image import IntegralImage, check_image
 
 logger = logging.getLogger(__name__)
 
-#: Maximum number of bits per colour on the serial link.
+#: Maximum bits per colour on the serial link.
 LINK_BITS = 8
 
 

@@ -31,7 +31,7 @@ REMEDY = "give a serial device, or socket://HOST:PORT"
 #: Bits per byte on the line: start bit, eight data bits, stop bit.
 BITS_A_BYTE = 10
 DEFAULT_BAUD = 115200
-#: Maximum number of received packets in the queue; a full queue drops old packets.
+#: Maximum received packets in the queue; a full queue drops old packets.
 MAX_WAITING = 1024
 READ_BYTES = 65536
 #: Time-out for writing a request, s.

@@ -25,7 +25,7 @@ LONGEST_S = 5.0
 #: because TCP's losses mean congestion; this link's losses mean noise.
 GROWTH = 1.5
 
-#: Maximum number of attempts to transfer a frame or textures.
+#: Maximum attempts to transfer a frame or textures.
 MAX_ROUNDS = 8
 #: Pause before another attempt to reconnect, s.
 RETRY_S = 0.5

@@ -25,7 +25,7 @@ from lippmann.rendering.executors import Band, RenderedBand
 from lippmann.rendering.plan import Plan
 from lippmann.rendering.sinks import bands_of_plan
 
-#: Maximum number of unacknowledged bytes, about 16 raw tiles.
+#: Maximum unacknowledged bytes, about 16 raw tiles.
 WINDOW_BYTES = 50_000
 
 TILE_REQUEST = struct.Struct("<HHB")

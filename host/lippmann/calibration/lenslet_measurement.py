@@ -115,7 +115,7 @@ def _check_agreement(name: str, share: float) -> None:
 INNER = 0.7
 #: Scale of the part of a cell in which panel points move linearly.
 MIDDLE = 0.7
-#: Maximum number of readings per camera position: 30 for each of 100,000 lenslets.
+#: Maximum readings per camera position: 30 for each of 100,000 lenslets.
 MAX_READINGS, SEED = 3_000_000, 1914
 #: Minimum pixel count of a complete lenslet's neighbours, as a fraction of the largest
 #: neighbour's count. The value allows for perspective.

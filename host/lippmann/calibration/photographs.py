@@ -18,7 +18,7 @@ from lippmann.errors import input_error, not_there
 
 #: Suffixes of photographs.
 SUFFIXES = (".png", ".jpg", ".jpeg", ".tif", ".tiff", ".bmp")
-#: Maximum number of pixels in a photograph.
+#: Maximum pixels in a photograph.
 MAX_PIXELS = 64_000_000
 Light = npt.NDArray[np.float32]
 

@@ -22,7 +22,7 @@ from lippmann.scenes.scene import Scene, load_scene
 def _light(
     seed: int,
     integrator: str = option("Integrator: lights; Mitsuba's direct, path, ...; or scene (as in the file).", "lights"),
-    max_depth: int = option("Maximum number of surfaces per ray, 1 to 1000.", 4),
+    max_depth: int = option("Maximum surfaces per ray, 1 to 1000.", 4),
 ) -> Settings:
     return Settings(integrator=integrator, max_depth=max_depth, seed=seed)
 

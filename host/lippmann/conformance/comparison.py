@@ -19,7 +19,7 @@ INTEGERS = ("home", "lenslet", "status")
 AXES = np.array([[1.0, 0.0], [0.0, 1.0], [-1.0, 0.0], [0.0, -1.0]])
 AROUND = np.concatenate([AXES, AXES @ [[1.0, 1.0], [-1.0, 1.0]]])
 SHARES = (1.0, 0.5, 0.25, 0.0625)
-#: Maximum number of rays moved at once; a ray needs about 10 kB.
+#: Maximum rays moved at once; a ray needs about 10 kB.
 AT_ONCE = 4096
 
 

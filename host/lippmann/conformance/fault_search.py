@@ -30,9 +30,9 @@ from lippmann.conformance.tracer_faults import (
 from lippmann.display.description import Display
 from lippmann.optics.rays import Floats
 
-#: Maximum number of wrong rays in trials of known faults, and in fits.
+#: Maximum wrong rays in trials of known faults, and in fits.
 SAMPLE, FIT_SAMPLE = 1500, 300
-#: Maximum number of wrong rays in the first trial of a pair of faults.
+#: Maximum wrong rays in the first trial of a pair of faults.
 FEW = 90
 #: Distance of tested rays from a fault's rays against that from golden rays: maximum
 #: ratio in a wrong array, maximum excess in any array.

@@ -34,7 +34,7 @@ from lippmann.fixed.words import FRACTIONS, Ints
 from lippmann.optics.rays import MODELS, Floats, Model, Status
 
 NAME, VERSION = "lippmann-stream", 1
-#: Maximum number of random rays in a set.
+#: Maximum random rays in a set.
 MAX_RANDOM = 100_000
 
 #: Words in a question, a complete answer, and the answer for a lost ray.

@@ -28,7 +28,7 @@ SAMPLE_OFFSETS: dict[int, tuple[tuple[int, int], ...]] = {
     2: ((-4, 4), (4, -4)),
     4: ((-4, 4), (4, 4), (-4, -4), (4, -4)),
 }
-#: Maximum number of rays drawn at once.
+#: Maximum rays drawn at once.
 _CHUNK_RAYS = 1 << 16
 #: A function that draws exit rays, with the parameters of `scene_pipeline.scene`.
 Scene = Callable[[FixedRays, SceneWords, Mapping[int, Bytes], Bytes, SceneBuild, int], Bytes]

@@ -16,7 +16,7 @@ CURVE_SLOT = 15
 BLOCK_BYTES = 1024
 #: Bytes of a palette, the block after a slot's texels.
 PALETTE_BYTES = 256 * 4
-#: Maximum number of blocks of texels in a slot.
+#: Maximum blocks of texels in a slot.
 MAX_TEXEL_BLOCKS = 255
 
 

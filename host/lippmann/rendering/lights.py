@@ -17,7 +17,7 @@ def coherence_hint(depth: Jit) -> Jit:
     return depth == 0 if has_avx512() else False
 
 
-#: Maximum number of splats that a ray passes.
+#: Maximum splats that a ray passes.
 MAX_SPLATS = 256
 
 

@@ -25,7 +25,7 @@ class Settings:
     aperture: Aperture = "chief"
     #: Integrator's name ("lights" or Mitsuba's), or "scene" for the file's integrator.
     integrator: str = "lights"
-    #: Maximum number of surfaces that a ray meets.
+    #: Maximum surfaces that a ray meets.
     max_depth: int = 4
     #: Random seed; the same seed, machine and versions give the same pixels.
     seed: int = 0

@@ -33,7 +33,7 @@ SURROUNDS = 3.0
 #: Box around most splats: percentiles, relative margin, a splat's extent in sigmas.
 STRAY_PERCENT, STRAY_REACH, SIGMAS = (5.0, 95.0), 0.25, 3.0
 LISTED_IDS = 8
-#: Maximum number of values in a lamp's property; a picture has more.
+#: Maximum values in a lamp's property; a picture has more.
 LAMP_NUMBERS = 16
 
 
