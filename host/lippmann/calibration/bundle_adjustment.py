@@ -167,10 +167,15 @@ class Problem:
         fitted = {name for block, names in self.blocks.items() if block not in self.fixed for name in names}
         return [at for at, name in enumerate(self.steps) if name in fitted]
 
+    @cached_property
+    def spans(self) -> dict[str, slice]:
+        """Indices in x of each block's parameters."""
+        ends = accumulate(map(len, self.blocks.values()))
+        return {name: slice(end - len(self.blocks[name]), end) for name, end in zip(self.blocks, ends, strict=True)}
+
     def part(self, x: Floats, block: str) -> Floats:
         """Return the parameters of one block, as a numpy view of x."""
-        ends = dict(zip(self.blocks, accumulate(map(len, self.blocks.values())), strict=True))
-        return x[ends[block] - len(self.blocks[block]) : ends[block]]
+        return x[self.spans[block]]
 
     def packed(self, **parts: npt.ArrayLike) -> Floats:
         """Build the vector x from these blocks; other parameters are 0."""
