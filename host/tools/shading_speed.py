@@ -253,7 +253,7 @@ def rows_of_strips(height_px: int, every: int, rows: int = 1) -> npt.NDArray[np.
 
 @measurement(page="shading")
 def shading(bench: MeasurementRun) -> tuple[Mapping[str, Any], Page]:
-    """Measure time and error of light computed per ray, per surface of a pixel, or shared between lenslets.
+    """Measure time and error of light computed per ray, per surface in a pixel, or once for all lenslets.
 
     The program also measures how many samples adaptive sampling could save.
 

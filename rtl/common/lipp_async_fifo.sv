@@ -11,8 +11,8 @@
 ///
 /// Each side counts its words in Gray code, which changes one bit at a time. The synchronisers of
 /// the opposite side therefore sample either the old or the new count, never another value. The
-/// reader may see too few words, and the writer too few free entries, for some clocks. No side ever
-/// sees too many words or free entries. The Gray code of the next count is computed one clock in
+/// reader may see too few words, and the writer too few free entries, for some clocks. Neither ever
+/// sees more than there are. The Gray code of the next count is computed one clock in
 /// advance, so that no adder lies in the timing path from one count to the next.
 module lipp_async_fifo #(
   parameter int Width = 8,

@@ -18,7 +18,7 @@ module lipp_digit_product #(
     $fatal(1, "lipp_digit_product: W must be 3 or more and Digit 1 to 4");
   end
 
-  // The sums mask and add two words of W + 1 bits: a, and half = a >> 1 (arithmetic if signed).
+  // A lipp_gated_sum masks and adds W + 1 bits: a, and half = a >> 1 (arithmetic if signed).
   logic [W:0] a, half;
   assign a = {Signed && a_i[W-1], a_i};
   assign half = {{2{Signed && a_i[W-1]}}, a_i[W-1:1]};

@@ -94,7 +94,7 @@ def test_a_frame_behind_a_scene_is_stored_and_said_so(picture, capsys, shown):
         assert ("stored already" if shown else "already on the panel") in capsys.readouterr().out
 
 
-def test_images_are_decoded_one_by_one_after_all_files_are_checked(picture, monkeypatch, tmp_path):
+def test_images_are_decoded_one_by_one_after_all_files_are_checked(picture, monkeypatch, tmp_path, capsys):
     """A long animation needs the memory of one frame; a file that does not belong is refused before the first frame."""
     with ModelBoard() as model:
         path, image = picture(model)
@@ -115,7 +115,13 @@ def test_images_are_decoded_one_by_one_after_all_files_are_checked(picture, monk
         assert (shown_before, model.shown) == ([], [])
         assert run(["stream", path, other, "--port", model.url]) == 0
         assert shown_before == [0, 1]
-    np.testing.assert_array_equal(model.shown, [image, image[::-1]])
+        monkeypatch.setattr(
+            panel_frames, "read_picture", lambda *words: read(*words) if str(words[0]) == path else 1 / 0
+        )
+        capsys.readouterr()
+        assert run(["stream", path, other, "--port", model.url]) == 70
+        assert f"{path}: " in capsys.readouterr().err
+    np.testing.assert_array_equal(model.shown, [image, image[::-1], image])
 
 
 @pytest.mark.parametrize("kind", ["tile", "present", "optics"])

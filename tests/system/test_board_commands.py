@@ -221,6 +221,7 @@ def test_rays_are_those_of_the_twin(place, port):
         (("write", "display", "brightness=1", "brightness=2"), "a field is named twice"),
         (("write", "display", "brightness=1", 2), "give words or FIELD=VALUE"),
         (("write", "display", "pattern=7"), "pattern=7: pattern 7 is not defined; choose from 0 off, 1 single_lens"),
+        (("write", "display", "pattern=99"), "pattern=99: pattern 99 is not defined; choose from 0 off"),
         (("write", "display", 0x6FF), "1791: pattern 6 is not defined"),
         (("write", "--", "0x18", -1), "-1: is out of range"),
         (("setup", "--display", ROOT / "scenes/displays/vga-square.toml"), "--force"),

@@ -50,8 +50,8 @@ def read_limited(path: Path, max_bytes: int, remedy: str) -> bytes:
 def check_expanded(where: str, what: str, needed_bytes: int, remedy: str) -> None:
     """Raise InputError if content needs more than the fraction `SHARE` of the free memory."""
     limit = SHARE * free_memory_mb()
-    if needed_bytes / 1e6 > limit:
-        raise input_error(where, f"{what}: needs {needed_bytes / 1e6:.0f} MB, the limit is {limit:.0f} MB", remedy)
+    if (needed := needed_bytes / 1e6) > limit:
+        raise input_error(where, f"{what}: needs {math.ceil(needed)} MB, the limit is {int(limit)} MB", remedy)
 
 
 def load_arrays(

@@ -69,7 +69,7 @@ class LensProjection:
     def traced(
         self, slope: Floats, gap_mm: Floats | float, others: Sequence[tuple[int, int]]
     ) -> tuple[Floats, Floats, Floats]:
-        """Return c and w (N, 2), mm, and the terms (N, 2, M) with the exponents `others`, for slopes (N, 2)."""
+        """Return c(s) and w(s) (N, 2), mm, and s^j (s*)^k (N, 2, M) for M exponents `others`; slopes s are (N, 2)."""
         every, turn = powers(self.folds, DEGREES), np.exp(1j * np.deg2rad(self.rotation_deg))
         each = turn * terms((slope[:, 0] + 1j * slope[:, 1]) / (self.steepest * turn), every)
         c, fixed, per_gap = (each @ np.stack([self.aside, self.fixed, self.per_gap], axis=1)).T

@@ -206,8 +206,8 @@ def _check_zoom(solution: Solution) -> None:
     problem = solution.problem.freeing("zoom")
     zoomed = solve(problem, solution.x)
     zooms = {name: zoomed.value(name) for name in problem.blocks["zoom"]}
-    # In simulations, an unchanged lens has a zoom of 1 standard deviation, and a lens
-    # changed by 0.5 % has a zoom of at least 5.
+    # In simulations, the fitted zoom of an unchanged lens is about 1 standard deviation, and that of a
+    # lens whose focal length changed by 0.5 % is at least 5.
     limits = {name: max(4.0 * zoomed.deviation(name), 0.002) for name in zooms}
     sure = [name for name, zoom in zooms.items() if abs(zoom) > limits[name]]
     if not sure:

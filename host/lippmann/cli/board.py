@@ -211,7 +211,7 @@ def write_command(
         if numbers[0] & ~sum(field.mask for field in fields.values()):
             raise input_error(values[0], f"sets bits outside the fields of {register}", f"use {', '.join(fields)}")
         for name, field in fields.items():
-            _check_named(values[0], name, field, numbers[0])
+            _check_named(values[0], name, field, field.value(numbers[0]))
     with open_board() as board:
         slots = _check_scene(board, register, target.address, len(values))
         if by_field:
@@ -221,8 +221,8 @@ def write_command(
                 what = f"the board has no slot {slot}"
                 raise input_error(" ".join(values), what, f"give a slot from 0 to {slots - 1}")
         board.write(target.address, numbers)
-    result = {"address": target.address, "words": numbers}
-    emit(result, f"0x{target.address:03X}  {' '.join(f'0x{n:08X}' for n in numbers)}")
+    words = " ".join(f"0x{number:08X}" for number in numbers)
+    emit({"address": target.address, "words": numbers}, f"0x{target.address:03X}  {words}")
 
 
 def _check_scene(board: Board, name: str, address: int, count: int) -> int:
@@ -245,10 +245,10 @@ def _register(name: str) -> Register:
         raise input_error(name, "no such register", remedy) from None
 
 
-def _check_named(where: str, name: str, field: Field, word: int) -> None:
-    if field.names and field.value(word) not in dict(field.names):
+def _check_named(where: str, name: str, field: Field, value: int) -> None:
+    if field.names and value not in dict(field.names):
         values = ", ".join(f"{number} {meaning}" for number, meaning in field.names)
-        raise input_error(where, f"{name} {field.value(word)} is not defined", f"choose from {values}")
+        raise input_error(where, f"{name} {value} is not defined", f"choose from {values}")
 
 
 def _number(where: str, text: str, field: Field) -> int:
@@ -256,6 +256,7 @@ def _number(where: str, text: str, field: Field) -> int:
         number = int(text, 0)
     except ValueError:
         raise input_error(where, "is not an integer", "give an integer such as 12 or 0x1F") from None
+    _check_named(where, where.partition("=")[0], field, number)
     low, high = field.limits
     if not low <= number <= high:
         raise input_error(where, "is out of range", f"give {low} to {high}")
@@ -272,5 +273,4 @@ def _change_fields(register: str, fields: dict[str, Field], values: tuple[str, .
             raise input_error(value, f"{register} has no field {name}", remedy)
         field = fields[name]
         word = word & ~field.mask | _number(value, value.partition("=")[2], field)
-        _check_named(value, name, field, word)
     return word

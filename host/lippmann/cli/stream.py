@@ -52,8 +52,7 @@ def command(
             check_board(stream.board, display, "stream")
         behind = stream.board.draws_scene()
         if behind and verify:
-            what = "the panel shows a scene that the board draws, so a frame cannot be verified"
-            raise device_error(url, what, f"{END_SCENE}; or stream without --verify")
+            raise device_error(url, "draws a scene; frames cannot be verified", f"{END_SCENE}; or leave out --verify")
         stream.board.check_panel()
         panel = None if display is None else display.panel
         # Check all files before the panel changes.
@@ -61,9 +60,14 @@ def command(
         assumptions = [file.assumption for file in files if file.assumption]
         if assumptions:
             log(assumptions[0] + (f" (and {len(assumptions) - 1} other images)" if assumptions[1:] else ""))
-        results, lines = [], []
+        results, lines = [], list[str]()
         for image, file in zip(images, files, strict=True):
-            total = stream.send(file.pixels(), f"streaming {image}")
+            try:
+                total = stream.send(file.pixels(), f"streaming {image}")
+            except Exception:
+                for line in lines:  # else nobody would know which images were sent
+                    log(line)
+                raise
             rates = {"bytes_per_second": total.rate, "overhead": total.overhead}
             verified = {"verified": True} if verify else {}
             lines.append(f"{image}: {_summary(total, behind)}{', verified on the panel' if verify else ''}")

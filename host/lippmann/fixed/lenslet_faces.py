@@ -105,9 +105,9 @@ def cell_step(
 
     `half` is px / (2 R) and `half_y` is py / (2 R), near words, for pitches px, py and
     radius R. `lean` is the shear s, a wide word. `rise` is h = (sqrt(3)/2) px / py - s
-    / 2, W + 2 bits, F + 1 of them fraction bits. q0 is nx if `shear` is false, q1 is ny
-    on the square grid. On the hexagonal grid, the step crosses the side with the
-    largest of |q0|, |q1|, |q2|, where q2 = q1 - q0 and |q| is ~q for q < 0:
+    / 2, W + 2 bits, F + 1 of them fraction bits. q0, q1 and q2 = q1 - q0 are the point's
+    coordinates across the cell's sides; q0 = nx without `shear`, q1 = ny on the square
+    grid. A step on the hexagonal grid is along the largest |q|, which is ~q for q < 0:
 
         q0   = ((nx << 3) - (ny s >> F-3) + 4) >> 3
         q1   = ((ny m >> F-2) + (nx << 2) + (n ny << 3) + 4) >> 3,  h = n 2^(F+1) + m.

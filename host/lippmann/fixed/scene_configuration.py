@@ -85,10 +85,10 @@ def scene_words(
 def layer_words(display: Display, layer: Layer, number: int | str, slot: int) -> LayerWords:
     """Return a layer's register values, with its texture in a slot; `number` names the layer in messages.
 
-    The point (X, Y), radii, of the array's frame is (x, y) = turn (X, Y) R + offset in
-    the panel's, with the rotation `turn`. In the layer's plane, the texture coordinate
-    is s = s0 + a X' + b Y', with (a, b) = R (m00, m01) turn, s0 = m02 + (m00, m01)
-    offset and the layer's matrix m. For a sky, x and y are slopes without offset.
+    A point (X, Y) of the array's frame, in lenslet radii R, is (x, y) = R turn (X, Y) +
+    offset in the panel's frame; `turn` is the rotation matrix. In the layer's plane, the
+    texture coordinate is s = s0 + a X + b Y, with (a, b) = R (m00, m01) turn, s0 = m02 +
+    (m00, m01) offset and the layer's matrix m. For a sky, x and y are slopes without offset.
     """
     frame = System.of(display).frame
     radius, (ox, oy) = display.array.radius_mm, frame.offset_mm

@@ -176,7 +176,7 @@ def _downward(b: Backend, system: System, ray: Ray, strays: bool) -> Exit:
     at_flat = at_flat._replace(dz=inside.dz)
     out, square = refract_flat(b, at_flat, system.index)
     out = Ray(*(b.where(passes, new, old) for new, old in zip(out, inside, strict=True)))
-    # Rounding rotates a grazing ray equally at the dome and at the flat face.
+    # A ray can graze the dome or the flat face; rounding rotates it most at the smaller cosine.
     grazing = b.minimum(square, crossing.cosine * crossing.cosine)
     return _exit(b, out, start, crossing, passes & (square <= 0.0), blocked, grazing)
 

@@ -377,7 +377,7 @@ def write_surface(
     colours: Floats | None = None,
 ) -> None:
     """Write a PLY of points (N, 3), faces (M, 3), and the points' normals (N, 3), uv (N, 2) and colours (N, 3)."""
-    # A texture's first row is at v = 0; linear colours become Mitsuba's `vertex_color`.
+    # In `uv`, v = 0 is a texture's first row; `colours` are linear, and written as Mitsuba's `vertex_color`.
     mesh = mi.Mesh(
         "mesh", len(points), len(faces), has_vertex_normals=normals is not None, has_vertex_texcoords=uv is not None
     )
