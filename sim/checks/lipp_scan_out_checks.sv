@@ -17,7 +17,7 @@ module lipp_scan_out_checks #(
 `ifdef FORMAL
   wire checked = rst_ni;
 `else
-  reg reset_q = 0;  // 1: the first reset has ended, so assertions are checked
+  reg reset_q = 0;  // 1: a first reset has begun; before it, nothing is checked
   always @(posedge clk_i or negedge rst_ni) if (!rst_ni) reset_q <= 1;
   wire checked = rst_ni && reset_q;
 `endif

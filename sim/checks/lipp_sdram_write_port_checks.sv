@@ -19,7 +19,7 @@ module lipp_sdram_write_port_checks #(
   input logic                 done_busy
 );
 
-  reg reset_q = 0;  // 1: the first reset has ended, so assertions are checked
+  reg reset_q = 0;  // 1: a first reset has begun; before it, nothing is checked
   always @(posedge clk_i or negedge rst_ni) if (!rst_ni) reset_q <= 1;
   always @(posedge clk_i) begin
     if (rst_ni && reset_q && valid_i && ready_o) begin

@@ -200,7 +200,7 @@ def _render_slab(
 
 
 def _extend_slice(view: Slice, under: Slice, texel_mm: Pair, hidden_mm: float) -> Slice:
-    """Extend a slab's picture by at most `hidden_mm` with texels of the nearer slab, `under`."""
+    """Extend a slab's picture by at most `hidden_mm` below the nearer slab, with its texels `under`."""
     from scipy.ndimage import distance_transform_edt  # scipy loads slowly
 
     own = view.coverage > COVERED
