@@ -26,7 +26,7 @@ module board
   output logic signed [F+1:0]         exit_dz_o,
   output lipp_optics_pkg::ray_status_e    exit_status_o,
   output logic                        exit_last_o,    // 1: the last exit ray of the frame
-  output logic                        lost_o          // 1: the ray of two clocks ago is not ok
+  output logic                        lost_o          // 1: the ray two clocks ago was not ok
 );
 
   logic rst_n;
