@@ -84,7 +84,7 @@ def fastest(cells: Mapping[str, Cell]) -> set[str]:
 
 
 def _cut(module: Mapping[str, Any], part: set[str]) -> dict[str, Any]:
-    """Return a module of the cells `part`, the cells that drive them (with clock inputs only), and their pads."""
+    """Return a module of the cells `part`, their drivers (only clock inputs stay connected), and the pads of both."""
     cells: Mapping[str, Cell] = module["cells"]
     drivers = _drivers(cells)
     selected = {name: cells[name] for name in part}

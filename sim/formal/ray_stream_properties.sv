@@ -89,7 +89,7 @@ module ray_stream_properties #(
 
   // ---- cover statements: events that the proof must reach ----
   reg [1:0] changed_q;  // number of configuration changes between rays
-  reg waited_q;         // 1: a copy waited for rays in the pipeline
+  reg waited_q;         // 1: a copy waited for rays to leave the pipeline
   always @(posedge clk_i or negedge rst_ni) begin
     if (!rst_ni) begin
       changed_q <= 0;

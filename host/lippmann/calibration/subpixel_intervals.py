@@ -120,7 +120,7 @@ def _powers(values: Values, exponents: Sequence[tuple[int, int]]) -> Floats:
 
 
 def movement_of(display: Display, slopes: Floats, distance_mm: float) -> Movement:
-    """Fit a view's movement to exact rays with slopes (N, 2)."""
+    """Fit a view's polynomial of panel-point movement to exact rays with slopes (N, 2)."""
     some = slopes[np.random.default_rng(SEED).permutation(len(slopes))[:SAMPLED]]
     inner, at, arrives = inner_rays(display, some, distance_mm)
     local = inner @ axes_at(display.array.rotation_deg) / display.array.pitches_mm[0]
