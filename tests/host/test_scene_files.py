@@ -172,7 +172,7 @@ def test_colours_of_any_whole_numbers(tmp_path, mi, text, kind, times):
 
 def test_a_scene_of_hardly_any_size_is_not_fitted(tmp_path, mi):
     (tmp_path / "d.toml").write_text(DISPLAY)
-    for size, part in ((1e-10, "1e-10 x 1e-10"), (1e12, r"outside 1e-09 to 1e\+09; resize it in its file")):
+    for size, part in ((1e-10, "1e-10 x 1e-10"), (1e12, r"outside 1e-09 to 1e\+09; resize its file")):
         trimesh.creation.box((size, size, size)).export(tmp_path / "a.stl")
         scene = load_scene(tmp_path / "a.stl")
         with pytest.raises(InputError, match=part):

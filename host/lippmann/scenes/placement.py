@@ -188,7 +188,7 @@ def fitting(low: Matrix, high: Matrix, display: Display) -> Placement:
     scale = min([*scales, (near - far) / z] if z > 0.0 else scales)
     if not SCALE_RANGE[0] <= scale <= SCALE_RANGE[1]:
         sides, limits = f"{x:.3g} x {y:.3g} x {z:.3g}", "{:g} to {:g}".format(*SCALE_RANGE)
-        raise InputError(f"a scene of {sides} units needs the scale {scale:.3g}, outside {limits}; resize it in its file")
+        raise InputError(f"a scene of {sides} units needs the scale {scale:.3g}, outside {limits}; resize its file")
     offset = -0.5 * scale * (low + high)
     return Placement(scale, offset_mm=(float(offset[0]), float(offset[1]), float(offset[2]) + middle))
 
