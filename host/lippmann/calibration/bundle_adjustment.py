@@ -39,7 +39,7 @@ GAP = {"gap": 1e-4}
 #: Coefficients (mm) of the array's height above its mean, and their steps. The height
 #: is a polynomial of coordinates in units of the panel's half width and half height.
 BOW = {"tilt_x": 1e-4, "tilt_y": 1e-4, "bow_xx": 1e-4, "bow_yy": 1e-4, "bow_xy": 1e-4}
-#: Degrees of the polynomial in the slope that models how blur moves lenslet seams.
+#: Degrees of the polynomial in the ray slope; it models how blur moves lenslet seams.
 SEAMS = range(3, 10)
 LENS = {"focal": 1e-2, "middle_x": 1e-2, "middle_y": 1e-2, "k1": 1e-5, "k2": 1e-5}
 POSE = {"turn_x": 1e-6, "turn_y": 1e-6, "turn_z": 1e-6, "place_x": 1e-2, "place_y": 1e-2, "place_z": 1e-2}
@@ -51,7 +51,7 @@ OWN_VIEW = "turn_", "place_", "zoom_"
 OUTLIER = 4.5
 #: Lenslet blocks per side of the array, to estimate the covariance.
 BLOCKS = 9
-#: Weight of a residual inside the measurement interval of its panel point.
+#: Factor for the part of a residual inside its panel point's measurement interval.
 WITHIN = 0.03
 #: Minimum scatter of a point, pixels. The minimum limits the weights of exact data.
 LEAST_SCATTER = 0.001

@@ -134,7 +134,7 @@ class PatternSet:
         return half
 
     def point(self, phase: Floats, half: npt.NDArray[np.integer]) -> Singles:
-        """Return the coordinates, px, of this phase (radians) that are nearest to the half periods' middles."""
+        """Return the coordinates, px, with these phases (radians) nearest to the middles of half periods `half`."""
         fine = (phase * np.float32(self.period_px / (2.0 * np.pi))).astype(np.float32)
         near = (half.astype(np.float32) + np.float32(0.5)) * np.float32(self.half_px)
         periods = np.round((near - fine) * np.float32(1.0 / self.period_px))
@@ -170,7 +170,7 @@ class PatternSet:
 
 
 class AxisCode:
-    """Gray code, doubtful bits and phase wave of each camera pixel for one panel axis."""
+    """Gray code, doubtful bit count and complex phase sum of each camera pixel for one axis."""
 
     def __init__(self, patterns: PatternSet, axis: int, shape: tuple[int, ...]) -> None:
         self.patterns, self.axis = patterns, axis

@@ -2,8 +2,8 @@
 
 A camera at C sees through the lenslet at L the paraxial panel point P = L (1 + D/Cz) -
 C D/Cz. D is the aperture distance. Points P are an affine image of the array's lattice.
-The search rotates and scales the nominal lattice (reciprocal vectors k) to maximise the
-sum of exp(2 pi i k^T P) near the panel's middle. Least squares then extend the lattice.
+The search rotates and scales the nominal lattice (reciprocal vectors k) to maximise
+|sum of exp(2 pi i k^T P)| near the panel's middle. Least squares extend the lattice.
 """
 
 from __future__ import annotations
@@ -89,11 +89,11 @@ def find_lattice(name: str, points_mm: Floats, display: Display) -> SeenLattice:
             best = match
         if best is not None and best[0] > 0.8:  # enough points are near the lattice
             break
-    if best is None or best[0] < 0.55:  # a fraction of 0.33 of random points is near
+    if best is None or best[0] < 0.55:  # of random points, a fraction of 0.33 is near
         what = f"the points seen on the panel form no lattice like that of '{display.name}'"
         percent = 0.0 if best is None else 100.0 * best[0]
         raise input_error(name, f"{what} ({percent:.0f} % of the points are near it)", REMEDY)
-    # The best lattice may be outside the searched range.
+    # The search also tries lattices beyond the limits; refuse these.
     change = best[1].basis @ np.linalg.inv(nominal)
     turn = math.degrees(math.atan2(change[1, 0] - change[0, 1], change[0, 0] + change[1, 1]))
     stretch = math.sqrt(abs(float(np.linalg.det(change)))) - 1.0

@@ -44,7 +44,7 @@ class Outline:
     size_px: float
     numbers: Floats
     origin: Floats
-    #: Fraction of camera pixels whose decoded lenslet is the map's lenslet.
+    #: Fraction of camera pixels that the map assigns to their decoded lenslet.
     agree: float = 1.0
 
     def cells(self, photo_px: Values) -> Floats:
@@ -113,7 +113,7 @@ def _check_agreement(name: str, share: float) -> None:
 
 #: Scale of the inner cell; pixels outside the inner cell may see two lenslets.
 INNER = 0.7
-#: Scale of the part of a cell in which panel points move linearly.
+#: Scale of the part of a cell in which panel points depend linearly on position.
 MIDDLE = 0.7
 #: Maximum readings per camera position: 30 for each of 100,000 lenslets.
 MAX_READINGS, SEED = 3_000_000, 1914
@@ -124,7 +124,7 @@ NEIGHBOURS = 0.8
 
 @dataclass(frozen=True)
 class Readings:
-    """Panel points (M, 2), px, and cell positions (M, 2), pitches, in order of the lenslet `group` (M,)."""
+    """Panel points (M, 2), px, and cell positions (M, 2), pitches, sorted by lenslet number `group` (M,)."""
 
     panel_px: npt.NDArray[np.float32]
     local: npt.NDArray[np.float32]
@@ -169,7 +169,7 @@ def _match_pixels(
     panel_steps = lattice.steps(points_mm)
     index, near = lattice.near(points_mm)
     for _ in range(3):
-        # A lenslet that is partly dark, from dust or an edge, would get a wrong middle.
+        # Skip lenslets partly dark from dust or an edge, which would get a wrong middle.
         names, groups = number_lenslets(index[near])
         complete = np.flatnonzero(near)[are_complete(names, np.bincount(groups), NEIGHBOURS)[groups]]
         outline = fit_outline(decoded.name, grid, decoded.photo_px[complete], index[complete], decoded.shape)

@@ -1,6 +1,6 @@
 """Model which outline and which panel point of a lenslet a camera sees.
 
-A camera at C sees the outline of the lenslet with vertex L on a plane at the seams'
+A camera at C sees a lenslet with vertex L. The outline is in the plane at the seams'
 height h. With the slope s = (C - L) / (Cz - h), the outline's middle is at L + c(s) at
 height h, and the rays through the inner cell meet the panel, on average, at L + w(s).
 A cell has n-fold rotational symmetry (n = 4 or 6) and mirror symmetry, so c and w need

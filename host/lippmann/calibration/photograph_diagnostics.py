@@ -87,7 +87,7 @@ def find_lit(path: Path, white: Light, black: Light, clipped: Bools) -> tuple[Li
     if bright < 0.02:
         what = f"is too dark: white is only {100.0 * bright:.1f} % brighter than black"
         raise input_error(path, what, "expose all photographs longer, with one fixed exposure")
-    # Ignore camera pixels with less contrast.
+    # Ignore camera pixels with less than 10 % of the contrast of bright pixels.
     lit = span > 0.1 * bright
     clipped_share = float((clipped & lit).sum()) / max(1, int(lit.sum()))
     # `lit` lacks pixels that are clipped even in black; `overall` counts them too.

@@ -115,7 +115,7 @@ def _text(array: npt.NDArray[Any]) -> str:
 def load_calibration(path: Path) -> Calibration:
     """Read the files that `Calibration.save` wrote.
 
-    Raises InputError if the .npz file is damaged or of another display.
+    Raises InputError if the .npz file is damaged or belongs to another display.
     """
     display = load_display(path)
     sidecar = path.with_suffix(".npz")

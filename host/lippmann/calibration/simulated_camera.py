@@ -116,7 +116,7 @@ class Camera:
     def rays(
         self, u: npt.ArrayLike, v: npt.ArrayLike, pupil: tuple[npt.ArrayLike, npt.ArrayLike] = (0.0, 0.0)
     ) -> tuple[Floats, Floats]:
-        """Return ray origins (N, 3), mm, and unit directions (N, 3); `pupil` lies in the unit disc."""
+        """Return ray origins (N, 3), mm, and unit directions (N, 3), for a `pupil` point in the unit disc."""
         x, y = self.slopes(u, v)
         axes, radius, focus = self.axes, 0.5 * self.pupil_mm, self.focus_distance_mm
         px, py = (radius * np.asarray(p, np.float64) + 0.0 * x for p in pupil)

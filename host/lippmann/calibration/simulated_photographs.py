@@ -163,7 +163,7 @@ def photograph_folder(
         values = bench.photograph(projection, panel_light(name, display.panel), sensor, gain, seed, rng)
         written.append(output / name.name)
         with replacing(written[-1]) as partial:
-            # Noise does not repeat, so Huffman coding alone gives the same size.
+            # Noise does not repeat, so Huffman coding alone gives the same size as Deflate.
             Image.fromarray(values).save(partial, "PNG", compress_level=1, compress_type=zlib.Z_HUFFMAN_ONLY)
     return written
 

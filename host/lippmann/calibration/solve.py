@@ -62,7 +62,7 @@ def _of_position(display: Display, solution: Solution, k: int, view: Lenslets) -
     some = np.random.default_rng(1913).permutation(len(centres))[:48]
     slopes = (place[:2] - centres[some]) / place[2]
     old = display.array.radius_mm
-    # Movement of the panel point over the aperture, mm per mm, mean of both axes.
+    # Panel point movement per shift in the cell, mm per mm, mean of both axes.
     across = np.trace(view.spread @ axes_at(display.array.rotation_deg)) / 2.0
     measured = float(across / np.mean(display.array.pitches_mm))
 
@@ -213,7 +213,7 @@ def _check_zoom(solution: Solution) -> None:
     if not sure:
         return
     views = [view.name for view in problem.views]
-    # If all zooms relative to the first position are sure, of one sign, report the first.
+    # If all zooms relative to the first position are sure, of one sign, report that position.
     first = len(sure) == len(zooms) > 1 and len({zooms[name] > 0.0 for name in sure}) == 1
     worst = max(sure, key=lambda name: abs(zooms[name]))
     odd, zoom = (views[0], -zooms[worst]) if first else (views[list(zooms).index(worst) + 1], zooms[worst])

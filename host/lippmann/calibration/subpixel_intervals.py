@@ -75,7 +75,7 @@ class Movement:
         return np.asarray(np.einsum("dp,npa->nda", ways, own) + half)
 
     def of(self, local: Values, slopes: Floats, aside: Floats, group: Indices) -> Moved:
-        """Return movements at positions (M, 2) in lenslets `group` (M,), ascending, relative to each cell's mean."""
+        """Return movements from each cell's mean, at positions (M, 2) in the sorted lenslets `group` (M,)."""
         own, at = self._own(slopes), np.asarray(local + aside[group], np.float32)
         own[:, 0] -= np.einsum("nd,nda->na", aside, self.over_cell(slopes, aside))
         ways = [one @ own for one in ALONG]
@@ -120,7 +120,7 @@ def _powers(values: Values, exponents: Sequence[tuple[int, int]]) -> Floats:
 
 
 def movement_of(display: Display, slopes: Floats, distance_mm: float) -> Movement:
-    """Fit a view's polynomial of panel-point movement to exact rays with slopes (N, 2)."""
+    """Fit a view's polynomial of point movements to exact rays with slopes (N, 2)."""
     some = slopes[np.random.default_rng(SEED).permutation(len(slopes))[:SAMPLED]]
     inner, at, arrives = inner_rays(display, some, distance_mm)
     local = inner @ axes_at(display.array.rotation_deg) / display.array.pitches_mm[0]

@@ -96,7 +96,7 @@ def check_placement(scene: Scene, setup: Setup) -> None:
 
 
 def placement_before(setup: Setup, path: Path, setup_path: str | Path | None = None) -> Placement:
-    """Combine a scene file's placement with a set-up's, applied after it.
+    """Return a scene file's placement, followed by the placement in the set-up.
 
     The .toml file beside the scene is ignored if it is the set-up file `setup_path`.
     """

@@ -75,7 +75,7 @@ class Pickup:
 @documented
 @dataclass(frozen=True)
 class Setup:
-    """A capture through the lenslets of `array`, which may differ from the display's."""
+    """A capture through the lenslets of `array`, which may differ from the display array."""
 
     name: Annotated[str, key("name in reports")]
     subject: Annotated[Subject, key("placement of the scene")]

@@ -6,8 +6,8 @@ for a light of colour c with `fade_power 2` and `fade_distance f` is 2 a c cos /
 / f)^2). With c = I / (2 pi f^2), the relative difference is f^2 / d^2, or 1e-6 at 1 mm.
 
 In Mitsuba, a smooth plastic of index eta has the diffuse reflectance a (1 - F(i)) (1 -
-F(o)) / (eta^2 (1 - Fdr)), with the Fresnel reflectances F. The export uses F at normal
-incidence: accurate to 2 % up to 50 degrees, and too bright at larger angles.
+F(o)) / (eta^2 (1 - Fdr)): Fresnel reflectances F at the angles i (light), o (view), and
+Fdr (mean inside). Exported is F(0), accurate to 2 % up to 50 degrees, then too bright.
 """
 
 from __future__ import annotations
@@ -234,7 +234,7 @@ def _shape(item: Item, materials: Materials, placement: Placement, place: int) -
         look += f" interior {{ ior {material.index:.9g} }}"
     if not material.clear:
         return [geometry.replace("@", look)]
-    # In Mitsuba, glass blocks point lights; in POV-Ray, its invisible black copy does.
+    # In Mitsuba, glass blocks point lights; in POV-Ray, an invisible black copy of it does.
     shadow = geometry.replace("@", block("pigment", "rgb 0") + " no_image no_reflection").split("\n")[-1]
     return [geometry.replace("@", f"{look} no_shadow"), shadow]
 

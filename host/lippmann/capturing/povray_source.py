@@ -33,7 +33,7 @@ class Item:
         self._read: set[str] = set()
 
     def path(self, name: str) -> Path:
-        """Return a path property, relative to the scene file if it exists there, else to the included file."""
+        """Return a path property, relative to the scene file if it exists there, else to the object's file."""
         text = self.value(name, "")
         including_file = Path(str(self.tree.state.files[self._node.file_index]))
         beside_scene = self.tree.path.parent / text
@@ -50,7 +50,7 @@ class Item:
         return self._properties.get(name)
 
     def values(self, *names: str) -> dict[str, Any]:
-        """Return Mitsuba's values of the properties `names` that the file has."""
+        """Return Mitsuba's values of those properties `names` that the object has."""
         return {name: self._take(name) for name in names if name in self._properties}
 
     def value(self, name: str, default: Value) -> Value:

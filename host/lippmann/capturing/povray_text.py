@@ -77,7 +77,7 @@ def pinhole(position_mm: Triple, to_window: Triple, width_mm: float, height_mm: 
 
 
 def write_rays(path: Path, origin_mm: Floats, direction: Floats) -> None:
-    """Write a camera of rays in image order, with origins and unit directions (N, 3)."""
+    """Write a camera of rays with origins and unit directions (N, 3), in image order."""
     across = np.cross(direction, np.eye(3)[np.abs(direction).argmin(axis=1)])
     across /= np.linalg.norm(across, axis=1, keepdims=True)
     other = np.cross(direction, across)

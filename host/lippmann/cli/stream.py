@@ -65,7 +65,7 @@ def command(
             try:
                 total = stream.send(file.pixels(), f"streaming {image}")
             except Exception:
-                for line in lines:  # else nobody would know which images were sent
+                for line in lines:  # these images were sent
                     log(line)
                 raise
             rates = {"bytes_per_second": total.rate, "overhead": total.overhead}

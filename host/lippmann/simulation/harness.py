@@ -138,7 +138,7 @@ _models: dict[tuple[SceneBuild, int], list[SceneHarness]] = {}
 
 
 def rtl_pipeline(u: Ints, v: Ints, a: Ints, b: Ints, config: Configuration, build: Build) -> FixedRays:
-    """Trace rays through the RTL instead of the Python twin; `cross_cells` is True for speed."""
+    """Trace rays through the RTL instead of the Python twin, with `cross_cells` True for speed."""
     return ray_harness(replace(build, cross_cells=True)).trace(u, v, a, b, config)
 
 

@@ -129,7 +129,7 @@ def check_free(tcp_port: int) -> None:
 def board_build(display: Display, scene: SceneBuild | None = None, fraction_bits: int | None = None) -> Build:
     """Return the RTL parameters of a display's optics; `cross_cells` is True for speed.
 
-    F is `fraction_bits`, by default 18 for a board that draws nearest texels, else 16.
+    By default `fraction_bits` (F) is 18 for a board that draws nearest texels, else 16.
     """
     usual = COMPACT if scene is None or scene.bilinear else COMPACT + 2
     f = usual if fraction_bits is None else fraction_bits
@@ -253,7 +253,7 @@ def _remove_dead_lines(place: Path) -> None:
 
     The listeners are read from /proc: a test connection would disconnect a program.
     """
-    # List files first: the file of a board that starts now is not dead.
+    # List files before listeners, so that a board that starts in between keeps its file.
     there = [*place.glob("board-*.sock"), *place.glob("tcp-*.token")]
     live = listening()
     rows = [line.split() for line in Path("/proc/net/tcp").read_text().splitlines()[1:]]
@@ -313,7 +313,7 @@ def keep_as_png(folder: Path, display: Display, after: int = 0) -> list[Path]:
     pictures = []
     for raw in sorted(folder.glob("frame-*.rgb")):
         if raw.stat().st_size != math.prod(panel.shape):
-            continue  # the frame is of another panel
+            continue  # the frame has another panel's size
         values = np.frombuffer(raw.read_bytes(), np.uint8).reshape(panel.shape)
         metadata = {"identity": display.identity, "display": display.name}
         pictures.append(raw.with_name(f"frame-{after + int(raw.stem.removeprefix('frame-')):08d}.png"))
