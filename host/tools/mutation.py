@@ -89,7 +89,7 @@ CHANGES: tuple[tuple[str, Callable[[re.Match[str]], str | None]], ...] = (
     (r"(?<![\w'.$])(\d+)(?![\w'.])", lambda m: str(int(m[0]) ^ 1)),
     (r"(\d+'s?d)(\d+)|(\d+'b)([01]+)|'([01])(?!\d)", _flipped),
 )
-#: Lines that get no faults: no hardware, or declarations (wider words change nothing, narrower ones do not elaborate).
+#: Lines that get no faults: not hardware, or declarations (wider words change nothing, narrower ones do not elaborate).
 NO_HARDWARE = re.compile(
     r"unused|\$fatal|gen_illegal|^\s*\(\*"
     r"|^\s*(//|import|module|endmodule|parameter|package|input|output|localparam int|logic|typedef)\b"

@@ -51,7 +51,7 @@ def extra_bits(f: int) -> int:
 
 
 def share_bits(f: int) -> int:
-    """Return the number of bits of converge_share (F + 11 fraction bits), converge_x and converge_y (F + 2)."""
+    """Return the word width of converge_share (F + 11 fraction bits) and converge_x, converge_y (F + 2)."""
     return f + 9
 
 

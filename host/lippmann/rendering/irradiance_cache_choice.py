@@ -29,8 +29,8 @@ RAYS_A_POINT = 4
 MIN_LAMPS = 2
 #: Number of image parts per axis that a trial compares.
 TRIAL_PARTS = 4
-#: Rays per colour in a trial: not 2^18, because Dr.Jit records again if a texture has
-#: as many values.
+#: Rays per colour in a trial: not 2^18, because Dr.Jit records again if a texture
+#: has as many values as rays.
 TRIAL_RAYS = 28 * 28 * 256
 #: Maximum samples per pixel in a trial.
 TRIAL_SAMPLES = 4

@@ -50,7 +50,7 @@ def digest_of(path: str | Path) -> str:
 
     Raises errors of `load_scene`.
     """
-    # Files: converted scene, included files, spectra, and files named in properties.
+    # Hash the converted scene, included files, spectra and files named in properties.
     path = check_scene_file(path)
     digest = hashlib.sha256()
     with parsed(path) as (config, state):
