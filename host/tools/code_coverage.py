@@ -78,7 +78,7 @@ class Counted:
 
 
 def read_rtl(files: Iterable[Path], top: Path) -> dict[str, Counted]:
-    """Add up Verilator's coverage files; return the counts of the files in rtl/, keyed by the path from the top."""
+    """Add up Verilator's coverage files; return the counts of the files in rtl/, keyed by the path below `top`."""
     counts: dict[bytes, int] = defaultdict(int)
     # Add up the counts of equal points first, because files of toggles take gigabytes.
     for file in files:

@@ -69,7 +69,7 @@ module lipp_meet_dome #(
   end
 
   // ---- compute b, the distance to V from the ray's point nearest to the centre ----
-  localparam int DotDrop = F - 1 - Guard;  // truncated bits, in addition to the E or 3 E bits of d
+  localparam int DotDrop = F - 1 - Guard;  // truncated bits, besides the E or 3 E extra bits of d
   localparam int Wd = Wf + W - DotDrop;
   logic signed [Wd-1:0] bx, by, bz, bz_late, bxy_q, b_sum_q;
   logic signed [Wh+W-DotDrop-1:0] bx_early, by_early;

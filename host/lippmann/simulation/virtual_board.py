@@ -220,7 +220,7 @@ def start(display: Display, **options: Unpack[BoardOptions]) -> RunningBoard:
         words["host-step"] = step_of(host_baud, clock_hz)
     words |= {name: options[name] for name in ("capture", "stalls") if options.get(name)}
     if trace is not None:
-        new_file(trace).close()  # otherwise the simulator would follow another user's link
+        new_file(trace).close()  # otherwise the simulator would follow another user's symlink
         first, last = options.get("trace_clocks", (0, 1_000_000))
         words |= {"trace": trace, "trace-from": first, "trace-to": last}
     port = options.get("port") or ("unix" if tcp_port is None else "tcp")
